@@ -1,0 +1,24 @@
+"""What goes wrong by the user's input, as one sentence that names the file, key or element and says what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class InputError(ValueError):
+    """A scenario, model, mesh or option that cannot be used. The command line prints the sentence and exits with 2."""
+
+
+class RunError(RuntimeError):
+    """A run that started and could not be finished. The command line prints the sentence and exits with 1."""
+
+
+def nearest(word: str, valid: Iterable[str]) -> str:
+    """'did you mean "x"?' for the valid name nearest to ``word``, or the list of valid names when none is near."""
+    valid = sorted(valid)
+    by_lower = {name.lower(): name for name in valid}
+    match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.5)
+    if match:
+        return f'did you mean "{by_lower[match[0]]}"?'
+    return "valid are: " + ", ".join(valid)

@@ -1,0 +1,62 @@
+"""The mesh that everything else receives: nodes, hexes, named sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+# Natural coordinates of the 8 corners in VTK order (VTK_HEXAHEDRON).
+CORNERS = np.array(
+    [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], dtype=float
+)
+
+
+@dataclass(frozen=True)
+class HexMesh:
+    """Nodes and 8-node hexes with their named sets; never changed once made.
+
+    Attributes
+    ----------
+    points : (n, 3) float64, m. Reference positions.
+    hexes : (m, 8) int64. Node numbers of each element in VTK order.
+    node_sets : name -> (k,) int64. Sets of nodes, such as the attachments ``jaw`` and ``hyoid``.
+    named_points : name -> node number. Single nodes that a user asks for by name, such as ``tip``.
+    """
+
+    points: np.ndarray
+    hexes: np.ndarray
+    node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    named_points: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def node_count(self) -> int:
+        return len(self.points)
+
+    @property
+    def element_count(self) -> int:
+        return len(self.hexes)
+
+
+@dataclass(frozen=True)
+class MaterialPoints:
+    """Points that move with the material, or, where ``element`` is -1, points fixed in space (on a bone).
+
+    Attributes
+    ----------
+    element : (k,) int64. The element that holds each point; -1: fixed in space.
+    natural : (k, 3) float64. Natural coordinates in that element, each in [-1, 1]; 0 where fixed in space.
+    position : (k, 3) float64, m. Reference position.
+    """
+
+    element: np.ndarray
+    natural: np.ndarray
+    position: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.element)
+
+
+def shape_functions(natural: np.ndarray) -> np.ndarray:
+    """Trilinear shape functions N_a, (..., 8), at natural coordinates (..., 3) (Hughes 2000, eq. 3.5.20)."""
+    return np.prod(1.0 + natural[..., None, :] * CORNERS, axis=-1) / 8.0

@@ -1,0 +1,81 @@
+"""Arrays that cross into compiled kernels: one named tuple a family, every field with its meaning, unit and shape.
+
+n nodes, m elements, B = ceil(m / W) blocks of W = ``simd.WIDTH`` elements. Node arrays have n + 1 rows of 4 numbers
+[x, y, z, 0]: four, so that a corner is one vector load; one row more, so that the empty lanes of the last block have a
+node to read and write, which has no mass and never moves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from explicitfe.simd import ROW, WIDTH
+
+
+class State(NamedTuple):
+    """What the loop advances from instant to instant."""
+
+    u: np.ndarray  # displacement at t_n [m], (n + 1, 4)
+    v: np.ndarray  # velocity of the half step before, v_(n-1/2) [m/s], (n + 1, 4)
+    force: np.ndarray  # minus the internal force at u [N], (n + 1, 4)
+
+
+class Blocks(NamedTuple):
+    """Elements in blocks of W: lane after lane, so that W elements are computed at once."""
+
+    nodes: np.ndarray  # node numbers, uint32, (B, 8, W)
+    geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W)
+    constants: np.ndarray  # constants of the material law, (B, number of the law, W)
+    hourglass: np.ndarray  # constants of the hourglass treatment, (B, number of the treatment, W)
+
+
+class Nodes(NamedTuple):
+    """Lumped masses; a component that is held has a mass and no inverse mass, so it never gets a velocity."""
+
+    mass: np.ndarray  # [kg], (n + 1, 4)
+    inverse_mass: np.ndarray  # [1/kg], 0 where the component is held, (n + 1, 4)
+
+
+class DeadLoads(NamedTuple):
+    """Nodal forces of fixed direction, in groups that share a time profile (compressed rows)."""
+
+    start: np.ndarray  # first entry of each group and the end, int64, (groups + 1,)
+    node: np.ndarray  # node of each entry, int64, (entries,)
+    force: np.ndarray  # force at activation 1 [N], (entries, 3)
+    profile: np.ndarray  # row of the activation table, int64, (groups,)
+
+
+class FollowerFibres(NamedTuple):
+    """Tense polylines of material points that turn with the deformation (compressed rows)."""
+
+    start: np.ndarray  # first vertex of each fibre and the end, int64, (fibres + 1,)
+    nodes: np.ndarray  # nodes that carry each vertex, int64, (vertices, 8)
+    weights: np.ndarray  # shape functions of each vertex, (vertices, 8); all 0 for a point fixed in space
+    position: np.ndarray  # reference position of each vertex [m], (vertices, 3)
+    tension: np.ndarray  # tension of the segment that starts at each vertex, at activation 1 [N], (vertices,)
+    profile: np.ndarray  # row of the activation table, int64, (fibres,)
+
+
+# Entries of the ledger, float64.
+EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
+
+# Entries of the energies that a snapshot gives [J].
+INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, ENERGIES = 0, 1, 2, 3, 4, 5
+
+
+def node_rows(values: np.ndarray) -> np.ndarray:
+    """(n, 3) values as (n + 1, 4) node rows, zero in the padding."""
+    rows = np.zeros((len(values) + 1, ROW))
+    rows[:-1, :3] = values
+    return rows
+
+
+def in_blocks(values: np.ndarray, filler: float = 0.0) -> np.ndarray:
+    """(m, k) element values as (B, k, W) blocks; lanes past the last element hold ``filler``."""
+    count, width = values.shape
+    blocks = -(-count // WIDTH)
+    padded = np.full((blocks * WIDTH, width), filler, dtype=values.dtype)
+    padded[:count] = values
+    return np.ascontiguousarray(padded.reshape(blocks, WIDTH, width).transpose(0, 2, 1))

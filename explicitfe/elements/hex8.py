@@ -1,0 +1,154 @@
+"""The 8-node hex with one integration point, mean gradient and modal (Walsh-Hadamard) form.
+
+The mean gradient B_aj = (1/V) integral of dN_a/dX_j over the element (Flanagan & Belytschko 1981, eq. 16) passes the
+patch test on distorted hexes; the gradient at the centroid does not. The nodal values of each displacement component are
+first turned into seven modes, U_m = sum_a W_ma u_a, three linear (xi, eta, zeta) and four hourglass (eta zeta, zeta xi,
+xi eta, xi eta zeta): then grad u = sum_m U_m b_m with b_m = (1/8) sum_a W_ma B_a, and 33 numbers describe an element.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.jit import leaf
+from explicitfe.mesh.hexmesh import CORNERS
+
+# Mode values at the corners, (7, 8): xi, eta, zeta, then eta zeta, zeta xi, xi eta, xi eta zeta.
+_XI, _ETA, _ZETA = CORNERS.T
+MODES = np.stack([_XI, _ETA, _ZETA, _ETA * _ZETA, _ZETA * _XI, _XI * _ETA, _XI * _ETA * _ZETA])
+
+GEOMETRY = 34  # numbers an element: b (7 x 3), hX (4 x 3), volume
+_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
+
+
+def mean_gradients(points: np.ndarray, hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean gradients and volumes of hexes in their reference shape.
+
+    Parameters
+    ----------
+    points : (n, 3), m. Reference positions.
+    hexes : (m, 8). Node numbers in VTK order.
+
+    Returns
+    -------
+    gradients : (m, 8, 3), 1/m. B_aj; sum_a B_aj = 0 and sum_a X_ai B_aj = 1 for i = j, else 0, on any hex.
+    volumes : (m,), m^3.
+
+    Notes
+    -----
+    V B_aj = integral of (cofactor of dX/dxi)_jk dN_a/dxi_k is a polynomial of degree 2 or less in each natural
+    coordinate, so the 2 x 2 x 2 Gauss rule used here integrates it exactly.
+    """
+    corners = points[hexes]
+    total = np.zeros(corners.shape)
+    for natural in np.stack(np.meshgrid(_GAUSS, _GAUSS, _GAUSS, indexing="ij"), -1).reshape(-1, 3):
+        factors = 1.0 + natural * CORNERS  # (8, 3)
+        dn = np.stack(
+            [CORNERS[:, k] * factors[:, (k + 1) % 3] * factors[:, (k + 2) % 3] / 8.0 for k in range(3)], axis=1
+        )
+        jacobian = np.einsum("eai,ak->eik", corners, dn)
+        cofactor = np.stack([np.cross(jacobian[:, :, (k + 1) % 3], jacobian[:, :, (k + 2) % 3]) for k in range(3)], -1)
+        total += np.einsum("ejk,ak->eaj", cofactor, dn)
+    volumes = np.einsum("eai,eai->e", corners, total) / 3.0
+    return total / volumes[:, None, None], volumes
+
+
+def geometry(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
+    """What the kernels read of each element, (m, GEOMETRY): b [1/m], hX [m], volume [m^3]."""
+    gradients, volumes = mean_gradients(points, hexes)
+    b = np.einsum("ma,eaj->emj", MODES, gradients) / 8.0
+    h_x = np.einsum("ka,eaj->ekj", MODES[3:], points[hexes])
+    return np.concatenate([b.reshape(len(hexes), 21), h_x.reshape(len(hexes), 12), volumes[:, None]], axis=1)
+
+
+def lumped_mass(hexes: np.ndarray, element_mass: np.ndarray, node_count: int) -> np.ndarray:
+    """Nodal masses, (n,) kg: an eighth of each element's mass at each of its nodes."""
+    return np.bincount(hexes.ravel(), weights=np.repeat(element_mass / 8.0, 8), minlength=node_count)
+
+
+@leaf
+def to_modes(a):
+    """The seven modes of one component's 8 corner values (without the mean)."""
+    s01, d01 = a[1] + a[0], a[1] - a[0]
+    s32, d32 = a[2] + a[3], a[2] - a[3]
+    s45, d45 = a[5] + a[4], a[5] - a[4]
+    s76, d76 = a[6] + a[7], a[6] - a[7]
+    s_low, e_low, d_low, de_low = s32 + s01, s32 - s01, d32 + d01, d32 - d01
+    s_top, e_top, d_top, de_top = s76 + s45, s76 - s45, d76 + d45, d76 - d45
+    return (
+        d_top + d_low,
+        e_top + e_low,
+        s_top - s_low,
+        e_top - e_low,
+        d_top - d_low,
+        de_top + de_low,
+        de_top - de_low,
+    )
+
+
+@leaf
+def from_modes(m):
+    """Corner values sum_m W_ma m_m of seven modes: the transpose of ``to_modes``."""
+    xi, eta, zeta, ez, zx, xe, xez = m
+    xi_low, xi_top = xi - zx, xi + zx
+    eta_low, eta_top = eta - ez, eta + ez
+    xe_low, xe_top = xe - xez, xe + xez
+    p_low, m_low = xi_low + eta_low, xi_low - eta_low
+    p_top, m_top = xi_top + eta_top, xi_top - eta_top
+    a_low, b_low = xe_low - zeta, xe_low + zeta
+    a_top, b_top = xe_top + zeta, xe_top - zeta
+    return (
+        a_low - p_low,
+        m_low - b_low,
+        a_low + p_low,
+        -(m_low + b_low),
+        a_top - p_top,
+        m_top - b_top,
+        a_top + p_top,
+        -(m_top + b_top),
+    )
+
+
+@leaf
+def gradient(modes, g, j):
+    """d u / d X_j of one component: sum_m U_m b_mj, g the element's geometry."""
+    return (
+        modes[0] * g[j]
+        + modes[1] * g[3 + j]
+        + modes[2] * g[6 + j]
+        + modes[3] * g[9 + j]
+        + modes[4] * g[12 + j]
+        + modes[5] * g[15 + j]
+        + modes[6] * g[18 + j]
+    )
+
+
+@leaf
+def hourglass_modes(modes, g, hx, hy, hz):
+    """q_k of one component, k = 0..3: what is left of the hourglass modes without the affine field; zero on any affine field."""
+    return (
+        modes[3] - hx * g[21] - hy * g[22] - hz * g[23],
+        modes[4] - hx * g[24] - hy * g[25] - hz * g[26],
+        modes[5] - hx * g[27] - hy * g[28] - hz * g[29],
+        modes[6] - hx * g[30] - hy * g[31] - hz * g[32],
+    )
+
+
+@leaf
+def corner_forces(px, py, pz, r, g):
+    """Corner values of one component of B S + sum_k r_k g_k, with S = V P of that row and r_k its hourglass forces."""
+    v = g[33]
+    sx = px * v - (r[0] * g[21] + r[1] * g[24] + r[2] * g[27] + r[3] * g[30])
+    sy = py * v - (r[0] * g[22] + r[1] * g[25] + r[2] * g[28] + r[3] * g[31])
+    sz = pz * v - (r[0] * g[23] + r[1] * g[26] + r[2] * g[29] + r[3] * g[32])
+    return from_modes(
+        (
+            sx * g[0] + sy * g[1] + sz * g[2],
+            sx * g[3] + sy * g[4] + sz * g[5],
+            sx * g[6] + sy * g[7] + sz * g[8],
+            sx * g[9] + sy * g[10] + sz * g[11] + r[0],
+            sx * g[12] + sy * g[13] + sz * g[14] + r[1],
+            sx * g[15] + sy * g[16] + sz * g[17] + r[2],
+            sx * g[18] + sy * g[19] + sz * g[20] + r[3],
+        )
+    )

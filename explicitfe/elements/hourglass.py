@@ -1,0 +1,53 @@
+"""Hourglass control: what resists the deformation that one integration point does not see.
+
+Each treatment is an energy of the hourglass modes q_k, which vanish on every affine field: so it is zero under rigid motion
+and homogeneous strain at any rotation, and its force is the derivative of an energy (Flanagan & Belytschko 1981; Joldes,
+Wittek & Miller 2008). It scales with the shear modulus, never with the bulk modulus, which would lock bending.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.elements.hex8 import MODES, mean_gradients
+from explicitfe.jit import leaf
+
+CONSTANTS = 1  # numbers an element: kappa
+
+
+def stiffness(points: np.ndarray, hexes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
+    """Hourglass stiffness of each element, (m, CONSTANTS) N/m: kappa = G V tr(B B^T) / 24.
+
+    The factor is derived, not fitted: a cube of edge h gets kappa = G h / 16, with which bending it by a relative rotation
+    theta of two opposite faces stores the exact energy of an incompressible beam (E = 3 G), E V theta^2 / 24.
+
+    Parameters
+    ----------
+    points, hexes : reference positions (n, 3) m and node numbers (m, 8).
+    shear_modulus : (m,) Pa. Initial shear modulus of each element.
+    """
+    gradients, volumes = mean_gradients(points, hexes)
+    return (shear_modulus * volumes * np.einsum("eaj,eaj->e", gradients, gradients) / 24.0)[:, None]
+
+
+def largest_eigenvalue(points: np.ndarray, hexes: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Largest eigenvalue of each element's hourglass stiffness matrix sum_k kappa g_k g_k^T, (m,) N/m."""
+    gradients, _ = mean_gradients(points, hexes)
+    h_x = np.einsum("ka,eaj->ekj", MODES[3:], points[hexes])
+    g = MODES[3:] - np.einsum("ekj,eaj->eka", h_x, gradients)
+    return constants[:, 0] * np.linalg.norm(g, ord=2, axis=(1, 2)) ** 2
+
+
+@leaf
+def force(q, c):
+    """Hourglass forces r_k = dE/dq_k of one displacement component, from its hourglass modes q and the constants c."""
+    return c[0] * q[0], c[0] * q[1], c[0] * q[2], c[0] * q[3]
+
+
+@leaf
+def energy(qx, qy, qz, c):
+    """Hourglass energy E = 1/2 kappa sum_k |q_k|^2 [J]."""
+    square_x = qx[0] * qx[0] + qx[1] * qx[1] + qx[2] * qx[2] + qx[3] * qx[3]
+    square_y = qy[0] * qy[0] + qy[1] * qy[1] + qy[2] * qy[2] + qy[3] * qy[3]
+    square_z = qz[0] * qz[0] + qz[1] * qz[1] + qz[2] * qz[2] + qz[3] * qz[3]
+    return 0.5 * c[0] * (square_x + square_y + square_z)

@@ -1,0 +1,96 @@
+"""All compile options in one place: nothing else calls ``numba.njit`` bare.
+
+``leaf`` marks a small function that is compiled into its callers. ``bind`` makes a kernel from a template, a function some
+of whose globals are placeholders for leaves (a material's ``stress``, an hourglass force): the placeholders are bound,
+and the name of the result carries a digest of every source that can reach the machine code. Numba's cache on disk looks
+at the name and at the template's own file only, so without the digest an edited law would silently be served stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numba
+from numba.core.dispatcher import Dispatcher
+
+from explicitfe.simd import WIDTH
+
+# contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
+# meaning). error_model numpy: a division by zero gives inf, not a branch.
+OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
+
+_PACKAGE = Path(__file__).parent
+_KERNEL_SOURCES = ("jit.py", "simd.py", "arrays.py", "loop.py", "timestep.py", "elements", "materials", "forces")
+
+
+def leaf(function: Callable) -> Dispatcher:
+    """Compile ``function`` into its callers; not cached by itself."""
+    return numba.jit(function, forceinline=True, **OPTIONS)
+
+
+def kernel(function: Callable) -> Dispatcher:
+    """Compile a function that needs no binding, with its code cached on disk."""
+    return bind(function)
+
+
+def bind(template: Callable, *, stored: bool = True, **bindings: Any) -> Dispatcher:
+    """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
+
+    Parameters
+    ----------
+    template : the function as written; its own globals stay as they are.
+    stored : keep the machine code on disk. Only the outermost kernel needs it: what it calls is contained in it.
+    bindings : placeholder name -> leaf, bound kernel or constant.
+
+    Raises
+    ------
+    TypeError : a binding names no global that the template reads, so it would change nothing.
+    """
+    unread = set(bindings) - set(template.__code__.co_names)
+    if unread:
+        raise TypeError(f"{template.__qualname__} reads no global named {', '.join(sorted(unread))}")
+    bound = FunctionType(
+        template.__code__, {**template.__globals__, **bindings}, template.__name__, template.__defaults__, None
+    )
+    bound.__doc__ = template.__doc__
+    bound.__module__ = template.__module__
+    bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
+    return numba.jit(bound, cache=stored, **OPTIONS)
+
+
+def _digest(bindings: dict[str, Any]) -> str:
+    sums = hashlib.sha256(_package_digest())
+    for name, value in sorted(bindings.items()):
+        sums.update(name.encode())
+        if isinstance(value, Dispatcher):
+            function = value.py_func
+            sums.update(f"{function.__module__}.{function.__qualname__}".encode())
+            sums.update(_file_digest(inspect.getsourcefile(function.__code__) or ""))
+            sums.update(function.__code__.co_code)
+            sums.update(repr(function.__code__.co_consts).encode())
+        else:
+            sums.update(repr(value).encode())
+    return sums.hexdigest()[:16]
+
+
+@cache
+def _package_digest() -> bytes:
+    sums = hashlib.sha256(f"{WIDTH} lanes".encode())
+    for source in _KERNEL_SOURCES:
+        path = _PACKAGE / source
+        for file in [path] if path.is_file() else sorted(path.glob("*.py")):
+            sums.update(file.name.encode())
+            sums.update(file.read_bytes())
+    return sums.digest()
+
+
+@cache
+def _file_digest(path: str) -> bytes:
+    file = Path(path)
+    return hashlib.sha256(file.read_bytes()).digest() if file.is_file() else b""

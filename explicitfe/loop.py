@@ -1,0 +1,106 @@
+"""The central-difference loop, compiled whole: python never runs per step.
+
+The state holds u at t_n, v at t_(n-1/2) and minus the internal force at t_n. One step solves
+
+    M (v+ - v-) / h + alpha M (v+ + v-) / 2 = f_ext - f_int,   h = (dt- + dt+) / 2,   u <- u + dt+ v+
+
+and evaluates the new internal force. With T = 1/2 v- M v+ the change of T over a step is, exactly, the trapezoidal work of
+all forces, so the ledger sums those of the external and of the damping force and leaves nothing to chance (Hughes 2000,
+section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, which is far off in the highest modes).
+"""
+
+from __future__ import annotations
+
+from explicitfe.arrays import DAMPING_LOSS, EXTERNAL_WORK, SMALLEST_J
+from explicitfe.forces.dead import add_dead_loads
+from explicitfe.forces.follower import add_follower_fibres
+
+# Placeholders, bound in build.py.
+internal_force = internal_energy = None
+
+
+def forces(u, force, blocks):
+    """Minus the internal force at displacement u into ``force``; give the smallest J."""
+    force[:] = 0.0
+    return internal_force(u, force, blocks)
+
+
+def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt_before, dt, steps, ledger):
+    """Advance the state by up to ``steps`` steps of length dt; give the number of steps done.
+
+    Parameters
+    ----------
+    state : State, changed in place.
+    external : (n + 1, 4) N. Work array for the external force.
+    activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
+    alpha : 1/s. Mass-proportional damping.
+    dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
+    ledger : (LEDGER,). Sums of work [J] and the smallest J, changed in place.
+
+    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number).
+    """
+    u, v, force = state
+    rows = u.shape[0]
+    for step in range(steps):
+        h = 0.5 * (dt_before + dt)
+        keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
+        gain = h / (1.0 + 0.5 * alpha * h)
+        external[:] = 0.0
+        add_dead_loads(external, loads, activation, step)
+        add_follower_fibres(external, u, fibres, activation, step)
+        work = 0.0
+        loss = 0.0
+        for row in range(rows):
+            for k in range(3):
+                old = v[row, k]
+                new = keep * old + gain * nodes.inverse_mass[row, k] * (force[row, k] + external[row, k])
+                v[row, k] = new
+                u[row, k] += dt * new
+                force[row, k] = 0.0
+                moved = 0.5 * (dt_before * old + dt * new)
+                work += external[row, k] * moved
+                loss += nodes.mass[row, k] * (old + new) * moved
+        ledger[EXTERNAL_WORK] += work
+        ledger[DAMPING_LOSS] += 0.5 * alpha * loss
+        dt_before = dt
+        smallest = internal_force(u, force, blocks)
+        if not (smallest >= ledger[SMALLEST_J]):
+            ledger[SMALLEST_J] = smallest
+            if not (smallest > 0.0):
+                return step + 1
+    return steps
+
+
+def snapshot(
+    state, external, blocks, nodes, loads, fibres, activation, alpha, dt, ledger, velocity, element_J, element_hourglass
+):
+    """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
+
+    ``velocity`` (n + 1, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J`` and ``element_hourglass`` (B, W)
+    receive J and the hourglass energy [J]. ``activation`` (profiles, 1) is that of t_n, dt the step before t_n.
+    """
+    u, v, force = state
+    keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
+    gain = dt / (1.0 + 0.5 * alpha * dt)
+    external[:] = 0.0
+    add_dead_loads(external, loads, activation, 0)
+    add_follower_fibres(external, u, fibres, activation, 0)
+    kinetic = 0.0
+    work = 0.0
+    loss = 0.0
+    for row in range(u.shape[0]):
+        for k in range(3):
+            old = v[row, k]
+            new = keep * old + gain * nodes.inverse_mass[row, k] * (force[row, k] + external[row, k])
+            velocity[row, k] = 0.5 * (old + new)
+            kinetic += 0.5 * nodes.mass[row, k] * old * new
+            work += external[row, k] * 0.5 * dt * old
+            loss += nodes.mass[row, k] * (old + new) * 0.5 * dt * old
+    internal, hourglass = internal_energy(u, blocks, element_J, element_hourglass)
+    return (
+        internal,
+        hourglass,
+        kinetic,
+        ledger[EXTERNAL_WORK] + work,
+        ledger[DAMPING_LOSS] + 0.5 * alpha * loss,
+    )

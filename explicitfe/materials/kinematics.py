@@ -1,0 +1,63 @@
+"""Parts of the deformation gradient that every law needs. F is a tuple of 9, row by row: F[3 i + j] = dx_i / dX_j."""
+
+from __future__ import annotations
+
+from explicitfe.jit import leaf
+from explicitfe.simd import inverse_cube_root
+
+
+@leaf
+def cofactor(F):
+    """Cofactor of F, J F^-T, row by row."""
+    return (
+        F[4] * F[8] - F[5] * F[7],
+        F[5] * F[6] - F[3] * F[8],
+        F[3] * F[7] - F[4] * F[6],
+        F[2] * F[7] - F[1] * F[8],
+        F[0] * F[8] - F[2] * F[6],
+        F[1] * F[6] - F[0] * F[7],
+        F[1] * F[5] - F[2] * F[4],
+        F[2] * F[3] - F[0] * F[5],
+        F[0] * F[4] - F[1] * F[3],
+    )
+
+
+@leaf
+def determinant(F, cof):
+    """J = det F, from F and its cofactor."""
+    return F[0] * cof[0] + F[1] * cof[1] + F[2] * cof[2]
+
+
+@leaf
+def isochoric_invariant(F, J):
+    """I1_bar = J^(-2/3) tr(F^T F): the first invariant of the volume-preserving part."""
+    root = inverse_cube_root(J)
+    trace = (
+        F[0] * F[0] + F[1] * F[1] + F[2] * F[2]
+        + F[3] * F[3] + F[4] * F[4] + F[5] * F[5]
+        + F[6] * F[6] + F[7] * F[7] + F[8] * F[8]
+    )  # fmt: skip
+    return trace * (root * root)
+
+
+@leaf
+def isochoric_stress(F, cof, J, I1_bar, slope, pressure):
+    """P of W(I1_bar) + U(J): 2 W' J^(-2/3) (F - (tr C / 3) F^-T) + U' cof F, with slope = W' and pressure = U'.
+
+    Bonet & Wood (2008), eq. 6.55 with the volumetric part of section 6.5.
+    """
+    root = inverse_cube_root(J)
+    square = root * root
+    a = 2.0 * slope * square
+    b = pressure - 2.0 * slope * I1_bar * (1.0 / 3.0) * (square * root)
+    return (
+        a * F[0] + b * cof[0],
+        a * F[1] + b * cof[1],
+        a * F[2] + b * cof[2],
+        a * F[3] + b * cof[3],
+        a * F[4] + b * cof[4],
+        a * F[5] + b * cof[5],
+        a * F[6] + b * cof[6],
+        a * F[7] + b * cof[7],
+        a * F[8] + b * cof[8],
+    )

@@ -1,0 +1,210 @@
+"""Whether a mesh can be computed on, and how good its elements are.
+
+The Jacobian at a corner of a hex is the determinant of the three edges that leave it, in the order of the natural axes:
+the volume of the parallelepiped that they span. The scaled Jacobian is the same with the edges normalised: 1 for a brick,
+0 for a flat corner, negative for an inverted one (Knupp 2000, Int. J. Numer. Meth. Engng 48:1165-1185).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicitfe.errors import InputError
+from explicitfe.mesh.hexmesh import CORNERS, HexMesh
+
+# The neighbours of each corner along xi, eta, zeta, and the signs that turn the edges towards growing xi, eta, zeta.
+_NEIGHBOURS = np.array(
+    [[int(np.flatnonzero((CORNERS == corner * (1.0 - 2.0 * np.eye(3)[axis])).all(axis=1))[0]) for axis in range(3)]
+     for corner in CORNERS]
+)  # fmt: skip
+_SIGNS = np.prod(-CORNERS, axis=1)
+
+# The 12 edges of a hex as pairs of corners.
+_EDGES = np.array([(a, b) for a in range(8) for b in _NEIGHBOURS[a] if a < b])
+
+# A corner whose scaled Jacobian is below this counts as flat: far below any usable element, far above rounding.
+_FLAT = 1e-9
+
+# Gauss points of the 2 x 2 x 2 rule, exact for the volume of a trilinear hex.
+_GAUSS = CORNERS / np.sqrt(3.0)
+
+
+def _corner_edges(points: np.ndarray, hexes: np.ndarray, corner: int) -> np.ndarray:
+    """The three edges that leave one corner of every hex, (m, 3 edges, 3), m; not turned."""
+    return points[hexes[:, _NEIGHBOURS[corner]]] - points[hexes[:, corner]][:, None, :]
+
+
+def _determinant(a: np.ndarray) -> np.ndarray:
+    """Determinants of (m, 3, 3) by the triple product: faster than LAPACK on many small matrices."""
+    return np.einsum("mi,mi->m", a[:, 0], np.cross(a[:, 1], a[:, 2]))
+
+
+def corner_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
+    """Determinant of the three edges at every corner, (m, 8), m^3. Negative: inverted.
+
+    Parameters
+    ----------
+    points : (n, 3) node positions, m.
+    hexes : (m, 8) node numbers, VTK order.
+    """
+    # One corner at a time: a million elements then need tens of megabytes, not half a gigabyte.
+    return np.stack([_SIGNS[a] * _determinant(_corner_edges(points, hexes, a)) for a in range(8)], axis=1)
+
+
+def scaled_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
+    """Scaled Jacobian at every corner, (m, 8), between -1 and 1; 0 where an edge has no length."""
+    scaled = np.zeros(hexes.shape)
+    for a in range(8):
+        edges = _corner_edges(points, hexes, a)
+        lengths = np.prod(np.linalg.norm(edges, axis=-1), axis=-1)
+        np.divide(_SIGNS[a] * _determinant(edges), lengths, out=scaled[:, a], where=lengths > 0.0)
+    return scaled
+
+
+def volumes(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
+    """Volume of every hex, (m,), m^3: exact for trilinear hexes."""
+    corners = points[hexes]
+    total = np.zeros(len(hexes))
+    for gauss in _GAUSS:
+        factors = 1.0 + gauss * CORNERS
+        gradient = np.stack(
+            [CORNERS[:, i] * factors[:, (i + 1) % 3] * factors[:, (i + 2) % 3] / 8.0 for i in range(3)]
+        )
+        total += _determinant(np.einsum("ja,mai->mji", gradient, corners))
+    return total
+
+
+def edge_lengths(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
+    """Length of the 12 edges of every hex, (m, 12), m."""
+    corners = points[hexes]
+    return np.linalg.norm(corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]], axis=-1)
+
+
+@dataclass(frozen=True)
+class MeshQuality:
+    """The figures that a report gives of a mesh.
+
+    Attributes
+    ----------
+    element_count, node_count
+    volume_m3 : volume of all elements, m^3.
+    smallest_edge_m, largest_edge_m : shortest and longest element edge, m.
+    smallest_scaled_jacobian : the worst corner of the mesh, 1 at best.
+    worst_element : the element with that corner.
+    """
+
+    element_count: int
+    node_count: int
+    volume_m3: float
+    smallest_edge_m: float
+    largest_edge_m: float
+    smallest_scaled_jacobian: float
+    worst_element: int
+
+
+def assess(mesh: HexMesh) -> MeshQuality:
+    """The quality of a mesh. It judges shape only: ``check`` says whether the mesh can be used at all."""
+    smallest = scaled_jacobians(mesh.points, mesh.hexes).min(axis=1)
+    edges = edge_lengths(mesh.points, mesh.hexes)
+    worst = int(np.argmin(smallest))
+    return MeshQuality(
+        element_count=mesh.element_count,
+        node_count=mesh.node_count,
+        volume_m3=float(volumes(mesh.points, mesh.hexes).sum()),
+        smallest_edge_m=float(edges.min()),
+        largest_edge_m=float(edges.max()),
+        smallest_scaled_jacobian=float(smallest[worst]),
+        worst_element=worst,
+    )
+
+
+def check(mesh: HexMesh, where: str) -> None:
+    """Refuse a mesh that cannot be computed on.
+
+    Parameters
+    ----------
+    mesh : the mesh to check.
+    where : how the message names the mesh, such as its file.
+
+    Raises
+    ------
+    InputError
+        In one sentence, with numbers counted from 0: no elements, an array of the wrong shape, a node that is not
+        finite, a node number out of range, a node twice in an element, a flat or an inverted corner, an unused node.
+        The first fault found, in this order.
+    """
+    points, hexes = mesh.points, mesh.hexes
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"{where}: node positions must be an array of shape (nodes, 3), not {points.shape}.")
+    if hexes.ndim != 2 or hexes.shape[1] != 8:
+        raise InputError(f"{where}: elements must be 8-node hexes, an array of shape (elements, 8), not {hexes.shape}.")
+    if len(hexes) == 0:
+        raise InputError(f"{where}: the mesh has no elements.")
+
+    not_finite = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(not_finite):
+        node = not_finite[0]
+        raise InputError(
+            f"{where}: the position of node {node} is not finite, {points[node].tolist()}{_more(not_finite, 'node')}."
+        )
+
+    outside = np.argwhere((hexes < 0) | (hexes >= len(points)))
+    if len(outside):
+        element, corner = outside[0]
+        raise InputError(
+            f"{where}: corner {corner} of element {element} is node {hexes[element, corner]}, "
+            f"but the nodes run from 0 to {len(points) - 1}{_more(np.unique(outside[:, 0]), 'element')}."
+        )
+
+    ordered = np.sort(hexes, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if len(twice):
+        element = twice[0]
+        numbers, counts = np.unique(hexes[element], return_counts=True)
+        node = numbers[counts > 1][0]
+        corners = _list(np.flatnonzero(hexes[element] == node))
+        raise InputError(
+            f"{where}: element {element} has node {node} at corners {corners}; a hex needs 8 different nodes"
+            f"{_more(twice, 'element')}."
+        )
+
+    scaled = scaled_jacobians(points, hexes)
+    bad = np.flatnonzero(scaled.min(axis=1) < _FLAT)
+    if len(bad):
+        element = bad[0]
+        corner = int(np.argmin(scaled[element]))
+        node = hexes[element, corner]
+        if scaled[element, corner] > -_FLAT:
+            fault = f"has no volume at corner {corner} (node {node}): its edges there lie in one plane or have no length"
+            remedy = "merge or move its nodes"
+        elif (scaled[element] < 0.0).all():
+            fault = f"is inside out: negative Jacobian at all corners, the worst at corner {corner} (node {node})"
+            remedy = "check the node order (VTK: the lower face counter-clockwise seen from above, then the upper one)"
+        else:
+            fault = f"is inverted at corner {corner} (node {node}): negative Jacobian"
+            remedy = "check the node order (VTK) or repair the mesh"
+        raise InputError(f"{where}: element {element} {fault}; {remedy}{_more(bad, 'element')}.")
+
+    used = np.zeros(len(points), dtype=bool)
+    used[hexes] = True
+    unused = np.flatnonzero(~used)
+    if len(unused):
+        raise InputError(
+            f"{where}: node {unused[0]} belongs to no element and would have no mass; remove it{_more(unused, 'node')}."
+        )
+
+
+def _more(found: np.ndarray, what: str) -> str:
+    """' (and 3 more elements)' after the first of several faults."""
+    count = len(found) - 1
+    if count == 0:
+        return ""
+    return f" (and {count} more {what}{'s' if count > 1 else ''})"
+
+
+def _list(numbers: np.ndarray) -> str:
+    """'2, 5 and 6'."""
+    words = [str(number) for number in numbers]
+    return ", ".join(words[:-1]) + " and " + words[-1]

@@ -1,0 +1,19 @@
+"""Result files: one ``.vtkhdf`` a run, written as it goes, read by this package, h5py, ParaView and pyvista."""
+
+from explicitfe.results.layout import Quantity
+from explicitfe.results.provenance import provenance
+from explicitfe.results.reader import FieldInfo, RestartState, Result, open_result
+from explicitfe.results.writer import FAILED, FINISHED, RUNNING, ResultWriter
+
+__all__ = [
+    "FAILED",
+    "FINISHED",
+    "RUNNING",
+    "FieldInfo",
+    "Quantity",
+    "RestartState",
+    "Result",
+    "ResultWriter",
+    "open_result",
+    "provenance",
+]

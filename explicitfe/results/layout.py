@@ -1,0 +1,216 @@
+"""What stands where in a result file: the one place that the writer and the reader take it from.
+
+A result is plain HDF5 and at the same time a temporal VTKHDF UnstructuredGrid with a static mesh: N nodes, E hexes,
+T stored steps. ``[T]`` marks a dataset with room for more steps than are stored; ``Steps@NSteps`` says how many are valid.
+
+    /VTKHDF                                @Version = [2, 0]   @Type = "UnstructuredGrid", fixed-length ASCII
+      NumberOfPoints = [N]   NumberOfCells = [E]   NumberOfConnectivityIds = [8E]
+      Points (N, 3) m   Connectivity (8E)   Offsets (E+1)   Types (E) uint8, all 12
+      PointData/<field> ([T]*N, components)    CellData/<field> ([T]*E, components)     @unit @description
+      Steps                                @NSteps = T
+        Values [T] s   NumberOfParts [T] = 1   PartOffsets [T] = PointOffsets [T] = 0
+        CellOffsets ([T], 1) = ConnectivityIdOffsets ([T], 1) = 0
+        PointDataOffsets/<field> [T] = i*N   CellDataOffsets/<field> [T] = i*E
+    /explicitfe                            @format = 1
+      status/state, message, summary       fixed length; summary is JSON
+      scenario                             text as the user wrote it, @sha256
+      model   provenance                   JSON
+      node_sets/<name>                     node numbers
+      named_points/<name>                  node number
+      history/<name> (rows, ...)           @unit @description; the group's @rows says how many rows are valid
+      restart/slot0, slot1/                <array>, and seal = [sequence, checksum]; sequence 0: never written
+
+A dataset of one component has no second axis.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from zlib import crc32
+
+import h5py
+import numpy as np
+
+from explicitfe.mesh.hexmesh import HexMesh
+
+FORMAT = 1
+POINT_DATA = "VTKHDF/PointData"
+CELL_DATA = "VTKHDF/CellData"
+STEPS = "VTKHDF/Steps"
+STATUS = "explicitfe/status"
+SCENARIO = "explicitfe/scenario"
+MODEL = "explicitfe/model"
+PROVENANCE = "explicitfe/provenance"
+NODE_SETS = "explicitfe/node_sets"
+NAMED_POINTS = "explicitfe/named_points"
+HISTORY = "explicitfe/history"
+RESTART_SLOTS = ("explicitfe/restart/slot0", "explicitfe/restart/slot1")
+
+VTK_HEXAHEDRON = 12
+# Bytes kept for what is only known at the end, so that finishing a run overwrites and never restructures the file.
+STATUS_BYTES = {"state": 32, "message": 4096, "summary": 262144}
+HISTORY_CHUNK = 1024
+OFFSET_CHUNK = 1024
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a stored number means.
+
+    Attributes
+    ----------
+    unit : SI unit, such as ``"m"``; ``"1"`` for a ratio.
+    components : 1 for a scalar, 3 for a vector.
+    description : one line for whoever opens the file without this package.
+    """
+
+    unit: str
+    components: int = 1
+    description: str = ""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of one value: ``()`` for a scalar."""
+        return () if self.components == 1 else (self.components,)
+
+
+DISPLACEMENT = Quantity("m", 3, "displacement of the nodes from their reference positions")
+TIME = Quantity("s", 1, "time of each row of the history")
+
+
+def create(
+    file: h5py.File,
+    *,
+    mesh: HexMesh,
+    point_fields: Mapping[str, Quantity],
+    cell_fields: Mapping[str, Quantity],
+    history: Mapping[str, Quantity],
+    scenario_text: str,
+    model: Mapping[str, Any],
+    provenance: Mapping[str, Any],
+    restart: Mapping[str, np.ndarray],
+    capacity: int,
+) -> None:
+    """Write everything that is known before the first step and make room for ``capacity`` steps."""
+    n, m = mesh.node_count, mesh.element_count
+
+    vtk = file.create_group("VTKHDF")
+    vtk.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+    vtk.attrs["Type"] = np.bytes_("UnstructuredGrid")  # h5py's own strings are UTF-8: VTK before 9.5 fails on them
+    vtk["NumberOfPoints"] = np.array([n], dtype=np.int64)
+    vtk["NumberOfCells"] = np.array([m], dtype=np.int64)
+    vtk["NumberOfConnectivityIds"] = np.array([8 * m], dtype=np.int64)
+    vtk["Points"] = np.asarray(mesh.points, dtype="<f8")
+    vtk["Connectivity"] = np.asarray(mesh.hexes, dtype=np.int64).ravel()
+    vtk["Offsets"] = 8 * np.arange(m + 1, dtype=np.int64)
+    vtk["Types"] = np.full(m, VTK_HEXAHEDRON, dtype=np.uint8)
+
+    steps = file.create_group(STEPS)
+    steps.attrs["NSteps"] = np.int64(0)
+    _growing(file, f"{STEPS}/Values", (), "<f8", OFFSET_CHUNK)
+    for name, shape in (
+        ("NumberOfParts", ()),
+        ("PartOffsets", ()),
+        ("PointOffsets", ()),
+        ("CellOffsets", (1,)),
+        ("ConnectivityIdOffsets", (1,)),
+    ):
+        _growing(file, f"{STEPS}/{name}", shape, np.int64, OFFSET_CHUNK)
+    for data, count, fields in ((POINT_DATA, n, point_fields), (CELL_DATA, m, cell_fields)):
+        file.create_group(data)
+        for name, quantity in fields.items():
+            dataset = _growing(file, f"{data}/{name}", quantity.shape, "<f8", count)
+            dataset.attrs["unit"] = quantity.unit
+            dataset.attrs["description"] = quantity.description
+            _growing(file, offsets_of(f"{data}/{name}"), (), np.int64, OFFSET_CHUNK)
+    make_room(file, 0, capacity)
+
+    own = file.create_group("explicitfe")
+    own.attrs["format"] = FORMAT
+    for name, size in STATUS_BYTES.items():
+        file.create_dataset(f"{STATUS}/{name}", data=b"", dtype=h5py.string_dtype("utf-8", size))
+    file[SCENARIO] = scenario_text
+    file[SCENARIO].attrs["sha256"] = hashlib.sha256(scenario_text.encode()).hexdigest()
+    file[MODEL] = to_json(model)
+    file[PROVENANCE] = to_json(provenance)
+    file.create_group(NODE_SETS)
+    for name, nodes in mesh.node_sets.items():
+        file[NODE_SETS][name] = np.asarray(nodes, dtype=np.int64)
+    file.create_group(NAMED_POINTS)
+    for name, node in mesh.named_points.items():
+        file[NAMED_POINTS][name] = np.int64(node)
+
+    file.create_group(HISTORY).attrs["rows"] = np.int64(0)
+    for name, quantity in history.items():
+        dataset = _growing(file, f"{HISTORY}/{name}", quantity.shape, "<f8", HISTORY_CHUNK)
+        dataset.attrs["unit"] = quantity.unit
+        dataset.attrs["description"] = quantity.description
+        dataset.resize(HISTORY_CHUNK, axis=0)
+
+    for slot in RESTART_SLOTS:
+        file.create_group(slot)
+        for name, array in restart.items():
+            file[slot][name] = np.zeros_like(array)
+        file[slot]["seal"] = np.zeros(2, dtype=np.uint64)
+
+
+def make_room(file: h5py.File, start: int, stop: int) -> None:
+    """Lengthen or shorten every per-step dataset to ``stop`` steps and fill in the offsets of steps from ``start`` on."""
+    steps = file[STEPS]
+    new = np.arange(start, stop, dtype=np.int64)
+    for name, value in (
+        ("Values", 0),
+        ("NumberOfParts", 1),
+        ("PartOffsets", 0),
+        ("PointOffsets", 0),
+        ("CellOffsets", 0),
+        ("ConnectivityIdOffsets", 0),
+    ):
+        steps[name].resize(stop, axis=0)
+        if new.size:
+            steps[name][start:] = value
+    for data, counter in ((POINT_DATA, "NumberOfPoints"), (CELL_DATA, "NumberOfCells")):
+        count = int(file["VTKHDF"][counter][0])
+        for name, dataset in file[data].items():
+            dataset.resize(stop * count, axis=0)
+            offsets = file[offsets_of(f"{data}/{name}")]
+            offsets.resize(stop, axis=0)
+            if new.size:
+                offsets[start:] = new * count
+
+
+def offsets_of(field: str) -> str:
+    """Where the offsets of a field stand: ``VTKHDF/PointData/x`` -> ``VTKHDF/Steps/PointDataOffsets/x``."""
+    _, data, name = field.split("/")
+    return f"{STEPS}/{data}Offsets/{name}"
+
+
+def seal(sequence: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+    """[sequence, checksum] of a restart slot, uint64: a slot that was torn by a kill does not match its seal."""
+    checksum = crc32(str(sequence).encode())
+    for name in sorted(arrays):
+        checksum = crc32(np.ascontiguousarray(arrays[name]).tobytes(), crc32(name.encode(), checksum))
+    return np.array([sequence, checksum], dtype=np.uint64)
+
+
+def to_json(value: Any) -> str:
+    """JSON text; numpy arrays and numbers become lists and numbers."""
+    return json.dumps(value, indent=1, ensure_ascii=False, default=lambda item: item.tolist())
+
+
+def _growing(file: h5py.File, name: str, shape: tuple[int, ...], dtype: Any, chunk: int) -> h5py.Dataset:
+    """An empty dataset that can be lengthened along its first axis, ``chunk`` rows at a time.
+
+    Its chunks get their place in the file when it is lengthened: storing a step then writes numbers and no structure,
+    which is what keeps the file readable when the process is killed in between.
+    """
+    placed_early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    placed_early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    placed_early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    return file.create_dataset(
+        name, shape=(0, *shape), maxshape=(None, *shape), dtype=dtype, chunks=(chunk, *shape), dcpl=placed_early
+    )

@@ -1,0 +1,62 @@
+"""Where a result comes from: what has to be known to compute it again."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+
+def provenance() -> dict[str, Any]:
+    """Versions, commit, machine and start time of this run, ready for JSON.
+
+    Returns
+    -------
+    dict with ``explicitfe``, ``commit`` (None outside a git checkout; ends in ``-dirty`` when files were changed),
+    ``python``, ``numpy``, ``numba``, ``h5py`` (None where not installed), ``platform``, ``processor``, ``cores``,
+    ``started_utc`` (ISO 8601).
+    """
+    return {
+        **{package: _version(package) for package in ("explicitfe", "numpy", "numba", "h5py")},
+        "python": platform.python_version(),
+        "commit": _commit(Path(__file__).resolve().parents[2]),
+        "platform": platform.platform(),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _commit(checkout: Path) -> str | None:
+    """Commit of the checkout that this file lies in; None where it is installed, or git is missing or refuses."""
+    if not (checkout / ".git").exists():
+        return None
+    # --exclude '*' ignores tags, --abbrev=40 gives the whole hash; no optional locks: never disturb a git at work.
+    command = ["git", "--no-optional-locks", "-C", str(checkout)]
+    command += ["describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _processor() -> str:
+    """Name of the processor; Python itself leaves it empty on many Linux systems."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

@@ -1,0 +1,306 @@
+"""Writes a run's samples to one file that stays readable when the process is killed at any time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+
+from explicitfe.errors import InputError, RunError
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.results import layout
+from explicitfe.results.layout import Quantity
+
+RUNNING, FINISHED, FAILED = "running", "finished", "failed"
+
+
+class ResultWriter:
+    """Appends samples to a result file.
+
+    While the run goes on the file is called ``<stem>.running.vtkhdf``; :meth:`finish` renames it to ``path``. So an older
+    result at ``path`` stays whole until the new one is, and a killed run leaves its samples under the running name.
+    Leaving the ``with`` block without :meth:`finish` keeps the running file if it holds a sample and removes it if not.
+
+    Parameters
+    ----------
+    path : where the finished result shall stand; ends in ``.vtkhdf``. Missing folders are made.
+    mesh : the reference mesh; its node sets and named points are stored too.
+    point_fields, cell_fields : name -> quantity, what :meth:`sample` gets beside ``displacement`` (m), which is always stored.
+    history : name -> quantity, what :meth:`history` gets beside the time.
+    scenario_text : the scenario file as the user wrote it.
+    model, provenance : JSON-able dicts.
+    restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
+    expected_samples : room is made for this many at once; more are possible.
+    overwrite : whether a finished result at ``path`` may be replaced.
+
+    Raises
+    ------
+    InputError : a result exists at ``path`` and ``overwrite`` is False, another process is writing it, or the folder cannot
+        be written.
+    """
+
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        mesh: HexMesh,
+        point_fields: Mapping[str, Quantity] | None = None,
+        cell_fields: Mapping[str, Quantity] | None = None,
+        history: Mapping[str, Quantity] | None = None,
+        scenario_text: str,
+        model: Mapping[str, Any],
+        provenance: Mapping[str, Any],
+        restart: Mapping[str, Any] | None = None,
+        expected_samples: int = 64,
+        overwrite: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self.running_path = running_path(self.path)
+        self._capacity = max(1, expected_samples)
+        self._samples = 0
+        self._last_time = -np.inf
+        self._finished = False
+        self._restarts = 0
+        restart = {name: np.asarray(value) for name, value in (restart or {}).items()}
+        self._file = _create_file(self.path, self.running_path, overwrite)
+        try:
+            layout.create(
+                self._file,
+                mesh=mesh,
+                point_fields={"displacement": layout.DISPLACEMENT, **(point_fields or {})},
+                cell_fields=cell_fields or {},
+                history={"time": layout.TIME, **(history or {})},
+                scenario_text=scenario_text,
+                model=model,
+                provenance=provenance,
+                restart=restart,
+                capacity=self._capacity,
+            )
+            self._write_status(RUNNING, "", "{}")
+            self._file.flush()
+        except BaseException as error:
+            self.close()
+            if isinstance(error, OSError):
+                raise _cannot_write(self.path, error) from error
+            raise
+        # Looking a dataset up by name costs more than writing a step to it.
+        self._point_data = dict(self._file[layout.POINT_DATA].items())
+        self._cell_data = dict(self._file[layout.CELL_DATA].items())
+        self._counts = {"point": mesh.node_count, "cell": mesh.element_count}
+        self._times = self._file[f"{layout.STEPS}/Values"]
+        self._steps = self._file[layout.STEPS].attrs
+        self._history = dict(self._file[layout.HISTORY].items())
+        self._history_group = self._file[layout.HISTORY]
+        self._rows: dict[str, list] = {name: [] for name in self._history}
+        self._row_count = 0
+        self._slots = [{name: self._file[slot][name] for name in (*restart, "seal")} for slot in layout.RESTART_SLOTS]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def sample(
+        self, time_s: float, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None
+    ) -> None:
+        """Store the fields at one time, with all history rows so far; they are safe from a kill when this returns.
+
+        Parameters
+        ----------
+        time_s : s, later than the last sample.
+        point_data : ``displacement`` and every declared point field, each (N,) or (N, components).
+        cell_data : every declared cell field, each (E,) or (E, components).
+
+        Raises
+        ------
+        RunError : the file system refuses, such as when the disk is full.
+        """
+        if not time_s > self._last_time:
+            raise ValueError(f"sample at {time_s} s does not come after the one at {self._last_time} s")
+        point_data = _checked(point_data, self._point_data, self._counts["point"])
+        cell_data = _checked(cell_data or {}, self._cell_data, self._counts["cell"])
+        try:
+            if self._samples == self._capacity:
+                self._capacity *= 2
+                layout.make_room(self._file, self._samples, self._capacity)
+                self._file.flush()
+            for datasets, arrays in ((self._point_data, point_data), (self._cell_data, cell_data)):
+                for name, array in arrays.items():
+                    _put(datasets[name], self._samples * len(array), array)
+            _put(self._times, self._samples, np.array([time_s], dtype=float))
+            self._put_history()
+            # HDF5 flushes data before structure: the count reaches the file after what it counts.
+            self._steps.modify("NSteps", np.int64(self._samples + 1))
+            self._file.flush()
+        except OSError as error:
+            raise self._stopped_writing(error) from error
+        self._samples += 1
+        self._last_time = time_s
+
+    def history(self, time_s: float, row: Mapping[str, float | np.ndarray]) -> None:
+        """Note one row of scalars; it reaches the file with the next :meth:`sample` or :meth:`finish`."""
+        row = {"time": time_s, **row}
+        if row.keys() != self._rows.keys():
+            raise ValueError(f"history row has {sorted(row)}, declared were {sorted(self._rows)}")
+        for name, value in row.items():
+            self._rows[name].append(value)
+
+    def restart(self, arrays: Mapping[str, Any]) -> None:
+        """Store the state to go on from, over the older of the two slots; safe from a kill when this returns.
+
+        Parameters
+        ----------
+        arrays : every declared restart array, with its declared shape and type.
+        """
+        number = self._restarts + 1
+        slot = self._slots[number % 2]
+        arrays = {name: np.asarray(value) for name, value in arrays.items()}
+        if arrays.keys() | {"seal"} != slot.keys():
+            raise ValueError(f"restart state has {sorted(arrays)}, declared were {sorted(slot.keys() - {'seal'})}")
+        for name, array in arrays.items():
+            if (array.shape, array.dtype) != (slot[name].shape, slot[name].dtype):
+                raise ValueError(f"restart array {name} is {array.dtype} {array.shape}, not as declared")
+        try:
+            for name, array in arrays.items():
+                slot[name][...] = array
+            slot["seal"][...] = layout.seal(number, arrays)
+            self._file.flush()
+        except OSError as error:
+            raise self._stopped_writing(error) from error
+        self._restarts = number
+
+    def finish(self, status: str, message: str, summary: Mapping[str, Any]) -> Path:
+        """Store how the run ended, close the file and give it its final name.
+
+        Parameters
+        ----------
+        status : ``"finished"``, ``"failed"`` or another word of at most 32 bytes; not ``"running"``.
+        message : one sentence for the user; empty when there is nothing to say.
+        summary : JSON-able dict of what the run came to.
+
+        Returns
+        -------
+        The final path.
+        """
+        if status == RUNNING:
+            raise ValueError('a run that ends is not "running"')
+        try:
+            self._put_history()
+            self._write_status(status, message, layout.to_json(summary))
+            self._file.flush()
+            layout.make_room(self._file, self._samples, self._samples)
+            for dataset in self._history.values():
+                dataset.resize(self._row_count, axis=0)
+            self._file.close()
+            self.running_path.replace(self.path)
+        except OSError as error:
+            raise self._stopped_writing(error) from error
+        self._finished = True
+        return self.path
+
+    def close(self) -> None:
+        """Close the file; without :meth:`finish` it keeps its running name, or goes if it holds no sample."""
+        if self._finished:
+            return
+        try:
+            self._file.close()
+        finally:
+            if not self._samples:
+                self.running_path.unlink(missing_ok=True)
+
+    def _put_history(self) -> None:
+        """Append the rows noted since the last time."""
+        count = len(self._rows["time"])
+        if not count:
+            return
+        stop = self._row_count + count
+        for name, dataset in self._history.items():
+            if stop > len(dataset):
+                dataset.resize(max(stop, 2 * len(dataset)), axis=0)
+            rows = np.array(self._rows[name], dtype=float).reshape(count, *dataset.shape[1:])
+            _put(dataset, self._row_count, rows)
+        self._history_group.attrs.modify("rows", np.int64(stop))
+        self._row_count = stop
+        self._rows = {name: [] for name in self._history}
+
+    def _write_status(self, state: str, message: str, summary: str) -> None:
+        for name, text in (("state", state), ("message", message), ("summary", summary)):
+            data = text.encode()
+            if len(data) > layout.STATUS_BYTES[name]:
+                raise ValueError(f"{name} has {len(data)} bytes, at most {layout.STATUS_BYTES[name]} can be stored")
+            self._file[f"{layout.STATUS}/{name}"][()] = data
+
+    def _stopped_writing(self, error: OSError) -> RunError:
+        return RunError(
+            f"could not go on writing {self.running_path} ({_reason(error)}); its {self._samples} samples so far stay "
+            "readable: free space or choose another --out folder"
+        )
+
+
+def running_path(path: Path) -> Path:
+    """Name of a result while its run goes on."""
+    return path.with_name(f"{path.stem}.running.vtkhdf")
+
+
+def _create_file(path: Path, running: Path, overwrite: bool) -> h5py.File:
+    """A new file at ``running``, in place of one that a killed run left."""
+    if path.suffix != ".vtkhdf":
+        raise InputError(f"result {path} must end in .vtkhdf: ParaView and pyvista know it by that")
+    if path.is_dir():
+        raise InputError(f"result {path} is a folder; choose another --out folder")
+    if path.exists() and not overwrite:
+        raise InputError(f"result {path} exists; add --overwrite to replace it or choose another --out folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not running.exists():
+            return h5py.File(running, "x")
+        # HDF5 cuts an existing file to nothing before it looks for a lock: look first.
+        try:
+            h5py.File(running, "r+").close()
+        except BlockingIOError:
+            raise
+        except OSError:
+            pass  # killed before it was a file that HDF5 can open: nothing to keep
+        return h5py.File(running, "w")
+    except (BlockingIOError, FileExistsError) as error:
+        if not running.is_file():
+            raise _cannot_write(path, error) from error
+        raise InputError(
+            f"another run is writing {running}; wait until it ends or choose another --out folder"
+        ) from error
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write results in {path.parent} ({_reason(error)}); choose another --out folder")
+
+
+def _reason(error: OSError) -> str:
+    return os.strerror(error.errno) if error.errno else str(error)
+
+
+def _checked(arrays: Mapping[str, np.ndarray], datasets: Mapping[str, h5py.Dataset], count: int) -> dict[str, np.ndarray]:
+    """The arrays of one step as they are stored; ValueError where they are not what was declared."""
+    if arrays.keys() != datasets.keys():
+        raise ValueError(f"sample has {sorted(arrays)}, declared were {sorted(datasets)}")
+    checked = {name: np.ascontiguousarray(array, dtype=float) for name, array in arrays.items()}
+    for name, array in checked.items():
+        if array.shape != (count, *datasets[name].shape[1:]):
+            raise ValueError(f"{name} has shape {array.shape}, declared was {(count, *datasets[name].shape[1:])}")
+    return checked
+
+
+def _put(dataset: h5py.Dataset, start: int, rows: np.ndarray) -> None:
+    """``dataset[start : start + len(rows)] = rows``, without the 50 microseconds that h5py's indexing takes."""
+    target = dataset.id.get_space()
+    target.select_hyperslab((start, *(0 for _ in rows.shape[1:])), rows.shape)
+    dataset.id.write(h5py.h5s.create_simple(rows.shape), target, rows)

@@ -210,7 +210,7 @@ def _growing(file: h5py.File, name: str, shape: tuple[int, ...], dtype: Any, chu
     """
     placed_early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     placed_early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    placed_early.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    placed_early.set_fill_time(h5py.h5d.FILL_TIME_ALLOC)
     return file.create_dataset(
         name, shape=(0, *shape), maxshape=(None, *shape), dtype=dtype, chunks=(chunk, *shape), dcpl=placed_early
     )

@@ -1,0 +1,302 @@
+"""Model -> compiled kernels and the arrays they work on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from explicitfe import loop
+from explicitfe.arrays import (
+    ENERGIES,
+    LEDGER,
+    SMALLEST_J,
+    Blocks,
+    DeadLoads,
+    FollowerFibres,
+    Nodes,
+    State,
+    in_blocks,
+    node_rows,
+)
+from explicitfe.elements import hex8, hourglass
+from explicitfe.forces import internal
+from explicitfe.jit import bind
+from explicitfe.materials import law_of
+from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
+from explicitfe.mesh.order import compute_order
+from explicitfe.model.model import FibrePull, Model, NodalLoad
+from explicitfe.model.profile import Profile
+from explicitfe.simd import ROW
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """The compiled entry points for one material law."""
+
+    forces: object
+    advance: object
+    snapshot: object
+
+
+@cache
+def kernels(law: str) -> Kernels:
+    """Kernels with the leaves of a law bound in. Compiled at the first call of each, kept on disk for the next process."""
+    module = law_of(law)
+    force = bind(
+        internal.internal_force,
+        stored=False,
+        law_stress=module.stress,
+        LAW_CONSTANTS=module.CONSTANTS,
+        hourglass_force=hourglass.force,
+        HOURGLASS_CONSTANTS=hourglass.CONSTANTS,
+    )
+    energy = bind(
+        internal.internal_energy,
+        stored=False,
+        law_energy=module.energy,
+        LAW_CONSTANTS=module.CONSTANTS,
+        hourglass_energy=hourglass.energy,
+        HOURGLASS_CONSTANTS=hourglass.CONSTANTS,
+    )
+    return Kernels(
+        forces=bind(loop.forces, internal_force=force),
+        advance=bind(loop.advance, internal_force=force),
+        snapshot=bind(loop.snapshot, internal_energy=energy),
+    )
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What a sample shows, in the user's numbering.
+
+    Attributes
+    ----------
+    time_s : s.
+    displacement, velocity : (n, 3) m, m/s.
+    J, hourglass_energy : (m,), (m,) J.
+    energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping.
+    smallest_J : the smallest J of any element in any step so far.
+    """
+
+    time_s: float
+    displacement: np.ndarray
+    velocity: np.ndarray
+    J: np.ndarray
+    hourglass_energy: np.ndarray
+    energies: np.ndarray
+    smallest_J: float
+
+
+class Simulation:
+    """A model ready to be advanced. Arrays inside are in computing order; what comes out is in the user's numbering.
+
+    Parameters
+    ----------
+    model : the physics.
+    displacement, velocity : (n, 3) m, m/s at time 0; zero if left out.
+    """
+
+    def __init__(
+        self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None
+    ) -> None:
+        self.model = model
+        mesh = model.mesh
+        self.node_order, self.element_order = compute_order(mesh.hexes, mesh.node_count)
+        self._place = np.empty(mesh.node_count, dtype=np.int64)
+        self._place[self.node_order] = np.arange(mesh.node_count)
+        self.points = np.ascontiguousarray(mesh.points[self.node_order])
+        self.hexes = self._place[mesh.hexes[self.element_order]]
+
+        law = model.material
+        count = mesh.element_count
+        self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
+        self.density = np.full(count, law.density_kg_m3)
+        self.hourglass_constants = hourglass.stiffness(
+            self.points, self.hexes, np.full(count, law.shear_modulus_Pa)
+        )
+        geometry = hex8.geometry(self.points, self.hexes)
+        self.volumes = geometry[:, -1]
+        self.blocks = Blocks(
+            nodes=in_blocks(self.hexes.astype(np.uint32), mesh.node_count),
+            geometry=in_blocks(geometry),
+            constants=in_blocks(self.constants),
+            hourglass=in_blocks(self.hourglass_constants),
+        )
+        mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
+        rows = node_rows(np.tile(mass[:, None], 3))
+        free = node_rows(~model.held[self.node_order])
+        self.nodes = Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
+
+        self._profiles: list[Profile] = []
+        self.loads = self._dead_loads(model.loads)
+        self.fibres = self._follower_fibres(model.pulls)
+
+        self.kernels = kernels(law.law)
+        zero = np.zeros((mesh.node_count, 3))
+        self.state = State(
+            u=self._rows(zero if displacement is None else displacement),
+            v=self._rows(zero if velocity is None else velocity),
+            force=np.zeros((mesh.node_count + 1, ROW)),
+        )
+        self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
+        self._external = np.zeros_like(self.state.u)
+        self._velocity = np.zeros_like(self.state.u)
+        self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
+        self._element_hourglass = np.zeros_like(self._element_J)
+        self.ledger = np.zeros(LEDGER)
+        self.time_s = 0.0
+        self.dt_s = 0.0  # the step that led to time_s
+        self.steps = 0
+
+    # ---- in the user's numbering ----
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """(n, 3) m at time_s."""
+        return self.state.u[self._place, :3]
+
+    @property
+    def load_edges_s(self) -> np.ndarray:
+        """Times at which some load jumps or bends: step boundaries."""
+        return np.unique(np.concatenate([p.edges_s for p in self._profiles] or [np.zeros(0)]))
+
+    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
+        """Internal force (n, 3) N at a displacement (n, 3) m, without touching the state."""
+        force = np.zeros_like(self.state.u)
+        self.kernels.forces(self._rows(displacement), force, self.blocks)
+        return -force[self._place, :3]
+
+    def external_force(self) -> np.ndarray:
+        """External force (n, 3) N at the present time."""
+        self._snapshot()
+        return self._external[self._place, :3]
+
+    @property
+    def nodal_mass(self) -> np.ndarray:
+        """(n,) kg."""
+        return self.nodes.mass[self._place, 0]
+
+    # ---- running ----
+
+    def start(self, dt_s: float) -> None:
+        """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
+        u, v, force = self.state
+        self.ledger[SMALLEST_J] = self.kernels.forces(u, force, self.blocks)
+        self.dt_s = dt_s
+        self._snapshot()  # fills the external force at time 0
+        acceleration = self.nodes.inverse_mass * (force + self._external) - self.model.alpha_per_s * v
+        acceleration[self.nodes.inverse_mass == 0.0] = 0.0
+        # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
+        before = v - 0.5 * dt_s * acceleration
+        self.ledger[0] = -0.5 * dt_s * np.sum(self._external * before)
+        self.ledger[1] = -0.5 * dt_s * self.model.alpha_per_s * np.sum(self.nodes.mass * v * before)
+        v[:] = before
+
+    def advance(self, steps: int, dt_s: float) -> bool:
+        """Advance by ``steps`` steps of dt; False if an element has turned inside out (then the loop ended there)."""
+        instants = self.time_s + dt_s * np.arange(steps + 1)
+        done = self.kernels.advance(
+            self.state,
+            self._external,
+            self.blocks,
+            self.nodes,
+            self.loads,
+            self.fibres,
+            self._activation(instants, dt_s),
+            float(self.model.alpha_per_s),
+            float(self.dt_s),
+            float(dt_s),
+            int(steps),
+            self.ledger,
+        )
+        self.steps += done
+        self.time_s = float(instants[done])
+        self.dt_s = float(dt_s)
+        return bool(self.ledger[SMALLEST_J] > 0.0)
+
+    def snapshot(self) -> Snapshot:
+        """Energies and fields at the present time."""
+        energies = self._snapshot()
+        elements = np.empty((2, self.model.mesh.element_count))
+        count = elements.shape[1]
+        elements[0, self.element_order] = self._element_J.ravel()[:count]
+        elements[1, self.element_order] = self._element_hourglass.ravel()[:count]
+        return Snapshot(
+            time_s=self.time_s,
+            displacement=self.displacement,
+            velocity=self._velocity[self._place, :3],
+            J=elements[0],
+            hourglass_energy=elements[1],
+            energies=energies,
+            smallest_J=float(self.ledger[SMALLEST_J]),
+        )
+
+    # ---- inside ----
+
+    def _rows(self, values: np.ndarray) -> np.ndarray:
+        return node_rows(np.asarray(values, dtype=float)[self.node_order])
+
+    def _activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
+        return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in self._profiles]).reshape(-1, len(instants))
+
+    def _snapshot(self) -> np.ndarray:
+        energies = np.empty(ENERGIES)
+        energies[:] = self.kernels.snapshot(
+            self.state,
+            self._external,
+            self.blocks,
+            self.nodes,
+            self.loads,
+            self.fibres,
+            self._activation(np.array([self.time_s]), max(self.dt_s, 1e-12)),
+            float(self.model.alpha_per_s),
+            float(self.dt_s),
+            self.ledger,
+            self._velocity,
+            self._element_J,
+            self._element_hourglass,
+        )
+        return energies
+
+    def _dead_loads(self, loads: Sequence[NodalLoad]) -> DeadLoads:
+        sizes = [len(load.nodes) for load in loads]
+        first = len(self._profiles)
+        self._profiles += [load.profile for load in loads]
+        nodes = np.concatenate([self._place[load.nodes] for load in loads] or [np.zeros(0, dtype=np.int64)])
+        forces = np.concatenate([np.asarray(load.force_N, dtype=float) for load in loads] or [np.zeros((0, 3))])
+        return DeadLoads(
+            start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            node=nodes.astype(np.int64),
+            force=np.ascontiguousarray(forces.reshape(-1, 3)),
+            profile=np.arange(first, first + len(loads), dtype=np.int64),
+        )
+
+    def _follower_fibres(self, pulls: Sequence[FibrePull]) -> FollowerFibres:
+        first = len(self._profiles)
+        self._profiles += [pull.profile for pull in pulls]
+        chains = [(points, t, first + k) for k, pull in enumerate(pulls) for points, t in zip(pull.points, pull.tension_N, strict=True)]
+        sizes = [len(points) for points, _, _ in chains]
+        nodes, weights = self._carriers([points for points, _, _ in chains])
+        return FollowerFibres(
+            start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            nodes=nodes,
+            weights=weights,
+            position=np.concatenate([points.position for points, _, _ in chains] or [np.zeros((0, 3))]),
+            # one entry a vertex; the last vertex of a fibre starts no segment
+            tension=np.concatenate([np.append(t, 0.0) for _, t, _ in chains] or [np.zeros(0)]),
+            profile=np.array([p for _, _, p in chains], dtype=np.int64),
+        )
+
+    def _carriers(self, chains: Sequence[MaterialPoints]) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes (k, 8) in computing order and weights (k, 8) of all points; points fixed in space hang on the idle row."""
+        element = np.concatenate([points.element for points in chains] or [np.zeros(0, dtype=np.int64)])
+        natural = np.concatenate([points.natural for points in chains] or [np.zeros((0, 3))])
+        in_space = element < 0
+        nodes = self._place[self.model.mesh.hexes[np.where(in_space, 0, element)]]
+        nodes[in_space] = self.model.mesh.node_count
+        weights = shape_functions(natural)
+        weights[in_space] = 0.0
+        return np.ascontiguousarray(nodes), np.ascontiguousarray(weights)

@@ -1,0 +1,115 @@
+"""The stable step of central differences: dt < 2 / omega_max, with omega_max of the current state.
+
+Two answers. ``element_bounds`` is a bound: no element vibrates faster than its own, and no mesh faster than its fastest
+element (Irons & Treharne 1971). ``PowerIteration`` finds the true frequency of the whole mesh from below, so the step that
+is used stays a stated fraction under it (``FRACTION``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+
+import numpy as np
+
+from explicitfe.elements import hourglass
+from explicitfe.elements.hex8 import mean_gradients
+from explicitfe.materials import volumetric
+
+FRACTION = 0.9  # of the limit that the power iteration gives
+
+
+def element_bounds(
+    points: np.ndarray,
+    hexes: np.ndarray,
+    displacement: np.ndarray,
+    law: ModuleType,
+    constants: np.ndarray,
+    hourglass_constants: np.ndarray,
+    density: np.ndarray,
+) -> np.ndarray:
+    """Upper bound of the highest angular frequency squared of each element at displacement u, (m,) 1/s^2.
+
+    omega^2 <= (8 / rho) (M tr(b b^T) + kappa-part / V), b = B F^-1 the gradient in the current shape and M a bound of the
+    current tangent. With h = dF F^-1 the second variation of W(I1_bar) + U(J) is
+
+        W' [2 b_bar:(h^T h) - 8/3 (b_bar:h) tr h + 4/9 I1_bar (tr h)^2 + 2/3 I1_bar tr(h h)] + 4 W'' (dev b_bar : h)^2
+        + U'' J^2 (tr h)^2 + U' J [(tr h)^2 - tr(h h)]
+
+    and each |tr h|^2 and |h|^2 is at most tr(b b^T) |u|^2. (The largest eigenvalue of b b^T in place of the trace would be
+    too small: a volume change adds the contributions of the three directions.)
+
+    Parameters
+    ----------
+    points, hexes, displacement : (n, 3) m, (m, 8), (n, 3) m.
+    law : module of leaves (``slope``, ``curvature``).
+    constants, hourglass_constants, density : (m, k), (m, k), (m,) kg/m^3.
+    """
+    gradients, volumes = mean_gradients(points, hexes)
+    F = np.eye(3) + np.einsum("eai,eaj->eij", displacement[hexes], gradients)
+    J = np.linalg.det(F)
+    spatial = np.einsum("eaj,eji->eai", gradients, np.linalg.inv(F))
+    b_bar = np.cbrt(J)[:, None, None] ** -2 * np.einsum("eij,ekj->eik", F, F)
+    I1_bar = np.trace(b_bar, axis1=1, axis2=2)
+    size = np.linalg.norm(b_bar, axis=(1, 2))
+    deviator = size**2 - I1_bar**2 / 3.0
+    c = constants.T
+    slope = law.slope.py_func(I1_bar, c)
+    bulk = c[-1]  # every law lists its bulk modulus last
+    tangent = (
+        volumetric.curvature.py_func(J, bulk) * J**2
+        + 2.0 * np.abs(volumetric.pressure.py_func(J, bulk)) * J
+        + slope * (2.0 * np.linalg.norm(b_bar, ord=2, axis=(1, 2)) + 8.0 / 3.0 * size + 10.0 / 9.0 * I1_bar)
+        + 4.0 * law.curvature.py_func(I1_bar, c) * deviator
+    )
+    trace = np.einsum("eai,eai->e", spatial, spatial)
+    stiff = hourglass.largest_eigenvalue(points, hexes, hourglass_constants)
+    return 8.0 / density * (tangent * trace + stiff / volumes)
+
+
+class PowerIteration:
+    """Estimates the highest angular frequency of the whole mesh, keeping its vector from call to call.
+
+    Parameters
+    ----------
+    minus_force : function that fills its second argument with minus the internal force at its first, both node rows.
+    inverse_mass : (n + 1, 4) 1/kg, 0 where held.
+    length_m : typical element size; the force is differentiated over a millionth of it.
+    """
+
+    def __init__(
+        self, minus_force: Callable[[np.ndarray, np.ndarray], object], inverse_mass: np.ndarray, length_m: float
+    ) -> None:
+        self._minus_force = minus_force
+        self._root = np.sqrt(inverse_mass)
+        self._length = length_m
+        # A fixed seed: a run repeated is the same run.
+        vector = np.random.default_rng(20051).standard_normal(inverse_mass.shape) * (inverse_mass > 0.0)
+        self.vector = vector / np.linalg.norm(vector)
+        self._perturbed = np.empty_like(vector)
+        self._response = np.empty_like(vector)
+
+    def frequency(self, u: np.ndarray, force: np.ndarray, *, most: int, tolerance: float = 2e-3) -> float:
+        """Highest angular frequency [1/s] at displacement u, whose minus internal force is ``force`` (both node rows).
+
+        The estimate |A x| / |x| of A = M^-1/2 K M^-1/2 grows towards the truth; the iteration ends when five turns raise it
+        by less than ``tolerance``, or after ``most`` turns. NaN where the force is not finite.
+        """
+        history = []
+        for _ in range(most):
+            direction = self._root * self.vector
+            step = 1e-6 * self._length / np.abs(direction).max()
+            np.multiply(direction, step, out=self._perturbed)
+            self._perturbed += u
+            self._minus_force(self._perturbed, self._response)
+            self._response -= force
+            self._response *= self._root
+            self._response *= -1.0 / step
+            square = float(np.linalg.norm(self._response))
+            if not np.isfinite(square) or square == 0.0:
+                return float("nan")
+            np.divide(self._response, square, out=self.vector)
+            history.append(square)
+            if len(history) > 5 and history[-1] < history[-6] * (1.0 + tolerance):
+                break
+        return float(np.sqrt(max(history)))

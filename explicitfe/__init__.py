@@ -1,0 +1,30 @@
+"""explicitfe: explicit-dynamics simulator of the tongue and other soft tissue.
+
+>>> import explicitfe
+>>> summary = explicitfe.run("scenarios/vowel-i.toml", out="outputs")
+>>> with explicitfe.open_result(summary["result"]) as result:
+...     u = result.displacement(time=0.060)         # (n, 3) m
+...     mesh = result.mesh_at(time_s=0.060)         # pyvista mesh
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+# Imported on first use: a program that only reads results does not wait for the compiler, nor the other way round.
+_PLACES = {
+    "run": "explicitfe.run",
+    "open_result": "explicitfe.results",
+    "InputError": "explicitfe.errors",
+    "RunError": "explicitfe.errors",
+}
+__all__ = ["InputError", "RunError", "__version__", "open_result", "run"]  # noqa: F822
+
+
+def __getattr__(name: str) -> Any:
+    if name in _PLACES:
+        return getattr(import_module(_PLACES[name]), name)
+    raise AttributeError(f"module 'explicitfe' has no attribute {name!r}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -30,6 +31,7 @@ from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
 from explicitfe.simd import ROW
+from explicitfe.timestep import PowerIteration, element_bounds
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,11 @@ class Simulation:
         free = node_rows(~model.held[self.node_order])
         self.nodes = Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
 
+        self._power = PowerIteration(
+            lambda u, force: self.kernels.forces(u, force, self.blocks),
+            self.nodes.inverse_mass,
+            float(np.cbrt(self.volumes.min())),
+        )
         self._profiles: list[Profile] = []
         self.loads = self._dead_loads(model.loads)
         self.fibres = self._follower_fibres(model.pulls)
@@ -150,6 +157,32 @@ class Simulation:
         self.time_s = 0.0
         self.dt_s = 0.0  # the step that led to time_s
         self.steps = 0
+        # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
+        self._origin_s, self._index = 0.0, 0
+
+    # ---- the stable step ----
+
+    def stable_limit(self, *, most: int) -> float:
+        """Largest stable step [s] of the present state, by at most ``most`` power iterations; NaN if not to be found."""
+        return 2.0 / self._power.frequency(self.state.u, self._present_force(), most=most)
+
+    def stable_bound(self) -> tuple[float, int]:
+        """A step [s] that is stable for certain, and the element (user's number) that sets it."""
+        squares = element_bounds(
+            self.points,
+            self.hexes,
+            self.state.u[:-1, :3],
+            law_of(self.model.material.law),
+            self.constants,
+            self.hourglass_constants,
+            self.density,
+        )
+        fastest = int(np.argmax(squares))
+        return float(2.0 / np.sqrt(squares[fastest])), int(self.element_order[fastest])
+
+    def limiting_element(self) -> int:
+        """The element (user's number) whose own highest frequency is highest now."""
+        return self.stable_bound()[1]
 
     # ---- in the user's numbering ----
 
@@ -181,6 +214,21 @@ class Simulation:
 
     # ---- running ----
 
+    def compile(self, report: Callable[[float], None] = lambda share: None) -> float:
+        """Make the machine code ready, from the cache on disk where it is there; give the seconds it took.
+
+        ``report`` is called with the share that is done.
+        """
+        begin = time.perf_counter()
+        report(0.0)
+        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.blocks)
+        report(0.5)
+        self._snapshot()
+        report(0.8)
+        self.advance(0, 0.0)
+        report(1.0)
+        return time.perf_counter() - begin
+
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
         u, v, force = self.state
@@ -197,7 +245,9 @@ class Simulation:
 
     def advance(self, steps: int, dt_s: float) -> bool:
         """Advance by ``steps`` steps of dt; False if an element has turned inside out (then the loop ended there)."""
-        instants = self.time_s + dt_s * np.arange(steps + 1)
+        if dt_s != self.dt_s:
+            self._origin_s, self._index = self.time_s, 0
+        instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
         done = self.kernels.advance(
             self.state,
             self._external,
@@ -213,6 +263,7 @@ class Simulation:
             self.ledger,
         )
         self.steps += done
+        self._index += done
         self.time_s = float(instants[done])
         self.dt_s = float(dt_s)
         return bool(self.ledger[SMALLEST_J] > 0.0)
@@ -234,7 +285,34 @@ class Simulation:
             smallest_J=float(self.ledger[SMALLEST_J]),
         )
 
+    # ---- restart ----
+
+    def restart_state(self) -> dict[str, np.ndarray]:
+        """Copies of all that the future depends on, in computing order."""
+        return {
+            "u": self.state.u.copy(),
+            "v": self.state.v.copy(),
+            "power_vector": self._power.vector.copy(),
+            "ledger": self.ledger.copy(),
+            "times": np.array([self.time_s, self.dt_s, self._origin_s]),
+            "steps": np.array([self.steps, self._index], dtype=np.int64),
+        }
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from a restart state of the same model; the run then is bit for bit the one that was not stopped."""
+        self.state.u[:] = state["u"]
+        self.state.v[:] = state["v"]
+        self._power.vector[:] = state["power_vector"]
+        self.ledger[:] = state["ledger"]
+        self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
+        self.steps, self._index = (int(x) for x in state["steps"])
+        self.kernels.forces(self.state.u, self.state.force, self.blocks)
+
     # ---- inside ----
+
+    def _present_force(self) -> np.ndarray:
+        self.kernels.forces(self.state.u, self.state.force, self.blocks)
+        return self.state.force
 
     def _rows(self, values: np.ndarray) -> np.ndarray:
         return node_rows(np.asarray(values, dtype=float)[self.node_order])

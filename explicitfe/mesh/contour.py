@@ -108,7 +108,8 @@ class ContourMap:
             keel=column("keel"),
             half_width=1e-3 * _numbers(tables["half_width"]["mm"], (len(s), len(t)), f"{where}: half_width.mm"),
             resolutions={
-                name: check_cells(cells, f"{where}: resolutions.{name}") for name, cells in tables["resolutions"].items()
+                name: check_cells(cells, f"{where}: resolutions.{name}")
+                for name, cells in tables["resolutions"].items()
             },
             named_points={
                 name: tuple(_numbers(point, (3,), f"{where}: named_points.{name}").tolist())
@@ -240,7 +241,7 @@ def check_cells(cells: Sequence[int], where: str = "cells") -> tuple[int, int, i
     ns, nt, nw = (int(n) for n in cells)
     if nw % 2:
         raise InputError(
-            f"{where}: nw = {nw} is odd; give an even number, such as {nw + 1}, so that nodes lie in the midsagittal plane."
+            f"{where}: nw = {nw} is odd; give an even number, such as {nw + 1}: nodes have to lie in the midplane."
         )
     return ns, nt, nw
 
@@ -278,10 +279,10 @@ def _known(table: Mapping, names: Sequence[str], where: str) -> None:
     """Refuse unknown and missing keys."""
     for key in table:
         if key not in names:
-            raise InputError(f"{where}: unknown key {key!r}; {nearest(key, names)}")
+            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, names)}.')
     for name in names:
         if name not in table:
-            raise InputError(f"{where}: {name!r} is missing.")
+            raise InputError(f'{where}: the key "{name}" is missing.')
 
 
 def _numbers(values: object, shape: tuple[int, ...], where: str) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Whether a mesh can be computed on, and how good its elements are.
 
 The Jacobian at a corner of a hex is the determinant of the three edges that leave it, in the order of the natural axes:
-the volume of the parallelepiped that they span. The scaled Jacobian is the same with the edges normalised: 1 for a brick,
-0 for a flat corner, negative for an inverted one (Knupp 2000, Int. J. Numer. Meth. Engng 48:1165-1185).
+the volume of the parallelepiped that they span. The scaled Jacobian is the same with the edges normalised: 1 for a
+brick, 0 for a flat corner, negative for an inverted one (Knupp 2000, Int. J. Numer. Meth. Engng 48:1165-1185).
 """
 
 from __future__ import annotations
@@ -14,11 +14,8 @@ import numpy as np
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
 
-# The neighbours of each corner along xi, eta, zeta, and the signs that turn the edges towards growing xi, eta, zeta.
-_NEIGHBOURS = np.array(
-    [[int(np.flatnonzero((CORNERS == corner * (1.0 - 2.0 * np.eye(3)[axis])).all(axis=1))[0]) for axis in range(3)]
-     for corner in CORNERS]
-)  # fmt: skip
+# The neighbours of each corner along xi, eta, zeta, and the sign of turning its edges towards growing xi, eta, zeta.
+_NEIGHBOURS = np.array([[1, 3, 4], [0, 2, 5], [3, 1, 6], [2, 0, 7], [5, 7, 0], [4, 6, 1], [7, 5, 2], [6, 4, 3]])
 _SIGNS = np.prod(-CORNERS, axis=1)
 
 # The 12 edges of a hex as pairs of corners.
@@ -69,9 +66,7 @@ def volumes(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     total = np.zeros(len(hexes))
     for gauss in _GAUSS:
         factors = 1.0 + gauss * CORNERS
-        gradient = np.stack(
-            [CORNERS[:, i] * factors[:, (i + 1) % 3] * factors[:, (i + 2) % 3] / 8.0 for i in range(3)]
-        )
+        gradient = np.stack([CORNERS[:, i] * factors[:, (i + 1) % 3] * factors[:, (i + 2) % 3] / 8.0 for i in range(3)])
         total += _determinant(np.einsum("ja,mai->mji", gradient, corners))
     return total
 
@@ -177,7 +172,7 @@ def check(mesh: HexMesh, where: str) -> None:
         corner = int(np.argmin(scaled[element]))
         node = hexes[element, corner]
         if scaled[element, corner] > -_FLAT:
-            fault = f"has no volume at corner {corner} (node {node}): its edges there lie in one plane or have no length"
+            fault = f"has no volume at corner {corner} (node {node}): its edges lie in a plane or have no length"
             remedy = "merge or move its nodes"
         elif (scaled[element] < 0.0).all():
             fault = f"is inside out: negative Jacobian at all corners, the worst at corner {corner} (node {node})"

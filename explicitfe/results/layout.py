@@ -1,7 +1,8 @@
 """What stands where in a result file: the one place that the writer and the reader take it from.
 
 A result is plain HDF5 and at the same time a temporal VTKHDF UnstructuredGrid with a static mesh: N nodes, E hexes,
-T stored steps. ``[T]`` marks a dataset with room for more steps than are stored; ``Steps@NSteps`` says how many are valid.
+T stored steps. ``[T]`` marks a dataset that, until the run ends, has room for more steps than are stored: ``NSteps``
+says how many are valid.
 
     /VTKHDF                                @Version = [2, 0]   @Type = "UnstructuredGrid", fixed-length ASCII
       NumberOfPoints = [N]   NumberOfCells = [E]   NumberOfConnectivityIds = [8E]
@@ -27,8 +28,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -51,10 +55,14 @@ HISTORY = "explicitfe/history"
 RESTART_SLOTS = ("explicitfe/restart/slot0", "explicitfe/restart/slot1")
 
 VTK_HEXAHEDRON = 12
-# Bytes kept for what is only known at the end, so that finishing a run overwrites and never restructures the file.
+# Bytes kept for what is only known at the end, so that the end of a run overwrites and does not rearrange.
 STATUS_BYTES = {"state": 32, "message": 4096, "summary": 262144}
-HISTORY_CHUNK = 1024
-OFFSET_CHUNK = 1024
+# HDF5 lists up to 64 chunks in one node of its index. While that suffices, lengthening a file is safe from a kill at
+# every single write; splitting the node is not. So 16 steps a chunk are safe up to 1024 steps, and beyond that for all
+# steps that were foreseen when the file was made.
+STEPS_PER_CHUNK = 16
+NUMBERS_PER_CHUNK = 1024
+INDEX_NODE_BYTES = 4096
 
 
 @dataclass(frozen=True)
@@ -80,6 +88,11 @@ class Quantity:
 
 DISPLACEMENT = Quantity("m", 3, "displacement of the nodes from their reference positions")
 TIME = Quantity("s", 1, "time of each row of the history")
+
+
+def running_path(path: Path) -> Path:
+    """What a result is called while its run goes on."""
+    return path.with_name(f"{path.stem}.running.vtkhdf")
 
 
 def create(
@@ -111,7 +124,7 @@ def create(
 
     steps = file.create_group(STEPS)
     steps.attrs["NSteps"] = np.int64(0)
-    _growing(file, f"{STEPS}/Values", (), "<f8", OFFSET_CHUNK)
+    _growing(file, f"{STEPS}/Values", (), "<f8", NUMBERS_PER_CHUNK)
     for name, shape in (
         ("NumberOfParts", ()),
         ("PartOffsets", ()),
@@ -119,14 +132,14 @@ def create(
         ("CellOffsets", (1,)),
         ("ConnectivityIdOffsets", (1,)),
     ):
-        _growing(file, f"{STEPS}/{name}", shape, np.int64, OFFSET_CHUNK)
+        _growing(file, f"{STEPS}/{name}", shape, np.int64, NUMBERS_PER_CHUNK)
     for data, count, fields in ((POINT_DATA, n, point_fields), (CELL_DATA, m, cell_fields)):
         file.create_group(data)
         for name, quantity in fields.items():
-            dataset = _growing(file, f"{data}/{name}", quantity.shape, "<f8", count)
+            dataset = _growing(file, f"{data}/{name}", quantity.shape, "<f8", STEPS_PER_CHUNK * count)
             dataset.attrs["unit"] = quantity.unit
             dataset.attrs["description"] = quantity.description
-            _growing(file, offsets_of(f"{data}/{name}"), (), np.int64, OFFSET_CHUNK)
+            _growing(file, offsets_of(f"{data}/{name}"), (), np.int64, NUMBERS_PER_CHUNK)
     make_room(file, 0, capacity)
 
     own = file.create_group("explicitfe")
@@ -146,10 +159,10 @@ def create(
 
     file.create_group(HISTORY).attrs["rows"] = np.int64(0)
     for name, quantity in history.items():
-        dataset = _growing(file, f"{HISTORY}/{name}", quantity.shape, "<f8", HISTORY_CHUNK)
+        dataset = _growing(file, f"{HISTORY}/{name}", quantity.shape, "<f8", NUMBERS_PER_CHUNK)
         dataset.attrs["unit"] = quantity.unit
         dataset.attrs["description"] = quantity.description
-        dataset.resize(HISTORY_CHUNK, axis=0)
+    resize(file, dict.fromkeys(file[HISTORY].values(), NUMBERS_PER_CHUNK))
 
     for slot in RESTART_SLOTS:
         file.create_group(slot)
@@ -159,28 +172,44 @@ def create(
 
 
 def make_room(file: h5py.File, start: int, stop: int) -> None:
-    """Lengthen or shorten every per-step dataset to ``stop`` steps and fill in the offsets of steps from ``start`` on."""
+    """Lengthen or shorten all per-step datasets to ``stop`` steps; fill in the offsets of the steps from ``start`` on.
+
+    Raises
+    ------
+    OSError : the disk has no room for them; the file is as it was.
+    """
     steps = file[STEPS]
-    new = np.arange(start, stop, dtype=np.int64)
-    for name, value in (
-        ("Values", 0),
-        ("NumberOfParts", 1),
-        ("PartOffsets", 0),
-        ("PointOffsets", 0),
-        ("CellOffsets", 0),
-        ("ConnectivityIdOffsets", 0),
-    ):
-        steps[name].resize(stop, axis=0)
-        if new.size:
-            steps[name][start:] = value
+    constants = dict.fromkeys(("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"), 0)
+    constants["NumberOfParts"] = 1
+    lengths = {steps[name]: stop for name in ("Values", *constants)}
+    counts = {}
     for data, counter in ((POINT_DATA, "NumberOfPoints"), (CELL_DATA, "NumberOfCells")):
         count = int(file["VTKHDF"][counter][0])
         for name, dataset in file[data].items():
-            dataset.resize(stop * count, axis=0)
             offsets = file[offsets_of(f"{data}/{name}")]
-            offsets.resize(stop, axis=0)
-            if new.size:
-                offsets[start:] = new * count
+            counts[offsets] = count
+            lengths |= {dataset: stop * count, offsets: stop}
+    resize(file, lengths)
+    if stop > start:
+        for name, value in constants.items():
+            steps[name][start:] = value
+        for offsets, count in counts.items():
+            offsets[start:] = count * np.arange(start, stop, dtype=np.int64)
+
+
+def resize(file: h5py.File, lengths: Mapping[h5py.Dataset, int]) -> None:
+    """Lengthen or shorten datasets to ``lengths`` rows; OSError, and nothing changed, if the disk has no room."""
+    needed = 0
+    for dataset, length in lengths.items():
+        chunks = -(-length // dataset.chunks[0]) + -len(dataset) // dataset.chunks[0]
+        if chunks > 0:
+            needed += chunks * math.prod(dataset.chunks) * dataset.dtype.itemsize
+            needed += INDEX_NODE_BYTES * (1 + chunks // 32)
+    # A disk that is full in the middle of its bookkeeping leaves HDF5 with a file that it cannot open again.
+    if needed and hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.id.get_vfd_handle(), file.id.get_filesize(), needed)
+    for dataset, length in lengths.items():
+        dataset.resize(length, axis=0)
 
 
 def offsets_of(field: str) -> str:
@@ -203,10 +232,11 @@ def to_json(value: Any) -> str:
 
 
 def _growing(file: h5py.File, name: str, shape: tuple[int, ...], dtype: Any, chunk: int) -> h5py.Dataset:
-    """An empty dataset that can be lengthened along its first axis, ``chunk`` rows at a time.
+    """An empty dataset that can be lengthened along its first axis.
 
-    Its chunks get their place in the file when it is lengthened: storing a step then writes numbers and no structure,
-    which is what keeps the file readable when the process is killed in between.
+    Its chunks are placed in the file and filled with zeros when it is lengthened. So storing a step writes numbers and
+    no structure, which keeps the file readable when the process is killed in between, and the file is never shorter
+    than its header says.
     """
     placed_early = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     placed_early.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)

@@ -15,7 +15,6 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import layout
 from explicitfe.results.layout import Quantity
-from explicitfe.results.writer import running_path
 
 if TYPE_CHECKING:
     import pyvista
@@ -165,18 +164,15 @@ class Result:
         if name not in self.fields:
             raise InputError(f'{self.path} has no field "{name}"; {nearest(name, self.fields)}')
         step = self._step(step, time_s)
-        if self.fields[name].kind == "point":
-            data, count = layout.POINT_DATA, self.mesh.node_count
-        else:
-            data, count = layout.CELL_DATA, self.mesh.element_count
-        return self._read(self._file[data][name], slice(step * count, (step + 1) * count))
+        dataset, count = self._field(name)
+        return self._read(dataset, slice(step * count, (step + 1) * count))
 
     def displacement(self, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
         """Displacement of the nodes from their reference positions at one step, (N, 3), m."""
         return self.field("displacement", step, time_s=time_s)
 
     def history(self, name: str) -> np.ndarray:
-        """One history over all rows, (rows,) or (rows, components), in its unit; ``history("time")`` has their times."""
+        """One history, (rows,) or (rows, components), in its unit; ``history("time")`` has the times of the rows."""
         if name not in self.history_names:
             raise InputError(f'{self.path} has no history "{name}"; {nearest(name, self.history_names)}')
         rows = int(self._file[layout.HISTORY].attrs["rows"])
@@ -188,7 +184,7 @@ class Result:
         if name not in points:
             raise InputError(f'{self.path} has no named point "{name}"; {nearest(name, points)}')
         rows = points[name] + self.mesh.node_count * np.arange(len(self.times))
-        dataset = self._file[layout.POINT_DATA]["displacement"]
+        dataset, _ = self._field("displacement")
         return np.array([self._read(dataset, row) for row in rows]).reshape(-1, 3)
 
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:
@@ -240,9 +236,7 @@ class Result:
             "elements": self.mesh.element_count,
             "steps": len(self.times),
             "time_s": [float(time) for time in self.times[[0, -1]]] if len(self.times) else [],
-            "fields": [
-                {"name": name, "kind": info.kind, **vars(info.quantity)} for name, info in self.fields.items()
-            ],
+            "fields": [{"name": name, "kind": info.kind, **vars(info.quantity)} for name, info in self.fields.items()],
             "history": [{"name": name, **vars(quantity)} for name, quantity in self.history_names.items()],
             "history_rows": int(self._file[layout.HISTORY].attrs["rows"]),
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
@@ -282,24 +276,26 @@ class Result:
                 raise InputError(f"{self.path} is an HDF5 file but no result of explicitfe")
             version = int(self._file["explicitfe"].attrs["format"])
             if version > layout.FORMAT:
-                raise InputError(
-                    f"{self.path} has format {version}, this explicitfe reads up to {layout.FORMAT}: install a newer one"
-                )
-            for name in (layout.SCENARIO, layout.MODEL, layout.PROVENANCE, layout.NODE_SETS, layout.NAMED_POINTS):
-                self._file[name]
-            for name in (*layout.STATUS_BYTES,):
-                self._file[layout.STATUS][name]
-            self._file[layout.HISTORY].attrs["rows"]
+                raise InputError(f"{self.path} has format {version}, newer than this explicitfe; install a newer one")
+            parts = (layout.STATUS, layout.SCENARIO, layout.MODEL, layout.PROVENANCE, layout.NODE_SETS)
+            for part in (*parts, layout.NAMED_POINTS, layout.HISTORY, *layout.RESTART_SLOTS):
+                if part not in self._file:
+                    raise self._damaged(f"{part} is missing")
             steps = int(self._file[layout.STEPS].attrs["NSteps"])
             if len(self.times) < steps:
                 raise self._damaged(f"it counts {steps} steps and has times for {len(self.times)}")
-            for name, info in self.fields.items():
-                count = self.mesh.node_count if info.kind == "point" else self.mesh.element_count
-                data = layout.POINT_DATA if info.kind == "point" else layout.CELL_DATA
-                if len(self._file[data][name]) < steps * count:
+            for name in self.fields:
+                dataset, count = self._field(name)
+                if len(dataset) < steps * count:
                     raise self._damaged(f"{name} is shorter than {steps} steps")
         except (KeyError, RuntimeError, OSError) as error:
             raise self._damaged(str(error)) from error
+
+    def _field(self, name: str) -> tuple[h5py.Dataset, int]:
+        """The dataset of a field and how many rows of it are one step."""
+        if self.fields[name].kind == "point":
+            return self._file[layout.POINT_DATA][name], self.mesh.node_count
+        return self._file[layout.CELL_DATA][name], self.mesh.element_count
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"{self.path} is damaged ({what}); run the scenario again")
@@ -318,7 +314,7 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
         with path.open("rb") as file:
             signature = file.read(len(HDF5_SIGNATURE))
     except FileNotFoundError as error:
-        left = running_path(path)
+        left = layout.running_path(path)
         hint = f"; a run that goes on or was killed has {left}" if left.exists() else ""
         raise InputError(f"{path} does not exist{hint}") from error
     except OSError as error:

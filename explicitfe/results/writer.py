@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -16,32 +18,36 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import layout
 from explicitfe.results.layout import Quantity
 
+# What h5py raises when the file system refuses, by where in HDF5 that happens.
+HDF5_ERRORS = (OSError, RuntimeError)
 RUNNING, FINISHED, FAILED = "running", "finished", "failed"
 
 
 class ResultWriter:
     """Appends samples to a result file.
 
-    While the run goes on the file is called ``<stem>.running.vtkhdf``; :meth:`finish` renames it to ``path``. So an older
-    result at ``path`` stays whole until the new one is, and a killed run leaves its samples under the running name.
-    Leaving the ``with`` block without :meth:`finish` keeps the running file if it holds a sample and removes it if not.
+    While the run goes on the file is called ``<stem>.running.vtkhdf``; :meth:`finish` renames it to ``path``. So an
+    older result at ``path`` stays whole until the new one is, and a killed run leaves its samples under the running
+    name. Leaving the ``with`` block without :meth:`finish` keeps the running file if it holds a sample and removes it
+    if not.
 
     Parameters
     ----------
     path : where the finished result shall stand; ends in ``.vtkhdf``. Missing folders are made.
     mesh : the reference mesh; its node sets and named points are stored too.
-    point_fields, cell_fields : name -> quantity, what :meth:`sample` gets beside ``displacement`` (m), which is always stored.
+    point_fields, cell_fields : name -> quantity, what :meth:`sample` gets beside ``displacement`` (m), which is always
+        stored.
     history : name -> quantity, what :meth:`history` gets beside the time.
     scenario_text : the scenario file as the user wrote it.
     model, provenance : JSON-able dicts.
     restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
-    expected_samples : room is made for this many at once; more are possible.
+    expected_samples : room is made for this many at once; more are possible, fewer are trimmed by :meth:`finish`.
     overwrite : whether a finished result at ``path`` may be replaced.
 
     Raises
     ------
-    InputError : a result exists at ``path`` and ``overwrite`` is False, another process is writing it, or the folder cannot
-        be written.
+    InputError : a result exists at ``path`` and ``overwrite`` is False, another process is writing it, or the folder
+        cannot be written or has no room for the expected samples.
     """
 
     def __init__(
@@ -60,7 +66,7 @@ class ResultWriter:
         overwrite: bool = False,
     ) -> None:
         self.path = Path(path)
-        self.running_path = running_path(self.path)
+        self.running_path = layout.running_path(self.path)
         self._capacity = max(1, expected_samples)
         self._samples = 0
         self._last_time = -np.inf
@@ -85,8 +91,9 @@ class ResultWriter:
             self._write_status(RUNNING, "", "{}")
             self._file.flush()
         except BaseException as error:
-            self.close()
-            if isinstance(error, OSError):
+            with suppress(*HDF5_ERRORS):
+                self.close()
+            if isinstance(error, HDF5_ERRORS):
                 raise _cannot_write(self.path, error) from error
             raise
         self._open_datasets()
@@ -123,8 +130,8 @@ class ResultWriter:
         cell_data = _checked(cell_data or {}, self._cell_data, self._counts[1])
         try:
             if self._samples == self._capacity:
+                layout.make_room(self._file, self._samples, 2 * self._capacity)
                 self._capacity *= 2
-                layout.make_room(self._file, self._samples, self._capacity)
                 self._file.flush()
                 self._open_datasets()
             for datasets, arrays in ((self._point_data, point_data), (self._cell_data, cell_data)):
@@ -135,7 +142,7 @@ class ResultWriter:
             # HDF5 flushes data before structure: the count reaches the file after what it counts.
             self._step_count.write(np.array(self._samples + 1, dtype=np.int64))
             self._file.flush()
-        except OSError as error:
+        except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
         self._samples += 1
         self._last_time = time_s
@@ -168,7 +175,7 @@ class ResultWriter:
                 slot[name][...] = array
             slot["seal"][...] = layout.seal(number, arrays)
             self._file.flush()
-        except OSError as error:
+        except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
         self._restarts = number
 
@@ -195,7 +202,7 @@ class ResultWriter:
             self._resize_history(self._rows)
             self._file.close()
             self.running_path.replace(self.path)
-        except OSError as error:
+        except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
         self._finished = True
         return self.path
@@ -237,8 +244,7 @@ class ResultWriter:
         self._noted = {name: [] for name in self._history}
 
     def _resize_history(self, rows: int) -> None:
-        for dataset in self._file[layout.HISTORY].values():
-            dataset.resize(rows, axis=0)
+        layout.resize(self._file, dict.fromkeys(self._file[layout.HISTORY].values(), rows))
 
     def _write_status(self, state: str, message: str, summary: str) -> None:
         for name, text in (("state", state), ("message", message), ("summary", summary)):
@@ -247,54 +253,55 @@ class ResultWriter:
                 raise ValueError(f"{name} has {len(data)} bytes, at most {layout.STATUS_BYTES[name]} can be stored")
             self._file[f"{layout.STATUS}/{name}"][()] = data
 
-    def _stopped_writing(self, error: OSError) -> RunError:
+    def _stopped_writing(self, error: Exception) -> RunError:
         return RunError(
             f"could not go on writing {self.running_path} ({_reason(error)}); its {self._samples} samples so far stay "
             "readable: free space or choose another --out folder"
         )
 
 
-def running_path(path: Path) -> Path:
-    """Name of a result while its run goes on."""
-    return path.with_name(f"{path.stem}.running.vtkhdf")
-
-
 def _create_file(path: Path, running: Path, overwrite: bool) -> h5py.File:
     """A new file at ``running``, in place of one that a killed run left."""
     if path.suffix != ".vtkhdf":
         raise InputError(f"result {path} must end in .vtkhdf: ParaView and pyvista know it by that")
-    if path.is_dir():
-        raise InputError(f"result {path} is a folder; choose another --out folder")
-    if path.exists() and not overwrite:
-        raise InputError(f"result {path} exists; add --overwrite to replace it or choose another --out folder")
     try:
+        if path.is_dir():
+            raise InputError(f"result {path} is a folder; choose another --out folder")
+        if path.exists() and not overwrite:
+            raise InputError(f"result {path} exists; add --overwrite to replace it or choose another --out folder")
         path.parent.mkdir(parents=True, exist_ok=True)
-        if not running.exists():
-            return h5py.File(running, "x")
-        # HDF5 cuts an existing file to nothing before it looks for a lock: look first.
-        try:
-            h5py.File(running, "r+").close()
-        except BlockingIOError:
-            raise
-        except OSError:
-            pass  # killed before it was a file that HDF5 can open: nothing to keep
-        return h5py.File(running, "w")
-    except (BlockingIOError, FileExistsError) as error:
-        if not running.is_file():
-            raise _cannot_write(path, error) from error
-        raise InputError(
-            f"another run is writing {running}; wait until it ends or choose another --out folder"
-        ) from error
+        mode = "x"
+        if running.exists():
+            _check_not_being_written(running)
+            mode = "w"
+        # Without a chunk cache HDF5 writes each step's numbers straight to their place.
+        return h5py.File(running, mode, rdcc_nbytes=0)
     except OSError as error:
         raise _cannot_write(path, error) from error
 
 
-def _cannot_write(path: Path, error: OSError) -> InputError:
+def _check_not_being_written(running: Path) -> None:
+    """InputError if a live process holds the file; to be asked first, as HDF5 empties a file before it asks."""
+    try:
+        h5py.File(running, "r+").close()
+    except BlockingIOError as error:
+        raise InputError(
+            f"another run is writing {running}; wait until it ends or choose another --out folder"
+        ) from error
+    except OSError:
+        pass  # killed before it was a file that HDF5 can open
+
+
+def _cannot_write(path: Path, error: Exception) -> InputError:
     return InputError(f"cannot write results in {path.parent} ({_reason(error)}); choose another --out folder")
 
 
-def _reason(error: OSError) -> str:
-    return os.strerror(error.errno) if error.errno else str(error)
+def _reason(error: Exception) -> str:
+    """Why the file system refused, in its words; HDF5 hides them in a longer text, and often says no ``errno``."""
+    hidden = re.search("error message = '([^']*)'", str(error))
+    if hidden:
+        return hidden[1]
+    return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
 
 
 def _checked(arrays: Mapping[str, np.ndarray], declared: Mapping[str, _Rows], count: int) -> dict[str, np.ndarray]:

@@ -1,0 +1,5 @@
+"""``python -m explicitfe``."""
+
+from explicitfe.cli import main
+
+main()

@@ -1,0 +1,262 @@
+"""The command ``explicitfe``: what a person types, what they see while they wait, what a program reads.
+
+Words for people go to stderr through rich; ``--json`` prints one object on stdout and nothing else there. Exit code 0: done;
+1: the run ended early (what it computed is stored); 2: the input cannot be used; 130: stopped by hand.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from explicitfe import __version__
+from explicitfe.errors import InputError, RunError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+_console = Console(stderr=True)
+
+_Scenario = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+_Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scenario; repeat for more."),
+]
+_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, nothing else there.")]
+_Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the result.")]
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.", is_eager=True)] = False,
+) -> None:
+    """Explicit-dynamics simulator of the tongue: from a scenario file to a result file that ParaView opens.
+
+    Example: [bold]explicitfe run scenarios/vowel-i.toml[/bold]
+    """
+    if version:
+        print(__version__)
+        raise typer.Exit()
+
+
+@app.command()
+def run(
+    scenario: _Scenario,
+    out: _Out = Path("outputs"),
+    settings: _Settings = None,
+    plots: Annotated[bool, typer.Option("--plots", help="Draw the run as PNG beside the result.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a result that exists.")] = False,
+    as_json: _Json = False,
+) -> None:
+    """Run a scenario and store its result as one .vtkhdf file.
+
+    Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
+    """
+    from explicitfe.run import run as run_scenario
+
+    with _progress() as report:
+        summary = run_scenario(scenario, out, settings=settings or (), overwrite=overwrite, report=report)
+        if plots:
+            from explicitfe.view.figures import draw
+
+            report("draw", 0.0)
+            summary["plots"] = [str(path) for path in draw(Path(summary["result"]))]
+            report("draw", 1.0)
+    if as_json:
+        _print_json(summary)
+    else:
+        _show_summary(summary)
+    if summary["status"] != "finished":
+        _console.print(f"[red]{summary['status']}[/red]: {summary['message']}", soft_wrap=True, highlight=False)
+        raise typer.Exit(130 if summary["status"] == "interrupted" else 1)
+
+
+@app.command()
+def check(scenario: _Scenario, settings: _Settings = None, as_json: _Json = False) -> None:
+    """Validate and build a scenario without running it: mesh quality, stable step, steps, wall time, memory.
+
+    Example: [bold]explicitfe check scenarios/vowel-i.toml --set model.resolution=fine[/bold]
+    """
+    from explicitfe.check import check as check_scenario
+
+    with _progress() as report:
+        found = check_scenario(scenario, settings or (), report)
+    if as_json:
+        _print_json(found)
+    else:
+        _show_pairs(str(scenario), found)
+
+
+@app.command()
+def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf).")], as_json: _Json = False) -> None:
+    """Show what a result holds: status, times, fields, energies, probes, provenance.
+
+    Example: [bold]explicitfe inspect outputs/vowel-i.vtkhdf[/bold]
+    """
+    from explicitfe.results import open_result
+
+    with open_result(result) as opened:
+        found = opened.summary_dict()
+    if as_json:
+        _print_json(found)
+    else:
+        _show_pairs(str(result), found)
+
+
+@app.command("list")
+def list_(
+    what: Annotated[str, typer.Argument(help="models | muscles | scenarios | materials", show_default=False)],
+    as_json: _Json = False,
+) -> None:
+    """List what comes with the program.
+
+    Example: [bold]explicitfe list muscles[/bold]
+    """
+    from explicitfe.check import LISTS
+    from explicitfe.errors import nearest
+
+    if what not in LISTS:
+        raise InputError(f'cannot list "{what}"; {nearest(what, LISTS)}')
+    rows = LISTS[what]()
+    if as_json:
+        _print_json({what: rows})
+        return
+    table = Table(title=what, title_justify="left")
+    for column in rows[0] if rows else ():
+        table.add_column(column)
+    for row in rows:
+        table.add_row(*(_text(value) for value in row.values()))
+    Console().print(table)
+
+
+@app.command()
+def schema() -> None:
+    """Print the JSON schema of scenario files, for editors that complete and check TOML.
+
+    Example: [bold]explicitfe schema > scenario.schema.json[/bold]
+    """
+    from explicitfe.model.scenario import json_schema
+
+    _print_json(json_schema())
+
+
+def main() -> None:
+    """Entry point of the command: errors become one sentence and an exit code."""
+    try:
+        app()
+    except InputError as error:
+        _console.print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False, markup=True)
+        sys.exit(2)
+    except RunError as error:
+        _console.print(f"[red]failed:[/red] {error}", soft_wrap=True, highlight=False)
+        sys.exit(1)
+    except KeyboardInterrupt:
+        _console.print("stopped by hand")
+        sys.exit(130)
+
+
+_STAGES = {
+    "compile": "compiling kernels (some 10 s the first time on a machine)",
+    "run": "running",
+    "draw": "drawing",
+}
+
+
+@contextmanager
+def _progress() -> Iterator[Any]:
+    """A progress display on stderr; gives the function that a run reports to."""
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=_console,
+        transient=False,
+    ) as progress:
+        tasks: dict[str, Any] = {}
+
+        def report(stage: str, share: float) -> None:
+            if stage not in tasks:
+                tasks[stage] = progress.add_task(_STAGES[stage], total=1.0)
+            progress.update(tasks[stage], completed=share)
+
+        yield report
+
+
+def _print_json(value: Any) -> None:
+    print(json.dumps(_plain(value), indent=2, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no NaN and no infinity: null instead."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(inner) for inner in value)
+    return str(value)
+
+
+def _show_summary(summary: dict[str, Any]) -> None:
+    table = Table(title=summary["title"], title_justify="left", show_header=False)
+    table.add_row("status", summary["status"])
+    table.add_row("mesh", f"{summary['hexes']} hexes, {summary['nodes']} nodes")
+    table.add_row(
+        "steps",
+        f"{summary['steps']} of {1e6 * summary['dt_s']:.1f} µs or longer, at most "
+        f"{100 * summary['dt_fraction_of_limit']:.0f} % of the stable limit",
+    )
+    table.add_row(
+        "speed",
+        f"{1e3 * summary['simulated_s']:.1f} ms in {summary['wall_s']:.2f} s: "
+        f"{summary['real_time_factor']:.2g} x real time (compiling took {summary['compile_s']:.1f} s)",
+    )
+    table.add_row("energy balance", f"off by at most {summary['energy_balance_error']:.1e}")
+    table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
+    table.add_row("smallest J", f"{summary['min_J']:.3f}")
+    settled = "settled" if summary["settled"] else "still moving"
+    table.add_row("at the end", f"{settled}, fastest node {summary['largest_speed_mm_s']:.0f} mm/s")
+    for name, probe in summary["probes"].items():
+        x, y, z = probe["displacement_mm"]
+        table.add_row(name, f"({x:+.2f}, {y:+.2f}, {z:+.2f}) mm at {probe['speed_mm_s']:.0f} mm/s")
+    for path in summary.get("plots", []):
+        table.add_row("plot", path)
+    table.add_row("result", summary["result"])
+    console = Console()
+    console.print(table)
+
+
+def _show_pairs(title: str, found: dict[str, Any]) -> None:
+    table = Table(title=title, title_justify="left", show_header=False)
+    for key, value in found.items():
+        if isinstance(value, dict):
+            table.add_row(key, "\n".join(f"{inner}: {_text(v)}" for inner, v in value.items()))
+        else:
+            table.add_row(key, _text(value))
+    Console().print(table)

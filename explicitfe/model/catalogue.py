@@ -1,0 +1,83 @@
+"""The built-in models, materials and scenarios: data folders, read here."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from pathlib import Path
+
+from explicitfe.errors import InputError, nearest
+from explicitfe.materials import LAWS, Law
+from explicitfe.mesh.contour import ContourMap
+from explicitfe.mesh.fibres import read_muscles
+from explicitfe.model.anatomy import Anatomy
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def _data(kind: str) -> Path:
+    """models/ or scenarios/: inside an installed package, at the top of a checkout."""
+    installed = _PACKAGE / "_data" / kind
+    return installed if installed.is_dir() else _PACKAGE.parent / kind
+
+
+def model_folders() -> dict[str, Path]:
+    """Built-in models: name -> folder."""
+    return {path.parent.name: path.parent for path in sorted(_data("models").glob("*/geometry.toml"))}
+
+
+def scenario_files() -> list[Path]:
+    """Scenarios that come with the program."""
+    return sorted(_data("scenarios").glob("*.toml"))
+
+
+@cache
+def materials() -> dict[str, Law]:
+    """Named materials of all built-in models."""
+    found: dict[str, Law] = {}
+    for path in sorted(_data("models").glob("*/materials.toml")):
+        for name, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
+            found[name] = LAWS[table.get("law", "yeoh")][0].model_validate(table)
+    return found
+
+
+def material(choice: str | Law) -> Law:
+    """The material that a scenario names or spells out.
+
+    Raises
+    ------
+    InputError : no material has that name.
+    """
+    if isinstance(choice, Law):
+        return choice
+    if choice not in materials():
+        raise InputError(f'unknown material "{choice}"; {nearest(choice, materials())}.')
+    return materials()[choice]
+
+
+def contour(name: str) -> ContourMap:
+    """The contour map of a built-in model."""
+    folders = model_folders()
+    if name not in folders:
+        raise InputError(f'unknown model "{name}"; {nearest(name, folders)}.')
+    return ContourMap.from_toml(folders[name] / "geometry.toml")
+
+
+def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | None) -> tuple[int, int, int]:
+    """Numbers of elements along s, t and w for a resolution's name, or those asked for."""
+    if cells is not None:
+        return cells
+    resolutions = contour(name).resolutions
+    resolution = resolution or "medium"
+    if resolution not in resolutions:
+        raise InputError(f'unknown resolution "{resolution}"; {nearest(resolution, resolutions)}.')
+    return resolutions[resolution]
+
+
+def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, int] | None = None) -> Anatomy:
+    """A built-in model at a resolution ('medium' if neither it nor cells is given)."""
+    shape = contour(name)
+    grid = cells_of(name, resolution, cells)
+    muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
+    return Anatomy(name=name, mesh=shape.mesh(grid), muscles=muscles, fixed=("jaw", "hyoid"))
+

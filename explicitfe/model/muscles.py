@@ -1,0 +1,92 @@
+"""From a muscle and its force to what pulls on the mesh.
+
+The force is shared equally over the fibres of the sides named. Along a fibre the tension T of its segments is
+
+``ends``    one segment, the chord: equal and opposite forces on the two ends (Gérard et al. 2005);
+``along``   the same in every segment: the ends are pulled and the bends in between pushed inwards;
+``volume``  that of a uniform active stress in the muscle's elements: in proportion to the volume that a unit of fibre
+            length stands for, scaled so that the sum of T x length, which is the work of a uniform contraction, is that of
+            ``along``. Segments in thin parts, such as the tip, pull less, as in ArtiSynth (Stavness et al. 2011).
+
+The resultant of every fibre is zero in each of them, and so is its moment, with the reaction of the bone where an end is
+fixed in space.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.errors import InputError
+from explicitfe.mesh.fibres import Fibre, Muscle
+from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
+from explicitfe.mesh.quality import volumes
+from explicitfe.model.model import FibrePull, NodalLoad
+from explicitfe.model.profile import Profile
+from explicitfe.model.scenario import MuscleTable
+
+
+def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | FibrePull:
+    """The load of one ``[[muscle]]`` table.
+
+    Raises
+    ------
+    InputError : the muscle has no fibre on the side asked for.
+    """
+    fibres = [fibre for fibre in muscle.fibres if table.side in ("both", fibre.side)]
+    if not fibres:
+        raise InputError(f'muscle {muscle.name} has no fibre on the {table.side} side; use side = "both".')
+    points = tuple(_ends(fibre.points) if table.distribution == "ends" else fibre.points for fibre in fibres)
+    share = table.force_N / len(fibres)
+    if table.distribution == "volume":
+        tension = _volume_tensions(mesh, fibres, share)
+    else:
+        tension = tuple(np.full(len(chain) - 1, share) for chain in points)
+    profile = _profile(table)
+    if table.direction == "following":
+        return FibrePull(muscle.name, points, tension, profile)
+    return _reference_load(mesh, muscle.name, points, tension, profile)
+
+
+def _profile(table: MuscleTable) -> Profile:
+    if table.profile == "table":
+        time_ms, scale = np.array(table.table, dtype=float).T
+        return Profile(1e-3 * time_ms, scale)
+    end_s = np.inf if table.end_ms is None else 1e-3 * table.end_ms
+    return Profile.step(1e-3 * table.start_ms, end_s, 1e-3 * table.rise_ms)
+
+
+def _ends(points: MaterialPoints) -> MaterialPoints:
+    at = [0, -1]
+    return MaterialPoints(points.element[at], points.natural[at], points.position[at])
+
+
+def _volume_tensions(mesh: HexMesh, fibres: list[Fibre], share: float) -> tuple[np.ndarray, ...]:
+    lengths = [np.linalg.norm(np.diff(fibre.points.position, axis=0), axis=1) for fibre in fibres]
+    element = np.concatenate([fibre.segment_element for fibre in fibres])
+    length = np.concatenate(lengths)
+    inside = element >= 0
+    in_element = np.bincount(element[inside], weights=length[inside], minlength=mesh.element_count)
+    volume = volumes(mesh.points, mesh.hexes)
+    # A segment in space, between bone and tissue, carries the fibre's share.
+    tension = np.full(len(element), share)
+    tension[inside] = volume[element[inside]] / in_element[element[inside]]
+    tension[inside] *= share * length[inside].sum() / (tension[inside] @ length[inside])
+    return tuple(np.split(tension, np.cumsum([len(part) for part in lengths])[:-1]))
+
+
+def _reference_load(
+    mesh: HexMesh, name: str, points: tuple[MaterialPoints, ...], tension: tuple[np.ndarray, ...], profile: Profile
+) -> NodalLoad:
+    total = np.zeros((mesh.node_count, 3))
+    for chain, t in zip(points, tension, strict=True):
+        along = np.diff(chain.position, axis=0)
+        along *= (t / np.linalg.norm(along, axis=1))[:, None]
+        force = np.zeros_like(chain.position)
+        force[:-1] += along
+        force[1:] -= along
+        inside = chain.element >= 0
+        weights = shape_functions(chain.natural[inside])
+        nodes = mesh.hexes[chain.element[inside]]
+        np.add.at(total, nodes, weights[:, :, None] * force[inside][:, None, :])
+    nodes = np.flatnonzero(np.any(total != 0.0, axis=1))
+    return NodalLoad(name, nodes, total[nodes], profile)

@@ -1,0 +1,255 @@
+"""The scenario file: its schema, its reading, and sentences about what is wrong with it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+
+from explicitfe.errors import InputError, nearest
+from explicitfe.materials import LAWS
+
+FIELDS = ("displacement", "velocity", "J", "hourglass_energy")
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def _material_kind(value: Any) -> str:
+    if isinstance(value, str):
+        return "name"
+    return value.get("law", "yeoh") if isinstance(value, dict) else getattr(value, "law", "yeoh")
+
+
+_Name = Annotated[str, Tag("name")]
+_Yeoh = Annotated[LAWS["yeoh"][0], Tag("yeoh")]
+_NeoHooke = Annotated[LAWS["neo-hooke"][0], Tag("neo-hooke")]
+Material = Annotated[_Name | _Yeoh | _NeoHooke, Discriminator(_material_kind)]
+
+
+class Damping(_Table):
+    """Mass-proportional damping."""
+
+    alpha_per_s: float = Field(default=0.0, ge=0.0, description="Rayleigh alpha [1/s]; 40 is usual for tongue models")
+
+
+class ModelTable(_Table):
+    """What is computed: a built-in model by name, or a mesh of one's own by its model file."""
+
+    name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
+    file: str | None = Field(default=None, description="model file of a mesh of one's own, relative to this file")
+    resolution: str | None = Field(default=None, description="coarse | medium | fine; medium if left out")
+    cells: tuple[int, int, int] | None = Field(
+        default=None, description="numbers of elements along the tongue, through its thickness and across it"
+    )
+    material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
+    damping: Damping = Damping()
+    fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
+    gravity_m_s2: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ModelTable:
+        if (self.name is None) == (self.file is None):
+            raise ValueError("give either name (a built-in model) or file (a model file), and not both")
+        if self.resolution is not None and self.cells is not None:
+            raise ValueError("give either resolution or cells, not both")
+        if self.file is not None and (self.resolution is not None or self.cells is not None):
+            raise ValueError("resolution and cells are for built-in models: a model file brings its own mesh")
+        return self
+
+
+class MuscleTable(_Table):
+    """One muscle's pull."""
+
+    name: str = Field(description="see 'explicitfe list muscles'")
+    force_N: float = Field(ge=0.0, description="force summed over all fibres of the sides named [N]")
+    profile: Literal["step", "ramp", "table"] = "step"
+    start_ms: float = Field(default=0.0, ge=0.0)
+    rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
+    end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
+    table: list[tuple[float, float]] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
+    distribution: Literal["ends", "along", "volume"] = "ends"
+    direction: Literal["reference", "following"] = "reference"
+    side: Literal["both", "left", "right"] = "both"
+
+    @model_validator(mode="after")
+    def _profile_is_whole(self) -> MuscleTable:
+        if self.end_ms is not None and self.end_ms <= self.start_ms + self.rise_ms:
+            raise ValueError("end_ms must come after start_ms + rise_ms")
+        if (self.profile == "ramp") != (self.rise_ms > 0.0):
+            raise ValueError('profile = "ramp" and rise_ms above 0 go together')
+        if (self.profile == "table") != bool(self.table):
+            raise ValueError('profile = "table" and a table of [time_ms, scale] pairs go together')
+        times = [time for time, _ in self.table]
+        if times != sorted(times) or any(time < 0.0 for time in times):
+            raise ValueError("the times of table must not be negative and must not decrease")
+        if any(scale < 0.0 for _, scale in self.table):
+            raise ValueError("the scales of table must not be negative: a muscle pulls, it does not push")
+        return self
+
+
+class AnalysisTable(_Table):
+    """How it is computed."""
+
+    type: Literal["transient"] = "transient"
+    duration_ms: float = Field(gt=0.0, description="simulated time [ms]")
+    step_us: float | None = Field(
+        default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable one if left out"
+    )
+
+
+class RecordTable(_Table):
+    """What is stored."""
+
+    every_ms: float = Field(default=1.0, gt=0.0)
+    fields: list[Literal["displacement", "velocity", "J", "hourglass_energy"]] = list(FIELDS)
+    probes: list[str] | None = Field(default=None, description="named points; all of the model if left out")
+
+
+class Scenario(_Table):
+    """One run, as its file states it."""
+
+    title: str
+    question: str = ""
+    expect: str = Field(default="", description="what the run should show, with the number to expect")
+    model: ModelTable
+    muscle: list[MuscleTable] = []
+    analysis: AnalysisTable
+    record: RecordTable = RecordTable()
+
+
+def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
+    """A scenario file, checked, and its text with the settings noted at its head.
+
+    Parameters
+    ----------
+    path : the file.
+    settings : ``key=value`` pairs that replace what the file says; a muscle is reached by its name
+        (``muscle.GGp.force_N=1.5``).
+
+    Raises
+    ------
+    InputError : the file cannot be read, is not TOML, or does not fit the schema; one sentence.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(
+            f"{path}: the scenario cannot be read ({error.strerror}); 'explicitfe list scenarios' names those at hand."
+        ) from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: this is not a text file; a scenario is written in TOML.") from None
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+    for setting in settings:
+        _apply(data, setting)
+    try:
+        scenario = Scenario.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{path}: {_explain(error, data, Scenario)}") from None
+    header = "".join(f"# --set {setting}\n" for setting in settings)
+    return scenario, header + text
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a scenario, for editors."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+
+
+def explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
+    """The first thing that is wrong, as one sentence with the key and what to do."""
+    return _explain(error, data, table)
+
+
+def _explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
+    problems = error.errors()
+    problem = problems[0]
+    keys = [key for key in problem["loc"] if key not in {"name", *LAWS} or key == problem["loc"][-1]]
+    where = _where(keys, data)
+    if problem["type"] == "extra_forbidden":
+        sentence = f'unknown key "{keys[-1]}"{_inside(where[:-1])}; {nearest(str(keys[-1]), _valid_keys(table, keys[:-1]))}'
+    elif problem["type"] == "missing":
+        sentence = f'the key "{keys[-1]}" is missing{_inside(where[:-1])}; add it'
+    elif problem["type"] == "union_tag_invalid":
+        sentence = f'unknown law{_inside(where)}; {nearest(str(problem["ctx"]["tag"]), LAWS)}'
+    elif problem["type"] == "literal_error":
+        sentence = f'{".".join(where)} = {problem["input"]!r} is not possible; it must be {problem["ctx"]["expected"]}'
+    elif problem["type"] == "value_error":
+        sentence = f"{'.'.join(where) or 'the scenario'}: {problem['ctx']['error']}"
+    else:
+        message = problem["msg"][0].lower() + problem["msg"][1:]
+        sentence = f"{'.'.join(where)} = {problem['input']!r} is not possible: {message}"
+    more = f" ({len(problems) - 1} more after this one)" if len(problems) > 1 else ""
+    return f"{sentence}{more}."
+
+
+def _where(keys: Iterable[Any], data: Any) -> list[str]:
+    """The path of a key as a user would say it: entries of an array by their name."""
+    path: list[str] = []
+    for key in keys:
+        try:
+            data = data[key]
+        except (KeyError, IndexError, TypeError):
+            data = None
+        name = data.get("name") if isinstance(data, dict) and isinstance(key, int) else None
+        path.append(str(name if name is not None else key))
+    return path
+
+
+def _inside(path: list[str]) -> str:
+    return f" in [{'.'.join(path)}]" if path else ""
+
+
+def _valid_keys(table: type[BaseModel], keys: Sequence[Any]) -> list[str]:
+    """Keys that the table at this place knows."""
+    current: Any = table
+    for key in keys:
+        if isinstance(key, int) or not isinstance(current, type):
+            continue
+        inner = current.model_fields[key].annotation if key in current.model_fields else None
+        current = next((t for t in _tables(inner)), None)
+    return list(current.model_fields) if isinstance(current, type) else []
+
+
+def _tables(annotation: Any) -> Iterable[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in getattr(annotation, "__args__", ()):
+        yield from _tables(inner)
+
+
+def _apply(data: dict[str, Any], setting: str) -> None:
+    """Set one ``key=value`` in the parsed scenario."""
+    path, equals, text = setting.partition("=")
+    keys = path.strip().split(".")
+    if not equals or not all(keys):
+        raise InputError(f'--set {setting}: write key=value, for example --set muscle.GGp.force_N=1.5.')
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()  # a bare word is a string
+    at: Any = data
+    for depth, key in enumerate(keys):
+        place = ".".join(keys[:depth]) or "the scenario"
+        if isinstance(at, list):
+            names = [entry.get("name", "") for entry in at if isinstance(entry, dict)]
+            found = [k for k, name in enumerate(names) if name == key] or ([int(key)] if key.isdigit() else [])
+            if len(found) > 1:
+                numbers = ", ".join(f"{place}.{k}" for k in found)
+                raise InputError(f'--set {setting}: "{key}" stands {len(found)} times in {place}; say which: {numbers}.')
+            if not found or found[0] >= len(at):
+                raise InputError(f'--set {setting}: {place} has no entry "{key}"; {nearest(key, names)}.')
+            key = found[0]
+        elif not isinstance(at, dict):
+            raise InputError(f"--set {setting}: {place} is a value, it has no key {key!r}.")
+        if depth == len(keys) - 1:
+            at[key] = value
+        else:
+            at = at[key] if isinstance(at, list) else at.setdefault(key, {})

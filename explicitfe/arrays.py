@@ -1,8 +1,8 @@
 """Arrays that cross into compiled kernels: one named tuple a family, every field with its meaning, unit and shape.
 
-n nodes, m elements, B = ceil(m / W) blocks of W = ``simd.WIDTH`` elements. Node arrays have n + 1 rows of 4 numbers
-[x, y, z, 0]: four, so that a corner is one vector load; one row more, so that the empty lanes of the last block have a
-node to read and write, which has no mass and never moves.
+n nodes, m elements, B = ceil(m / W) blocks of W = ``simd.WIDTH`` elements. Node arrays have N > n rows of 4 numbers
+[x, y, z, 0]: four, so that a corner is one vector load; at least one row more, so that the empty lanes of the last block
+have a node to read and write, which has no mass and never moves; an even number, so that whole vectors sweep over them.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from explicitfe.simd import ROW, WIDTH
 class State(NamedTuple):
     """What the loop advances from instant to instant."""
 
-    u: np.ndarray  # displacement at t_n [m], (n + 1, 4)
-    v: np.ndarray  # velocity of the half step before, v_(n-1/2) [m/s], (n + 1, 4)
-    force: np.ndarray  # minus the internal force at u [N], (n + 1, 4)
+    u: np.ndarray  # displacement at t_n [m], (N, 4)
+    v: np.ndarray  # velocity of the half step before, v_(n-1/2) [m/s], (N, 4)
+    force: np.ndarray  # minus the internal force at u [N], (N, 4)
 
 
 class Blocks(NamedTuple):
@@ -34,8 +34,8 @@ class Blocks(NamedTuple):
 class Nodes(NamedTuple):
     """Lumped masses; a component that is held has a mass and no inverse mass, so it never gets a velocity."""
 
-    mass: np.ndarray  # [kg], (n + 1, 4)
-    inverse_mass: np.ndarray  # [1/kg], 0 where the component is held, (n + 1, 4)
+    mass: np.ndarray  # [kg], (N, 4)
+    inverse_mass: np.ndarray  # [1/kg], 0 where the component is held, (N, 4)
 
 
 class DeadLoads(NamedTuple):
@@ -66,9 +66,10 @@ INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, ENERGIES = 0, 1, 2, 3, 4, 5
 
 
 def node_rows(values: np.ndarray) -> np.ndarray:
-    """(n, 3) values as (n + 1, 4) node rows, zero in the padding."""
-    rows = np.zeros((len(values) + 1, ROW))
-    rows[:-1, :3] = values
+    """(n, 3) values as (N, 4) node rows, zero in the padding; N is the even number after n."""
+    count = len(values)
+    rows = np.zeros((count + 2 - count % 2, ROW))
+    rows[:count, :3] = values
     return rows
 
 

@@ -30,7 +30,6 @@ from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.simd import ROW
 from explicitfe.timestep import PowerIteration, element_bounds
 
 
@@ -116,11 +115,12 @@ class Simulation:
         count = mesh.element_count
         self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
         self.density = np.full(count, law.density_kg_m3)
-        self.hourglass_constants = hourglass.stiffness(
-            self.points, self.hexes, np.full(count, law.shear_modulus_Pa)
-        )
-        geometry = hex8.geometry(self.points, self.hexes)
-        self.volumes = geometry[:, -1]
+        corners = self.points[self.hexes]
+        self._gradients, self.volumes = hex8.mean_gradients(corners)
+        shear_modulus = np.full(count, law.shear_modulus_Pa)
+        self.hourglass_constants = hourglass.stiffness(self._gradients, self.volumes, shear_modulus)
+        geometry = hex8.geometry(corners, self._gradients, self.volumes)
+        self._hourglass_largest = hourglass.largest_eigenvalue(corners, self._gradients, self.hourglass_constants)
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), mesh.node_count),
             geometry=in_blocks(geometry),
@@ -146,7 +146,7 @@ class Simulation:
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),
             v=self._rows(zero if velocity is None else velocity),
-            force=np.zeros((mesh.node_count + 1, ROW)),
+            force=node_rows(zero),
         )
         self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
         self._external = np.zeros_like(self.state.u)
@@ -169,12 +169,12 @@ class Simulation:
     def stable_bound(self) -> tuple[float, int]:
         """A step [s] that is stable for certain, and the element (user's number) that sets it."""
         squares = element_bounds(
-            self.points,
-            self.hexes,
-            self.state.u[:-1, :3],
+            self._gradients,
+            self.volumes,
+            self.state.u[self.hexes, :3],
             law_of(self.model.material.law),
             self.constants,
-            self.hourglass_constants,
+            self._hourglass_largest,
             self.density,
         )
         fastest = int(np.argmax(squares))
@@ -341,21 +341,21 @@ class Simulation:
 
     def _dead_loads(self, loads: Sequence[NodalLoad]) -> DeadLoads:
         sizes = [len(load.nodes) for load in loads]
-        first = len(self._profiles)
-        self._profiles += [load.profile for load in loads]
         nodes = np.concatenate([self._place[load.nodes] for load in loads] or [np.zeros(0, dtype=np.int64)])
         forces = np.concatenate([np.asarray(load.force_N, dtype=float) for load in loads] or [np.zeros((0, 3))])
         return DeadLoads(
             start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
             node=nodes.astype(np.int64),
             force=np.ascontiguousarray(forces.reshape(-1, 3)),
-            profile=np.arange(first, first + len(loads), dtype=np.int64),
+            profile=np.array([self._row_of(load.profile) for load in loads], dtype=np.int64),
         )
 
     def _follower_fibres(self, pulls: Sequence[FibrePull]) -> FollowerFibres:
-        first = len(self._profiles)
-        self._profiles += [pull.profile for pull in pulls]
-        chains = [(points, t, first + k) for k, pull in enumerate(pulls) for points, t in zip(pull.points, pull.tension_N, strict=True)]
+        chains = [
+            (points, tension, self._row_of(pull.profile))
+            for pull in pulls
+            for points, tension in zip(pull.points, pull.tension_N, strict=True)
+        ]
         sizes = [len(points) for points, _, _ in chains]
         nodes, weights = self._carriers([points for points, _, _ in chains])
         return FollowerFibres(
@@ -367,6 +367,14 @@ class Simulation:
             tension=np.concatenate([np.append(t, 0.0) for _, t, _ in chains] or [np.zeros(0)]),
             profile=np.array([p for _, _, p in chains], dtype=np.int64),
         )
+
+    def _row_of(self, profile: Profile) -> int:
+        """Row of a profile in the activation table; equal profiles share one."""
+        for row, known in enumerate(self._profiles):
+            if np.array_equal(known.time_s, profile.time_s) and np.array_equal(known.scale, profile.scale):
+                return row
+        self._profiles.append(profile)
+        return len(self._profiles) - 1
 
     def _carriers(self, chains: Sequence[MaterialPoints]) -> tuple[np.ndarray, np.ndarray]:
         """Nodes (k, 8) in computing order and weights (k, 8) of all points; points fixed in space hang on the idle row."""

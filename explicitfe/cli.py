@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -81,7 +82,7 @@ def run(
     else:
         _show_summary(summary)
     if summary["status"] != "finished":
-        _console.print(f"[red]{summary['status']}[/red]: {summary['message']}", soft_wrap=True, highlight=False)
+        _console.print(f"[red]{summary['status']}[/red]: {escape(summary['message'])}", soft_wrap=True, highlight=False)
         raise typer.Exit(130 if summary["status"] == "interrupted" else 1)
 
 
@@ -159,10 +160,10 @@ def main() -> None:
     try:
         app()
     except InputError as error:
-        _console.print(f"[red]error:[/red] {error}", soft_wrap=True, highlight=False, markup=True)
+        _console.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True, highlight=False, markup=True)
         sys.exit(2)
     except RunError as error:
-        _console.print(f"[red]failed:[/red] {error}", soft_wrap=True, highlight=False)
+        _console.print(f"[red]failed:[/red] {escape(str(error))}", soft_wrap=True, highlight=False)
         sys.exit(1)
     except KeyboardInterrupt:
         _console.print("stopped by hand")
@@ -220,11 +221,11 @@ def _text(value: Any) -> str:
         return f"{value:.4g}"
     if isinstance(value, list | tuple):
         return ", ".join(_text(inner) for inner in value)
-    return str(value)
+    return escape(str(value))
 
 
 def _show_summary(summary: dict[str, Any]) -> None:
-    table = Table(title=summary["title"], title_justify="left", show_header=False)
+    table = Table(title=escape(summary["title"]), title_justify="left", show_header=False)
     table.add_row("status", summary["status"])
     table.add_row("mesh", f"{summary['hexes']} hexes, {summary['nodes']} nodes")
     table.add_row(
@@ -253,7 +254,7 @@ def _show_summary(summary: dict[str, Any]) -> None:
 
 
 def _show_pairs(title: str, found: dict[str, Any]) -> None:
-    table = Table(title=title, title_justify="left", show_header=False)
+    table = Table(title=escape(title), title_justify="left", show_header=False)
     for key, value in found.items():
         if isinstance(value, dict):
             table.add_row(key, "\n".join(f"{inner}: {_text(v)}" for inner, v in value.items()))

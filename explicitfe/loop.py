@@ -14,6 +14,7 @@ from __future__ import annotations
 from explicitfe.arrays import DAMPING_LOSS, EXTERNAL_WORK, SMALLEST_J
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
+from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
 
 # Placeholders, bound in build.py.
 internal_force = internal_energy = None
@@ -31,7 +32,7 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
     Parameters
     ----------
     state : State, changed in place.
-    external : (n + 1, 4) N. Work array for the external force.
+    external : (N, 4) N. Work array for the external force.
     activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
@@ -40,7 +41,6 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
     The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number).
     """
     u, v, force = state
-    rows = u.shape[0]
     for step in range(steps):
         h = 0.5 * (dt_before + dt)
         keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
@@ -48,20 +48,20 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
         external[:] = 0.0
         add_dead_loads(external, loads, activation, step)
         add_follower_fibres(external, u, fibres, activation, step)
-        work = 0.0
-        loss = 0.0
-        for row in range(rows):
-            for k in range(3):
-                old = v[row, k]
-                new = keep * old + gain * nodes.inverse_mass[row, k] * (force[row, k] + external[row, k])
-                v[row, k] = new
-                u[row, k] += dt * new
-                force[row, k] = 0.0
-                moved = 0.5 * (dt_before * old + dt * new)
-                work += external[row, k] * moved
-                loss += nodes.mass[row, k] * (old + new) * moved
-        ledger[EXTERNAL_WORK] += work
-        ledger[DAMPING_LOSS] += 0.5 * alpha * loss
+        work = splat(0.0)
+        loss = splat(0.0)
+        for at in range(0, u.size, WIDTH):
+            old = load(v, at)
+            push = load(external, at)
+            new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, at) + push)
+            store(v, at, new)
+            store(u, at, load(u, at) + dt * new)
+            store(force, at, splat(0.0))
+            moved = 0.5 * (dt_before * old + dt * new)
+            work = work + push * moved
+            loss = loss + load(nodes.mass, at) * (old + new) * moved
+        ledger[EXTERNAL_WORK] += sum_lanes(work)
+        ledger[DAMPING_LOSS] += 0.5 * alpha * sum_lanes(loss)
         dt_before = dt
         smallest = internal_force(u, force, blocks)
         if not (smallest >= ledger[SMALLEST_J]):
@@ -76,7 +76,7 @@ def snapshot(
 ):
     """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
 
-    ``velocity`` (n + 1, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J`` and ``element_hourglass`` (B, W)
+    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J`` and ``element_hourglass`` (B, W)
     receive J and the hourglass energy [J]. ``activation`` (profiles, 1) is that of t_n, dt the step before t_n.
     """
     u, v, force = state
@@ -85,22 +85,23 @@ def snapshot(
     external[:] = 0.0
     add_dead_loads(external, loads, activation, 0)
     add_follower_fibres(external, u, fibres, activation, 0)
-    kinetic = 0.0
-    work = 0.0
-    loss = 0.0
-    for row in range(u.shape[0]):
-        for k in range(3):
-            old = v[row, k]
-            new = keep * old + gain * nodes.inverse_mass[row, k] * (force[row, k] + external[row, k])
-            velocity[row, k] = 0.5 * (old + new)
-            kinetic += 0.5 * nodes.mass[row, k] * old * new
-            work += external[row, k] * 0.5 * dt * old
-            loss += nodes.mass[row, k] * (old + new) * 0.5 * dt * old
+    kinetic = splat(0.0)
+    work = splat(0.0)
+    loss = splat(0.0)
+    for at in range(0, u.size, WIDTH):
+        old = load(v, at)
+        push = load(external, at)
+        new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, at) + push)
+        store(velocity, at, 0.5 * (old + new))
+        momentum = load(nodes.mass, at) * old
+        kinetic = kinetic + 0.5 * momentum * new
+        work = work + 0.5 * dt * push * old
+        loss = loss + 0.5 * dt * momentum * (old + new)
     internal, hourglass = internal_energy(u, blocks, element_J, element_hourglass)
     return (
         internal,
         hourglass,
-        kinetic,
-        ledger[EXTERNAL_WORK] + work,
-        ledger[DAMPING_LOSS] + 0.5 * alpha * loss,
+        sum_lanes(kinetic),
+        ledger[EXTERNAL_WORK] + sum_lanes(work),
+        ledger[DAMPING_LOSS] + 0.5 * alpha * sum_lanes(loss),
     )

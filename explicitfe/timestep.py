@@ -12,20 +12,18 @@ from types import ModuleType
 
 import numpy as np
 
-from explicitfe.elements import hourglass
-from explicitfe.elements.hex8 import mean_gradients
 from explicitfe.materials import volumetric
 
 FRACTION = 0.9  # of the limit that the power iteration gives
 
 
 def element_bounds(
-    points: np.ndarray,
-    hexes: np.ndarray,
+    gradients: np.ndarray,
+    volumes: np.ndarray,
     displacement: np.ndarray,
     law: ModuleType,
     constants: np.ndarray,
-    hourglass_constants: np.ndarray,
+    hourglass_largest: np.ndarray,
     density: np.ndarray,
 ) -> np.ndarray:
     """Upper bound of the highest angular frequency squared of each element at displacement u, (m,) 1/s^2.
@@ -41,15 +39,15 @@ def element_bounds(
 
     Parameters
     ----------
-    points, hexes, displacement : (n, 3) m, (m, 8), (n, 3) m.
+    gradients, volumes, displacement : (m, 8, 3) 1/m, (m,) m^3, (m, 8, 3) m at the corners.
     law : module of leaves (``slope``, ``curvature``).
-    constants, hourglass_constants, density : (m, k), (m, k), (m,) kg/m^3.
+    constants, density : (m, k), (m,) kg/m^3.
+    hourglass_largest : (m,) N/m. Largest eigenvalue of each element's hourglass stiffness.
     """
-    gradients, volumes = mean_gradients(points, hexes)
-    F = np.eye(3) + np.einsum("eai,eaj->eij", displacement[hexes], gradients)
+    F = np.eye(3) + displacement.transpose(0, 2, 1) @ gradients
     J = np.linalg.det(F)
-    spatial = np.einsum("eaj,eji->eai", gradients, np.linalg.inv(F))
-    b_bar = np.cbrt(J)[:, None, None] ** -2 * np.einsum("eij,ekj->eik", F, F)
+    spatial = gradients @ np.linalg.inv(F)
+    b_bar = np.cbrt(J)[:, None, None] ** -2 * (F @ F.transpose(0, 2, 1))
     I1_bar = np.trace(b_bar, axis1=1, axis2=2)
     size = np.linalg.norm(b_bar, axis=(1, 2))
     deviator = size**2 - I1_bar**2 / 3.0
@@ -59,12 +57,10 @@ def element_bounds(
     tangent = (
         volumetric.curvature.py_func(J, bulk) * J**2
         + 2.0 * np.abs(volumetric.pressure.py_func(J, bulk)) * J
-        + slope * (2.0 * np.linalg.norm(b_bar, ord=2, axis=(1, 2)) + 8.0 / 3.0 * size + 10.0 / 9.0 * I1_bar)
+        + slope * (2.0 * np.linalg.eigvalsh(b_bar)[:, -1] + 8.0 / 3.0 * size + 10.0 / 9.0 * I1_bar)
         + 4.0 * law.curvature.py_func(I1_bar, c) * deviator
     )
-    trace = np.einsum("eai,eai->e", spatial, spatial)
-    stiff = hourglass.largest_eigenvalue(points, hexes, hourglass_constants)
-    return 8.0 / density * (tangent * trace + stiff / volumes)
+    return 8.0 / density * (tangent * np.sum(spatial**2, axis=(1, 2)) + hourglass_largest / volumes)
 
 
 class PowerIteration:
@@ -73,7 +69,7 @@ class PowerIteration:
     Parameters
     ----------
     minus_force : function that fills its second argument with minus the internal force at its first, both node rows.
-    inverse_mass : (n + 1, 4) 1/kg, 0 where held.
+    inverse_mass : (N, 4) 1/kg, 0 where held.
     length_m : typical element size; the force is differentiated over a millionth of it.
     """
 

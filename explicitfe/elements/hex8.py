@@ -21,13 +21,12 @@ GEOMETRY = 34  # numbers an element: b (7 x 3), hX (4 x 3), volume
 _GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
 
 
-def mean_gradients(points: np.ndarray, hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mean_gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean gradients and volumes of hexes in their reference shape.
 
     Parameters
     ----------
-    points : (n, 3), m. Reference positions.
-    hexes : (m, 8). Node numbers in VTK order.
+    corners : (m, 8, 3), m. Reference positions of the corners in VTK order.
 
     Returns
     -------
@@ -39,26 +38,25 @@ def mean_gradients(points: np.ndarray, hexes: np.ndarray) -> tuple[np.ndarray, n
     V B_aj = integral of (cofactor of dX/dxi)_jk dN_a/dxi_k is a polynomial of degree 2 or less in each natural
     coordinate, so the 2 x 2 x 2 Gauss rule used here integrates it exactly.
     """
-    corners = points[hexes]
     total = np.zeros(corners.shape)
     for natural in np.stack(np.meshgrid(_GAUSS, _GAUSS, _GAUSS, indexing="ij"), -1).reshape(-1, 3):
         factors = 1.0 + natural * CORNERS  # (8, 3)
         dn = np.stack(
             [CORNERS[:, k] * factors[:, (k + 1) % 3] * factors[:, (k + 2) % 3] / 8.0 for k in range(3)], axis=1
         )
-        jacobian = np.einsum("eai,ak->eik", corners, dn)
+        jacobian = corners.transpose(0, 2, 1) @ dn
         cofactor = np.stack([np.cross(jacobian[:, :, (k + 1) % 3], jacobian[:, :, (k + 2) % 3]) for k in range(3)], -1)
-        total += np.einsum("ejk,ak->eaj", cofactor, dn)
-    volumes = np.einsum("eai,eai->e", corners, total) / 3.0
+        total += dn @ cofactor.transpose(0, 2, 1)
+    volumes = np.sum(corners * total, axis=(1, 2)) / 3.0
     return total / volumes[:, None, None], volumes
 
 
-def geometry(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
+def geometry(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
     """What the kernels read of each element, (m, GEOMETRY): b [1/m], hX [m], volume [m^3]."""
-    gradients, volumes = mean_gradients(points, hexes)
-    b = np.einsum("ma,eaj->emj", MODES, gradients) / 8.0
-    h_x = np.einsum("ka,eaj->ekj", MODES[3:], points[hexes])
-    return np.concatenate([b.reshape(len(hexes), 21), h_x.reshape(len(hexes), 12), volumes[:, None]], axis=1)
+    count = len(corners)
+    b = MODES @ gradients / 8.0
+    h_x = MODES[3:] @ corners
+    return np.concatenate([b.reshape(count, 21), h_x.reshape(count, 12), volumes[:, None]], axis=1)
 
 
 def lumped_mass(hexes: np.ndarray, element_mass: np.ndarray, node_count: int) -> np.ndarray:

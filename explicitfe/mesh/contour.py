@@ -28,7 +28,7 @@ _AXES = ("s", "t", "w")
 
 @dataclass(frozen=True)
 class Patch:
-    """A piece of the surface that a bone holds: a box in (s, t, |w|), flat along one axis.
+    """A piece of the surface that a bone holds: a box in (s, t, |w|), flat along one axis, or two for a line.
 
     Attributes
     ----------
@@ -317,6 +317,6 @@ def _patch(table: Mapping, where: str) -> Patch:
         raise InputError(f"{where}: ranges of s, t and |w| run upwards between 0 and 1.")
     surface = [bounds[0, 0] in (0.0, 1.0), bounds[1, 0] in (0.0, 1.0), bounds[2, 0] == 1.0]
     flat = bounds[:, 0] == bounds[:, 1]
-    if flat.sum() != 1 or not (flat & surface).any():
-        raise InputError(f"{where}: give one of s, t and w as a single value on the surface and the others as ranges.")
+    if flat.all() or not (flat & surface).any():
+        raise InputError(f"{where}: a patch needs one of s, t and w as a single value on the surface, and a range.")
     return Patch(lower=tuple(bounds[:, 0].tolist()), upper=tuple(bounds[:, 1].tolist()))

@@ -74,6 +74,6 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
 
 
 def _gravity(mesh: HexMesh, material: Law, acceleration: tuple[float, float, float]) -> NodalLoad:
-    _, volumes = hex8.mean_gradients(mesh.points, mesh.hexes)
+    _, volumes = hex8.mean_gradients(mesh.points[mesh.hexes])
     mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
     return NodalLoad("gravity", np.arange(mesh.node_count), mass[:, None] * np.array(acceleration), Profile.constant())

@@ -205,9 +205,8 @@ def resize(file: h5py.File, lengths: Mapping[h5py.Dataset, int]) -> None:
         if chunks > 0:
             needed += chunks * math.prod(dataset.chunks) * dataset.dtype.itemsize
             needed += INDEX_NODE_BYTES * (1 + chunks // 32)
-    # A disk that is full in the middle of its bookkeeping leaves HDF5 with a file that it cannot open again.
-    if needed and hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(file.id.get_vfd_handle(), file.id.get_filesize(), needed)
+    if needed:
+        _reserve(file, needed)
     for dataset, length in lengths.items():
         dataset.resize(length, axis=0)
 
@@ -229,6 +228,15 @@ def seal(sequence: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
 def to_json(value: Any) -> str:
     """JSON text; numpy arrays and numbers become lists and numbers."""
     return json.dumps(value, indent=1, ensure_ascii=False, default=lambda item: item.tolist())
+
+
+def _reserve(file: h5py.File, size: int) -> None:
+    """OSError if the disk cannot hold ``size`` bytes more; HDF5, if left to find out, ruins the file.
+
+    Where the system cannot reserve (macOS, Windows), a full disk can cost the samples of the run that fills it.
+    """
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file.id.get_vfd_handle(), file.id.get_filesize(), size)
 
 
 def _growing(file: h5py.File, name: str, shape: tuple[int, ...], dtype: Any, chunk: int) -> h5py.Dataset:

@@ -30,7 +30,7 @@ from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.timestep import PowerIteration, element_bounds
+from explicitfe.timestep import HighestFrequency, element_bounds
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Simulation:
         free = node_rows(~model.held[self.node_order])
         self.nodes = Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
 
-        self._power = PowerIteration(
+        self._highest = HighestFrequency(
             lambda u, force: self.kernels.forces(u, force, self.blocks),
             self.nodes.inverse_mass,
             float(np.cbrt(self.volumes.min())),
@@ -162,9 +162,9 @@ class Simulation:
 
     # ---- the stable step ----
 
-    def stable_limit(self, *, most: int) -> float:
-        """Largest stable step [s] of the present state, by at most ``most`` power iterations; NaN if not to be found."""
-        return 2.0 / self._power.frequency(self.state.u, self._present_force(), most=most)
+    def stable_limit(self, turns: int) -> float:
+        """Largest stable step [s] of the present state, by so many turns of Lanczos; NaN if it cannot be found."""
+        return 2.0 / self._highest(self.state.u, self._present_force(), turns)
 
     def stable_bound(self) -> tuple[float, int]:
         """A step [s] that is stable for certain, and the element (user's number) that sets it."""
@@ -292,7 +292,7 @@ class Simulation:
         return {
             "u": self.state.u.copy(),
             "v": self.state.v.copy(),
-            "power_vector": self._power.vector.copy(),
+            "highest_mode": self._highest.vector.copy(),
             "ledger": self.ledger.copy(),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
@@ -302,7 +302,7 @@ class Simulation:
         """Go on from a restart state of the same model; the run then is bit for bit the one that was not stopped."""
         self.state.u[:] = state["u"]
         self.state.v[:] = state["v"]
-        self._power.vector[:] = state["power_vector"]
+        self._highest.vector = state["highest_mode"].copy()
         self.ledger[:] = state["ledger"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])

@@ -12,7 +12,7 @@ import numpy as np
 from explicitfe.mesh.quality import assess
 from explicitfe.model import catalogue
 from explicitfe.model.scenario import read_scenario
-from explicitfe.run import Report, describe, prepare
+from explicitfe.run import FIRST_TURNS, Report, describe, prepare
 from explicitfe.timestep import FRACTION
 
 
@@ -31,7 +31,7 @@ def check(path: Path | str, settings: Sequence[str], report: Report) -> dict[str
     report("compile", 0.0)
     simulation.compile(lambda share: report("compile", share))
     bound_s, element = simulation.stable_bound()
-    limit_s = simulation.stable_limit(most=400)
+    limit_s = simulation.stable_limit(FIRST_TURNS)
     fixed = scenario.analysis.step_us
     dt_s = FRACTION * limit_s if fixed is None else 1e-6 * fixed
     steps = int(np.ceil(1e-3 * scenario.analysis.duration_ms / dt_s))

@@ -23,7 +23,8 @@ from explicitfe.timestep import FRACTION
 FINISHED, INVERTED, UNSTABLE, DIVERGED, INTERRUPTED = "finished", "inverted", "unstable", "diverged", "interrupted"
 
 # Steps between two looks at the stable step; doubled while it hardly changes, halved when it changes fast.
-FIRST_CADENCE, LONGEST_CADENCE = 25, 200
+FIRST_CADENCE, LONGEST_CADENCE = 25, 100
+FIRST_TURNS, TURNS = 40, 10  # of the iteration that finds the stable step: at the start, and later from what it found
 # A balance error above this is no rounding: energy comes from nowhere, as it does when the step is too long.
 BALANCE_LIMIT = 0.1
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
@@ -48,7 +49,7 @@ class Status:
 class Transient:
     """Advances a simulation to its end with the largest stable step.
 
-    The step is 0.9 of the limit that the power iteration gives for the current state, looked at every 25 to 200 steps, and
+    The step is 0.9 of the limit that a Lanczos iteration gives for the current state, looked at every 25 to 100 steps, and
     divides the time to the next load edge into equal parts. Samples are taken at the first instant at or after the time
     asked for, and never change the step.
 
@@ -73,7 +74,7 @@ class Transient:
         self._since = 0  # steps since the limit was looked at
         self._cadence = FIRST_CADENCE
         self._left = 0  # steps to the next mark
-        self.limit_s = simulation.stable_limit(most=400)
+        self.limit_s = simulation.stable_limit(FIRST_TURNS)
         self.smallest_dt_s = np.inf
         self.largest_fraction = 0.0
         if step_s is not None and step_s > self.limit_s:
@@ -115,7 +116,7 @@ class Transient:
     def _look(self) -> Status | None:
         """Find the stable limit of the present state, and the step from it."""
         before = self.limit_s
-        self.limit_s = self.simulation.stable_limit(most=8)
+        self.limit_s = self.simulation.stable_limit(TURNS)
         self._since = 0
         if not np.isfinite(self.limit_s):
             return self._inverted()

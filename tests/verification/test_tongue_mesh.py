@@ -1,0 +1,548 @@
+"""The built-in tongue: quality, symmetry and attachments of its mesh, its fibres; and where points lie in any mesh."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from explicitfe.errors import InputError
+from explicitfe.mesh.contour import ContourMap, check_cells, mirror
+from explicitfe.mesh.fibres import Fibre, Muscle, locate_in_mesh, points_at_nodes, read_muscles
+from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions
+from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
+
+ROOT = Path(__file__).resolve().parents[2]
+TONGUE = ROOT / "models" / "tongue"
+REAL = ROOT.parent / "shared" / "data" / "tongue" / "artisynth-hextongue"
+MUSCLES = ["GGa", "GGm", "GGp", "SL", "IL", "STY", "HG", "VERT", "TRANS", "GH", "MH"]
+RESOLUTIONS = ["coarse", "medium", "fine"]
+
+needs_real_mesh = pytest.mark.skipif(not REAL.is_dir(), reason=f"the real tongue mesh is not at {REAL}")
+
+
+@pytest.fixture(scope="module")
+def tongue() -> ContourMap:
+    return ContourMap.from_toml(TONGUE / "geometry.toml")
+
+
+@pytest.fixture(scope="module")
+def meshes(tongue) -> dict[str, HexMesh]:
+    return {name: tongue.mesh(cells) for name, cells in tongue.resolutions.items()}
+
+
+@pytest.fixture(scope="module")
+def muscles(tongue) -> dict[str, dict[str, Muscle]]:
+    return {name: read_muscles(TONGUE / "muscles.toml", tongue, cells) for name, cells in tongue.resolutions.items()}
+
+
+def cube() -> HexMesh:
+    """The unit cube as one element."""
+    return HexMesh((CORNERS + 1.0) / 2.0, np.arange(8)[None])
+
+
+def position_in(mesh: HexMesh, points) -> np.ndarray:
+    """Where material points lie in a mesh, m: an independent statement of their position."""
+    inside = points.element >= 0
+    corners = mesh.points[mesh.hexes[points.element[inside]]]
+    result = points.position.copy()
+    result[inside] = (shape_functions(points.natural[inside])[:, :, None] * corners).sum(axis=1)
+    return result
+
+
+# --- quality of elements ---------------------------------------------------------------------------------------------
+
+
+def test_measures_of_a_brick_and_a_sheared_brick():
+    brick = cube().points * [2.0, 3.0, 4.0]
+    one = np.arange(8)[None]
+    np.testing.assert_allclose(corner_jacobians(brick, one), 24.0, rtol=1e-15)
+    np.testing.assert_allclose(scaled_jacobians(brick, one), 1.0, rtol=1e-15)
+    np.testing.assert_allclose(volumes(brick, one), 24.0, rtol=1e-15)
+    assert sorted(edge_lengths(brick, one)[0]) == [2.0] * 4 + [3.0] * 4 + [4.0] * 4
+    # Shear by an angle a leaves the volume and makes the scaled Jacobian cos(a).
+    sheared = brick + brick[:, [2]] * [np.tan(0.7), 0.0, 0.0]
+    np.testing.assert_allclose(volumes(sheared, one), 24.0, rtol=1e-14)
+    np.testing.assert_allclose(scaled_jacobians(sheared, one), np.cos(0.7), rtol=1e-14)
+
+
+def test_volume_of_a_mesh_with_curved_faces():
+    """By the divergence theorem: volumes of elements sum to the flux of x / 3 through the bilinear surface."""
+    mesh = HexMesh(np.random.default_rng(1).normal(scale=0.08, size=(8, 3)) + cube().points, np.arange(8)[None])
+    faces = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+    flux = 0.0
+    for face in faces:
+        a, b, c, d = mesh.points[face]
+        for u, v in itertools.product(np.array([-1.0, 1.0]) / np.sqrt(3.0), repeat=2):
+            x = ((1 - u) * (1 - v) * a + (1 + u) * (1 - v) * b + (1 + u) * (1 + v) * c + (1 - u) * (1 + v) * d) / 4
+            du = ((1 - v) * (b - a) + (1 + v) * (c - d)) / 4
+            dv = ((1 - u) * (d - a) + (1 + u) * (c - b)) / 4
+            flux += x @ np.cross(du, dv) / 3.0
+    np.testing.assert_allclose(volumes(mesh.points, mesh.hexes)[0], flux, rtol=1e-13)
+
+
+def test_check_accepts_a_good_mesh(meshes):
+    check(cube(), "cube")
+    for mesh in meshes.values():
+        check(mesh, "tongue")
+
+
+def _two_cubes() -> tuple[np.ndarray, np.ndarray]:
+    x, y, z = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], [0.0, 1.0], indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    first = np.array([0, 4, 6, 2, 1, 5, 7, 3])
+    return points, np.array([first, first + 4])
+
+
+def _spoil(what: str) -> HexMesh:
+    points, hexes = _two_cubes()
+    if what == "not finite":
+        points[5, 1] = np.nan
+    elif what == "out of range":
+        hexes[1, 6] = 12
+    elif what == "negative number":
+        hexes[1, 6] = -1
+    elif what == "repeated node":
+        hexes[1, 6] = hexes[1, 7]
+    elif what == "flat corner":
+        points[11] = 0.5 * (points[9] + points[10])
+    elif what == "inverted corner":
+        points[11] = [0.5, 0.2, 0.2]
+    elif what == "inside out":
+        hexes[1] = hexes[1, [4, 5, 6, 7, 0, 1, 2, 3]]
+    elif what == "unused":
+        points = np.concatenate([points, [[5.0, 5.0, 5.0]]])
+    return HexMesh(points, hexes)
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("not finite", ["node 5", "not finite"]),
+        ("out of range", ["corner 6", "element 1", "node 12", "0 to 11"]),
+        ("negative number", ["corner 6", "element 1", "node -1", "0 to 11"]),
+        ("repeated node", ["element 1", "node 7", "corners 6 and 7"]),
+        ("flat corner", ["element 1", "no volume", "corner 6", "node 11"]),
+        ("inverted corner", ["element 1", "inverted", "node order", "repair"]),
+        ("inside out", ["element 1", "inside out", "node order"]),
+        ("unused", ["node 12", "no element", "no mass"]),
+    ],
+)
+def test_check_names_the_fault(what, words):
+    with pytest.raises(InputError) as caught:
+        check(_spoil(what), "spoilt.vtu")
+    message = str(caught.value)
+    assert message.startswith("spoilt.vtu: ")
+    assert message.count(". ") == 0 and message.endswith(".")
+    for word in words:
+        assert word in message
+
+
+def test_check_names_the_worst_corner_of_an_inverted_element():
+    mesh = _spoil("inverted corner")
+    corner = int(np.argmin(scaled_jacobians(mesh.points, mesh.hexes)[1]))
+    with pytest.raises(InputError, match=rf"corner {corner} \(node {mesh.hexes[1, corner]}\)"):
+        check(mesh, "mesh")
+
+
+# --- the mesh --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_counts_and_volume(tongue, meshes, resolution):
+    ns, nt, nw = tongue.resolutions[resolution]
+    quality = assess(meshes[resolution])
+    assert quality.element_count == ns * nt * nw
+    assert quality.node_count == (ns + 1) * (nt + 1) * (nw + 1)
+    # The real tongue has 102.3 cm^3.
+    assert quality.volume_m3 == pytest.approx(102.3e-6, rel=0.05)
+
+
+def test_resolutions_have_the_promised_sizes(meshes):
+    counts = [meshes[name].element_count for name in RESOLUTIONS]
+    assert counts[1] == 1280
+    np.testing.assert_allclose(counts, [500, 1300, 2600], rtol=0.05)
+
+
+def test_smallest_scaled_jacobian_at_any_resolution(tongue):
+    sizes = itertools.product((6, 7, 10, 17, 48), (3, 5, 8, 24), (4, 6, 12, 24))
+    worst = min((assess(tongue.mesh(cells)).smallest_scaled_jacobian, cells) for cells in sizes)
+    assert worst[0] >= 0.3, worst
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_default_meshes_are_better(meshes, resolution):
+    quality = assess(meshes[resolution])
+    assert quality.smallest_scaled_jacobian >= 0.35
+    assert quality.smallest_edge_m >= 0.85e-3
+
+
+@pytest.mark.parametrize("cells", [(10, 6, 8), (16, 8, 10), (7, 5, 6), (13, 3, 22)])
+def test_mirror_symmetry_is_exact(tongue, cells):
+    ns, nt, nw = cells
+    mesh = tongue.mesh(cells)
+    grid = mesh.points.reshape(ns + 1, nw + 1, nt + 1, 3)
+    assert (grid[:, ::-1] * [1.0, -1.0, 1.0] == grid).all()
+    assert (grid[:, nw // 2, :, 1] == 0.0).all()
+    assert (grid[:, nw // 2 + 1 :, :, 1] > 0.0).all()
+    number = np.arange(mesh.node_count).reshape(ns + 1, nw + 1, nt + 1)
+    image = number[:, ::-1].ravel()
+    for nodes in mesh.node_sets.values():
+        assert set(image[nodes]) == set(nodes)
+
+
+def test_mesh_converges_to_the_smooth_shape(tongue):
+    """Trilinear interpolation: halving the cells quarters the distance between mesh and shape (order 2)."""
+    stw = np.random.default_rng(2).uniform([0.0, 0.0, -1.0], 1.0, size=(400, 3))
+    errors = [
+        np.sqrt(np.mean((tongue.locate(stw, cells).position - tongue.position(stw)) ** 2))
+        for cells in [(20, 10, 10), (40, 20, 20), (80, 40, 40)]
+    ]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert (orders > 1.8).all(), orders
+
+
+def test_million_elements(tongue):
+    mesh = tongue.mesh((160, 80, 80))
+    assert mesh.element_count == 1_024_000
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [
+        ([16, 8], "three integers"),
+        ([16, 8.0, 10], "three integers"),
+        ("medium", "three integers"),
+        (16, "three integers"),
+        ([True, 8, 10], "three integers"),
+        ([3, 8, 10], "at least 4"),
+        ([16, 2, 10], "at least 3"),
+        ([16, 8, 2], "at least 4"),
+        ([16, 8, 9], "even"),
+    ],
+)
+def test_cells_that_cannot_be(cells, words):
+    with pytest.raises(InputError, match=words):
+        check_cells(cells)
+
+
+# --- attachments and named points ------------------------------------------------------------------------------------
+
+
+def _held_area(mesh: HexMesh, name: str) -> float:
+    """Area of the surface faces all of whose nodes are held, m^2."""
+    faces = mesh.hexes[:, [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]]
+    faces = faces.reshape(-1, 4)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    faces = faces[first[count == 1]]
+    corners = mesh.points[faces[np.isin(faces, mesh.node_sets[name]).all(axis=1)]]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    return 0.5 * float(np.linalg.norm(normals, axis=1).sum())
+
+
+@pytest.mark.parametrize("name", ["jaw", "hyoid"])
+def test_attachments_have_nearly_the_same_area(meshes, name):
+    areas = np.array([_held_area(meshes[resolution], name) for resolution in RESOLUTIONS])
+    assert areas.min() > 200e-6
+    assert areas.max() / areas.min() < 1.15, areas
+
+
+def test_attachments_are_never_empty_and_never_shared(tongue):
+    for cells in [(4, 3, 4), (5, 3, 4), (9, 4, 6), (31, 11, 18)]:
+        sets = tongue.mesh(cells).node_sets
+        assert len(sets["jaw"]) >= 8 and len(sets["hyoid"]) >= 8
+        assert not set(sets["jaw"]) & set(sets["hyoid"])
+
+
+@needs_real_mesh
+@pytest.mark.parametrize("name", ["jaw", "hyoid"])
+def test_attachments_lie_where_the_real_ones_do(meshes, name):
+    with np.load(REAL / "hextongue.npz") as data:
+        real = data["nodes_m"][data[f"fixed_{name}"]]
+    ours = meshes["fine"].points[meshes["fine"].node_sets[name]]
+    distance = np.linalg.norm(ours[:, None] - real[None], axis=2).min(axis=1)
+    # The real nodes stand 4 to 6 mm apart.
+    assert distance.mean() < 4e-3 and distance.max() < 9e-3, (distance.mean(), distance.max())
+
+
+def test_named_points_lie_on_the_midsagittal_upper_surface(meshes):
+    for mesh in meshes.values():
+        points = mesh.points[list(mesh.named_points.values())]
+        assert list(mesh.named_points) == ["tip", "blade", "front", "dorsum", "back", "root", "base"]
+        assert (points[:, 1] == 0.0).all()
+        assert (np.diff(points[:, 0]) > 0.0).all()
+        assert mesh.points[mesh.named_points["tip"], 0] == mesh.points[:, 0].min()
+        assert mesh.points[mesh.named_points["dorsum"], 2] > mesh.points[:, 2].max() - 0.5e-3
+
+
+@needs_real_mesh
+def test_contour_is_the_real_one(tongue):
+    with np.load(REAL / "hextongue.npz") as data:
+        real = data["nodes_m"][data["midsagittal_contour"]][:, [0, 2]]
+    line = np.linspace(0.0, 1.0, 200)
+    zero = np.zeros_like(line)
+    sides = [(line, zero), (zero + 1.0, line), (line, zero + 1.0), (zero, line)]
+    ours = np.concatenate([tongue.position(np.column_stack([s, t, zero])) for s, t in sides])[:, [0, 2]]
+    following = np.roll(real, -1, axis=0)
+    share = np.linspace(0.0, 1.0, 40, endpoint=False)[:, None, None]
+    real = (real + share * (following - real)).reshape(-1, 2)
+    # The notch in front of the vallecula, at the bottom of the back, is left out.
+    real = real[~((real[:, 0] > 0.107) & (real[:, 1] < 0.066))]
+    distance = np.linalg.norm(real[:, None] - ours[None], axis=2).min(axis=1)
+    assert distance.mean() < 0.6e-3
+    assert distance.max() < 2.5e-3
+
+
+# --- points ----------------------------------------------------------------------------------------------------------
+
+
+def test_locate_finds_nodes_and_centres(tongue):
+    cells = (7, 5, 6)
+    ns, nt, nw = cells
+    mesh = tongue.mesh(cells)
+    s, w, t = np.meshgrid(*((np.arange(n) + 0.5) / n for n in (ns, nw, nt)), indexing="ij")
+    centres = tongue.locate(np.column_stack([s.ravel(), t.ravel(), 2.0 * w.ravel() - 1.0]), cells)
+    assert (centres.element == np.arange(mesh.element_count)).all()
+    np.testing.assert_allclose(centres.natural, 0.0, atol=1e-12)
+    np.testing.assert_allclose(centres.position, mesh.points[mesh.hexes].mean(axis=1), atol=1e-16)
+    s, w, t = np.meshgrid(*(np.arange(n + 1) / n for n in (ns, nw, nt)), indexing="ij")
+    nodes = tongue.locate(np.column_stack([s.ravel(), t.ravel(), 2.0 * w.ravel() - 1.0]), cells)
+    np.testing.assert_allclose(nodes.position, mesh.points, atol=1e-15)
+
+
+def test_locate_position_is_the_one_in_the_mesh(tongue):
+    cells = tongue.resolutions["medium"]
+    stw = np.random.default_rng(3).uniform([0.0, 0.0, -1.0], 1.0, size=(300, 3))
+    points = tongue.locate(stw, cells)
+    assert (np.abs(points.natural) <= 1.0).all()
+    np.testing.assert_allclose(points.position, position_in(tongue.mesh(cells), points), atol=1e-16)
+
+
+def test_locate_refuses_points_outside(tongue):
+    with pytest.raises(InputError, match="point 1"):
+        tongue.locate([[0.5, 0.5, 0.0], [0.5, 1.1, 0.0]], (16, 8, 10))
+    with pytest.raises(InputError, match="point 0"):
+        tongue.locate([[np.nan, 0.5, 0.0]], (16, 8, 10))
+
+
+def test_mirror_is_exact(tongue):
+    cells = tongue.resolutions["medium"]
+    mesh = tongue.mesh(cells)
+    points = tongue.locate(np.random.default_rng(4).uniform([0.0, 0.0, 0.0], 1.0, size=(100, 3)), cells)
+    image = mirror(points, cells)
+    np.testing.assert_allclose(position_in(mesh, image), image.position, atol=1e-16)
+    again = mirror(image, cells)
+    assert (again.element == points.element).all()
+    assert (again.natural == points.natural).all() and (again.position == points.position).all()
+
+
+def test_search_agrees_with_locate(tongue):
+    cells = tongue.resolutions["medium"]
+    mesh = tongue.mesh(cells)
+    points = tongue.locate(np.random.default_rng(5).uniform([0.01, 0.01, -0.99], 0.99, size=(500, 3)), cells)
+    found = locate_in_mesh(mesh, points.position)
+    assert (found.element == points.element).all()
+    np.testing.assert_allclose(found.natural, points.natural, atol=1e-9)
+    np.testing.assert_allclose(found.position, points.position, atol=1e-15)
+
+
+def test_search_moves_points_to_the_surface_and_refuses_far_ones():
+    mesh = cube()
+    near = locate_in_mesh(mesh, [[0.5, 0.5, 1.1]])
+    np.testing.assert_allclose(near.natural, [[0.0, 0.0, 1.0]], atol=1e-12)
+    np.testing.assert_allclose(near.position, [[0.5, 0.5, 1.0]], atol=1e-12)
+    with pytest.raises(InputError, match=r"point 1 .*500\.00 mm outside"):
+        locate_in_mesh(mesh, [[0.5, 0.5, 0.5], [0.5, 0.5, 1.5]])
+    with pytest.raises(InputError, match="point 0 is not finite"):
+        locate_in_mesh(mesh, [[np.nan, 0.0, 0.0]])
+
+
+@needs_real_mesh
+def test_search_in_the_real_mesh():
+    """Its scaled Jacobian falls to 0.007 and its edges run from 0.8 to 21 mm."""
+    with np.load(REAL / "hextongue.npz") as data:
+        mesh = HexMesh(data["nodes_m"], data["hexes_vtk"].astype(np.int64))
+    check(mesh, "real tongue")
+    assert assess(mesh).volume_m3 == pytest.approx(102.29e-6, rel=1e-4)
+    generator = np.random.default_rng(6)
+    element = generator.integers(mesh.element_count, size=1000)
+    weights = shape_functions(generator.uniform(-1.0, 1.0, size=(1000, 3)))
+    positions = (weights[:, :, None] * mesh.points[mesh.hexes[element]]).sum(axis=1)
+    found = locate_in_mesh(mesh, positions)
+    np.testing.assert_allclose(found.position, positions, atol=1e-11)
+    np.testing.assert_allclose(position_in(mesh, found), positions, atol=1e-11)
+
+
+def test_points_at_nodes(meshes):
+    mesh = meshes["coarse"]
+    points = points_at_nodes(mesh, np.arange(mesh.node_count))
+    assert (position_in(mesh, points) == mesh.points).all()
+    with pytest.raises(InputError, match=f"node {mesh.node_count} is not in the mesh"):
+        points_at_nodes(mesh, [0, mesh.node_count])
+
+
+# --- muscles ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_every_muscle_has_two_mirrored_sides(muscles, resolution):
+    assert list(muscles[resolution]) == MUSCLES
+    for muscle in muscles[resolution].values():
+        half = len(muscle.fibres) // 2
+        assert half >= 3 and muscle.max_force_N > 0.0 and muscle.title and muscle.action
+        for right, left in zip(muscle.fibres[:half], muscle.fibres[half:], strict=True):
+            assert (right.side, left.side) == ("right", "left")
+            assert (right.points.position[:, 1] >= 0.0).all()
+            assert (right.points.position[:-1, 1] > 0.0).all() or muscle.name == "TRANS"
+            assert (left.points.position * [1.0, -1.0, 1.0] == right.points.position).all()
+            assert (left.points.natural * [1.0, -1.0, 1.0] == right.points.natural).all()
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+def test_fibres_follow_the_mesh(tongue, meshes, muscles, resolution):
+    mesh = meshes[resolution]
+    longest = edge_lengths(mesh.points, mesh.hexes).max()
+    for muscle in muscles[resolution].values():
+        inside = np.concatenate([fibre.segment_element for fibre in muscle.fibres])
+        assert (np.unique(inside[inside >= 0]) == muscle.elements).all()
+        for fibre in muscle.fibres:
+            points = fibre.points
+            np.testing.assert_allclose(position_in(mesh, points), points.position, atol=1e-16)
+            assert len(fibre.segment_element) == len(points) - 1
+            assert ((points.element[:-1] < 0) == (fibre.segment_element < 0)).all()
+            length = np.linalg.norm(np.diff(points.position, axis=0), axis=1)[fibre.segment_element >= 0]
+            assert length.min() > 1e-3 and length.max() < np.sqrt(3.0) * longest
+    count = sum(len(fibre.points) for muscle in muscles[resolution].values() for fibre in muscle.fibres)
+    assert count < 2500
+
+
+def test_fibres_are_the_same_at_every_resolution(tongue, muscles):
+    """Their ends differ by no more than mesh and smooth shape do."""
+    flattened = {
+        name: max(
+            np.linalg.norm(tongue.locate(stw, cells).position - tongue.position(stw), axis=1).max()
+            for stw in [np.random.default_rng(7).uniform([0.0, 0.0, -1.0], 1.0, size=(3000, 3))]
+        )
+        for name, cells in tongue.resolutions.items()
+    }
+    assert flattened["coarse"] < 1.5e-3
+    for name in MUSCLES:
+        for coarse, fine in zip(muscles["coarse"][name].fibres, muscles["fine"][name].fibres, strict=True):
+            ends = coarse.points.position[[0, -1]] - fine.points.position[[0, -1]]
+            assert np.linalg.norm(ends, axis=1).max() < flattened["coarse"] + flattened["fine"]
+            lengths = [np.linalg.norm(np.diff(f.points.position, axis=0), axis=1).sum() for f in (coarse, fine)]
+            assert lengths[0] == pytest.approx(lengths[1], rel=0.05)
+
+
+@pytest.mark.parametrize("resolution", RESOLUTIONS)
+@pytest.mark.parametrize(
+    ("name", "place", "end"),
+    [("GGa", "jaw", 0), ("GGm", "jaw", 0), ("GGp", "jaw", 0), ("GH", "jaw", 0), ("GH", "hyoid", -1), ("MH", "jaw", 0)]
+    + [("HG", "hyoid", 0), ("IL", "hyoid", 0)],
+)
+def test_fibres_start_on_their_bone(meshes, muscles, resolution, name, place, end):
+    mesh = meshes[resolution]
+    held = mesh.points[mesh.node_sets[place]]
+    for fibre in muscles[resolution][name].fibres:
+        distance = np.linalg.norm(held - fibre.points.position[end], axis=1).min()
+        assert distance < 0.75 * np.linalg.norm(np.ptp(mesh.points[mesh.hexes[fibre.points.element[end]]], axis=0))
+
+
+def test_styloglossus_comes_from_the_styloid_process(muscles):
+    for fibre in muscles["medium"]["STY"].fibres:
+        assert fibre.points.element[0] == -1 and (fibre.points.element[1:] >= 0).all()
+        side = 1.0 if fibre.side == "right" else -1.0
+        assert fibre.points.position[0] == pytest.approx([0.150, side * 0.036, 0.125])
+
+
+def test_muscles_pull_where_anatomy_says(muscles):
+    """Mean direction from insertion to origin of the right fibres, and where they insert."""
+    pull, insertion = {}, {}
+    for name, muscle in muscles["medium"].items():
+        right = [fibre.points.position for fibre in muscle.fibres if fibre.side == "right"]
+        pull[name] = np.mean([line[0] - line[-1] for line in right], axis=0)
+        insertion[name] = np.mean([line[-1] for line in right], axis=0)
+    assert pull["GGp"][0] < -0.025  # the root forward
+    assert pull["GGa"][2] < -0.020 and pull["GGm"][2] < -0.020  # the dorsum down
+    assert insertion["GGa"][0] < insertion["GGm"][0] < insertion["GGp"][0]
+    assert insertion["SL"][0] < 0.062 and insertion["IL"][0] < 0.062  # at the tip
+    assert insertion["SL"][2] > insertion["IL"][2]
+    assert pull["STY"][0] > 0.05 and pull["STY"][2] > 0.02  # back and up
+    assert pull["HG"][2] < -0.015 and pull["HG"][0] > 0.0  # down and back
+    assert abs(pull["GH"][2]) < 0.005 and pull["GH"][0] < -0.02
+    assert pull["TRANS"][1] < -0.008 and pull["MH"][1] > 0.008
+
+
+@needs_real_mesh
+def test_fibres_lie_near_the_real_ones(muscles):
+    with np.load(REAL / "hextongue.npz") as data:
+        nodes = data["nodes_all_m"]
+    bundles = json.loads((REAL / "muscles.json").read_text())["bundles"].values()
+    for name, muscle in muscles["fine"].items():
+        real = []
+        for bundle in bundles:
+            if bundle["muscle"] == name.upper():
+                for fibre in bundle["fibres"]:
+                    line = nodes[fibre]
+                    share = np.linspace(0.0, 1.0, 20)[:, None, None]
+                    real.append((line[:-1] + share * (line[1:] - line[:-1])).reshape(-1, 3))
+        real = np.concatenate(real)
+        ours = np.concatenate([fibre.points.position for fibre in muscle.fibres])
+        distance = np.linalg.norm(ours[:, None] - real[None], axis=2).min(axis=1)
+        # Fibres of the middle of a bundle stand up to 5 mm from the next real one.
+        assert distance.mean() < 3e-3, (name, distance.mean())
+
+
+def test_fibre_through_any_mesh(tongue, meshes, muscles):
+    """Searched for by position alone, a fibre runs through the elements that the grid says."""
+    original = muscles["medium"]["GGp"].fibres[3]
+    points = locate_in_mesh(meshes["medium"], original.points.position)
+    found = Fibre.through(points, "right", meshes["medium"])
+    near = found.segment_element == original.segment_element
+    # A straight chord and a line in (s, t, w) may fall on two sides of a face.
+    assert near.mean() > 0.7
+    muscle = Muscle.of("GGp", "", 1.0, (found,))
+    assert (muscle.elements == np.unique(found.segment_element)).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("title = 'x'\naction = 'y'\nmax_force_N = 1.0\nfibers = []", "unknown key .*fibres"),
+        ("title = 'x'\naction = 'y'\nfibres = [[[0.1,0.1,0.1],[0.2,0.2,0.2]]]", "max_force_N.* is missing"),
+        ("title = 'x'\naction = 'y'\nmax_force_N = 0\nfibres = [[[0.1,0.1,0.1],[0.2,0.2,0.2]]]", "positive"),
+        ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,0.1]]]", "fibre 0 .*two points"),
+        ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1],[0.2,0.2]]]", "three"),
+        ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,-0.1],[0.2,0.2,0.2]]]", "w < 0"),
+        ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,0.1],[0.2,1.2,0.2]]]", "outside the tongue"),
+    ],
+)
+def test_muscle_files_that_cannot_be(tongue, tmp_path, text, words):
+    path = tmp_path / "muscles.toml"
+    path.write_text(f"[GGx]\n{text}\n")
+    with pytest.raises(InputError, match=words) as caught:
+        read_muscles(path, tongue, (16, 8, 10))
+    assert str(path) in str(caught.value) and "GGx" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("keel =", "kell =", 'unknown key "kell"; did you mean "keel"'),
+        ("[half_width]", "[half_widths]", "half_width"),
+        ("[resolutions]", "[resolutions]\nodd = [16, 8, 9]", "resolutions.odd.*even"),
+        ("bow_mm = [", "bow_mm = [0.0, ", "contour.bow_mm.*shape"),
+        ("s = [0.385, 0.69]", "s = [0.69, 0.385]", "attachments.jaw.*upwards"),
+        ("[contour]", "[contour", "cannot be read"),
+    ],
+)
+def test_geometry_files_that_cannot_be(tmp_path, old, new, words):
+    text = (TONGUE / "geometry.toml").read_text()
+    assert old in text
+    path = tmp_path / "geometry.toml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(InputError, match=words):
+        ContourMap.from_toml(path)

@@ -184,6 +184,11 @@ class Simulation:
         """The element (user's number) whose own highest frequency is highest now."""
         return self.stable_bound()[1]
 
+    def largest_strain_rate(self) -> float:
+        """Largest norm of grad v of any element [1/s], with the velocity of the last half step."""
+        corners = self.state.v[self.hexes, :3]
+        return float(np.sqrt(np.max(np.sum((corners.transpose(0, 2, 1) @ self._gradients) ** 2, axis=(1, 2)))))
+
     # ---- in the user's numbering ----
 
     @property

@@ -22,9 +22,13 @@ from explicitfe.timestep import FRACTION
 
 FINISHED, INVERTED, UNSTABLE, DIVERGED, INTERRUPTED = "finished", "inverted", "unstable", "diverged", "interrupted"
 
-# Steps between two looks at the stable step; doubled while it hardly changes, halved when it changes fast.
-FIRST_CADENCE, LONGEST_CADENCE = 25, 100
-FIRST_TURNS, TURNS = 40, 10  # of the iteration that finds the stable step: at the start, and later from what it found
+# The stable step is looked at again when some element may have been strained by this much since, at the rate it had then: a
+# step force can distort the elements at its node within a few steps.
+STRAIN_BETWEEN_LOOKS = 0.1
+FEWEST_STEPS, MOST_STEPS = 2, 100
+FIRST_TURNS, TURNS = 40, 5  # of the iteration that finds the limit: at the start, and later from what it found
+# The step is kept while it lies between these shares of the limit: each change costs the energy balance a little.
+LOWEST_SHARE = 0.82
 # A balance error above this is no rounding: energy comes from nowhere, as it does when the step is too long.
 BALANCE_LIMIT = 0.1
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
@@ -49,7 +53,7 @@ class Status:
 class Transient:
     """Advances a simulation to its end with the largest stable step.
 
-    The step is 0.9 of the limit that a Lanczos iteration gives for the current state, looked at every 25 to 100 steps, and
+    The step is 0.9 of the limit that a Lanczos iteration gives for the current state, looked at every 2 to 100 steps, and
     divides the time to the next load edge into equal parts. Samples are taken at the first instant at or after the time
     asked for, and never change the step.
 
@@ -72,7 +76,7 @@ class Transient:
         self._marks = np.append(edges[(edges > 0.0) & (edges < duration_s * (1.0 - 1e-9))], duration_s)
         self._mark = 0
         self._since = 0  # steps since the limit was looked at
-        self._cadence = FIRST_CADENCE
+        self._cadence = FEWEST_STEPS
         self._left = 0  # steps to the next mark
         self.limit_s = simulation.stable_limit(FIRST_TURNS)
         self.smallest_dt_s = np.inf
@@ -84,7 +88,7 @@ class Transient:
                 f"{1e6 * self.limit_s:.4g} microseconds (set by element {number}); take a smaller one or leave the key out."
             )
         self._dt = 0.0
-        self._divide()
+        self._divide(step_s or FRACTION * self.limit_s)
         simulation.start(self._dt)
 
     @property
@@ -110,7 +114,7 @@ class Transient:
                 simulation.time_s = float(self._marks[self._mark])
                 self._mark += 1
                 if not self.finished:
-                    self._divide()
+                    self._divide(self.step_s or FRACTION * self.limit_s)
         return None
 
     def _look(self) -> Status | None:
@@ -121,11 +125,11 @@ class Transient:
         if not np.isfinite(self.limit_s):
             return self._inverted()
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
-        change = abs(self.limit_s / before - 1.0)
-        if change > 0.04:
-            self._cadence = max(FIRST_CADENCE // 5, self._cadence // 2)
-        elif change < 0.01:
-            self._cadence = min(LONGEST_CADENCE, 2 * self._cadence)
+        fall = 1.0 - self.limit_s / before
+        strain = self.simulation.largest_strain_rate() * self._dt
+        # Twice as many as last time at most: a body that starts from rest has no rate yet.
+        most = min(MOST_STEPS, 2 * self._cadence)
+        self._cadence = int(np.clip(STRAIN_BETWEEN_LOOKS / max(strain, 1e-12), FEWEST_STEPS, most))
         if self.step_s is not None and self.step_s > self.limit_s:
             return Status(
                 UNSTABLE,
@@ -133,16 +137,15 @@ class Transient:
                 f"unstable: the tissue has stiffened and its limit is now {1e6 * self.limit_s:.4g} microseconds; "
                 "leave analysis.step_us out or make it smaller.",
             )
-        # A step that still fits stays as it is: each change costs a little accuracy in the energy balance.
-        if self.step_s is None and not 0.85 * self.limit_s <= self._dt <= FRACTION * self.limit_s:
-            self._divide()
+        if self.step_s is None and not LOWEST_SHARE * self.limit_s <= self._dt <= FRACTION * self.limit_s:
+            # A limit that is falling will go on falling until the next look.
+            self._divide(FRACTION * self.limit_s * (1.0 - max(fall, 0.0)))
         return None
 
-    def _divide(self) -> None:
-        """Equal steps from here to the next mark."""
-        longest = self.step_s or FRACTION * self.limit_s
+    def _divide(self, longest_s: float) -> None:
+        """Equal steps, no longer than this, from here to the next mark."""
         time_left = self._marks[self._mark] - self.simulation.time_s
-        self._left = max(1, int(np.ceil(time_left / longest - 1e-9)))
+        self._left = max(1, int(np.ceil(time_left / longest_s - 1e-9)))
         self._dt = float(time_left / self._left)
         self.smallest_dt_s = min(self.smallest_dt_s, self._dt)
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)

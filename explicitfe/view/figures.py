@@ -1,0 +1,735 @@
+"""Pictures of a result as PNG files: contour, coronal section, probes, energies, 3D view.
+
+A speaker looks to the left in all side views: x points backwards, z up, y to the speaker's right. Lengths are drawn in mm,
+times in ms. Sections are cut through the reference shape and move with the material, so a picture shows where the tissue of
+a section went, not what else came into its plane.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import textwrap
+import tomllib
+import warnings
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from explicitfe.errors import InputError
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.results import Result, open_result
+
+if TYPE_CHECKING:
+    import pyvista
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+X, Y, Z = 0, 1, 2
+WIDTH_IN, DPI = 10.0, 160  # 1600 px
+OUTLINES = 6  # times drawn besides the rest shape: more lie on each other
+REST, HELD, GRID = "0.55", "black", "0.88"
+# Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
+LINES = ("-", "--", ":", "-.")
+# Below this share of its largest the elastic energy is next to nothing and shares of it mean nothing, as in `run.Ledger`.
+SHARE_FLOOR = 0.01
+USUAL_SHARE = 0.1  # of hourglass energy: what explicit codes recommend to stay below
+RENDER_LIMIT_S = 120.0
+
+_FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
+
+
+def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
+    """Draw a result.
+
+    Parameters
+    ----------
+    result_path : the result, of a run that finished, failed or was killed.
+    folder : where the pictures go; beside the result if left out.
+
+    Returns
+    -------
+    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies`` and ``-3d``. A picture for which the
+    result has nothing to show is left out; so is the 3D view, with a warning, where the machine cannot render.
+
+    Raises
+    ------
+    InputError : the file cannot be read or no step is stored in it.
+    """
+    result_path = Path(result_path)
+    folder = result_path.parent if folder is None else Path(folder)
+    with open_result(result_path) as result:
+        step = last_step(result)
+        folder.mkdir(parents=True, exist_ok=True)
+
+        def target(name: str) -> Path:
+            return folder / f"{result_path.stem}-{name}.png"
+
+        paths = []
+        rendering = _start_rendering(result_path, target("3d"))
+        try:
+            for name, picture in (
+                ("contour", _contour),
+                ("coronal", _coronal),
+                ("probes", _probes),
+                ("energies", _energies),
+            ):
+                figure = picture(result, step)
+                if figure is not None:
+                    figure.savefig(target(name))
+                    paths.append(target(name))
+            problem = _end_rendering(rendering, target("3d"))
+        finally:
+            rendering.kill()
+    if problem:
+        warnings.warn(problem, stacklevel=2)
+    else:
+        paths.append(target("3d"))
+    return paths
+
+
+# ---- what is drawn: numbers from the result ----
+
+
+@dataclass(frozen=True)
+class Section:
+    """Outline of a plane cut of the reference shape: points on edges of the surface, which move with them.
+
+    Attributes
+    ----------
+    ends : (k, 2) int64. Nodes of the edge that each point lies on; twice the same where it is a node.
+    share : (k,) Weight of the second node.
+    loops : closed outlines as point numbers in order; the last joins the first.
+    """
+
+    ends: np.ndarray
+    share: np.ndarray
+    loops: tuple[np.ndarray, ...]
+
+    def at(self, values: np.ndarray) -> np.ndarray:
+        """Values of the nodes, (n, ...), interpolated at the points, (k, ...)."""
+        share = self.share.reshape(-1, *[1] * (values.ndim - 1))
+        return (1.0 - share) * values[self.ends[:, 0]] + share * values[self.ends[:, 1]]
+
+    def outline(self, points: np.ndarray) -> np.ndarray:
+        """All loops as one line, (j, 3): closed, with a row of NaN after each."""
+        at = self.at(points)
+        gap = np.full((1, points.shape[1]), np.nan)
+        return np.concatenate([part for loop in self.loops for part in (at[loop], at[loop[:1]], gap)] or [gap])
+
+
+def section(mesh: HexMesh, axis: int, position: float) -> Section:
+    """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
+    distance = mesh.points[:, axis] - position
+    distance[np.abs(distance) < 1e-9 * np.ptp(mesh.points, axis=0).max()] = 0.0
+    quads = _surface(mesh.hexes)
+    segments: list[tuple[tuple[int, int], tuple[int, int]]] = []
+    # Nodes in the plane count as above it. A half model that ends there has nothing below: then they count as below.
+    for above in (distance >= 0.0, distance > 0.0):
+        changes = above[quads] != above[np.roll(quads, -1, axis=1)]
+        for quad, change in zip(quads[changes.any(axis=1)], changes[changes.any(axis=1)], strict=True):
+            cut = [_crossing(quad[k], quad[(k + 1) % 4], distance) for k in np.flatnonzero(change)]
+            segments += [(a, b) for a, b in zip(cut[::2], cut[1::2], strict=True) if a != b]
+        if segments:
+            break
+    edges = sorted({edge for segment in segments for edge in segment})
+    number = {edge: k for k, edge in enumerate(edges)}
+    ends = np.array(edges, dtype=np.int64).reshape(-1, 2)
+    low, high = distance[ends].T
+    share = np.divide(low, low - high, out=np.zeros(len(ends)), where=low != high)
+    return Section(ends, share, tuple(_loops([(number[a], number[b]) for a, b in segments])))
+
+
+def midsagittal(mesh: HexMesh) -> Section:
+    """The section y = 0 if nodes lie there, else halfway between the sides."""
+    return section(mesh, Y, middle(mesh))
+
+
+def middle(mesh: HexMesh) -> float:
+    """The y of the midsagittal plane, m."""
+    y = mesh.points[:, Y]
+    return 0.0 if np.any(np.abs(y) < 1e-9 * np.ptp(y)) else 0.5 * (float(y.min()) + float(y.max()))
+
+
+def front_position(mesh: HexMesh) -> float:
+    """The x at which a front coronal section is cut, m: the point named "front", else 40 % of the length from the tip."""
+    if "front" in mesh.named_points:
+        return float(mesh.points[mesh.named_points["front"], X])
+    x = mesh.points[:, X]
+    return float(x.min() + 0.4 * np.ptp(x))
+
+
+def groove_depth(rest: np.ndarray, now: np.ndarray) -> float:
+    """How far the midline of a coronal outline lies below the lower of the two sides' highest points, m; 0: no groove.
+
+    Parameters
+    ----------
+    rest, now : (k, 3) m. Points of one outline in the reference shape, which says what is middle, left, right and above,
+        and where they are now.
+    """
+    y = rest[:, Y] - 0.5 * (rest[:, Y].min() + rest[:, Y].max())
+    nearest = np.abs(y) < np.abs(y).min() + 1e-9 * np.ptp(y)
+    top = np.flatnonzero(nearest)[np.argmax(rest[nearest, Z])]
+    # Only what was above stays in question: in a strong twist a lower corner could come up.
+    upper = rest[:, Z] > 0.5 * (rest[:, Z].min() + rest[:, Z].max())
+    sides = [now[upper & side, Z].max(initial=-np.inf) for side in (y < 0.0, y > 0.0)]
+    return max(0.0, float(min(sides) - now[top, Z]))
+
+
+def last_step(result: Result) -> int:
+    """The last stored step whose displacements are finite.
+
+    Raises
+    ------
+    InputError : there is none.
+    """
+    for step in reversed(range(len(result.times))):
+        if np.isfinite(result.displacement(step)).all():
+            return step
+    raise InputError(f"{result.path} has no step that can be drawn; run the scenario again")
+
+
+def drawn_steps(times: np.ndarray, last: int, count: int = OUTLINES) -> list[int]:
+    """Up to ``count`` steps after the first, equally spaced in time, ``last`` among them."""
+    wanted = times[0] + (times[last] - times[0]) * np.arange(1, count + 1) / count
+    steps = {int(np.argmin(np.abs(times[: last + 1] - time))) for time in wanted}
+    return sorted(steps - {0})
+
+
+def attachments(result: Result, step: int) -> dict[str, np.ndarray]:
+    """The node sets that are held: those whose nodes have not moved by one bit, while others have."""
+    still = np.all(result.displacement(step) == 0.0, axis=1)
+    if still.all():
+        return {}
+    return {name: nodes for name, nodes in result.mesh.node_sets.items() if len(nodes) and still[nodes].all()}
+
+
+def activation(muscle: Mapping[str, Any], end_ms: float) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of a muscle's force over time from 0 to ``end_ms``: times in ms, and shares of its ``force_N``."""
+    if muscle.get("table"):
+        times, scales = (list(column) for column in zip(*muscle["table"], strict=True))
+    else:
+        start = muscle.get("start_ms", 0.0)
+        times, scales = [start, start + muscle.get("rise_ms", 0.0)], [0.0, 1.0]
+        if muscle.get("end_ms") is not None:
+            times, scales = times + [muscle["end_ms"]] * 2, scales + [1.0, 0.0]
+    times, scales = [min(0.0, times[0]), *times, max(end_ms, times[-1])], [scales[0], *scales, scales[-1]]
+    return np.array(times), np.array(scales)
+
+
+def on_times(muscles: Iterable[Mapping[str, Any]], end_ms: float) -> list[tuple[float, float]]:
+    """Spans of time, ms, in which at least one muscle pulls."""
+    spans: list[tuple[float, float]] = []
+    for muscle in muscles:
+        times, scales = activation(muscle, end_ms)
+        pulls = (np.maximum(scales[:-1], scales[1:]) > 0.0) & (times[1:] > times[:-1]) & (times[:-1] < end_ms)
+        if muscle["force_N"] > 0.0:
+            spans += [(float(a), float(min(b, end_ms))) for a, b in zip(times[:-1][pulls], times[1:][pulls], strict=True)]
+    merged: list[tuple[float, float]] = []
+    for start, end in sorted(spans):
+        if merged and start <= merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
+        else:
+            merged.append((start, end))
+    return merged
+
+
+def _surface(hexes: np.ndarray) -> np.ndarray:
+    """The faces that belong to one element only, (f, 4) nodes in cyclic order."""
+    faces = hexes[:, _FACES].reshape(-1, 4)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[np.sort(first[count == 1])]
+
+
+def _crossing(a: int, b: int, distance: np.ndarray) -> tuple[int, int]:
+    """Name of the point where an edge crosses the plane: the same from both faces, and one for a node in the plane."""
+    if distance[a] == 0.0:
+        return int(a), int(a)
+    if distance[b] == 0.0:
+        return int(b), int(b)
+    return int(min(a, b)), int(max(a, b))
+
+
+def _loops(segments: Sequence[tuple[int, int]]) -> Iterator[np.ndarray]:
+    """Join segments to closed loops."""
+    at = defaultdict(set)
+    for k, (a, b) in enumerate(segments):
+        at[a].add(k)
+        at[b].add(k)
+    unused = set(range(len(segments)))
+    while unused:
+        first = min(unused)
+        start, point = segments[first]
+        loop, segment = [start], first
+        while True:
+            unused.discard(segment)
+            at[segments[segment][0]].discard(segment)
+            at[segments[segment][1]].discard(segment)
+            if point == start or not at[point]:
+                break
+            loop.append(point)
+            segment = min(at[point])
+            a, b = segments[segment]
+            point = b if a == point else a
+        if len(loop) > 2:
+            yield np.array(loop)
+
+
+# ---- pictures ----
+
+
+def _contour(result: Result, step: int) -> Figure | None:
+    """The midsagittal outline at several times, with the paths of the named points."""
+    from matplotlib.patheffects import withStroke
+
+    mesh, times = result.mesh, 1e3 * result.times
+    cut = midsagittal(mesh)
+    if not cut.loops:
+        return None
+    figure = _figure(result, 7.4, "Midsagittal contour")
+    axes = figure.subplots()
+    _side_view(axes)
+    rest = 1e3 * cut.outline(mesh.points)
+    axes.fill(*_polygon(rest, X, Z), color="0.94", zorder=0)
+    axes.plot(rest[:, X], rest[:, Z], color=REST, lw=2.0, label="rest")
+    steps = drawn_steps(result.times, step)
+    for number, colour in zip(steps, _sequence(len(steps)), strict=True):
+        now = 1e3 * cut.outline(mesh.points + result.displacement(number))
+        axes.plot(now[:, X], now[:, Z], color=colour, lw=2.6 if number == step else 1.5, label=f"{times[number]:.4g} ms")
+
+    held = np.zeros(mesh.node_count)
+    for marker, (name, nodes) in zip("s^DvP*" * 9, attachments(result, step).items(), strict=False):
+        held[:] = 0.0
+        held[nodes] = 1.0
+        at = 1e3 * cut.at(mesh.points)[cut.at(held) == 1.0]
+        if len(at):
+            axes.plot(at[:, X], at[:, Z], marker, color=HELD, ms=5.5, label=f"held: {name}", zorder=4)
+
+    in_plane = _points_in_plane(mesh)
+    centre = np.nanmean(rest, axis=0)
+    for name, node in in_plane.items():
+        path = 1e3 * (mesh.points[node] + result.probe(name)[: step + 1])
+        label = "path of a named point" if name == next(iter(in_plane)) else None
+        axes.plot(path[:, X], path[:, Z], color="black", lw=1.0, zorder=5, label=label)
+        axes.plot(*path[0, [X, Z]], "o", mfc="white", mec="black", ms=5.5, zorder=6)
+        axes.plot(*path[-1, [X, Z]], "o", mfc="black", mec="black", ms=5.5, zorder=6)
+        outwards = (path[0] - centre)[[X, Z]]
+        dx, dz = 9.0 * outwards / max(np.hypot(*outwards), 1e-9)
+        axes.annotate(
+            name,
+            path[0, [X, Z]],
+            (dx, dz),
+            textcoords="offset points",
+            ha="left" if dx > 4.0 else "right" if dx < -4.0 else "center",
+            va="bottom" if dz > 4.0 else "top" if dz < -4.0 else "center",
+            zorder=7,
+            path_effects=[withStroke(linewidth=3, foreground="white")],
+        )
+    axes.margins(0.09)
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, title="time")
+    return figure
+
+
+def _coronal(result: Result, step: int) -> Figure | None:
+    """A coronal section of the front at rest and after, and where it is."""
+    mesh, times = result.mesh, 1e3 * result.times
+    position = front_position(mesh)
+    cut, side = section(mesh, X, position), midsagittal(mesh)
+    if not cut.loops:
+        return None
+    figure = _figure(result, 6.0, "Coronal section of the front, following the tissue")
+    where, axes = figure.subplots(1, 2, width_ratios=[1.0, 1.75])
+    steps = drawn_steps(result.times, step)
+    colours = _sequence(len(steps))
+    end = mesh.points + result.displacement(step)
+
+    _side_view(where)
+    # A coronal section in the middle of its width, from its top to its bottom, is a line in the side view.
+    at_rest, y = cut.at(mesh.points), cut.at(mesh.points)[:, Y] - middle(mesh)
+    core = np.abs(y) < np.abs(y).min() + 1e-9
+    core = np.flatnonzero(core)[np.argsort(at_rest[core, Z])]
+    for points, colour, width in ((mesh.points, REST, 1.5), (end, colours[-1] if steps else REST, 2.0)):
+        line, inside = 1e3 * side.outline(points), 1e3 * cut.at(points)[core]
+        where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
+        where.plot(inside[:, X], inside[:, Z], color=colour, lw=width + 1.0, solid_capstyle="round")
+    where.set_title("where the section is", fontsize=10)
+
+    rest = 1e3 * cut.outline(mesh.points)
+    axes.fill(*_polygon(rest, Y, Z), color="0.94", zorder=0)
+    axes.plot(rest[:, Y], rest[:, Z], color=REST, lw=2.0, label="rest")
+    for number, colour in zip(steps, colours, strict=True):
+        now = 1e3 * cut.outline(mesh.points + result.displacement(number))
+        axes.plot(now[:, Y], now[:, Z], color=colour, lw=2.6 if number == step else 1.0, label=f"{times[number]:.4g} ms")
+    loop = max(cut.loops, key=len)
+    depths = [1e3 * groove_depth(at_rest[loop], cut.at(points)[loop]) for points in (mesh.points, end)]
+    forward, up = -1e3 * cut.at(end - mesh.points)[loop].mean(axis=0)[[X, Z]] * [1.0, -1.0]
+    axes.set_title(
+        f"groove in the midline: {_depth(depths[0])} at rest, {_depth(depths[1])} at {times[step]:.4g} ms\n"
+        f"the outline moved by {forward:+.1f} mm forward and {up:+.1f} mm up on average",
+        fontsize=10,
+    )
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("left  ←   y (mm)   →  right")
+    axes.set_ylabel("z, up (mm)")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, title="time")
+    for each in (where, axes):
+        _plain(each)
+        each.margins(0.08)
+    return figure
+
+
+def _probes(result: Result, step: int) -> Figure | None:
+    """Displacement and speed of the probes over time."""
+    names = [name.removesuffix("_displacement") for name in result.history_names if name.endswith("_displacement")]
+    probes = [name.removeprefix("probe_") for name in names if name.startswith("probe_")]
+    times = 1e3 * result.history("time")
+    if not probes or len(times) < 2:
+        return None
+    # From front to back, as the model names its points and not as the file sorts them.
+    order = list(result.model.get("probes", result.mesh.named_points))
+    probes.sort(key=lambda name: order.index(name) if name in order else len(order))
+    moved = {name: 1e3 * result.history(f"probe_{name}_displacement") for name in probes}
+    largest = max(np.nanmax(np.abs(u), initial=0.0) for u in moved.values())
+    rows = [
+        ("forward (mm)", {name: -u[:, X] for name, u in moved.items()}),
+        ("up (mm)", {name: u[:, Z] for name, u in moved.items()}),
+    ]
+    lateral = max(np.nanmax(np.abs(u[:, Y]), initial=0.0) for u in moved.values())
+    if lateral > 1e-3 * largest:
+        rows.append(("to the right (mm)", {name: u[:, Y] for name, u in moved.items()}))
+    velocity = {name: f"probe_{name}_velocity" for name in probes if f"probe_{name}_velocity" in result.history_names}
+    if velocity:
+        speeds = {name: 1e3 * np.linalg.norm(result.history(key), axis=1) for name, key in velocity.items()}
+        rows.append(("speed (mm/s)", speeds))
+
+    figure = _figure(result, 1.3 + 0.22 * len(result.model.get("muscles", [])) + 2.4 * len(rows), "Named points over time")
+    panels = _time_panels(figure, result, [[label] for label, _ in rows], times[-1])
+    for axes, (label, lines) in zip(panels, rows, strict=True):
+        axes.set_ylabel(label)
+        axes.axhline(0.0, color="0.6", lw=0.8)
+        ends = {}
+        for k, name in enumerate(lines):
+            style = {"color": COLOURS[k % len(COLOURS)], "ls": LINES[k // len(COLOURS) % len(LINES)]}
+            axes.plot(times, lines[name], lw=1.6, **style)
+            shown = np.flatnonzero(np.isfinite(lines[name]))
+            ends[name] = (float(lines[name][shown[-1]]) if len(shown) else 0.0, style["color"])
+        _label_ends(axes, ends)
+    if lateral <= 1e-3 * largest:
+        _note(panels[0], f"to the right: less than {_ceiling(lateral)} mm")
+    panels[-1].set_xlabel("time (ms)")
+    return figure
+
+
+def _energies(result: Result, step: int) -> Figure | None:
+    """Energies over time, the error of their balance and the share of hourglass energy."""
+    names = {
+        "external_work": ("work of the muscles and loads", "black", "-"),
+        "internal_energy": ("elastic energy", COLOURS[0], "-"),
+        "hourglass_energy": ("hourglass energy", COLOURS[1], "-"),
+        "kinetic_energy": ("kinetic energy", COLOURS[2], "-"),
+        "damping_loss": ("lost to damping", COLOURS[3], "--"),
+    }
+    times = 1e3 * result.history("time")
+    energies = {name: result.history(name) for name in names if name in result.history_names}
+    if not energies or len(times) < 2:
+        return None
+    largest = max(float(np.nanmax(np.abs(energy), initial=0.0)) for energy in energies.values())
+    factor, unit = next(((f, u) for f, u in ((1.0, "J"), (1e3, "mJ"), (1e6, "µJ")) if f * largest >= 0.1), (1e9, "nJ"))
+
+    muscles = result.model.get("muscles", [])
+    figure = _figure(result, 7.2 + 0.22 * len(muscles), "Energies over time")
+    panels = _time_panels(figure, result, [["energy", "energy"], ["balance", "share"]], times[-1], [1.9, 1.0])
+    for name, energy in energies.items():
+        label, colour, line = names[name]
+        panels[0].plot(times, factor * energy, line, color=colour, lw=1.8, label=label)
+    panels[0].set_ylabel(f"energy ({unit})")
+    panels[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+
+    if "balance_error" in result.history_names:
+        error = 100.0 * result.history("balance_error")
+        panels[1].plot(times, np.where(error > 0.0, error, np.nan), color="black", lw=1.6)
+        panels[1].set_yscale("log")
+    panels[1].set_title("energy balance: largest error so far", fontsize=10)
+    panels[1].set_ylabel("of the energy (%)")
+    share = hourglass_share(result)
+    panels[2].axhline(100.0 * USUAL_SHARE, color="0.4", lw=1.0, ls="--")
+    panels[2].plot(times, 100.0 * share, color=COLOURS[1], lw=1.6)
+    panels[2].set_title("hourglass share (dashed: usual limit 10 %)", fontsize=10)
+    panels[2].set_ylabel("of the elastic energy (%)")
+    panels[2].set_ylim(0.0, max(12.5, 110.0 * np.nanmax(share, initial=0.0)))
+    for axes in panels[1:]:
+        axes.set_xlabel("time (ms)")
+    return figure
+
+
+def hourglass_share(result: Result) -> np.ndarray:
+    """Share of hourglass energy in the elastic energy over the history; NaN where that is next to nothing."""
+    hourglass = result.history("hourglass_energy")
+    elastic = result.history("internal_energy") + hourglass
+    there = elastic > SHARE_FLOOR * np.nanmax(elastic, initial=0.0)
+    return np.divide(hourglass, elastic, out=np.full(len(elastic), np.nan), where=there)
+
+
+# ---- 3D view, in a process of its own: where OpenGL is missing or a display is broken, VTK does not raise, it crashes ----
+
+
+def _start_rendering(result_path: Path, target: Path) -> subprocess.Popen:
+    target.unlink(missing_ok=True)
+    root = str(Path(__file__).resolve().parents[2])
+    path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "explicitfe.view.figures", str(result_path), str(target)],
+        env=os.environ | {"PYTHONPATH": path},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        errors="replace",
+    )
+
+
+def _end_rendering(rendering: subprocess.Popen, target: Path) -> str:
+    """Wait for the 3D view; a sentence if there is none."""
+    try:
+        _, said = rendering.communicate(timeout=RENDER_LIMIT_S)
+        why = "" if rendering.returncode == 0 and target.exists() else f"exit code {rendering.returncode}"
+    except subprocess.TimeoutExpired:
+        said, why = "", f"it took longer than {RENDER_LIMIT_S:g} s"
+    if not why:
+        return ""
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    if lines and "Error" in lines[-1]:
+        why = lines[-1].rstrip(".")
+    return (
+        f"The 3D view was left out because this machine could not render it ({why}); the other pictures are complete. "
+        "On a computer without a screen VTK needs EGL or OSMesa (Debian, Ubuntu: install libegl1 or libosmesa6)."
+    )
+
+
+def _render(result_path: Path, target: Path) -> None:
+    """The deformed tongue from the front and, cut in the middle, from the side, coloured by displacement."""
+    import pyvista
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    with open_result(result_path) as result:
+        step = last_step(result)
+        mesh, u = result.mesh, result.displacement(step)
+        cells = np.insert(mesh.hexes, 0, 8, axis=1).ravel()
+        types = np.full(mesh.element_count, pyvista.CellType.HEXAHEDRON, dtype=np.uint8)
+        grid = pyvista.UnstructuredGrid(cells, types, 1e3 * mesh.points)
+        grid.point_data["u"] = 1e3 * u
+        grid.point_data["displacement"] = 1e3 * np.linalg.norm(u, axis=1)
+        limit = float(grid.point_data["displacement"].max()) or 1.0
+        # The half behind the plane, cut in the reference shape: the cut face is the midsagittal tissue, wherever it went.
+        half = grid.clip("y", origin=(0.0, 1e3 * middle(mesh), 0.0), invert=False)
+        views = [
+            ("from the front and the left", grid, (-1.0, -0.75, 0.45), 0.5),
+            ("cut at the midsagittal plane", half, (0.0, -1.0, 0.0), 1.0),
+        ]
+        figure = _figure(result, 6.2, f"Tongue at {1e3 * result.times[step]:.4g} ms, rest shape in grey outline")
+        for axes, (title, part, direction, opacity) in zip(figure.subplots(1, 2), views, strict=True):
+            axes.imshow(_view(part, grid, direction, limit, opacity))
+            axes.set_title(title, fontsize=10)
+            axes.set_axis_off()
+        figure.axes[1].text(0.02, 0.02, "← front", transform=figure.axes[1].transAxes)
+        scale = ScalarMappable(Normalize(0.0, limit), "viridis")
+        bar = figure.colorbar(scale, ax=figure.axes, location="bottom", shrink=0.5, aspect=40, pad=0.02)
+        bar.set_label("displacement (mm)")
+        figure.savefig(target)
+
+
+def _view(
+    part: pyvista.UnstructuredGrid,
+    whole: pyvista.UnstructuredGrid,
+    direction: tuple[float, float, float],
+    limit: float,
+    outline: float,
+) -> np.ndarray:
+    """A picture of the deformed part with the rest shape as an outline, seen from ``direction``."""
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=(1100, 960))
+    plotter.set_background("white")
+    surface = part.warp_by_vector("u").extract_surface(algorithm="dataset_surface")
+    plotter.add_mesh(
+        surface,
+        scalars="displacement",
+        clim=(0.0, limit),
+        cmap="viridis",
+        show_edges=True,
+        edge_color="#202020",
+        edge_opacity=0.25,
+        show_scalar_bar=False,
+        ambient=0.25,
+    )
+    rest = part.extract_surface(algorithm="dataset_surface")
+    plotter.add_silhouette(rest, color="#707070", line_width=3.0, feature_angle=60.0)
+    plotter.camera.parallel_projection = True
+    plotter.camera.up = (0.0, 0.0, 1.0)
+    centre = np.array(whole.center)
+    plotter.camera.focal_point = centre
+    plotter.camera.position = centre + 300.0 * np.array(direction)
+    plotter.reset_camera()
+    plotter.camera.zoom(1.2)
+    image = plotter.screenshot(return_img=True)
+    plotter.close()
+    return image
+
+
+# ---- how it is drawn ----
+
+
+def _figure(result: Result, height_in: float, what: str) -> Figure:
+    """An empty figure with the titles of the run and of the picture."""
+    from matplotlib.figure import Figure
+
+    title = textwrap.wrap(_title(result), 88)
+    second = ", ".join([what, *[_pull(muscle) for muscle in result.model.get("muscles", [])]])
+    if result.status not in ("finished", "running"):
+        second += f"; the run ended early: {result.status}"
+    lines = textwrap.wrap(second, 110)
+    figure = Figure(figsize=(WIDTH_IN, height_in + 0.2 * (len(title) + len(lines) - 2)), dpi=DPI, layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.08, h_pad=0.08)
+    # Two sizes in one heading: the second part stands below the first, in the room that the first asks for.
+    figure.suptitle("\n".join(title) + "\n" * len(lines), fontsize=13, fontweight="bold", x=0.012, ha="left")
+    below = 1.0 - (0.1 + 0.225 * len(title)) / figure.get_figheight()
+    figure.text(0.012, below, "\n".join(lines), fontsize=10.5, color="0.25", va="top")
+    return figure
+
+
+def _title(result: Result) -> str:
+    title = result.summary.get("title")
+    if title:
+        return str(title)
+    try:
+        return str(tomllib.loads(result.scenario_text).get("title", result.path.stem))
+    except tomllib.TOMLDecodeError:
+        return result.path.stem
+
+
+def _pull(muscle: Mapping[str, Any]) -> str:
+    side = "" if muscle.get("side", "both") == "both" else f" {muscle['side']}"
+    return f"{muscle['name']}{side} {muscle['force_N']:g} N ({muscle.get('distribution', 'ends')})"
+
+
+def _side_view(axes: Axes) -> None:
+    _plain(axes)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("front  ←   x (mm)   →  back")
+    axes.set_ylabel("z, up (mm)")
+
+
+def _plain(axes: Axes) -> None:
+    axes.grid(color=GRID, lw=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _time_panels(
+    figure: Figure, result: Result, rows: list[list[str]], end_ms: float, heights: Sequence[float] | None = None
+) -> list[Axes]:
+    """Panels over time, the muscles' pulls above them; returned in the order of ``rows``."""
+    muscles = [muscle for muscle in result.model.get("muscles", []) if muscle["force_N"] > 0.0]
+    heights = list(heights or [1.0] * len(rows))
+    total = figure.get_figheight()
+    if muscles:
+        share = 0.24 * len(muscles) / (total - 1.5 - 0.24 * len(muscles))
+        rows = [["muscles"] * len(rows[0]), *rows]
+        heights = [share * sum(heights), *heights]
+    panels = figure.subplot_mosaic(rows, height_ratios=heights)
+    if muscles:
+        strip = panels.pop("muscles")
+        for k, muscle in enumerate(muscles):
+            times, scales = activation(muscle, end_ms)
+            strip.fill_between(times, -k, -k + 0.8 * scales / max(1.0, scales.max()), color="0.45", lw=0)
+        strip.set_yticks([0.4 - k for k in range(len(muscles))], [muscle["name"] for muscle in muscles])
+        strip.set_ylim(0.9 - len(muscles), 1.0)
+        strip.set_xlim(0.0, end_ms)
+        strip.spines[["top", "right", "left"]].set_visible(False)
+        strip.tick_params(labelbottom=False, left=False)
+    for axes in panels.values():
+        _plain(axes)
+        axes.set_xlim(0.0, end_ms)
+        for start, end in on_times(muscles, end_ms):
+            axes.axvspan(start, end, color="0.955", lw=0, zorder=-1)
+    return list(panels.values())
+
+
+def _label_ends(axes: Axes, ends: Mapping[str, tuple[float, str]]) -> None:
+    """Names of lines at their ends, in their colours, pushed apart where they would lie on each other."""
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top)
+    height = axes.figure.get_figheight() / (len(axes.figure.axes) + 0.5)
+    gap = min(0.19 / height, 1.0 / max(1, len(ends)))  # a line of text as a share of the panel
+    names = sorted(ends, key=lambda name: ends[name][0])
+    wanted = np.array([(ends[name][0] - bottom) / (top - bottom) for name in names])
+    for name, place in zip(names, spread(wanted, gap), strict=True):
+        axes.annotate(
+            name,
+            (1.0, (ends[name][0] - bottom) / (top - bottom)),
+            (1.035, place),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            color=ends[name][1],
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": ends[name][1], "lw": 0.8, "shrinkA": 1, "shrinkB": 0},
+        )
+
+
+def spread(wanted: np.ndarray, gap: float) -> np.ndarray:
+    """Places in [0, 1] next to the sorted ``wanted`` ones and at least ``gap`` apart, if there is room for that."""
+    # Least squares with an order: without the gaps this is isotonic regression (pool adjacent violators).
+    offset = gap * np.arange(len(wanted))
+    blocks: list[list[float]] = []  # [mean, size]
+    for value in wanted - offset:
+        blocks.append([float(value), 1])
+        while len(blocks) > 1 and blocks[-2][0] >= blocks[-1][0]:
+            mean, size = blocks.pop()
+            blocks[-1] = [(blocks[-1][0] * blocks[-1][1] + mean * size) / (blocks[-1][1] + size), blocks[-1][1] + size]
+    flat = np.repeat([mean for mean, _ in blocks], [int(size) for _, size in blocks])
+    return np.clip(flat, 0.0, max(0.0, 1.0 - gap * (len(wanted) - 1))) + offset
+
+
+def _points_in_plane(mesh: HexMesh) -> dict[str, int]:
+    """The named points of the midsagittal plane; all of them if none lies there."""
+    tolerance = 1e-3 * float(np.ptp(mesh.points[:, Y]))
+    away = np.abs(mesh.points[:, Y] - middle(mesh))
+    return {name: k for name, k in mesh.named_points.items() if away[k] < tolerance} or mesh.named_points
+
+
+def _polygon(outline: np.ndarray, across: int, up: int) -> list[np.ndarray]:
+    """Arguments of ``fill`` for the loops of an outline."""
+    breaks = np.flatnonzero(np.isnan(outline[:, 0]))
+    return [column for part in np.split(outline, breaks) for column in (part[1:, across], part[1:, up]) if len(part) > 1]
+
+
+def _sequence(count: int) -> list[Any]:
+    """Colours of successive times, from light to dark so that the last stands out, readable with any colour vision."""
+    from matplotlib import colormaps
+
+    return [colormaps["viridis_r"](share) for share in np.linspace(0.12, 1.0, count)] if count > 1 else ["#440154"]
+
+
+def _note(axes: Axes, text: str) -> None:
+    axes.set_title(text, fontsize=9, color="0.35", loc="right", pad=3)
+
+
+def _depth(mm: float) -> str:
+    return "none" if mm < 0.05 else f"{mm:.1f} mm"
+
+
+def _ceiling(value: float) -> str:
+    """The next power of ten above a value."""
+    return f"{10.0 ** max(-6, math.ceil(math.log10(max(value, 1e-12)) + 1e-9)):g}"
+
+
+if __name__ == "__main__":
+    _render(Path(sys.argv[1]), Path(sys.argv[2]))

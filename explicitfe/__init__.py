@@ -21,7 +21,7 @@ _PLACES = {
     "InputError": "explicitfe.errors",
     "RunError": "explicitfe.errors",
 }
-__all__ = ["InputError", "RunError", "__version__", "open_result", "run"]  # noqa: F822
+__all__ = ["InputError", "RunError", "__version__", "open_result", "run"]
 
 
 def __getattr__(name: str) -> Any:

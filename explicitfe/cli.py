@@ -180,7 +180,7 @@ _STAGES = {
 @contextmanager
 def _progress() -> Iterator[Any]:
     """A progress display on stderr; gives the function that a run reports to."""
-    with Progress(
+    progress = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
@@ -189,16 +189,19 @@ def _progress() -> Iterator[Any]:
         TextColumn("left"),
         TimeRemainingColumn(),
         console=_console,
-        transient=False,
-    ) as progress:
-        tasks: dict[str, Any] = {}
+    )
+    tasks: dict[str, Any] = {}
 
-        def report(stage: str, share: float) -> None:
-            if stage not in tasks:
-                tasks[stage] = progress.add_task(_STAGES[stage], total=1.0)
-            progress.update(tasks[stage], completed=share)
+    def report(stage: str, share: float) -> None:
+        if stage not in tasks:
+            progress.start()  # not before there is something to show
+            tasks[stage] = progress.add_task(_STAGES[stage], total=1.0)
+        progress.update(tasks[stage], completed=share)
 
+    try:
         yield report
+    finally:
+        progress.stop()
 
 
 def _print_json(value: Any) -> None:
@@ -249,8 +252,9 @@ def _show_summary(summary: dict[str, Any]) -> None:
     for path in summary.get("plots", []):
         table.add_row("plot", path)
     table.add_row("result", summary["result"])
-    console = Console()
-    console.print(table)
+    Console().print(table)
+    for warning in summary["warnings"]:
+        _console.print(f"[yellow]note:[/yellow] {escape(warning)}", soft_wrap=True, highlight=False)
 
 
 def _show_pairs(title: str, found: dict[str, Any]) -> None:

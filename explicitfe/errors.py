@@ -15,10 +15,10 @@ class RunError(RuntimeError):
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """'did you mean "x"?' for the valid name nearest to ``word``, or the list of valid names when none is near."""
+    """'did you mean "x"?' for the valid name nearest to ``word``, or 'valid are: a, b.' when none is near: ends a sentence."""
     valid = sorted(valid)
     by_lower = {name.lower(): name for name in valid}
     match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.5)
     if match:
         return f'did you mean "{by_lower[match[0]]}"?'
-    return "valid are: " + ", ".join(valid)
+    return f"valid are: {', '.join(valid)}."

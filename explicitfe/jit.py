@@ -55,9 +55,7 @@ def bind(template: Callable, *, stored: bool = True, **bindings: Any) -> Dispatc
     unread = set(bindings) - set(template.__code__.co_names)
     if unread:
         raise TypeError(f"{template.__qualname__} reads no global named {', '.join(sorted(unread))}")
-    bound = FunctionType(
-        template.__code__, {**template.__globals__, **bindings}, template.__name__, template.__defaults__, None
-    )
+    bound = FunctionType(template.__code__, {**template.__globals__, **bindings}, template.__name__, template.__defaults__, None)
     bound.__doc__ = template.__doc__
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"

@@ -24,15 +24,18 @@ FINISHED, INVERTED, UNSTABLE, DIVERGED, INTERRUPTED = "finished", "inverted", "u
 
 # The stable step is looked at again when some element may have been strained by this much since, at the rate it had then: a
 # step force can distort the elements at its node within a few steps.
-STRAIN_BETWEEN_LOOKS = 0.1
+STRAIN_BETWEEN_LOOKS = 0.15
 FEWEST_STEPS, MOST_STEPS = 2, 100
-FIRST_TURNS, TURNS = 40, 5  # of the iteration that finds the limit: at the start, and later from what it found
+FIRST_TURNS, TURNS = 40, 4  # of the iteration that finds the limit: at the start, and later from what it found
 # The step is kept while it lies between these shares of the limit: each change costs the energy balance a little.
 LOWEST_SHARE = 0.82
 # A balance error above this is no rounding: energy comes from nowhere, as it does when the step is too long.
 BALANCE_LIMIT = 0.1
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
 SHARE_FLOOR = 0.01
+# Above these a result comes with a warning.
+HOURGLASS_WARNING = 0.05
+DISPLACEMENT_WARNING = 0.5  # of the model's largest extent
 RESTART_EVERY_S = 1.0  # wall time between two restart states
 
 Report = Callable[[str, float], None]  # stage ("compile", "run"), share done in [0, 1]
@@ -273,7 +276,7 @@ def run(
     """
     begin = time.perf_counter()
     prepared = prepare(path, settings)
-    scenario, model, simulation = prepared.scenario, prepared.model, prepared.simulation
+    scenario, simulation = prepared.scenario, prepared.simulation
     target = result_path(path, out)
     every_s = 1e-3 * scenario.record.every_ms
     duration_s = 1e-3 * scenario.analysis.duration_ms
@@ -376,9 +379,7 @@ def describe(prepared: Prepared) -> dict[str, Any]:
     }
 
 
-def _store(
-    writer: ResultWriter, prepared: Prepared, snapshot: Snapshot, ledger: Ledger, transient: Transient
-) -> None:
+def _store(writer: ResultWriter, prepared: Prepared, snapshot: Snapshot, ledger: Ledger, transient: Transient) -> None:
     wanted = set(prepared.scenario.record.fields)
     e = snapshot.energies
     row: dict[str, Any] = {
@@ -401,6 +402,30 @@ def _store(
     writer.sample(snapshot.time_s, points, {name: value for name, value in cells.items() if name in wanted})
 
 
+def _warnings(prepared: Prepared, ledger: Ledger, last: Snapshot) -> list[str]:
+    """What a user should know before believing the result."""
+    mesh = prepared.model.mesh
+    found = []
+    if ledger.hourglass_share > HOURGLASS_WARNING:
+        energies = np.array(ledger.energies)
+        at_end = energies[-1, HOURGLASS] / max(energies[-1, INTERNAL] + energies[-1, HOURGLASS], 1e-300)
+        worst = int(np.argmax(last.hourglass_energy))
+        x, y, z = 1e3 * mesh.points[mesh.hexes[worst]].mean(axis=0)
+        found.append(
+            f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy ({100 * at_end:.0f} % at the "
+            f"end, most of it in element {worst} near ({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this "
+            "deformation; compare with a finer resolution before quoting numbers."
+        )
+    moved = float(np.linalg.norm(last.displacement, axis=1).max())
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    if moved > DISPLACEMENT_WARNING * extent:
+        found.append(
+            f"a node has moved by {1e3 * moved:.0f} mm, more than half the model's largest extent ({1e3 * extent:.0f} mm): "
+            "the forces are large for this tissue."
+        )
+    return found
+
+
 def _summary(
     prepared: Prepared,
     target: Path,
@@ -418,6 +443,7 @@ def _summary(
     return {
         "status": status.state,
         "message": status.message,
+        "warnings": _warnings(prepared, ledger, last),
         "result": str(target),
         "title": prepared.scenario.title,
         "nodes": prepared.model.mesh.node_count,

@@ -15,7 +15,7 @@ import operator
 
 import llvmlite.ir as ir
 from llvmlite.binding import get_host_cpu_features
-from numba.core import cgutils, types
+from numba.core import types
 from numba.core.errors import TypingError
 from numba.core.extending import intrinsic, models, overload, register_model, type_callable
 from numba.core.imputils import lower_builtin, lower_cast

@@ -29,8 +29,9 @@ def element_bounds(
 ) -> np.ndarray:
     """Upper bound of the highest angular frequency squared of each element at displacement u, (m,) 1/s^2.
 
-    omega^2 <= (8 / rho) (M tr(b b^T) + lambda / V), with b = B F^-1 the gradient in the current shape, lambda the
-    largest eigenvalue of the hourglass stiffness and M a bound of the current tangent. With h = dF F^-1 the second variation of W(I1_bar) + U(J) is
+    omega^2 <= (8 / rho) (M tr(b b^T) + lambda / V), with b = B F^-1 the gradient in the current shape, lambda the largest
+    eigenvalue of the hourglass stiffness and M a bound of the current tangent. With h = dF F^-1 the second variation of
+    W(I1_bar) + U(J) is
 
         W' [2 b_bar:(h^T h) - 8/3 (b_bar:h) tr h + 4/9 I1_bar (tr h)^2 + 2/3 I1_bar tr(h h)] + 4 W'' (dev b_bar : h)^2
         + U'' J^2 (tr h)^2 + U' J [(tr h)^2 - tr(h h)]

@@ -109,11 +109,18 @@ def random_gradient(rng: np.random.Generator, size: float) -> np.ndarray:
             return F
 
 
-def deformed(mesh: HexMesh, rng: np.random.Generator, gradient: float = 0.15, noise: float = 0.05) -> np.ndarray:
-    """A displacement (n, 3) m: a random affine field turned at random, plus ``noise`` of the shortest edge at each node."""
+def deformed(
+    mesh: HexMesh, rng: np.random.Generator, gradient: float = 0.15, noise: float = 0.05, *, isochoric: bool = False
+) -> np.ndarray:
+    """A displacement (n, 3) m: a random affine field turned at random, plus ``noise`` of the shortest edge at each node.
+
+    ``isochoric``: the affine field keeps the volume; a nearly incompressible body can start to move from there.
+    """
     edges = mesh.points[mesh.hexes] - mesh.points[mesh.hexes[:, [1, 2, 3, 0, 5, 6, 7, 4]]]
     shortest = np.linalg.norm(edges, axis=2).min()
     F = random_rotation(rng) @ random_gradient(rng, gradient)
+    if isochoric:
+        F /= np.cbrt(np.linalg.det(F))
     return mesh.points @ (F - np.eye(3)).T + rng.uniform(-noise, noise, mesh.points.shape) * shortest
 
 

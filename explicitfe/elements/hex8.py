@@ -41,9 +41,7 @@ def mean_gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     total = np.zeros(corners.shape)
     for natural in np.stack(np.meshgrid(_GAUSS, _GAUSS, _GAUSS, indexing="ij"), -1).reshape(-1, 3):
         factors = 1.0 + natural * CORNERS  # (8, 3)
-        dn = np.stack(
-            [CORNERS[:, k] * factors[:, (k + 1) % 3] * factors[:, (k + 2) % 3] / 8.0 for k in range(3)], axis=1
-        )
+        dn = np.stack([CORNERS[:, k] * factors[:, (k + 1) % 3] * factors[:, (k + 2) % 3] / 8.0 for k in range(3)], axis=1)
         jacobian = corners.transpose(0, 2, 1) @ dn
         cofactor = np.stack([np.cross(jacobian[:, :, (k + 1) % 3], jacobian[:, :, (k + 2) % 3]) for k in range(3)], -1)
         total += dn @ cofactor.transpose(0, 2, 1)

@@ -279,7 +279,7 @@ def _known(table: Mapping, names: Sequence[str], where: str) -> None:
     """Refuse unknown and missing keys."""
     for key in table:
         if key not in names:
-            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, names)}.')
+            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, names)}')
     for name in names:
         if name not in table:
             raise InputError(f'{where}: the key "{name}" is missing.')

@@ -116,7 +116,7 @@ def _muscle(name: str, table: Mapping, where: str, contour_map: ContourMap, cell
     required, optional = ("title", "action", "max_force_N", "fibres"), ("anchor_mm",)
     for key in table:
         if key not in required + optional:
-            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, required + optional)}.')
+            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, required + optional)}')
     for key in required:
         if key not in table:
             raise InputError(f'{where}: the key "{key}" is missing.')

@@ -44,14 +44,14 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
     held = np.zeros((mesh.node_count, 3), dtype=bool)
     for name in anatomy.fixed if table.fixed is None else table.fixed:
         if name not in mesh.node_sets:
-            raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}.')
+            raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}')
         held[mesh.node_sets[name]] = True
 
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []
     for entry in scenario.muscle:
         if entry.name not in anatomy.muscles:
-            raise InputError(f'unknown muscle "{entry.name}"; {nearest(entry.name, anatomy.muscles)}.')
+            raise InputError(f'unknown muscle "{entry.name}"; {nearest(entry.name, anatomy.muscles)}')
         load = pull(mesh, anatomy.muscles[entry.name], entry)
         loads.append(load) if isinstance(load, NodalLoad) else pulls.append(load)
     if any(table.gravity_m_s2):
@@ -60,7 +60,7 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
     names = mesh.named_points if scenario.record.probes is None else scenario.record.probes
     for name in names:
         if name not in mesh.named_points:
-            raise InputError(f'record.probes: unknown point "{name}"; {nearest(name, mesh.named_points)}.')
+            raise InputError(f'record.probes: unknown point "{name}"; {nearest(name, mesh.named_points)}')
     model = Model(
         mesh=mesh,
         material=material,

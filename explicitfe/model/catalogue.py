@@ -51,7 +51,7 @@ def material(choice: str | Law) -> Law:
     if isinstance(choice, Law):
         return choice
     if choice not in materials():
-        raise InputError(f'unknown material "{choice}"; {nearest(choice, materials())}.')
+        raise InputError(f'unknown material "{choice}"; {nearest(choice, materials())}')
     return materials()[choice]
 
 
@@ -59,7 +59,7 @@ def contour(name: str) -> ContourMap:
     """The contour map of a built-in model."""
     folders = model_folders()
     if name not in folders:
-        raise InputError(f'unknown model "{name}"; {nearest(name, folders)}.')
+        raise InputError(f'unknown model "{name}"; {nearest(name, folders)}')
     return ContourMap.from_toml(folders[name] / "geometry.toml")
 
 
@@ -70,7 +70,7 @@ def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | No
     resolutions = contour(name).resolutions
     resolution = resolution or "medium"
     if resolution not in resolutions:
-        raise InputError(f'unknown resolution "{resolution}"; {nearest(resolution, resolutions)}.')
+        raise InputError(f'unknown resolution "{resolution}"; {nearest(resolution, resolutions)}')
     return resolutions[resolution]
 
 
@@ -80,4 +80,3 @@ def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, in
     grid = cells_of(name, resolution, cells)
     muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
     return Anatomy(name=name, mesh=shape.mesh(grid), muscles=muscles, fixed=("jaw", "hyoid"))
-

@@ -115,7 +115,7 @@ def read_model_file(path: Path) -> Anatomy:
     }
     for name in table.fixed:
         if name not in sets:
-            raise InputError(f'{path}: fixed names no node set "{name}"; {nearest(name, sets)}.')
+            raise InputError(f'{path}: fixed names no node set "{name}"; {nearest(name, sets)}')
     named = {name: int(nodes([number], f"named_points.{name}")[0]) for name, number in table.named_points.items()}
     mesh = HexMesh(bare.points, bare.hexes, node_sets=sets, named_points=named)
 
@@ -167,10 +167,10 @@ def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray
 
 def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where: str) -> np.ndarray:
     if entry.point_data not in point_data:
-        raise InputError(f'{where}: the mesh has no point array "{entry.point_data}"; {nearest(entry.point_data, point_data)}.')
+        raise InputError(f'{where}: the mesh has no point array "{entry.point_data}"; {nearest(entry.point_data, point_data)}')
     found = np.flatnonzero(np.asarray(point_data[entry.point_data]).ravel() == entry.value)
     if not len(found):
-        raise InputError(f'{where}: no node has {entry.point_data} = {entry.value:g}.')
+        raise InputError(f"{where}: no node has {entry.point_data} = {entry.value:g}.")
     return found
 
 

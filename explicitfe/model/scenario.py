@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
@@ -25,10 +25,9 @@ def _material_kind(value: Any) -> str:
     return value.get("law", "yeoh") if isinstance(value, dict) else getattr(value, "law", "yeoh")
 
 
-_Name = Annotated[str, Tag("name")]
-_Yeoh = Annotated[LAWS["yeoh"][0], Tag("yeoh")]
-_NeoHooke = Annotated[LAWS["neo-hooke"][0], Tag("neo-hooke")]
-Material = Annotated[_Name | _Yeoh | _NeoHooke, Discriminator(_material_kind)]
+# A name, or the constants of any law of the table: a new law is possible in scenarios without a word here.
+_kinds = [Annotated[str, Tag("name")], *(Annotated[law, Tag(name)] for name, (law, _) in LAWS.items())]
+Material = Annotated[Union[tuple(_kinds)], Discriminator(_material_kind)]  # noqa: UP007
 
 
 class Damping(_Table):
@@ -178,16 +177,16 @@ def _explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
     elif problem["type"] == "missing":
         sentence = f'the key "{keys[-1]}" is missing{_inside(where[:-1])}; add it'
     elif problem["type"] == "union_tag_invalid":
-        sentence = f'unknown law{_inside(where)}; {nearest(str(problem["ctx"]["tag"]), LAWS)}'
+        sentence = f"unknown law{_inside(where)}; {nearest(str(problem['ctx']['tag']), LAWS)}"
     elif problem["type"] == "literal_error":
-        sentence = f'{".".join(where)} = {problem["input"]!r} is not possible; it must be {problem["ctx"]["expected"]}'
+        sentence = f"{'.'.join(where)} = {problem['input']!r} is not possible; it must be {problem['ctx']['expected']}"
     elif problem["type"] == "value_error":
         sentence = f"{'.'.join(where) or 'the scenario'}: {problem['ctx']['error']}"
     else:
         message = problem["msg"][0].lower() + problem["msg"][1:]
         sentence = f"{'.'.join(where)} = {problem['input']!r} is not possible: {message}"
     more = f" ({len(problems) - 1} more after this one)" if len(problems) > 1 else ""
-    return f"{sentence}{more}."
+    return f"{sentence.rstrip('.')}{more}" + ("" if sentence.endswith("?") and not more else ".")
 
 
 def _where(keys: Iterable[Any], data: Any) -> list[str]:
@@ -225,16 +224,27 @@ def _tables(annotation: Any) -> Iterable[type[BaseModel]]:
         yield from _tables(inner)
 
 
+_EITHER_OR = [
+    (["model", "cells"], "resolution"),
+    (["model", "resolution"], "cells"),
+    (["model", "name"], "file"),
+    (["model", "file"], "name"),
+]
+
+
 def _apply(data: dict[str, Any], setting: str) -> None:
     """Set one ``key=value`` in the parsed scenario."""
     path, equals, text = setting.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        raise InputError(f'--set {setting}: write key=value, for example --set muscle.GGp.force_N=1.5.')
+        raise InputError(f"--set {setting}: write key=value, for example --set muscle.GGp.force_N=1.5.")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a bare word is a string
+    for one, other in _EITHER_OR:
+        if keys == one and isinstance(data.get(one[0]), dict):
+            data[one[0]].pop(other, None)  # what is set replaces its alternative
     at: Any = data
     for depth, key in enumerate(keys):
         place = ".".join(keys[:depth]) or "the scenario"
@@ -245,7 +255,7 @@ def _apply(data: dict[str, Any], setting: str) -> None:
                 numbers = ", ".join(f"{place}.{k}" for k in found)
                 raise InputError(f'--set {setting}: "{key}" stands {len(found)} times in {place}; say which: {numbers}.')
             if not found or found[0] >= len(at):
-                raise InputError(f'--set {setting}: {place} has no entry "{key}"; {nearest(key, names)}.')
+                raise InputError(f'--set {setting}: {place} has no entry "{key}"; {nearest(key, names)}')
             key = found[0]
         elif not isinstance(at, dict):
             raise InputError(f"--set {setting}: {place} is a value, it has no key {key!r}.")

@@ -9,7 +9,7 @@ says how many are valid.
       Points (N, 3) m   Connectivity (8E)   Offsets (E+1)   Types (E) uint8, all 12
       PointData/<field> ([T]*N, components)    CellData/<field> ([T]*E, components)     @unit @description
       Steps                                @NSteps = T
-        Values [T] s   NumberOfParts [T] = 1   PartOffsets [T] = PointOffsets [T] = 0
+        Values (T) s   NumberOfParts [T] = 1   PartOffsets [T] = PointOffsets [T] = 0
         CellOffsets ([T], 1) = ConnectivityIdOffsets ([T], 1) = 0
         PointDataOffsets/<field> [T] = i*N   CellDataOffsets/<field> [T] = i*E
     /explicitfe                            @format = 1
@@ -62,6 +62,7 @@ STATUS_BYTES = {"state": 32, "message": 4096, "summary": 262144}
 # steps that were foreseen when the file was made.
 STEPS_PER_CHUNK = 16
 NUMBERS_PER_CHUNK = 1024
+VALUES_PER_CHUNK = 16384
 INDEX_NODE_BYTES = 4096
 
 
@@ -122,9 +123,10 @@ def create(
     vtk["Offsets"] = 8 * np.arange(m + 1, dtype=np.int64)
     vtk["Types"] = np.full(m, VTK_HEXAHEDRON, dtype=np.uint8)
 
-    steps = file.create_group(STEPS)
-    steps.attrs["NSteps"] = np.int64(0)
-    _growing(file, f"{STEPS}/Values", (), "<f8", NUMBERS_PER_CHUNK)
+    # VTK copies all of Values into room for NSteps: too long a dataset crashes it, so the two are lengthened together.
+    # Made one after the other they stand side by side in the file, NSteps first, and HDF5 writes them as one piece.
+    file.create_group(STEPS).attrs["NSteps"] = np.int64(0)
+    _growing(file, f"{STEPS}/Values", (), "<f8", VALUES_PER_CHUNK).resize(1, axis=0)
     for name, shape in (
         ("NumberOfParts", ()),
         ("PartOffsets", ()),
@@ -172,7 +174,7 @@ def create(
 
 
 def make_room(file: h5py.File, start: int, stop: int) -> None:
-    """Lengthen or shorten all per-step datasets to ``stop`` steps; fill in the offsets of the steps from ``start`` on.
+    """Lengthen or shorten all per-step datasets but Values to ``stop`` steps; fill in the offsets from ``start`` on.
 
     Raises
     ------
@@ -181,7 +183,7 @@ def make_room(file: h5py.File, start: int, stop: int) -> None:
     steps = file[STEPS]
     constants = dict.fromkeys(("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"), 0)
     constants["NumberOfParts"] = 1
-    lengths = {steps[name]: stop for name in ("Values", *constants)}
+    lengths = {steps[name]: stop for name in constants}
     counts = {}
     for data, counter in ((POINT_DATA, "NumberOfPoints"), (CELL_DATA, "NumberOfCells")):
         count = int(file["VTKHDF"][counter][0])

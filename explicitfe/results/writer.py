@@ -137,10 +137,11 @@ class ResultWriter:
             for datasets, arrays in ((self._point_data, point_data), (self._cell_data, cell_data)):
                 for name, array in arrays.items():
                     datasets[name].put(self._samples * len(array), array)
-            self._times.put(self._samples, np.array([time_s], dtype=float))
             self._put_history()
-            # HDF5 flushes data before structure: the count reaches the file after what it counts.
+            self._times.resize(self._samples + 1, axis=0)
+            _Rows(self._times).put(self._samples, np.array([time_s], dtype=float))
             self._step_count.write(np.array(self._samples + 1, dtype=np.int64))
+            # So far only numbers went to the file; now the counts that make them valid do.
             self._file.flush()
         except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
@@ -223,7 +224,7 @@ class ResultWriter:
             {name: _Rows(dataset) for name, dataset in self._file[group].items()}
             for group in (layout.POINT_DATA, layout.CELL_DATA, layout.HISTORY)
         )
-        self._times = _Rows(self._file[f"{layout.STEPS}/Values"])
+        self._times = self._file[f"{layout.STEPS}/Values"]
         self._step_count = h5py.h5a.open(self._file[layout.STEPS].id, b"NSteps")
         self._row_count = h5py.h5a.open(self._file[layout.HISTORY].id, b"rows")
 

@@ -1,8 +1,8 @@
 """Pictures of a result as PNG files: contour, coronal section, probes, energies, 3D view.
 
-A speaker looks to the left in all side views: x points backwards, z up, y to the speaker's right. Lengths are drawn in mm,
-times in ms. Sections are cut through the reference shape and move with the material, so a picture shows where the tissue of
-a section went, not what else came into its plane.
+The speaker looks to the left in all side views: x points backwards, z up, y to the speaker's right. Lengths are in mm,
+times in ms. Sections are cut through the reference shape and move with the material, so a picture shows where the
+tissue of a section went, not what else came into its plane.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ REST, HELD, GRID = "0.55", "black", "0.88"
 # Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
 LINES = ("-", "--", ":", "-.")
-# Below this share of its largest the elastic energy is next to nothing and shares of it mean nothing, as in `run.Ledger`.
+# Below this share of its largest, shares of the elastic energy mean nothing, as in `run.Ledger`.
 SHARE_FLOOR = 0.01
-USUAL_SHARE = 0.1  # of hourglass energy: what explicit codes recommend to stay below
+USUAL_SHARE = 0.1  # of hourglass energy: what users of explicit codes are advised to stay below
 RENDER_LIMIT_S = 120.0
 
 _FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
@@ -83,7 +83,7 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
             ):
                 figure = picture(result, step)
                 if figure is not None:
-                    figure.savefig(target(name))
+                    _save(figure, target(name))
                     paths.append(target(name))
             problem = _end_rendering(rendering, target("3d"))
         finally:
@@ -159,11 +159,18 @@ def middle(mesh: HexMesh) -> float:
 
 
 def front_position(mesh: HexMesh) -> float:
-    """The x at which a front coronal section is cut, m: the point named "front", else 40 % of the length from the tip."""
+    """The x of a front coronal section, m: that of the point named "front", else 40 % of the length from the tip."""
     if "front" in mesh.named_points:
         return float(mesh.points[mesh.named_points["front"], X])
     x = mesh.points[:, X]
     return float(x.min() + 0.4 * np.ptp(x))
+
+
+def midline(rest: np.ndarray) -> np.ndarray:
+    """Numbers of the points of a coronal outline, (k, 3), nearest to its middle, from the lowest to the highest."""
+    away = np.abs(rest[:, Y] - 0.5 * (rest[:, Y].min() + rest[:, Y].max()))
+    nearest = np.flatnonzero(away < away.min() + 1e-6 * away.max())
+    return nearest[np.argsort(rest[nearest, Z])]
 
 
 def groove_depth(rest: np.ndarray, now: np.ndarray) -> float:
@@ -171,12 +178,11 @@ def groove_depth(rest: np.ndarray, now: np.ndarray) -> float:
 
     Parameters
     ----------
-    rest, now : (k, 3) m. Points of one outline in the reference shape, which says what is middle, left, right and above,
-        and where they are now.
+    rest, now : (k, 3) m. Points of one outline in the reference shape, which says what is middle, left, right and
+        above, and where they are now.
     """
     y = rest[:, Y] - 0.5 * (rest[:, Y].min() + rest[:, Y].max())
-    nearest = np.abs(y) < np.abs(y).min() + 1e-9 * np.ptp(y)
-    top = np.flatnonzero(nearest)[np.argmax(rest[nearest, Z])]
+    top = midline(rest)[-1]
     # Only what was above stays in question: in a strong twist a lower corner could come up.
     upper = rest[:, Z] > 0.5 * (rest[:, Z].min() + rest[:, Z].max())
     sides = [now[upper & side, Z].max(initial=-np.inf) for side in (y < 0.0, y > 0.0)]
@@ -231,7 +237,8 @@ def on_times(muscles: Iterable[Mapping[str, Any]], end_ms: float) -> list[tuple[
         times, scales = activation(muscle, end_ms)
         pulls = (np.maximum(scales[:-1], scales[1:]) > 0.0) & (times[1:] > times[:-1]) & (times[:-1] < end_ms)
         if muscle["force_N"] > 0.0:
-            spans += [(float(a), float(min(b, end_ms))) for a, b in zip(times[:-1][pulls], times[1:][pulls], strict=True)]
+            ends = np.minimum(times[1:][pulls], end_ms)
+            spans += [(float(a), float(b)) for a, b in zip(times[:-1][pulls], ends, strict=True)]
     merged: list[tuple[float, float]] = []
     for start, end in sorted(spans):
         if merged and start <= merged[-1][1]:
@@ -289,20 +296,15 @@ def _contour(result: Result, step: int) -> Figure | None:
     """The midsagittal outline at several times, with the paths of the named points."""
     from matplotlib.patheffects import withStroke
 
-    mesh, times = result.mesh, 1e3 * result.times
+    mesh = result.mesh
     cut = midsagittal(mesh)
     if not cut.loops:
         return None
-    figure = _figure(result, 7.4, "Midsagittal contour")
+    figure = _figure(result, 7.0, "Midsagittal contour")
     axes = figure.subplots()
     _side_view(axes)
     rest = 1e3 * cut.outline(mesh.points)
-    axes.fill(*_polygon(rest, X, Z), color="0.94", zorder=0)
-    axes.plot(rest[:, X], rest[:, Z], color=REST, lw=2.0, label="rest")
-    steps = drawn_steps(result.times, step)
-    for number, colour in zip(steps, _sequence(len(steps)), strict=True):
-        now = 1e3 * cut.outline(mesh.points + result.displacement(number))
-        axes.plot(now[:, X], now[:, Z], color=colour, lw=2.6 if number == step else 1.5, label=f"{times[number]:.4g} ms")
+    _outlines(axes, result, step, cut, X)
 
     held = np.zeros(mesh.node_count)
     for marker, (name, nodes) in zip("s^DvP*" * 9, attachments(result, step).items(), strict=False):
@@ -316,12 +318,14 @@ def _contour(result: Result, step: int) -> Figure | None:
     centre = np.nanmean(rest, axis=0)
     for name, node in in_plane.items():
         path = 1e3 * (mesh.points[node] + result.probe(name)[: step + 1])
-        label = "path of a named point" if name == next(iter(in_plane)) else None
+        label = "named point,\nfrom rest ○ to end ●" if name == next(iter(in_plane)) else None
         axes.plot(path[:, X], path[:, Z], color="black", lw=1.0, zorder=5, label=label)
         axes.plot(*path[0, [X, Z]], "o", mfc="white", mec="black", ms=5.5, zorder=6)
         axes.plot(*path[-1, [X, Z]], "o", mfc="black", mec="black", ms=5.5, zorder=6)
         outwards = (path[0] - centre)[[X, Z]]
-        dx, dz = 9.0 * outwards / max(np.hypot(*outwards), 1e-9)
+        # The name stands on the side that the point does not move to.
+        side = -9.0 if (path[-1] - path[0])[[X, Z]] @ outwards > 0.0 else 9.0
+        dx, dz = side * outwards / max(np.hypot(*outwards), 1e-9)
         axes.annotate(
             name,
             path[0, [X, Z]],
@@ -333,56 +337,61 @@ def _contour(result: Result, step: int) -> Figure | None:
             path_effects=[withStroke(linewidth=3, foreground="white")],
         )
     axes.margins(0.09)
-    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, title="time")
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     return figure
 
 
 def _coronal(result: Result, step: int) -> Figure | None:
     """A coronal section of the front at rest and after, and where it is."""
-    mesh, times = result.mesh, 1e3 * result.times
-    position = front_position(mesh)
-    cut, side = section(mesh, X, position), midsagittal(mesh)
+    mesh = result.mesh
+    cut, side = section(mesh, X, front_position(mesh)), midsagittal(mesh)
     if not cut.loops:
         return None
     figure = _figure(result, 6.0, "Coronal section of the front, following the tissue")
-    where, axes = figure.subplots(1, 2, width_ratios=[1.0, 1.75])
-    steps = drawn_steps(result.times, step)
-    colours = _sequence(len(steps))
-    end = mesh.points + result.displacement(step)
-
-    _side_view(where)
-    # A coronal section in the middle of its width, from its top to its bottom, is a line in the side view.
-    at_rest, y = cut.at(mesh.points), cut.at(mesh.points)[:, Y] - middle(mesh)
-    core = np.abs(y) < np.abs(y).min() + 1e-9
-    core = np.flatnonzero(core)[np.argsort(at_rest[core, Z])]
-    for points, colour, width in ((mesh.points, REST, 1.5), (end, colours[-1] if steps else REST, 2.0)):
-        line, inside = 1e3 * side.outline(points), 1e3 * cut.at(points)[core]
-        where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
-        where.plot(inside[:, X], inside[:, Z], color=colour, lw=width + 1.0, solid_capstyle="round")
-    where.set_title("where the section is", fontsize=10)
-
-    rest = 1e3 * cut.outline(mesh.points)
-    axes.fill(*_polygon(rest, Y, Z), color="0.94", zorder=0)
-    axes.plot(rest[:, Y], rest[:, Z], color=REST, lw=2.0, label="rest")
-    for number, colour in zip(steps, colours, strict=True):
-        now = 1e3 * cut.outline(mesh.points + result.displacement(number))
-        axes.plot(now[:, Y], now[:, Z], color=colour, lw=2.6 if number == step else 1.0, label=f"{times[number]:.4g} ms")
+    where, axes = figure.subplots(1, 2, width_ratios=[1.0, 1.6])
+    now = mesh.points + result.displacement(step)
     loop = max(cut.loops, key=len)
-    depths = [1e3 * groove_depth(at_rest[loop], cut.at(points)[loop]) for points in (mesh.points, end)]
-    forward, up = -1e3 * cut.at(end - mesh.points)[loop].mean(axis=0)[[X, Z]] * [1.0, -1.0]
+    at_rest, at_end = cut.at(mesh.points)[loop], cut.at(now)[loop]
+    middle_points = midline(at_rest)
+
+    _side_view(where, "box")
+    for points, outline, colour in ((mesh.points, at_rest, REST), (now, at_end, _sequence(1)[0])):
+        line, inside = 1e3 * side.outline(points), 1e3 * outline[middle_points]
+        where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
+        where.plot(inside[:, X], inside[:, Z], color=colour, lw=2.5, solid_capstyle="round")
+    where.set_title("where the section is (thick)", fontsize=10)
+
+    _plain(axes)
+    axes.set_aspect("equal", adjustable="datalim")
+    _outlines(axes, result, step, cut, Y)
+    depths = [_depth(1e3 * groove_depth(at_rest, outline)) for outline in (at_rest, at_end)]
+    back, _, up = 1e3 * (at_end - at_rest)[middle_points[-1]]
+    time = _ms(result.times[[step]], result.times[step])[0]
     axes.set_title(
-        f"groove in the midline: {_depth(depths[0])} at rest, {_depth(depths[1])} at {times[step]:.4g} ms\n"
-        f"the outline moved by {forward:+.1f} mm forward and {up:+.1f} mm up on average",
+        f"groove in the midline: {depths[0]} at rest, {depths[1]} at {time}\n"
+        f"the top moved {abs(back):.1f} mm {'back' if back > 0.0 else 'forward'} "
+        f"and {abs(up):.1f} mm {'up' if up > 0.0 else 'down'}",
         fontsize=10,
     )
-    axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("left  ←   y (mm)   →  right")
     axes.set_ylabel("z, up (mm)")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, title="time")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     for each in (where, axes):
-        _plain(each)
         each.margins(0.08)
     return figure
+
+
+def _outlines(axes: Axes, result: Result, step: int, cut: Section, across: int) -> None:
+    """A section at rest and at several times up to ``step``; ``across`` is the axis drawn to the right."""
+    rest = 1e3 * cut.outline(result.mesh.points)
+    axes.fill(*_polygon(rest, across, Z), color="0.94", zorder=0)
+    axes.plot(rest[:, across], rest[:, Z], color=REST, lw=2.0, label="at rest")
+    steps = drawn_steps(result.times, step)
+    labels = _ms(result.times[steps], result.times[step])
+    for number, colour, label in zip(steps, _sequence(len(steps)), labels, strict=True):
+        line = 1e3 * cut.outline(result.mesh.points + result.displacement(number))
+        width = 2.6 if number == step else 1.3
+        axes.plot(line[:, across], line[:, Z], color=colour, lw=width, label=label)
 
 
 def _probes(result: Result, step: int) -> Figure | None:
@@ -409,7 +418,7 @@ def _probes(result: Result, step: int) -> Figure | None:
         speeds = {name: 1e3 * np.linalg.norm(result.history(key), axis=1) for name, key in velocity.items()}
         rows.append(("speed (mm/s)", speeds))
 
-    figure = _figure(result, 1.3 + 0.22 * len(result.model.get("muscles", [])) + 2.4 * len(rows), "Named points over time")
+    figure = _figure(result, 1.3 + 0.22 * len(_muscles(result)) + 2.2 * len(rows), "Named points over time")
     panels = _time_panels(figure, result, [[label] for label, _ in rows], times[-1])
     for axes, (label, lines) in zip(panels, rows, strict=True):
         axes.set_ylabel(label)
@@ -422,47 +431,52 @@ def _probes(result: Result, step: int) -> Figure | None:
             ends[name] = (float(lines[name][shown[-1]]) if len(shown) else 0.0, style["color"])
         _label_ends(axes, ends)
     if lateral <= 1e-3 * largest:
-        _note(panels[0], f"to the right: less than {_ceiling(lateral)} mm")
+        panels[0].set_title(
+            f"to the right: at most {max(1e-3, lateral):.2g} mm", fontsize=9, color="0.35", loc="right", pad=3
+        )
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
     panels[-1].set_xlabel("time (ms)")
+    figure.align_ylabels(panels)
     return figure
 
 
 def _energies(result: Result, step: int) -> Figure | None:
     """Energies over time, the error of their balance and the share of hourglass energy."""
     names = {
-        "external_work": ("work of the muscles and loads", "black", "-"),
-        "internal_energy": ("elastic energy", COLOURS[0], "-"),
-        "hourglass_energy": ("hourglass energy", COLOURS[1], "-"),
-        "kinetic_energy": ("kinetic energy", COLOURS[2], "-"),
+        "external_work": ("external work", "black", "-"),
+        "internal_energy": ("elastic", COLOURS[0], "-"),
+        "hourglass_energy": ("hourglass", COLOURS[1], "-"),
+        "kinetic_energy": ("kinetic", COLOURS[2], "-"),
         "damping_loss": ("lost to damping", COLOURS[3], "--"),
     }
     times = 1e3 * result.history("time")
-    energies = {name: result.history(name) for name in names if name in result.history_names}
-    if not energies or len(times) < 2:
+    if len(times) < 2 or not {*names, "balance_error"} <= set(result.history_names):
         return None
+    energies = {name: result.history(name) for name in names}
     largest = max(float(np.nanmax(np.abs(energy), initial=0.0)) for energy in energies.values())
     factor, unit = next(((f, u) for f, u in ((1.0, "J"), (1e3, "mJ"), (1e6, "µJ")) if f * largest >= 0.1), (1e9, "nJ"))
 
-    muscles = result.model.get("muscles", [])
+    muscles = _muscles(result)
     figure = _figure(result, 7.2 + 0.22 * len(muscles), "Energies over time")
     panels = _time_panels(figure, result, [["energy", "energy"], ["balance", "share"]], times[-1], [1.9, 1.0])
     for name, energy in energies.items():
         label, colour, line = names[name]
         panels[0].plot(times, factor * energy, line, color=colour, lw=1.8, label=label)
     panels[0].set_ylabel(f"energy ({unit})")
-    panels[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    panels[0].legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), frameon=False, ncols=5, borderpad=0.2, columnspacing=1.6)
 
-    if "balance_error" in result.history_names:
-        error = 100.0 * result.history("balance_error")
+    error = 100.0 * result.history("balance_error")
+    if np.any(error > 0.0):
         panels[1].plot(times, np.where(error > 0.0, error, np.nan), color="black", lw=1.6)
         panels[1].set_yscale("log")
-    panels[1].set_title("energy balance: largest error so far", fontsize=10)
-    panels[1].set_ylabel("of the energy (%)")
+    panels[1].set_title("error of the energy balance, largest so far", fontsize=10)
+    panels[1].set_ylabel("relative error (%)")
     share = hourglass_share(result)
     panels[2].axhline(100.0 * USUAL_SHARE, color="0.4", lw=1.0, ls="--")
     panels[2].plot(times, 100.0 * share, color=COLOURS[1], lw=1.6)
-    panels[2].set_title("hourglass share (dashed: usual limit 10 %)", fontsize=10)
-    panels[2].set_ylabel("of the elastic energy (%)")
+    panels[2].set_title(f"hourglass share of elastic energy (dashed: {100.0 * USUAL_SHARE:g} %)", fontsize=10)
+    panels[2].set_ylabel("share (%)")
     panels[2].set_ylim(0.0, max(12.5, 110.0 * np.nanmax(share, initial=0.0)))
     for axes in panels[1:]:
         axes.set_xlabel("time (ms)")
@@ -477,7 +491,7 @@ def hourglass_share(result: Result) -> np.ndarray:
     return np.divide(hourglass, elastic, out=np.full(len(elastic), np.nan), where=there)
 
 
-# ---- 3D view, in a process of its own: where OpenGL is missing or a display is broken, VTK does not raise, it crashes ----
+# ---- 3D view, in a process of its own: without OpenGL or with a broken display VTK does not raise, it crashes ----
 
 
 def _start_rendering(result_path: Path, target: Path) -> subprocess.Popen:
@@ -528,60 +542,74 @@ def _render(result_path: Path, target: Path) -> None:
         grid.point_data["u"] = 1e3 * u
         grid.point_data["displacement"] = 1e3 * np.linalg.norm(u, axis=1)
         limit = float(grid.point_data["displacement"].max()) or 1.0
-        # The half behind the plane, cut in the reference shape: the cut face is the midsagittal tissue, wherever it went.
-        half = grid.clip("y", origin=(0.0, 1e3 * middle(mesh), 0.0), invert=False)
+        # Cut in the reference shape: the cut face is the midsagittal tissue, wherever it went.
+        plane = {"normal": "y", "origin": (0.0, 1e3 * middle(mesh), 0.0)}
+        half, face = grid.clip(**plane, invert=False), grid.slice(**plane)
         views = [
-            ("from the front and the left", grid, (-1.0, -0.75, 0.45), 0.5),
-            ("cut at the midsagittal plane", half, (0.0, -1.0, 0.0), 1.0),
+            _view(grid, grid, grid, (-1.0, -0.75, 0.45), limit),
+            _view(half, face, grid, (0.0, -1.0, 0.0), limit),
         ]
-        figure = _figure(result, 6.2, f"Tongue at {1e3 * result.times[step]:.4g} ms, rest shape in grey outline")
-        for axes, (title, part, direction, opacity) in zip(figure.subplots(1, 2), views, strict=True):
-            axes.imshow(_view(part, grid, direction, limit, opacity))
+        # Both are cropped to the same window, which keeps their scales equal.
+        drawn = np.any([np.any(image < 255, axis=2) | mask for image, mask in views], axis=0)
+        rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
+        height, width = np.ptp(rows) + 41, np.ptp(columns) + 41
+        time = _ms(result.times[[step]], result.times[step])[0]
+        figure = _figure(result, 1.75 + 0.47 * WIDTH_IN * height / width, f"Tongue at {time}, dashed: at rest")
+        titles = ("from the front and the left", "cut at the midsagittal plane, front at the left")
+        for axes, (image, mask), title in zip(figure.subplots(1, 2), views, titles, strict=True):
+            axes.imshow(image)
+            axes.contour(mask, [0.5], colors="0.35", linewidths=1.2, linestyles="--")
+            axes.set_xlim(columns[0] - 20, columns[-1] + 20)
+            axes.set_ylim(rows[-1] + 20, rows[0] - 20)
             axes.set_title(title, fontsize=10)
             axes.set_axis_off()
-        figure.axes[1].text(0.02, 0.02, "← front", transform=figure.axes[1].transAxes)
         scale = ScalarMappable(Normalize(0.0, limit), "viridis")
         bar = figure.colorbar(scale, ax=figure.axes, location="bottom", shrink=0.5, aspect=40, pad=0.02)
         bar.set_label("displacement (mm)")
-        figure.savefig(target)
+        _save(figure, target)
 
 
 def _view(
-    part: pyvista.UnstructuredGrid,
-    whole: pyvista.UnstructuredGrid,
+    part: pyvista.DataSet,
+    rest: pyvista.DataSet,
+    whole: pyvista.DataSet,
     direction: tuple[float, float, float],
     limit: float,
-    outline: float,
-) -> np.ndarray:
-    """A picture of the deformed part with the rest shape as an outline, seen from ``direction``."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """The deformed ``part`` from ``direction`` as pixels, (h, w, 3), and where ``rest`` would be, (h, w) bool.
+
+    The camera is placed by ``whole``, at rest and deformed, in the same way for all parts.
+    """
     import pyvista
 
-    plotter = pyvista.Plotter(off_screen=True, window_size=(1100, 960))
+    plotter = pyvista.Plotter(off_screen=True, window_size=(1100, 1100), lighting="light kit")
     plotter.set_background("white")
-    surface = part.warp_by_vector("u").extract_surface(algorithm="dataset_surface")
+    plotter.enable_parallel_projection()
+    everything = np.concatenate([whole.points, whole.points + whole.point_data["u"]])
+    centre = everything.mean(axis=0)
+    radius = np.linalg.norm(everything - centre, axis=1).max()
+    plotter.camera_position = [centre + 5.0 * radius * np.array(direction), centre, (0.0, 0.0, 1.0)]
+    plotter.camera.parallel_scale = radius
+    actor = plotter.add_mesh(rest, color="black", lighting=False)
+    plotter.camera.clipping_range = (radius, 10.0 * radius)
+    mask = plotter.screenshot(return_img=True)[:, :, 0] < 128
+    plotter.remove_actor(actor, reset_camera=False)
     plotter.add_mesh(
-        surface,
+        part.warp_by_vector("u").extract_surface(algorithm="dataset_surface"),
         scalars="displacement",
         clim=(0.0, limit),
         cmap="viridis",
         show_edges=True,
         edge_color="#202020",
-        edge_opacity=0.25,
+        edge_opacity=0.3,
         show_scalar_bar=False,
-        ambient=0.25,
+        ambient=0.4,
+        diffuse=0.7,
+        reset_camera=False,
     )
-    rest = part.extract_surface(algorithm="dataset_surface")
-    plotter.add_silhouette(rest, color="#707070", line_width=3.0, feature_angle=60.0)
-    plotter.camera.parallel_projection = True
-    plotter.camera.up = (0.0, 0.0, 1.0)
-    centre = np.array(whole.center)
-    plotter.camera.focal_point = centre
-    plotter.camera.position = centre + 300.0 * np.array(direction)
-    plotter.reset_camera()
-    plotter.camera.zoom(1.2)
     image = plotter.screenshot(return_img=True)
     plotter.close()
-    return image
+    return image, mask
 
 
 # ---- how it is drawn ----
@@ -592,7 +620,7 @@ def _figure(result: Result, height_in: float, what: str) -> Figure:
     from matplotlib.figure import Figure
 
     title = textwrap.wrap(_title(result), 88)
-    second = ", ".join([what, *[_pull(muscle) for muscle in result.model.get("muscles", [])]])
+    second = ", ".join([what, *[_pull(muscle) for muscle in _muscles(result)]])
     if result.status not in ("finished", "running"):
         second += f"; the run ended early: {result.status}"
     lines = textwrap.wrap(second, 110)
@@ -605,6 +633,13 @@ def _figure(result: Result, height_in: float, what: str) -> Figure:
     return figure
 
 
+def _save(figure: Figure, path: Path) -> None:
+    """Write a figure. `Figure.savefig` would draw it twice, once only for the layout."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure).print_png(path)
+
+
 def _title(result: Result) -> str:
     title = result.summary.get("title")
     if title:
@@ -615,14 +650,18 @@ def _title(result: Result) -> str:
         return result.path.stem
 
 
+def _muscles(result: Result) -> list[dict[str, Any]]:
+    return result.model.get("muscles", [])
+
+
 def _pull(muscle: Mapping[str, Any]) -> str:
     side = "" if muscle.get("side", "both") == "both" else f" {muscle['side']}"
     return f"{muscle['name']}{side} {muscle['force_N']:g} N ({muscle.get('distribution', 'ends')})"
 
 
-def _side_view(axes: Axes) -> None:
+def _side_view(axes: Axes, adjustable: str = "datalim") -> None:
     _plain(axes)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable=adjustable)
     axes.set_xlabel("front  ←   x (mm)   →  back")
     axes.set_ylabel("z, up (mm)")
 
@@ -637,7 +676,7 @@ def _time_panels(
     figure: Figure, result: Result, rows: list[list[str]], end_ms: float, heights: Sequence[float] | None = None
 ) -> list[Axes]:
     """Panels over time, the muscles' pulls above them; returned in the order of ``rows``."""
-    muscles = [muscle for muscle in result.model.get("muscles", []) if muscle["force_N"] > 0.0]
+    muscles = [muscle for muscle in _muscles(result) if muscle["force_N"] > 0.0]
     heights = list(heights or [1.0] * len(rows))
     total = figure.get_figheight()
     if muscles:
@@ -680,7 +719,14 @@ def _label_ends(axes: Axes, ends: Mapping[str, tuple[float, str]]) -> None:
             textcoords="axes fraction",
             color=ends[name][1],
             va="center",
-            arrowprops={"arrowstyle": "-", "color": ends[name][1], "lw": 0.8, "shrinkA": 1, "shrinkB": 0},
+            arrowprops={
+                "arrowstyle": "-",
+                "color": ends[name][1],
+                "lw": 0.8,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 0,
+                "shrinkB": 0,
+            },
         )
 
 
@@ -708,7 +754,8 @@ def _points_in_plane(mesh: HexMesh) -> dict[str, int]:
 def _polygon(outline: np.ndarray, across: int, up: int) -> list[np.ndarray]:
     """Arguments of ``fill`` for the loops of an outline."""
     breaks = np.flatnonzero(np.isnan(outline[:, 0]))
-    return [column for part in np.split(outline, breaks) for column in (part[1:, across], part[1:, up]) if len(part) > 1]
+    loops = [part for part in np.split(outline, breaks) if len(part) > 1]
+    return [loop[1:, axis] if np.isnan(loop[0, 0]) else loop[:, axis] for loop in loops for axis in (across, up)]
 
 
 def _sequence(count: int) -> list[Any]:
@@ -718,17 +765,14 @@ def _sequence(count: int) -> list[Any]:
     return [colormaps["viridis_r"](share) for share in np.linspace(0.12, 1.0, count)] if count > 1 else ["#440154"]
 
 
-def _note(axes: Axes, text: str) -> None:
-    axes.set_title(text, fontsize=9, color="0.35", loc="right", pad=3)
+def _ms(times_s: np.ndarray, span_s: float) -> list[str]:
+    """Times in words, as exact as telling the drawn ones apart asks for."""
+    apart = 1e3 * max(span_s, 1e-9) / OUTLINES
+    return [f"{1e3 * time:.{max(0, -math.floor(math.log10(apart)))}f} ms" for time in times_s]
 
 
 def _depth(mm: float) -> str:
     return "none" if mm < 0.05 else f"{mm:.1f} mm"
-
-
-def _ceiling(value: float) -> str:
-    """The next power of ten above a value."""
-    return f"{10.0 ** max(-6, math.ceil(math.log10(max(value, 1e-12)) + 1e-9)):g}"
 
 
 if __name__ == "__main__":

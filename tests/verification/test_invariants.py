@@ -1,0 +1,492 @@
+"""What no mesh and no state may break: rigid motion, affine fields, momentum, and forces that come from an energy.
+
+On a block of hexes distorted by 15 % and on the built-in tongue, with each material law. Forces are measured in
+S = (K + 4 G / 3) h^2, what a strain of one gives; h is the cube root of the mean element volume.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support import (
+    LAWS,
+    block_mesh,
+    deformed,
+    elastic_energies,
+    force_scale,
+    mesh_of,
+    model_of,
+    random_gradient,
+    random_rotation,
+    tongue,
+)
+
+from explicitfe.build import Simulation
+from explicitfe.elements import hex8, hourglass
+from explicitfe.materials import kinematics, law_of, volumetric
+from explicitfe.mesh.fibres import Muscle
+from explicitfe.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.model.model import FibrePull, NodalLoad
+from explicitfe.model.muscles import pull
+from explicitfe.model.scenario import MuscleTable
+
+BODIES = pytest.mark.parametrize("shape", ["block", "tongue"])
+BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))
+# The quadrilateral faces of a hex, seen from outside.
+FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
+
+
+# ---- rigid motion and affine fields ----
+
+
+@BODIES
+@BOTH_LAWS
+def test_rigid_motion_gives_no_force(shape, law, record_property):
+    """f((R - 1) X + t) = 0 for every rotation R and translation t of up to 10 body sizes L.
+
+    A nodal value of 10 L is rounded by eps/2 10 L; the eight of an element give F an error of about eps 10 L / h, and
+    K h^2 times that is the force: eps 10 L / h = 3e-14 for L / h = 15 (the tongue). 1e-12 S leaves room for the sums.
+    """
+    mesh = mesh_of(shape)
+    simulation = Simulation(model_of(mesh, LAWS[law]))
+    rng = np.random.default_rng(1)
+    half_turns = [Rotation.from_rotvec(np.pi * axis).as_matrix() for axis in np.eye(3)]
+    turns = [np.eye(3), *half_turns, *(random_rotation(rng) for _ in range(16))]
+    size = np.ptp(mesh.points, axis=0).max()
+    worst = 0.0
+    for number, R in enumerate(turns):
+        shift = rng.standard_normal(3)
+        shift *= 10.0 * size * (number % 4 != 0) / np.linalg.norm(shift)
+        force = simulation.internal_force(mesh.points @ (R - np.eye(3)).T + shift)
+        worst = max(worst, np.abs(force).max() / force_scale(simulation))
+    record_property("largest force / S", worst)
+    assert worst < 1e-12
+
+
+def consistent_tractions(mesh: HexMesh, P: np.ndarray) -> np.ndarray:
+    """Nodal forces (n, 3) N that hold a body under the uniform stress P: the surface integral of N_a P n dA.
+
+    On a bilinear face the integrand is of degree 2 in each natural coordinate: 2 x 2 Gauss points are exact.
+    """
+    faces = mesh.hexes[:, FACES].reshape(-1, 4)
+    _, index, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    outside = faces[index[count == 1]]
+    corners = mesh.points[outside]
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    forces = np.zeros((mesh.node_count, 3))
+    for a in (-1.0, 1.0):
+        for b in (-1.0, 1.0):
+            at = np.array([a, b]) / np.sqrt(3.0)
+            factors = 1.0 + at * signs
+            along_a = np.einsum("a,fai->fi", 0.25 * signs[:, 0] * factors[:, 1], corners)
+            along_b = np.einsum("a,fai->fi", 0.25 * signs[:, 1] * factors[:, 0], corners)
+            traction = np.cross(along_a, along_b) @ P.T
+            shares = 0.25 * factors.prod(axis=1)
+            np.add.at(forces, outside, shares[None, :, None] * traction[:, None, :])
+    return forces
+
+
+def centroid_gradients(corners: np.ndarray) -> np.ndarray:
+    """dN_a/dX at the centre of each hex, (m, 8, 3): what a plain one-point rule takes."""
+    jacobian = corners.transpose(0, 2, 1) @ (CORNERS / 8.0)
+    return (CORNERS / 8.0) @ np.linalg.inv(jacobian)
+
+
+@BODIES
+@BOTH_LAWS
+def test_patch(shape, law, record_property):
+    """u = (F0 - 1) X: every element sees F0, the body carries P(F0), and only the surface needs forces, N_a P n dA.
+
+    F = sum_a x_a B_a holds to eps L / h = 3e-15, the stress to K times that. The tolerance of 1e-10 of the largest
+    boundary force is 1e4 roundings; the centroid's gradient misses it by 1e7 on the distorted block (also tested).
+    """
+    mesh = mesh_of(shape)
+    simulation = Simulation(model_of(mesh, LAWS[law]))
+    module, constants = law_of(law), LAWS[law].constants()
+    gradients, volumes = hex8.mean_gradients(mesh.points[mesh.hexes])
+    rng = np.random.default_rng(2)
+    worst = worst_surface = worst_F = worst_J = worst_hourglass = 0.0
+    missed = np.inf
+    for _ in range(5):
+        F0 = random_rotation(rng) @ random_gradient(rng, 0.2)
+        flat, J0 = F0.ravel(), np.linalg.det(F0)
+        P = np.array(module.stress(tuple(flat), kinematics.cofactor(tuple(flat)), J0, constants)).reshape(3, 3)
+        wanted = consistent_tractions(mesh, P)
+        largest = np.abs(wanted).max()
+        inside = np.abs(wanted).max(axis=1) == 0.0
+        assert inside.sum() >= 12
+        u = mesh.points @ (F0 - np.eye(3)).T
+        force = simulation.internal_force(u)
+        worst = max(worst, np.abs(force[inside]).max() / largest)
+        worst_surface = max(worst_surface, np.abs(force - wanted).max() / largest)
+
+        F = np.eye(3) + u[mesh.hexes].transpose(0, 2, 1) @ gradients
+        worst_F = max(worst_F, np.abs(F - F0).max())
+        internal, hourglass_energy = elastic_energies(simulation, u)
+        worst_J = max(worst_J, np.abs(simulation.snapshot().J - J0).max())
+        worst_hourglass = max(worst_hourglass, hourglass_energy / internal)
+
+        plain = np.zeros_like(wanted)
+        other = volumes[:, None, None] * (centroid_gradients(mesh.points[mesh.hexes]) @ P.T)
+        np.add.at(plain, mesh.hexes, other)
+        missed = min(missed, np.abs(plain[inside]).max() / largest)
+    record_property("largest force inside / largest on the surface", worst)
+    record_property("surface forces off by", worst_surface)
+    record_property("F off by", worst_F)
+    record_property("with the centroid's gradient", missed)
+    assert worst < 1e-10
+    assert worst_surface < 1e-10
+    assert worst_F < 1e-12  # eps L / h, 100 times
+    assert worst_J < 1e-12
+    # q is rounded by eps L and kappa ~ G h: E / W = (eps L / h)^2 at strains of 0.2
+    assert worst_hourglass < 1e-25
+    if shape == "block":
+        assert missed > 1e-3
+
+
+# ---- momentum ----
+
+
+@BODIES
+@BOTH_LAWS
+def test_momentum_is_conserved(shape, law, record_property):
+    """A free body keeps p = sum m v_(n+1/2) and l = sum x_n x m v_(n+1/2), over 400 steps, exactly but for rounding.
+
+    v_(n+1/2) - v_(n-1/2) = dt M^-1 f(x_n), and the internal forces have no resultant and no moment about x_n; as
+    x_(n+1) = x_n + dt v_(n+1/2), l may as well be taken with x_(n+1), where the loop leaves it. Scales: sum m |v| and
+    sum m |x| |v|. 400 steps of rounding on forces of S = m h / dt^2 or less: 400 eps h / (dt |v|) = 1e-11 at the very
+    most (h / dt = 40 m/s, |v| = 0.1 m/s), in one direction; 1e-10 is asked for.
+    """
+    mesh = mesh_of(shape)
+    rng = np.random.default_rng(3)
+    start = deformed(mesh, rng, 0.15, 0.01, isochoric=True)
+    spin = np.cross(rng.uniform(-2.0, 2.0, 3), mesh.points - mesh.points.mean(axis=0))
+    velocity = rng.uniform(-0.1, 0.1, start.shape) + spin + rng.uniform(-0.1, 0.1, 3)
+    simulation = Simulation(model_of(mesh, LAWS[law]), displacement=start, velocity=velocity)
+    dt = 0.8 * simulation.stable_limit(40)
+    simulation.start(dt)
+    mass = simulation.nodal_mass[simulation.node_order][:, None]
+    count = mesh.node_count
+
+    def momenta() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        v = simulation.state.v[:count, :3]
+        x = simulation.points + simulation.state.u[:count, :3]
+        scales = [np.sum(mass[:, 0] * np.linalg.norm(v, axis=1) * r) for r in (1.0, np.linalg.norm(x, axis=1))]
+        return (mass * v).sum(axis=0), np.cross(x, mass * v).sum(axis=0), np.array(scales)
+
+    p0, l0, scales = momenta()
+    energy = simulation.snapshot().energies
+    p_off = l_off = 0.0
+    for _ in range(40):
+        assert simulation.advance(10, dt)
+        p, angular, _ = momenta()
+        p_off = max(p_off, np.abs(p - p0).max() / scales[0])
+        l_off = max(l_off, np.abs(angular - l0).max() / scales[1])
+    record_property("momentum off by", p_off)
+    record_property("angular momentum off by", l_off)
+    # The body does vibrate: of the elastic energy of its start a good part has become kinetic or come back.
+    assert abs(simulation.snapshot().energies[0] / energy[0] - 1.0) > 0.01
+    assert p_off < 1e-10
+    assert l_off < 1e-10
+
+
+@BODIES
+@BOTH_LAWS
+def test_internal_forces_have_no_moment(shape, law, record_property):
+    """sum f = 0 and sum x x f = 0 about the current positions x, since the energy does not change under rigid motion.
+
+    Scales sum |f| and sum |x| |f|: the forces of each element cancel to a few eps, and so does their sum; 1e-12.
+    """
+    mesh = mesh_of(shape)
+    simulation = Simulation(model_of(mesh, LAWS[law]))
+    rng = np.random.default_rng(4)
+    resultant = moment = 0.0
+    for _ in range(10):
+        u = deformed(mesh, rng)
+        force, x = simulation.internal_force(u), mesh.points + u
+        size = np.linalg.norm(force, axis=1)
+        assert size.max() > 1e-3 * force_scale(simulation)
+        resultant = max(resultant, np.abs(force.sum(axis=0)).max() / size.sum())
+        moment = max(moment, np.abs(np.cross(x, force).sum(axis=0)).max() / (np.linalg.norm(x, axis=1) @ size))
+    record_property("resultant", resultant)
+    record_property("moment", moment)
+    assert resultant < 1e-12
+    assert moment < 1e-12
+
+
+# ---- forces and energies ----
+
+
+@BOTH_LAWS
+def test_force_is_the_derivative_of_the_energy_everywhere(law, record_property):
+    """f_i = dE/du_i, E = strain + hourglass energy, by central differences at every degree of freedom of a block.
+
+    Over d = 1e-6 h the truncation error is d^2 f'' / 6 = 1e-12 of K h^2 and the rounding error eps E / d = 2e-16 x 1e-2
+    K h^3 / (1e-6 h) = 2e-12 of it; forces at strains of 0.1 are 0.1 K h^2. 1e-7 of the largest force is asked for.
+    """
+    mesh = block_mesh((2, 2, 2), seed=5)
+    simulation = Simulation(model_of(mesh, LAWS[law]))
+    rng = np.random.default_rng(5)
+    u = deformed(mesh, rng)
+    step = 1e-6 * 0.01
+    force = simulation.internal_force(u)
+    slopes = np.empty_like(force)
+    for entry in range(u.size):
+        shifted = u.copy()
+        shifted.flat[entry] += step
+        plus = sum(elastic_energies(simulation, shifted))
+        shifted.flat[entry] -= 2.0 * step
+        slopes.flat[entry] = (plus - sum(elastic_energies(simulation, shifted))) / (2.0 * step)
+    off = np.abs(slopes - force).max() / np.abs(force).max()
+    record_property("off by", off)
+    assert off < 1e-7
+
+
+@BOTH_LAWS
+def test_force_is_the_derivative_of_the_energy_on_the_tongue(law, record_property):
+    """f . d = dE(u + s d)/ds for random directions d, on the tongue: as above, 1e-7 of |f| |d|."""
+    mesh = mesh_of("tongue")
+    simulation = Simulation(model_of(mesh, LAWS[law]))
+    rng = np.random.default_rng(6)
+    worst = 0.0
+    for _ in range(5):
+        u, direction = deformed(mesh, rng), rng.standard_normal(mesh.points.shape)
+        step = 1e-6 * 0.005 / np.abs(direction).max()
+        force = simulation.internal_force(u)
+        plus, minus = (sum(elastic_energies(simulation, u + sign * step * direction)) for sign in (1.0, -1.0))
+        size = np.linalg.norm(force) * np.linalg.norm(direction)
+        worst = max(worst, abs((plus - minus) / (2.0 * step) - np.sum(force * direction)) / size)
+    record_property("off by", worst)
+    assert worst < 1e-7
+
+
+def test_hourglass_force_is_the_derivative_of_the_hourglass_energy(record_property):
+    """On a field that leaves F = 1 all force is hourglass force, f_i = dE_h/du_i.
+
+    The field is random, less its affine part: sum_a u_a = 0 and sum_a u_a B_a = 0. E_h is quadratic, so the central
+    difference is exact but for rounding, eps E / (step f) = 1e-15 with a step of 10 % of the field; what is left of F - 1
+    by rounding, 1e-17, loaded with K h^2 against G h x 1e-4 h gives 1e-10: below 1e-9.
+    """
+    mesh = block_mesh((1, 1, 1), seed=7)
+    simulation = Simulation(model_of(mesh))
+    (B,), _ = hex8.mean_gradients(mesh.points[mesh.hexes])
+    affine, _ = np.linalg.qr(np.column_stack([np.ones(8), B]))
+    u = 1e-4 * np.random.default_rng(7).standard_normal((8, 3))
+    corners = u[mesh.hexes[0]]
+    u[mesh.hexes[0]] = corners - affine @ (affine.T @ corners)
+    internal, energy = elastic_energies(simulation, u)
+    assert energy > 0.0
+    assert abs(internal) < 1e-12 * energy
+    force = simulation.internal_force(u)
+    slopes = np.empty_like(force)
+    step = 1e-5
+    for entry in range(u.size):
+        plus, minus = u.copy(), u.copy()
+        plus.flat[entry] += step
+        minus.flat[entry] -= step
+        slopes.flat[entry] = (elastic_energies(simulation, plus)[1] - elastic_energies(simulation, minus)[1]) / (
+            2.0 * step
+        )
+    off = np.abs(slopes - force).max() / np.abs(force).max()
+    record_property("off by", off)
+    assert off < 1e-9
+
+
+@BOTH_LAWS
+def test_stress_of_a_law_is_the_derivative_of_its_energy(law, record_property):
+    """P_ij = dW/dF_ij on floats, at 50 random F: two statements of the law, compared by central differences.
+
+    d = 1e-6: truncation d^2 = 1e-12 and rounding eps W / d = 1e-16 x 0.1 K / 1e-6 = 1e-11, of K; 1e-7 of the largest
+    stress, which is 1e-2 K or more at strains of 0.3, leaves a factor of 100.
+    """
+    module, constants = law_of(law), LAWS[law].constants()
+    rng = np.random.default_rng(8)
+
+    def energy(F: np.ndarray) -> float:
+        flat = tuple(F.ravel())
+        return module.energy(flat, kinematics.determinant(flat, kinematics.cofactor(flat)), constants)
+
+    worst = 0.0
+    for _ in range(50):
+        F = random_rotation(rng) @ random_gradient(rng, 0.3)
+        flat = tuple(F.ravel())
+        cof = kinematics.cofactor(flat)
+        J = kinematics.determinant(flat, cof)
+        assert J == pytest.approx(np.linalg.det(F), rel=1e-13)
+        assert np.allclose(np.reshape(cof, (3, 3)), J * np.linalg.inv(F).T, rtol=1e-13, atol=1e-13)
+        P = np.array(module.stress(flat, cof, J, constants)).reshape(3, 3)
+        slopes = np.empty((3, 3))
+        for entry in range(9):
+            plus, minus = F.copy(), F.copy()
+            plus.flat[entry] += 1e-6
+            minus.flat[entry] -= 1e-6
+            slopes.flat[entry] = (energy(plus) - energy(minus)) / 2e-6
+        worst = max(worst, np.abs(slopes - P).max() / np.abs(P).max())
+    record_property("off by", worst)
+    assert worst < 1e-7
+
+
+@BOTH_LAWS
+def test_tangent_leaves_are_derivatives(law):
+    """slope = dW/dI1_bar, curvature = d2W/dI1_bar^2, U' = dU/dJ and U'' = dU'/dJ, which the bound of the stable step stands on.
+
+    Along F = diag(a, a^-1/2, a^-1/2) J = 1 and W depends on I1_bar = a^2 + 2 / a alone. Central differences over 1e-5:
+    error 1e-10, and rounding 1e-11 of K; 1e-6 of the value and 1e-10 K are asked for.
+    """
+    module, constants = law_of(law), LAWS[law].constants()
+
+    def on_path(a: float) -> tuple[float, float]:
+        flat = (a, 0.0, 0.0, 0.0, a**-0.5, 0.0, 0.0, 0.0, a**-0.5)
+        return a * a + 2.0 / a, module.energy(flat, 1.0, constants)
+
+    d = 1e-5
+    for a in (0.6, 1.3, 1.8):
+        (high, plus), (low, minus) = on_path(a + d), on_path(a - d)
+        invariant = on_path(a)[0]
+        assert (plus - minus) / (high - low) == pytest.approx(module.slope(invariant, constants), rel=1e-6)
+        change = (module.slope(invariant + d, constants) - module.slope(invariant - d, constants)) / (2.0 * d)
+        assert change == pytest.approx(module.curvature(invariant, constants), rel=1e-6, abs=1e-12)
+    K = constants[-1]
+    for J in (0.4, 1.0, 1.7):
+        pressure = (volumetric.energy(J + d, K) - volumetric.energy(J - d, K)) / (2.0 * d)
+        assert pressure == pytest.approx(volumetric.pressure(J, K), rel=1e-6, abs=1e-10 * K)
+        curvature = (volumetric.pressure(J + d, K) - volumetric.pressure(J - d, K)) / (2.0 * d)
+        assert curvature == pytest.approx(volumetric.curvature(J, K), rel=1e-6)
+
+
+@BOTH_LAWS
+def test_vector_kernel_equals_floats(law, record_property):
+    """The law on lanes of the compiled kernel equals the law on floats, put together in plain numpy, on 50 random states.
+
+    f_a = V P(F) B_a + sum_k r_k g_k. The two differ in the order of sums, in fused multiply-adds and in the inverse cube
+    root (Newton or power): some 50 roundings of terms of up to 5 S (strains of 0.3, eight elements at a node), eps/2
+    each: 50 x 5 x 1e-16 = 3e-14 S. 9 elements: the last block of lanes is not full.
+    """
+    mesh = block_mesh((3, 3, 1), seed=9)
+    simulation = Simulation(model_of(mesh, LAWS[law]))
+    module, constants = law_of(law), LAWS[law].constants()
+    corners = mesh.points[mesh.hexes]
+    B, V = hex8.mean_gradients(corners)
+    kappa = hourglass.stiffness(B, V, np.full(len(V), LAWS[law].shear_modulus_Pa))
+    g = hex8.MODES[3:] - (hex8.MODES[3:] @ corners) @ B.transpose(0, 2, 1)
+    rng = np.random.default_rng(9)
+    worst = 0.0
+    for _ in range(50):
+        u = deformed(mesh, rng, 0.3, 0.1)
+        F = np.eye(3) + u[mesh.hexes].transpose(0, 2, 1) @ B
+        q = g @ u[mesh.hexes]  # (m, modes, 3)
+        wanted = np.zeros_like(u)
+        for e, nodes in enumerate(mesh.hexes):
+            flat = tuple(F[e].ravel())
+            cof = kinematics.cofactor(flat)
+            J = kinematics.determinant(flat, cof)
+            P = np.array(module.stress(flat, cof, J, constants)).reshape(3, 3)
+            r = np.column_stack([hourglass.force.py_func(q[e, :, k], kappa[e]) for k in range(3)])
+            wanted[nodes] += V[e] * B[e] @ P.T + g[e].T @ r
+        worst = max(worst, np.abs(simulation.internal_force(u) - wanted).max() / force_scale(simulation))
+    record_property("off by", worst)
+    assert worst < 3e-14
+
+
+# ---- muscles ----
+
+MUSCLES = pytest.mark.parametrize("name", list(tongue().muscles))
+DISTRIBUTIONS = pytest.mark.parametrize("distribution", ["ends", "along", "volume"])
+FORCE_N = 2.0
+
+
+def loads_of(name: str, distribution: str, direction: str, side: str = "both") -> NodalLoad | FibrePull:
+    table = MuscleTable(name=name, force_N=FORCE_N, distribution=distribution, direction=direction, side=side)
+    return pull(tongue().mesh, tongue().muscles[name], table)
+
+
+def nodal_forces(load: NodalLoad | FibrePull, displacement: np.ndarray) -> np.ndarray:
+    """Forces (n, 3) N on the mesh, as the kernels apply them at a displacement."""
+    groups = {"loads": (load,)} if isinstance(load, NodalLoad) else {"pulls": (load,)}
+    simulation = Simulation(model_of(tongue().mesh, **groups), displacement=displacement)
+    return simulation.external_force()
+
+
+def anchors_of(muscle: Muscle, side: str) -> np.ndarray:
+    """Points fixed in space where the fibres of a side end, (k, 3) m; the same one for all fibres of a side."""
+    fibres = [fibre for fibre in muscle.fibres if fibre.side == side]
+    return np.unique(np.concatenate([f.points.position[f.points.element < 0] for f in fibres]), axis=0)
+
+
+@MUSCLES
+@DISTRIBUTIONS
+@pytest.mark.parametrize("direction", ["reference", "following"])
+def test_muscles_balance_themselves(name, distribution, direction):
+    """A fibre is a chain of segments with opposite forces on their ends: no resultant, no moment about where it lies.
+
+    Fibres that end on a bone outside pull the tongue towards that point: no moment about it, and the resultant is that of
+    T (anchor - first point) / length summed over the fibres. Directions of the reference act at reference positions, those
+    that follow at the current ones, also in a deformed state. Nodal forces are sums of up to 100 segment forces with
+    shape functions as weights: 100 eps F = 2e-14 F, times the tongue's distance from the origin; 1e-12 of F and F |x|.
+    """
+    mesh, muscle = tongue().mesh, tongue().muscles[name]
+    rng = np.random.default_rng(10)
+    states = [np.zeros_like(mesh.points)]
+    if direction == "following":
+        states.append(deformed(mesh, rng, 0.2, 0.2))
+    reach = np.linalg.norm(mesh.points, axis=1).max()
+    for side in ("left", "right"):
+        anchors = anchors_of(muscle, side)
+        load = loads_of(name, distribution, direction, side)
+        for u in states:
+            force, x = nodal_forces(load, u), mesh.points + u
+            assert np.abs(force).sum() > 0.1 * FORCE_N
+            if not len(anchors):
+                assert np.abs(force.sum(axis=0)).max() < 1e-12 * FORCE_N
+                assert np.abs(np.cross(x, force).sum(axis=0)).max() < 1e-12 * FORCE_N * reach
+                continue
+            assert len(anchors) == 1
+            assert np.abs(np.cross(x - anchors[0], force).sum(axis=0)).max() < 1e-12 * FORCE_N * reach
+            assert np.linalg.norm(force.sum(axis=0)) > 0.5 * FORCE_N
+            if direction == "reference" and distribution != "ends":
+                # STY's first segments, in space, carry the fibre's share in both of these distributions.
+                first = np.array([f.points.position[1] for f in muscle.fibres if f.side == side])
+                towards = anchors[0] - first
+                towards /= np.linalg.norm(towards, axis=1)[:, None]
+                wanted = FORCE_N / len(first) * towards.sum(axis=0)
+                assert np.abs(force.sum(axis=0) - wanted).max() < 1e-12 * FORCE_N
+
+
+@MUSCLES
+@DISTRIBUTIONS
+def test_both_directions_agree_at_the_reference(name, distribution):
+    """Where nothing has moved, fibres that follow pull as those of fixed direction do: two statements, 1e-12 of F."""
+    at_rest = np.zeros_like(tongue().mesh.points)
+    fixed = nodal_forces(loads_of(name, distribution, "reference"), at_rest)
+    following = nodal_forces(loads_of(name, distribution, "following"), at_rest)
+    assert np.abs(fixed - following).max() < 1e-12 * FORCE_N
+
+
+@MUSCLES
+@DISTRIBUTIONS
+def test_every_single_fibre_balances_itself(name, distribution):
+    """The resultant and the moment of each fibre alone are zero: they do not only cancel in the sum over a muscle."""
+    mesh, muscle = tongue().mesh, tongue().muscles[name]
+    reach = np.linalg.norm(mesh.points, axis=1).max()
+    for fibre in muscle.fibres:
+        alone = Muscle.of(name, muscle.title, muscle.max_force_N, (fibre,))
+        load = pull(mesh, alone, MuscleTable(name=name, force_N=FORCE_N, distribution=distribution))
+        origin = fibre.points.position[0]
+        moment = np.cross(mesh.points[load.nodes] - origin, load.force_N).sum(axis=0)
+        assert np.abs(moment).max() < 1e-12 * FORCE_N * reach
+        if (fibre.points.element >= 0).all():
+            assert np.abs(load.force_N.sum(axis=0)).max() < 1e-12 * FORCE_N
+
+
+@MUSCLES
+def test_total_pull_is_the_force_asked_for(name):
+    """With ``ends`` the force F is shared equally: each fibre's ends are pulled together by F / fibres, along the chord."""
+    muscle = tongue().muscles[name]
+    for fibre in muscle.fibres:
+        alone = Muscle.of(name, muscle.title, muscle.max_force_N, (fibre,))
+        load = pull(tongue().mesh, alone, MuscleTable(name=name, force_N=FORCE_N))
+        chord = fibre.points.position[-1] - fibre.points.position[0]
+        # Virtual work of a uniform stretch about the origin: sum f . (x - x_0) = -T x length.
+        work = np.sum(load.force_N * (tongue().mesh.points[load.nodes] - fibre.points.position[0]))
+        assert work == pytest.approx(-FORCE_N * np.linalg.norm(chord), rel=1e-11)

@@ -16,7 +16,7 @@ __version__ = "0.1.0"
 
 # Imported on first use: a program that only reads results does not wait for the compiler, nor the other way round.
 _PLACES = {
-    "run": "explicitfe.run",
+    "run": "explicitfe.runner",
     "open_result": "explicitfe.results",
     "InputError": "explicitfe.errors",
     "RunError": "explicitfe.errors",

@@ -12,8 +12,9 @@ import numpy as np
 from explicitfe.mesh.quality import assess
 from explicitfe.model import catalogue
 from explicitfe.model.scenario import read_scenario
-from explicitfe.run import FIRST_TURNS, Report, describe, prepare
+from explicitfe.runner import Report, describe, prepare
 from explicitfe.timestep import FRACTION
+from explicitfe.transient import FIRST_TURNS
 
 
 def check(path: Path | str, settings: Sequence[str], report: Report) -> dict[str, Any]:

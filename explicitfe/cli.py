@@ -67,7 +67,7 @@ def run(
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
     """
-    from explicitfe.run import run as run_scenario
+    from explicitfe.runner import run as run_scenario
 
     with _progress() as report:
         summary = run_scenario(scenario, out, settings=settings or (), overwrite=overwrite, report=report)

@@ -206,8 +206,9 @@ class Result:
         grid = pyvista.wrap(reader.GetOutputDataObject(0))
         # VTK before 9.3 shows the first step at all times and says nothing.
         if not np.array_equal(grid.point_data.get("displacement"), self.displacement(step), equal_nan=True):
+            found = ".".join(map(str, pyvista.vtk_version_info))
             raise InputError(
-                f"{self.path}: VTK {pyvista.vtk_version_info} does not show step {step} as it is stored; install VTK 9.3 or later"
+                f"VTK {found} does not show step {step} of {self.path} as stored; install VTK 9.3 or later"
             )
         if warped:
             grid.points = grid.points + grid.point_data["displacement"]

@@ -141,7 +141,7 @@ class ResultWriter:
             self._times.resize(self._samples + 1, axis=0)
             _Rows(self._times).put(self._samples, np.array([time_s], dtype=float))
             self._step_count.write(np.array(self._samples + 1, dtype=np.int64))
-            # So far only numbers went to the file; now the counts that make them valid do.
+            # So far only numbers went to the file; the counts that make them valid follow.
             self._file.flush()
         except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
@@ -200,6 +200,7 @@ class ResultWriter:
             self._write_status(status, message, layout.to_json(summary))
             self._file.flush()
             layout.make_room(self._file, self._samples, self._samples)
+            self._times.resize(self._samples, axis=0)
             self._resize_history(self._rows)
             self._file.close()
             self.running_path.replace(self.path)
@@ -248,11 +249,12 @@ class ResultWriter:
         layout.resize(self._file, dict.fromkeys(self._file[layout.HISTORY].values(), rows))
 
     def _write_status(self, state: str, message: str, summary: str) -> None:
-        for name, text in (("state", state), ("message", message), ("summary", summary)):
-            data = text.encode()
-            if len(data) > layout.STATUS_BYTES[name]:
-                raise ValueError(f"{name} has {len(data)} bytes, at most {layout.STATUS_BYTES[name]} can be stored")
-            self._file[f"{layout.STATUS}/{name}"][()] = data
+        texts = {"summary": summary.encode(), "message": message.encode(), "state": state.encode()}
+        for name, text in texts.items():
+            if len(text) > layout.STATUS_BYTES[name]:
+                raise ValueError(f"{name} has {len(text)} bytes, at most {layout.STATUS_BYTES[name]} can be stored")
+        for name, text in texts.items():
+            self._file[f"{layout.STATUS}/{name}"][()] = text
 
     def _stopped_writing(self, error: Exception) -> RunError:
         return RunError(

@@ -464,7 +464,9 @@ def _energies(result: Result, step: int) -> Figure | None:
         label, colour, line = names[name]
         panels[0].plot(times, factor * energy, line, color=colour, lw=1.8, label=label)
     panels[0].set_ylabel(f"energy ({unit})")
-    panels[0].legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), frameon=False, ncols=5, borderpad=0.2, columnspacing=1.6)
+    panels[0].legend(
+        loc="lower left", bbox_to_anchor=(-0.01, 1.0), frameon=False, ncols=5, borderpad=0.2, columnspacing=1.6
+    )
 
     error = 100.0 * result.history("balance_error")
     if np.any(error > 0.0):
@@ -475,7 +477,9 @@ def _energies(result: Result, step: int) -> Figure | None:
     share = hourglass_share(result)
     panels[2].axhline(100.0 * USUAL_SHARE, color="0.4", lw=1.0, ls="--")
     panels[2].plot(times, 100.0 * share, color=COLOURS[1], lw=1.6)
-    panels[2].set_title(f"hourglass share of elastic energy (dashed: {100.0 * USUAL_SHARE:g} %)", fontsize=10)
+    panels[2].set_title(
+        f"hourglass share of elastic energy (dashed: {100.0 * USUAL_SHARE:g} %)", fontsize=10
+    )
     panels[2].set_ylabel("share (%)")
     panels[2].set_ylim(0.0, max(12.5, 110.0 * np.nanmax(share, initial=0.0)))
     for axes in panels[1:]:
@@ -655,8 +659,12 @@ def _muscles(result: Result) -> list[dict[str, Any]]:
 
 
 def _pull(muscle: Mapping[str, Any]) -> str:
-    side = "" if muscle.get("side", "both") == "both" else f" {muscle['side']}"
-    return f"{muscle['name']}{side} {muscle['force_N']:g} N ({muscle.get('distribution', 'ends')})"
+    return f"{_name(muscle)} {muscle['force_N']:g} N ({muscle.get('distribution', 'ends')})"
+
+
+def _name(muscle: Mapping[str, Any]) -> str:
+    side = muscle.get("side", "both")
+    return muscle["name"] if side == "both" else f"{muscle['name']} {side}"
 
 
 def _side_view(axes: Axes, adjustable: str = "datalim") -> None:
@@ -689,7 +697,7 @@ def _time_panels(
         for k, muscle in enumerate(muscles):
             times, scales = activation(muscle, end_ms)
             strip.fill_between(times, -k, -k + 0.8 * scales / max(1.0, scales.max()), color="0.45", lw=0)
-        strip.set_yticks([0.4 - k for k in range(len(muscles))], [muscle["name"] for muscle in muscles])
+        strip.set_yticks([0.4 - k for k in range(len(muscles))], [_name(muscle) for muscle in muscles])
         strip.set_ylim(0.9 - len(muscles), 1.0)
         strip.set_xlim(0.0, end_ms)
         strip.spines[["top", "right", "left"]].set_visible(False)

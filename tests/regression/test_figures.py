@@ -1,0 +1,230 @@
+"""The pictures of a result, and the numbers that they are drawn from.
+
+Sections are checked on shapes whose cut is known: a box cut along an axis is a rectangle, cut anywhere.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from explicitfe.errors import InputError
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.results import open_result
+from explicitfe.runner import run
+from explicitfe.transient import SHARE_FLOOR
+from explicitfe.view import figures
+from explicitfe.view.figures import X, Y, Z, draw, section
+
+CELLS = (8, 4, 4)
+SCENARIO = f"""
+title = "Tiny tongue"
+[model]
+name = "tongue"
+cells = {list(CELLS)}
+material = "buchaillard-2009"
+damping = {{ alpha_per_s = 40.0 }}
+[[muscle]]
+name = "GGp"
+force_N = 1.0
+start_ms = 1.0
+end_ms = 3.0
+distribution = "along"
+[analysis]
+duration_ms = 5.0
+[record]
+every_ms = 0.5
+"""
+
+
+@pytest.fixture(scope="module")
+def result_path(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("figures")
+    scenario = folder / "tiny.toml"
+    scenario.write_text(SCENARIO, encoding="utf-8")
+    summary = run(scenario, folder)
+    assert summary["status"] == "finished"
+    return Path(summary["result"])
+
+
+def box(cells: tuple[int, int, int], lower=(0.0, -0.5, 0.0), upper=(2.0, 0.5, 1.0)) -> HexMesh:
+    ny, nz = cells[1] + 1, cells[2] + 1
+    axes = [np.linspace(a, b, count + 1) for a, b, count in zip(lower, upper, cells, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    i, j, k = (index.ravel() for index in np.meshgrid(*map(np.arange, cells), indexing="ij"))
+    node = (i * ny + j) * nz + k
+    corners = [0, ny * nz, ny * nz + nz, nz]
+    return HexMesh(points, np.column_stack([node + c + up for up in (0, 1) for c in corners]))
+
+
+def area(loop: np.ndarray) -> float:
+    """Area in a closed polygon, (k, 2)."""
+    x, y = loop.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def test_every_picture_is_drawn(result_path, tmp_path):
+    from matplotlib.image import imread
+
+    paths = draw(result_path, tmp_path / "pictures")
+    names = [path.name for path in paths]
+    drawn = ["contour", "coronal", "probes", "energies"]
+    # A machine that cannot render gives a warning and four pictures, see the test below.
+    assert names[:4] == [f"tiny-{name}.png" for name in drawn]
+    assert names[4:] in ([], ["tiny-3d.png"])
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == sorted(names)
+    for path in paths:
+        pixels = imread(path)[:, :, :3]
+        assert pixels.shape[1] == 1600
+        assert pixels.shape[0] > 600
+        assert pixels.std() > 0.05
+        # Nothing is cut off: what is drawn keeps away from the edges.
+        rows, columns = pixels.min(axis=(1, 2)), pixels.min(axis=(0, 2))
+        assert min(*rows[:4], *rows[-4:], *columns[:4], *columns[-4:]) == 1.0
+
+
+def test_without_opengl_the_other_pictures_are_drawn(result_path, tmp_path, monkeypatch):
+    # With a display that does not exist VTK ends in a segmentation fault, which must not reach this process.
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
+    monkeypatch.setenv("DISPLAY", ":987")
+    monkeypatch.setattr(figures, "_probes", lambda result, step: None)
+    monkeypatch.setattr(figures, "_coronal", lambda result, step: None)
+    monkeypatch.setattr(figures, "_contour", lambda result, step: None)
+    with pytest.warns(UserWarning, match="3D view was left out because this machine could not render it"):
+        assert [path.name for path in draw(result_path, tmp_path)] == ["tiny-energies.png"]
+
+
+def test_a_result_without_a_step_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="does not exist"):
+        draw(tmp_path / "none.vtkhdf")
+
+
+def test_midsagittal_outline_of_the_tongue(result_path):
+    with open_result(result_path) as result:
+        mesh, u = result.mesh, result.displacement()
+    cut = figures.midsagittal(mesh)
+    assert len(cut.loops) == 1
+    # One point for each node on the edge of the grid of elements along the tongue and through its thickness.
+    assert len(cut.loops[0]) == len(cut.share) == 2 * (CELLS[0] + CELLS[1])
+    assert len(set(cut.loops[0])) == len(cut.loops[0])
+    np.testing.assert_array_equal(cut.ends[:, 0], cut.ends[:, 1])
+    np.testing.assert_array_equal(cut.at(mesh.points)[:, Y], 0.0)
+    # Both sides are pulled alike: the plane stays one, to rounding.
+    assert np.abs(cut.at(u)[:, Y]).max() < 1e-9 * np.abs(u).max()
+    assert {mesh.named_points[name] for name in mesh.named_points} <= set(cut.ends[:, 0])
+    outline = cut.outline(mesh.points)
+    np.testing.assert_array_equal(outline[0], outline[-2])
+    assert np.isnan(outline[-1]).all()
+
+
+def test_coronal_section_of_the_tongue(result_path):
+    with open_result(result_path) as result:
+        mesh = result.mesh
+    position = figures.front_position(mesh)
+    assert position == mesh.points[mesh.named_points["front"], X]
+    cut = section(mesh, X, position)
+    assert len(cut.loops) == 1
+    points = cut.at(mesh.points)
+    np.testing.assert_allclose(points[:, X], position, rtol=0.0, atol=1e-15)
+    # As wide to the left as to the right, point by point.
+    mirrored = points * [1.0, -1.0, 1.0]
+    assert max(np.linalg.norm(points - p, axis=1).min() for p in mirrored) < 1e-12
+    top = figures.midline(points)[-1]
+    np.testing.assert_allclose(points[top], mesh.points[mesh.named_points["front"]], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", [X, Y, Z])
+@pytest.mark.parametrize("share", [0.5, 0.37])
+def test_section_of_a_box_is_a_rectangle(axis, share):
+    mesh = box((4, 2, 3))
+    size = np.ptp(mesh.points, axis=0)
+    cut = section(mesh, axis, mesh.points[:, axis].min() + share * size[axis])
+    assert len(cut.loops) == 1
+    others = [k for k in (X, Y, Z) if k != axis]
+    np.testing.assert_allclose(area(cut.at(mesh.points)[cut.loops[0]][:, others]), np.prod(size[others]), rtol=1e-12)
+    # The outline moves with the material: a linear field is interpolated exactly.
+    gradient = np.array([[0.1, 0.2, -0.3], [0.0, 0.5, 0.1], [0.7, 0.0, -0.2]])
+    np.testing.assert_allclose(cut.at(mesh.points @ gradient), cut.at(mesh.points) @ gradient, atol=1e-15)
+
+
+def test_section_of_an_odd_number_of_elements_and_of_a_half():
+    odd = box((2, 3, 2))
+    assert figures.middle(odd) == 0.0
+    assert len(figures.midsagittal(odd).loops[0]) == 8
+    shifted = box((2, 3, 2), lower=(0.0, 1.0, 0.0), upper=(2.0, 2.0, 1.0))
+    assert figures.middle(shifted) == 1.5
+    for half in (box((2, 2, 2), lower=(0.0, 0.0, 0.0)), box((2, 2, 2), upper=(2.0, 0.0, 1.0))):
+        cut = figures.midsagittal(half)
+        np.testing.assert_array_equal(cut.at(half.points)[:, Y], 0.0)
+        assert area(cut.at(half.points)[cut.loops[0]][:, [X, Z]]) == pytest.approx(2.0)
+
+
+def test_section_through_two_bodies_has_two_loops():
+    near, far = box((2, 2, 2)), box((2, 2, 2), lower=(5.0, -0.5, 0.0), upper=(6.0, 0.5, 1.0))
+    both = HexMesh(np.concatenate([near.points, far.points]), np.concatenate([near.hexes, far.hexes + near.node_count]))
+    cut = figures.midsagittal(both)
+    assert sorted(len(loop) for loop in cut.loops) == [8, 8]
+    assert np.isnan(cut.outline(both.points)[:, 0]).sum() == 2
+    assert not section(both, X, 3.5).loops
+
+
+def test_front_position_without_a_named_point():
+    assert figures.front_position(box((5, 2, 2))) == pytest.approx(0.8)
+
+
+def test_groove_depth():
+    mesh = box((2, 8, 2))
+    cut = section(mesh, X, 0.7)
+    rest = cut.at(mesh.points)[cut.loops[0]]
+    assert figures.groove_depth(rest, rest) == 0.0
+
+    def deformed(height):
+        return rest + np.outer(rest[:, Z] * height(rest[:, Y]), [0.0, 0.0, 1.0])
+
+    assert figures.groove_depth(rest, deformed(lambda y: 0.4 * y**2)) == pytest.approx(0.1)
+    assert figures.groove_depth(rest, deformed(lambda y: -0.4 * y**2)) == 0.0
+    # A slope to one side is no groove.
+    assert figures.groove_depth(rest, deformed(lambda y: 0.4 * y)) == 0.0
+
+
+def test_held_sets_and_last_step(result_path):
+    with open_result(result_path) as result:
+        step = figures.last_step(result)
+        assert step == len(result.times) - 1
+        assert sorted(figures.attachments(result, step)) == sorted(result.mesh.node_sets)
+        assert figures.attachments(result, 0) == {}
+        np.testing.assert_allclose(
+            np.nanmax(figures.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12
+        )
+    assert figures.SHARE_FLOOR == SHARE_FLOOR
+
+
+def test_times_that_are_drawn():
+    assert figures.drawn_steps(np.linspace(0.0, 0.12, 121), 120) == [20, 40, 60, 80, 100, 120]
+    assert figures.drawn_steps(np.linspace(0.0, 0.12, 121), 60) == [10, 20, 30, 40, 50, 60]
+    assert figures.drawn_steps(np.array([0.0, 0.001, 0.002]), 2) == [1, 2]
+    assert figures.drawn_steps(np.array([0.0]), 0) == []
+
+
+def test_activation_of_muscles():
+    step = {"name": "a", "force_N": 1.0, "start_ms": 10.0, "rise_ms": 5.0, "end_ms": 40.0}
+    ramp = {"name": "b", "force_N": 1.0, "start_ms": 30.0, "end_ms": None}
+    table = {"name": "c", "force_N": 1.0, "table": [[0.0, 0.0], [60.0, 0.0], [70.0, 1.0], [80.0, 0.0]]}
+    times, scales = figures.activation(step, 100.0)
+    np.testing.assert_array_equal(times, [0.0, 10.0, 15.0, 40.0, 40.0, 100.0])
+    np.testing.assert_array_equal(scales, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
+    assert figures.on_times([step], 100.0) == [(10.0, 40.0)]
+    assert figures.on_times([table, step], 100.0) == [(10.0, 40.0), (60.0, 80.0)]
+    assert figures.on_times([step, ramp], 100.0) == [(10.0, 100.0)]
+    assert figures.on_times([ramp | {"force_N": 0.0}], 100.0) == []
+    assert figures.on_times([step], 20.0) == [(10.0, 20.0)]
+
+
+def test_labels_are_pushed_apart():
+    places = figures.spread(np.array([0.1, 0.5, 0.5, 0.52, 0.99]), 0.1)
+    assert np.diff(places).min() > 0.1 - 1e-12
+    assert places[0] == pytest.approx(0.1)
+    assert places[1:4].mean() == pytest.approx(np.mean([0.5, 0.5, 0.52]))
+    assert 0.0 <= figures.spread(np.full(5, 1.0), 0.2)[0] < figures.spread(np.full(5, 1.0), 0.2)[-1] <= 1.0

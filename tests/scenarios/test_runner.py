@@ -1,0 +1,211 @@
+"""The runner as a user and a program meet it: command, JSON, result, Python interface, restart, kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import explicitfe
+from explicitfe.model.scenario import json_schema
+from explicitfe.results import open_result
+from explicitfe.runner import prepare
+from explicitfe.transient import Transient
+from command import command
+
+ROOT = Path(__file__).parents[2]
+VOWEL = ROOT / "scenarios" / "vowel-i.toml"
+SMALL = ("model.cells=[8,4,4]", "analysis.duration_ms=10")
+KEYS = """status result simulated_s steps dt_s dt_fraction_of_limit wall_s compile_s real_time_factor
+energy_balance_error hourglass_share min_J settled probes""".split()
+
+
+def test_json_is_one_object_and_nothing_else(tmp_path: Path) -> None:
+    """stdout holds one JSON object with the promised keys, in a process of its own; progress goes to stderr."""
+    settings = [word for setting in SMALL for word in ("--set", setting)]
+    done = subprocess.run(
+        [sys.executable, "-m", "explicitfe", "run", str(VOWEL), "--out", str(tmp_path), "--json", *settings],
+        capture_output=True, text=True, check=True, cwd=tmp_path,
+    )  # fmt: skip
+    summary = json.loads(done.stdout)
+    assert set(KEYS) <= set(summary)
+    assert summary["status"] == "finished"
+    assert summary["simulated_s"] == pytest.approx(0.010, rel=1e-12)
+    assert 0.0 < summary["dt_fraction_of_limit"] < 1.0
+    assert summary["energy_balance_error"] < 1e-3
+    assert 0.0 < summary["min_J"] <= 1.0
+    tip = summary["probes"]["tip"]
+    assert len(tip["displacement_mm"]) == 3 and tip["speed_mm_s"] > 0.0
+    assert "compiling" in done.stderr
+    with open_result(tmp_path / "vowel-i.vtkhdf") as result:
+        node = result.model["probes"]["tip"]
+        assert tip["displacement_mm"] == pytest.approx(1e3 * result.displacement(step=-1)[node], abs=1e-12)
+
+
+def test_result_agrees_between_pyvista_and_h5py(tmp_path: Path) -> None:
+    """At three times the displacement that pyvista shows is, bit for bit, the one that h5py reads."""
+    h5py = pytest.importorskip("h5py")
+    summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
+    with h5py.File(summary["result"]) as file, open_result(summary["result"]) as result:
+        times = file["VTKHDF/Steps/Values"][:]
+        assert len(times) == 11
+        nodes = file["VTKHDF/NumberOfPoints"][0]
+        stored = file["VTKHDF/PointData/displacement"][:].reshape(len(times), nodes, 3)
+        for step in (0, 5, 10):
+            shown = np.asarray(result.mesh_at(time_s=times[step]).point_data["displacement"])
+            assert np.array_equal(shown, stored[step])
+        assert np.abs(stored[10]).max() > 1e-4
+
+
+def test_recording_does_not_change_the_run(tmp_path: Path) -> None:
+    """Samples every 0.37 ms or every 5 ms: the same steps and, bit for bit, the same end."""
+    ends, steps = [], []
+    for number, every in enumerate((0.37, 5.0)):
+        summary = explicitfe.run(VOWEL, tmp_path / str(number), settings=[*SMALL, f"record.every_ms={every}"])
+        steps.append(summary["steps"])
+        with open_result(summary["result"]) as result:
+            ends.append(result.displacement(step=-1))
+    assert steps[0] == steps[1]
+    assert np.array_equal(ends[0], ends[1])
+
+
+def test_samples_carry_their_own_time(tmp_path: Path) -> None:
+    """A sample is the first instant at or after the time asked for, less than a step later."""
+    summary = explicitfe.run(VOWEL, tmp_path, settings=[*SMALL, "record.every_ms=2.5"])
+    with open_result(summary["result"]) as result:
+        late = np.asarray(result.times) - 0.0025 * np.arange(5)
+        longest = result.history("dt").max()
+    assert np.all(late >= -1e-12) and np.all(late <= longest)
+    assert late[-1] == pytest.approx(0.0, abs=1e-15)  # the last step ends at the duration
+
+
+def test_restart_is_bitwise() -> None:
+    """A run that goes on from a stored state ends, bit for bit, where the one that was not stopped ends."""
+    whole = Transient(prepare(VOWEL, SMALL).simulation, 0.010)
+    assert whole.advance_to(0.004) is None
+    state = {name: array.copy() for name, array in whole.restart_state().items()}
+    assert whole.advance_to(0.010) is None
+    resumed = Transient(prepare(VOWEL, SMALL).simulation, 0.010)
+    resumed.restore(state)
+    assert resumed.advance_to(0.010) is None
+    assert np.array_equal(whole.simulation.displacement, resumed.simulation.displacement)
+    assert np.array_equal(whole.simulation.ledger, resumed.simulation.ledger)
+    assert whole.simulation.steps == resumed.simulation.steps
+
+
+def test_killed_run_is_readable_to_its_last_sample(tmp_path: Path) -> None:
+    """kill -9 in mid-run: the file opens, says that it was running, and every sample in it is whole."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "explicitfe", "run", str(VOWEL), "--out", str(tmp_path), "--set", "model.cells=[8,4,4]",
+         "--set", "analysis.duration_ms=100000"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    running = tmp_path / "vowel-i.running.vtkhdf"
+    try:
+        deadline = time.monotonic() + 120.0
+        while not (running.exists() and running.stat().st_size > 2_000_000) and time.monotonic() < deadline:
+            assert process.poll() is None, "the run ended before it could be killed"
+            time.sleep(0.05)
+        time.sleep(0.5)
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    with open_result(running) as result:
+        assert result.status == "running"
+        count = len(result.times)
+        assert count > 10
+        assert np.all(np.diff(result.times) > 0.0)
+        last = result.displacement(step=-1)
+        assert np.all(np.isfinite(last)) and np.abs(last).max() > 0.0
+        assert np.array_equal(np.asarray(result.mesh_at(step=count - 1).point_data["displacement"]), last)
+        assert result.restart_state() is not None
+
+
+def test_inverted_element_stops_the_run_and_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A force far too large ends with exit code 1, a sentence with element, place and time, and the samples until then."""
+    settings = [word for setting in (*SMALL, "muscle.GGp.force_N=3000") for word in ("--set", setting)]
+    assert command(["run", str(VOWEL), "--out", str(tmp_path), "--json", *settings]) == 1
+    captured = capsys.readouterr()
+    summary = json.loads(captured.out)
+    assert summary["status"] in ("inverted", "diverged")
+    assert "ms" in summary["message"] and summary["message"] in captured.err.replace("\n", " ")
+    if summary["status"] == "inverted":
+        assert "element" in summary["message"] and "mm" in summary["message"]
+    with open_result(tmp_path / "vowel-i.vtkhdf") as result:
+        assert result.status == summary["status"] and len(result.times) >= 1
+
+
+def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
+    """--set muscle.GGp.force_N=0 with GGa 0 leaves the tongue where it is; the stored scenario says what was set."""
+    settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"]
+    summary = explicitfe.run(VOWEL, tmp_path, settings=settings)
+    assert summary["largest_displacement_mm"] == 0.0
+    with open_result(summary["result"]) as result:
+        assert "# --set muscle.GGp.force_N=0" in result.scenario_text
+
+
+def test_gravity_sags_by_free_fall_at_first(tmp_path: Path) -> None:
+    """Without attachments gravity is free fall: u = g t^2 / 2, which central differences give exactly."""
+    settings = [*SMALL, "model.fixed=[]", "model.gravity_m_s2=[0,0,-9.81]", "model.damping.alpha_per_s=0"]
+    summary = explicitfe.run(VOWEL, tmp_path, settings=[*settings, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"])
+    for probe in summary["probes"].values():
+        assert probe["displacement_mm"][2] == pytest.approx(-0.5 * 9.81 * 0.010**2 * 1e3, rel=1e-9)
+    assert summary["energy_balance_error"] < 1e-9
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "scenarios").glob("*.toml")), ids=lambda path: path.stem)
+def test_every_scenario_builds_and_runs_coarsely(path: Path, tmp_path: Path) -> None:
+    """Each scenario that comes with the program opens with a question and runs on a coarse mesh for a few steps."""
+    prepared = prepare(path)
+    assert prepared.scenario.question.endswith("?")
+    summary = explicitfe.run(path, tmp_path, settings=["model.cells=[8,4,4]", "analysis.duration_ms=5"])
+    assert summary["status"] == "finished" and summary["energy_balance_error"] < 1e-3
+
+
+@pytest.mark.parametrize("what", ["models", "muscles", "scenarios", "materials"])
+def test_lists(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["list", what, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)[what]
+    expected = {"models": "tongue", "muscles": "GGp", "scenarios": "vowel-i.toml", "materials": "buchaillard-2009"}[what]
+    assert expected in [next(iter(row.values())) for row in rows]
+    assert len(rows) >= (11 if what == "muscles" else 3)
+
+
+def test_check_predicts_without_running(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """check says how many steps a run will take: within 10 % of what it then takes."""
+    settings = [word for setting in SMALL for word in ("--set", setting)]
+    assert command(["check", str(VOWEL), "--json", *settings]) == 0
+    found = json.loads(capsys.readouterr().out)
+    summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
+    assert found["stable"] and found["predicted_steps"] == pytest.approx(summary["steps"], rel=0.1)
+    assert found["hexes"] == 128 and found["predicted_wall_s"] > 0.0
+    assert found["stable_step_bound_us"] <= found["stable_step_us"]
+
+
+def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
+    assert command(["inspect", summary["result"], "--json"]) == 0
+    text = capsys.readouterr().out
+    found = json.loads(text)
+    assert found["status"] == "finished"
+    for word in ("displacement", "hourglass_energy", "kinetic_energy", "tip", "explicitfe"):
+        assert word in text
+    assert command(["inspect", summary["result"]]) == 0
+
+
+def test_help_carries_an_example(capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ([], ["run"], ["check"], ["inspect"], ["list"], ["schema"]):
+        assert command([*name, "--help"]) == 0
+        assert "Example" in capsys.readouterr().out
+
+
+def test_schema_in_the_repository_is_that_of_the_program() -> None:
+    """Editors read scenarios/scenario.schema.json; it is what ``explicitfe schema`` prints."""
+    assert json.loads((ROOT / "scenarios" / "scenario.schema.json").read_text()) == json_schema()

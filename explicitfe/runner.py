@@ -25,6 +25,7 @@ BALANCE_LIMIT = 0.1
 # Above these a result comes with a warning.
 HOURGLASS_WARNING = 0.05
 DISPLACEMENT_WARNING = 0.5  # of the model's largest extent
+FIRST_ROOM_BYTES = 64e6  # of samples that a result file is made for at first; it grows when they are full
 RESTART_EVERY_S = 1.0  # wall time between two restart states
 
 
@@ -167,6 +168,8 @@ def _writer(prepared: Prepared, target: Path, overwrite: bool, expected: int) ->
     for name in model.probes:
         history[f"probe_{name}_displacement"] = Quantity("m", 3, f"displacement of {name}")
         history[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")
+    per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
+    room = max(8, int(FIRST_ROOM_BYTES / per_sample))
     state = simulation.restart_state() | {"clock": np.zeros(4), "counters": np.zeros(4, dtype=np.int64)}
     return ResultWriter(
         target,
@@ -178,7 +181,7 @@ def _writer(prepared: Prepared, target: Path, overwrite: bool, expected: int) ->
         model=describe(prepared),
         provenance=provenance(),
         restart=state,
-        expected_samples=expected,
+        expected_samples=min(expected, room),
         overwrite=overwrite,
     )
 

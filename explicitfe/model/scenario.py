@@ -168,7 +168,8 @@ def explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
 
 
 def _explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
-    problems = error.errors()
+    # A misspelt key comes before the key that is missing for it.
+    problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     problem = problems[0]
     keys = [key for key in problem["loc"] if key not in {"name", *LAWS} or key == problem["loc"][-1]]
     where = _where(keys, data)

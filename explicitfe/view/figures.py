@@ -38,7 +38,7 @@ REST, HELD, GRID = "0.55", "black", "0.88"
 # Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
 LINES = ("-", "--", ":", "-.")
-# Below this share of its largest, shares of the elastic energy mean nothing, as in `run.Ledger`.
+# Below this share of its largest, shares of the elastic energy mean nothing, as in the summary of a run.
 SHARE_FLOOR = 0.01
 USUAL_SHARE = 0.1  # of hourglass energy: what users of explicit codes are advised to stay below
 RENDER_LIMIT_S = 120.0

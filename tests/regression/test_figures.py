@@ -14,7 +14,6 @@ from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import open_result
 from explicitfe.runner import run
-from explicitfe.transient import SHARE_FLOOR
 from explicitfe.view import figures
 from explicitfe.view.figures import X, Y, Z, draw, section
 
@@ -198,7 +197,6 @@ def test_held_sets_and_last_step(result_path):
         np.testing.assert_allclose(
             np.nanmax(figures.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12
         )
-    assert figures.SHARE_FLOOR == SHARE_FLOOR
 
 
 def test_times_that_are_drawn():

@@ -90,7 +90,9 @@ def _own_mesh(folder: Path, points: np.ndarray, cells: list, **tables: object) -
     """A scenario on a mesh file with its model file; ``tables`` are appended to the model file."""
     meshio.write(folder / "block.vtu", meshio.Mesh(points, cells))
     lines = ['mesh = "block.vtu"', 'length_unit = "m"']
-    lines += [f"{key} = {json.dumps(value)}" for key, value in tables.items()]
+    for key, value in tables.items():
+        inline = "{ " + ", ".join(f"{k} = {v}" for k, v in value.items()) + " }" if isinstance(value, dict) else json.dumps(value)
+        lines.append(f"{key} = {inline}")
     (folder / "block.toml").write_text("\n".join(lines) + "\n")
     scenario = folder / "own.toml"
     scenario.write_text('title = "own"\n[model]\nfile = "block.toml"\n[analysis]\nduration_ms = 1.0\n')

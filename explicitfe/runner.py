@@ -13,6 +13,7 @@ import numpy as np
 from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
 from explicitfe.build import Simulation, Snapshot
 from explicitfe.errors import InputError
+from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.assemble import assemble
 from explicitfe.model.model import Model
@@ -239,6 +240,12 @@ def _warnings(prepared: Prepared, ledger: Ledger, last: Snapshot) -> list[str]:
             f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy ({100 * at_end:.0f} % at the "
             f"end, most of it in element {worst} near ({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this "
             "deformation; compare with a finer resolution before quoting numbers."
+        )
+    folded = int(np.sum(np.any(corner_jacobians(mesh.points + last.displacement, mesh.hexes) <= 0.0, axis=1)))
+    if folded:
+        found.append(
+            f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does not "
+            'resist: the forces are too concentrated for this tissue; spread them (distribution = "along") or lower them.'
         )
     moved = float(np.linalg.norm(last.displacement, axis=1).max())
     extent = float(np.ptp(mesh.points, axis=0).max())

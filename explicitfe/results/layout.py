@@ -62,7 +62,7 @@ STATUS_BYTES = {"state": 32, "message": 4096, "summary": 262144}
 # steps that were foreseen when the file was made.
 STEPS_PER_CHUNK = 16
 NUMBERS_PER_CHUNK = 1024
-VALUES_PER_CHUNK = 16384
+VALUES_PER_CHUNK = 16384  # the times cannot be lengthened ahead of their count: one chunk for all that are likely
 INDEX_NODE_BYTES = 4096
 
 

@@ -20,7 +20,7 @@ import h5py
 import numpy as np
 import pytest
 
-from explicitfe.errors import InputError, RunError  # noqa: F401 - the child processes take it from here
+from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import FAILED, FINISHED, Quantity, ResultWriter, layout, open_result, provenance, reader, writer
 
@@ -492,6 +492,7 @@ def test_a_full_disk_costs_no_sample(tmp_path):
     """A limit on the size of files stands for the full disk: the same calls fail at the same places."""
     code = f"""
 import resource, sys
+from explicitfe.errors import RunError
 sys.path.insert(0, {str(Path(__file__).parent)!r})
 from test_result_file import *
 resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))

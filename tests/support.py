@@ -30,9 +30,7 @@ LAWS: dict[str, Law] = {"yeoh": YEOH, "neo-hooke": NEO_HOOKE}
 # ---- bodies ----
 
 
-def block_mesh(
-    cells: Sequence[int], size: Sequence[float] | float = 0.01, distort: float = 0.15, seed: int = 0
-) -> HexMesh:
+def block_mesh(cells: Sequence[int], size: Sequence[float] | float = 0.01, distort: float = 0.15, seed: int = 0) -> HexMesh:
     """A structured block with every node, inside and on the surface, moved at random.
 
     Parameters
@@ -50,11 +48,7 @@ def block_mesh(
     number = np.arange(len(grid)).reshape(nx + 1, ny + 1, nz + 1)
     corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
     hexes = np.stack([number[i : i + nx, j : j + ny, k : k + nz].ravel() for i, j, k in corners], axis=1)
-    sets = {
-        f"{axis}{side}": np.flatnonzero(grid[:, k] == side * cells[k])
-        for k, axis in enumerate("xyz")
-        for side in (0, 1)
-    }
+    sets = {f"{axis}{side}": np.flatnonzero(grid[:, k] == side * cells[k]) for k, axis in enumerate("xyz") for side in (0, 1)}
     return HexMesh((grid + shift) * edge, hexes, sets)
 
 

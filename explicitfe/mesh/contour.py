@@ -108,8 +108,7 @@ class ContourMap:
             keel=column("keel"),
             half_width=1e-3 * _numbers(tables["half_width"]["mm"], (len(s), len(t)), f"{where}: half_width.mm"),
             resolutions={
-                name: check_cells(cells, f"{where}: resolutions.{name}")
-                for name, cells in tables["resolutions"].items()
+                name: check_cells(cells, f"{where}: resolutions.{name}") for name, cells in tables["resolutions"].items()
             },
             named_points={
                 name: tuple(_numbers(point, (3,), f"{where}: named_points.{name}").tolist())
@@ -240,9 +239,7 @@ def check_cells(cells: Sequence[int], where: str = "cells") -> tuple[int, int, i
             raise InputError(f"{where}: n{name} = {n} elements along {name} are too few; give at least {fewest}.")
     ns, nt, nw = (int(n) for n in cells)
     if nw % 2:
-        raise InputError(
-            f"{where}: nw = {nw} is odd; give an even number, such as {nw + 1}: nodes have to lie in the midplane."
-        )
+        raise InputError(f"{where}: nw = {nw} is odd; give an even number, such as {nw + 1}: nodes have to lie in the midplane.")
     return ns, nt, nw
 
 

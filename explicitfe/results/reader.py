@@ -69,9 +69,7 @@ class Result:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         self.close()
 
     def close(self) -> None:
@@ -207,9 +205,7 @@ class Result:
         # VTK before 9.3 shows the first step at all times and says nothing.
         if not np.array_equal(grid.point_data.get("displacement"), self.displacement(step), equal_nan=True):
             found = ".".join(map(str, pyvista.vtk_version_info))
-            raise InputError(
-                f"VTK {found} does not show step {step} of {self.path} as stored; install VTK 9.3 or later"
-            )
+            raise InputError(f"VTK {found} does not show step {step} of {self.path} as stored; install VTK 9.3 or later")
         if warped:
             grid.points = grid.points + grid.point_data["displacement"]
         return grid

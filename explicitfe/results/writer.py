@@ -104,9 +104,7 @@ class ResultWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         self.close()
 
     def sample(
@@ -288,9 +286,7 @@ def _check_not_being_written(running: Path) -> None:
     try:
         h5py.File(running, "r+").close()
     except BlockingIOError as error:
-        raise InputError(
-            f"another run is writing {running}; wait until it ends or choose another --out folder"
-        ) from error
+        raise InputError(f"another run is writing {running}; wait until it ends or choose another --out folder") from error
     except OSError:
         pass  # killed before it was a file that HDF5 can open
 

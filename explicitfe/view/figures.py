@@ -431,9 +431,7 @@ def _probes(result: Result, step: int) -> Figure | None:
             ends[name] = (float(lines[name][shown[-1]]) if len(shown) else 0.0, style["color"])
         _label_ends(axes, ends)
     if lateral <= 1e-3 * largest:
-        panels[0].set_title(
-            f"to the right: at most {max(1e-3, lateral):.2g} mm", fontsize=9, color="0.35", loc="right", pad=3
-        )
+        panels[0].set_title(f"to the right: at most {max(1e-3, lateral):.2g} mm", fontsize=9, color="0.35", loc="right", pad=3)
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False)
     panels[-1].set_xlabel("time (ms)")
@@ -464,9 +462,7 @@ def _energies(result: Result, step: int) -> Figure | None:
         label, colour, line = names[name]
         panels[0].plot(times, factor * energy, line, color=colour, lw=1.8, label=label)
     panels[0].set_ylabel(f"energy ({unit})")
-    panels[0].legend(
-        loc="lower left", bbox_to_anchor=(-0.01, 1.0), frameon=False, ncols=5, borderpad=0.2, columnspacing=1.6
-    )
+    panels[0].legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), frameon=False, ncols=5, borderpad=0.2, columnspacing=1.6)
 
     error = 100.0 * result.history("balance_error")
     if np.any(error > 0.0):
@@ -477,9 +473,7 @@ def _energies(result: Result, step: int) -> Figure | None:
     share = hourglass_share(result)
     panels[2].axhline(100.0 * USUAL_SHARE, color="0.4", lw=1.0, ls="--")
     panels[2].plot(times, 100.0 * share, color=COLOURS[1], lw=1.6)
-    panels[2].set_title(
-        f"hourglass share of elastic energy (dashed: {100.0 * USUAL_SHARE:g} %)", fontsize=10
-    )
+    panels[2].set_title(f"hourglass share of elastic energy (dashed: {100.0 * USUAL_SHARE:g} %)", fontsize=10)
     panels[2].set_ylabel("share (%)")
     panels[2].set_ylim(0.0, max(12.5, 110.0 * np.nanmax(share, initial=0.0)))
     for axes in panels[1:]:

@@ -194,9 +194,7 @@ def test_held_sets_and_last_step(result_path):
         assert step == len(result.times) - 1
         assert sorted(figures.attachments(result, step)) == sorted(result.mesh.node_sets)
         assert figures.attachments(result, 0) == {}
-        np.testing.assert_allclose(
-            np.nanmax(figures.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12
-        )
+        np.testing.assert_allclose(np.nanmax(figures.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12)
 
 
 def test_times_that_are_drawn():

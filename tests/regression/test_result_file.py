@@ -68,9 +68,7 @@ def add(result: ResultWriter, step: int) -> None:
     """One sample, one history row and one restart state, all of them telling ``step``."""
     u = displacement(step)
     result.history(1e-3 * step, {"kinetic_energy": step + 0.5, "probe_tip_displacement": u[11]})
-    result.sample(
-        1e-3 * step, {"displacement": u, "velocity": -u}, {"J": jacobian(step), "hourglass_energy": -jacobian(step)}
-    )
+    result.sample(1e-3 * step, {"displacement": u, "velocity": -u}, {"J": jacobian(step), "hourglass_energy": -jacobian(step)})
     result.restart({"half_step_velocity": u, "step": step})
 
 
@@ -190,9 +188,7 @@ def test_the_reader_gives_back_what_was_written(tmp_path):
                     {"displacement": displacement(row), "velocity": displacement(row)},
                     {"J": jacobian(row), "hourglass_energy": jacobian(row)},
                 )
-        run.finish(
-            FAILED, "element 3 turned inside out: größer machen", {"steps": np.int64(3), "peak": np.array([1.5])}
-        )
+        run.finish(FAILED, "element 3 turned inside out: größer machen", {"steps": np.int64(3), "peak": np.array([1.5])})
     with open_result(tmp_path / "a.vtkhdf") as result:
         assert (result.status, result.message) == ("failed", "element 3 turned inside out: größer machen")
         assert result.summary == {"steps": 3, "peak": [1.5]}
@@ -476,9 +472,7 @@ with open_result({str(run.running_path)!r}) as result:
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(
-        InputError, match=r"cannot write results in .*file/sub \(Not a directory\); choose another --out"
-    ):
+    with pytest.raises(InputError, match=r"cannot write results in .*file/sub \(Not a directory\); choose another --out"):
         start(tmp_path / "file" / "sub" / "a.vtkhdf")
     (tmp_path / "b.vtkhdf").mkdir()
     with pytest.raises(InputError, match="is a folder"):

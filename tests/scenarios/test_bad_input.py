@@ -8,10 +8,10 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-
-from explicitfe.errors import nearest
 from command import command
 from support import block_mesh
+
+from explicitfe.errors import nearest
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"

@@ -102,9 +102,7 @@ def test_closed_form(test, poisson, law, record_property):
     """
     K, second = bulk(poisson), C20 if law == "yeoh" else 0.0
     material = (
-        Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=poisson)
-        if law == "yeoh"
-        else NeoHooke(law="neo-hooke", C10_Pa=C10, poisson=poisson)
+        Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=poisson) if law == "yeoh" else NeoHooke(law="neo-hooke", C10_Pa=C10, poisson=poisson)
     )
     worst = 0.0
     for value in CURVES[test]:

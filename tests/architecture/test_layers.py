@@ -1,0 +1,170 @@
+"""The architecture: imports point to lower layers only, and what only one place may do is done there only.
+
+Read from the source with ``ast``; nothing is imported. A new module has to be given its place in ``RANKS``.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+from support import ROOT
+
+PACKAGE = ROOT / "explicitfe"
+
+# Low to high. A unit is a module at the top of the package or a whole folder; units of one rank are siblings and do not
+# import each other.
+RANKS = [
+    {"errors", "simd"},
+    {"jit"},
+    {"arrays", "mesh"},
+    {"elements", "materials"},
+    {"forces"},
+    {"loop", "timestep"},
+    {"model"},
+    {"build"},
+    {"transient", "results"},
+    {"runner", "view"},
+    {"check"},
+    {"__init__"},
+    {"cli"},
+    {"__main__"},
+]
+RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
+# Reading and drawing a result must not need the mechanics.
+ONLY = {"results": {"errors", "mesh"}, "view": {"errors", "mesh", "results"}}
+LAZY = ("pyvista", "matplotlib", "meshio")
+
+
+def name_of(path: Path) -> str:
+    """Dotted name of a module inside the package; a folder's __init__ has the folder's name."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts)
+
+
+MODULES = {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+
+
+def unit_of(module: str) -> str:
+    return module.split(".")[0]
+
+
+def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """Absolute dotted names that a tree imports, with the line; ``from a import b`` gives a.b."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: write absolute imports, they show the layer"
+            yield from ((f"{node.module}.{alias.name}", node.lineno) for alias in node.names)
+
+
+def inside(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """Modules of the package that a tree imports, with the line."""
+    for name, line in imports(tree):
+        if name.split(".")[0] != "explicitfe":
+            continue
+        module = name.removeprefix("explicitfe").lstrip(".")
+        while module and module not in MODULES:
+            module = module.rpartition(".")[0]  # the last part is a function or a class
+        yield module or "__init__", line
+
+
+def at_import_time(tree: ast.Module) -> ast.Module:
+    """The tree without the bodies of functions and without ``if TYPE_CHECKING``: what runs when it is imported."""
+
+    class Strip(ast.NodeTransformer):
+        def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+            return None
+
+        visit_AsyncFunctionDef = visit_FunctionDef
+
+        def visit_If(self, node: ast.If) -> ast.AST | None:
+            if "TYPE_CHECKING" in ast.unparse(node.test):
+                return None
+            return self.generic_visit(node)
+
+    return Strip().visit(ast.parse(ast.unparse(tree)))
+
+
+def violations(module: str, tree: ast.AST) -> list[str]:
+    """Imports of a module that do not point down, in words."""
+    source = unit_of(module)
+    wrong = []
+    for target_module, line in inside(tree):
+        target = unit_of(target_module)
+        if target == source:
+            continue
+        allowed = target in ONLY[source] if source in ONLY else RANK[target] < RANK[source]
+        if not allowed:
+            wrong.append(f"{module}:{line} imports {target_module}")
+    return wrong
+
+
+def test_every_module_has_a_place():
+    """Every module of the package belongs to a unit of the table, and every unit of the table exists."""
+    assert {unit_of(module) for module in MODULES} == set(RANK)
+
+
+@pytest.mark.parametrize("module", list(MODULES))
+def test_imports_point_down(module):
+    assert not violations(module, TREES[module])
+
+
+def test_no_circle():
+    """The graph of all imports, those inside functions too, has no circle, also not inside a folder."""
+    graph = {module: {target for target, _ in inside(tree)} - {module} for module, tree in TREES.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"imports in a circle: {' -> '.join(error.args[1])}")
+
+
+def test_the_check_sees_what_it_should():
+    """Imports that point up, to a sibling or past ONLY are found, inside functions too."""
+    up = "def f():\n    from explicitfe.build import Simulation\n"
+    assert violations("loop", ast.parse(up)) == ["loop:2 imports build"]
+    assert violations("elements.hex8", ast.parse("from explicitfe import materials")) == ["elements.hex8:1 imports materials"]
+    assert violations("results.reader", ast.parse("import explicitfe.simd")) == ["results.reader:1 imports simd"]
+    assert violations("forces.internal", ast.parse("from explicitfe.elements.hex8 import MODES")) == []
+    late = "import numpy\nif TYPE_CHECKING:\n    import pyvista\ndef f():\n    import meshio\n"
+    assert [name for name, _ in imports(at_import_time(ast.parse(late)))] == ["numpy"]
+
+
+def test_only_jit_compiles():
+    """numba is imported in jit.py and in simd.py, which teaches it a type; only jit.py calls a compiler decorator."""
+    users = {module for module, tree in TREES.items() if any(n.split(".")[0] == "numba" for n, _ in imports(tree))}
+    assert users == {"jit", "simd"}
+    compilers = {"jit", "njit", "vectorize", "guvectorize", "jitclass", "cfunc", "stencil"}
+    for node in ast.walk(TREES["simd"]):
+        assert not (isinstance(node, ast.Attribute) and node.attr in compilers), f"simd.py:{node.lineno}"
+        assert not (isinstance(node, ast.Name) and node.id in compilers), f"simd.py:{node.lineno}"
+
+
+def test_only_results_reads_and_writes_hdf5():
+    users = {unit_of(m) for m, tree in TREES.items() if any(n.split(".")[0] == "h5py" for n, _ in imports(tree))}
+    assert users == {"results"}
+
+
+@pytest.mark.parametrize("library", LAZY)
+def test_slow_libraries_are_imported_where_they_are_used(library):
+    """Only inside functions, so that nobody waits for what they do not use; and somewhere, or the name here is stale."""
+    for module, tree in TREES.items():
+        early = [line for name, line in imports(at_import_time(tree)) if name.split(".")[0] == library]
+        assert not early, f"{module} imports {library} when it is imported"
+    assert any(name.split(".")[0] == library for tree in TREES.values() for name, _ in imports(tree))
+
+
+def test_no_test_names_a_path_of_one_machine():
+    """Tests find files from their own place or in a temporary folder."""
+    roots = "|".join(["work", "home", "tmp", "root", "mnt", "opt", "Users", "var"])
+    pattern = re.compile(rf"""["' =(](/({roots})/|[A-Z]:\\\\)""")
+    assert pattern.search('open("' + "/ho" + 'me/me/file")')
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            assert not pattern.search(line), f"{path.name}:{number}: {line.strip()}"

@@ -1,0 +1,215 @@
+"""Compiled kernels: kept on disk for the next process, never served stale, compiled once, and for vectors.
+
+Numba's cache looks at a template's own file and at the kernel's name, so the name carries a digest of everything else that is
+bound in (jit.py). The tests here edit a law between two bindings and look at what is computed.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numba
+import numpy as np
+import pytest
+from support import ROOT, YEOH, block_mesh, model_of, tongue
+
+from explicitfe.build import Simulation, kernels
+from explicitfe.jit import OPTIONS, bind
+from explicitfe.model.muscles import pull
+from explicitfe.model.scenario import MuscleTable
+from explicitfe.simd import WIDTH
+
+law = None  # placeholder of the template below
+
+
+def template(x):
+    """A kernel of one line."""
+    return law(x) + 1.0
+
+
+LEAF = """
+from explicitfe.jit import leaf
+
+def double(x):
+    return 2.0 * x
+
+helper = leaf(double)
+
+@leaf
+def law(x):
+    return helper(x) * 10.0
+"""
+
+
+def module_from(path: Path, text: str) -> ModuleType:
+    """Write a source file and import it afresh under the same name, as after an edit."""
+    path.write_text(text)
+    spec = importlib.util.spec_from_file_location("edited_law", path)
+    module = importlib.util.module_from_spec(spec)
+    # not from a .pyc of the same second and size
+    exec(compile(text, str(path), "exec"), module.__dict__)
+    return module
+
+
+@pytest.fixture
+def own_cache(tmp_path, monkeypatch):
+    """Machine code of these tests goes to a folder of its own."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    return tmp_path
+
+
+EDITS = {
+    "a constant": ("* 10.0", "* 100.0", 201.0),
+    "an operation": ("* 10.0", "+ 10.0", 13.0),
+    "what the law calls": ("2.0 * x", "3.0 * x", 31.0),
+}
+
+
+@pytest.mark.parametrize("edit", list(EDITS))
+def test_an_edited_law_is_compiled_anew(edit, own_cache):
+    """Binding another law source gives another name and what the new source computes; the same one gives the same name."""
+    old, new, wanted = EDITS[edit]
+    path = own_cache / "edited_law.py"
+    first = bind(template, law=module_from(path, LEAF).law)
+    assert first(1.0) == 21.0
+    again = bind(template, law=module_from(path, LEAF).law)
+    assert again.py_func.__qualname__ == first.py_func.__qualname__
+    second = bind(template, law=module_from(path, LEAF.replace(old, new)).law)
+    assert second(1.0) == wanted
+    assert second.py_func.__qualname__ != first.py_func.__qualname__
+
+
+def test_two_files_with_the_same_function_are_told_apart(own_cache):
+    """The same name and the same byte code, but a global with another value in its file: another kernel."""
+    text = "from explicitfe.jit import leaf\nSCALE = {}\n\n@leaf\ndef law(x):\n    return SCALE * x\n"
+    results, names = [], set()
+    for scale in (2.0, 3.0):
+        bound = bind(template, law=module_from(own_cache / f"law_{scale:.0f}.py", text.format(scale)).law)
+        results.append(bound(1.0))
+        names.add(bound.py_func.__qualname__)
+    assert results == [3.0, 4.0]
+    assert len(names) == 2
+
+
+PROCESS = """
+import sys
+sys.path.insert(0, {folder!r})
+import numba, template_file, edited_law
+from explicitfe.jit import bind
+kernel = bind(template_file.template, law=edited_law.law)
+print(kernel(1.0), sum(kernel.stats.cache_hits.values()), kernel.py_func.__qualname__)
+"""
+
+
+def in_a_process(code: str, cache: Path | None = None) -> str:
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+    if cache is not None:
+        environment["NUMBA_CACHE_DIR"] = str(cache)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
+    """A law that calls a helper from another file, edited between two processes: the third process hits the cache again."""
+    (tmp_path / "template_file.py").write_text("law = None\n\ndef template(x):\n    return law(x) + 1.0\n")
+    (tmp_path / "edited_law.py").write_text(
+        "from explicitfe.jit import leaf\nfrom helper_file import helper\n\n@leaf\ndef law(x):\n    return helper(x) * 10.0\n"
+    )
+    helper = "from explicitfe.jit import leaf\n\n@leaf\ndef helper(x):\n    return {} * x\n"
+    code = PROCESS.format(folder=str(tmp_path))
+    found = []
+    for factor in (2.0, 3.0, 3.0):
+        (tmp_path / "helper_file.py").write_text(helper.format(factor))
+        value, hits, name = in_a_process(code, tmp_path / "cache").split()
+        found.append((float(value), int(hits), name))
+    assert [value for value, _, _ in found] == [21.0, 31.0, 31.0]
+    assert [hits for _, hits, _ in found] == [0, 0, 1]
+    assert found[0][2] != found[1][2] == found[2][2]
+
+
+def test_a_binding_that_changes_nothing_is_an_error():
+    """A placeholder that the template does not read would leave the old law in place."""
+    with pytest.raises(TypeError, match="lawn"):
+        bind(template, lawn=1.0)
+
+
+SECOND = """
+import json
+from support import block_mesh, model_of
+from explicitfe.build import Simulation
+simulation = Simulation(model_of(block_mesh((2, 2, 2))))
+seconds = simulation.compile()
+names = [name for name in simulation.kernels.__dataclass_fields__]
+stats = {name: getattr(simulation.kernels, name).stats for name in names}
+print(json.dumps({"seconds": seconds, **{n: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for n, s in stats.items()}}))
+"""
+
+
+def test_the_next_process_does_not_compile(record_property):
+    """What one process has compiled the next one loads: each kernel is one hit and no miss."""
+    Simulation(model_of(block_mesh((2, 2, 2)))).compile()
+    path = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
+    found = json.loads(in_a_process(path + SECOND))
+    seconds = found.pop("seconds")
+    record_property("seconds", seconds)
+    assert set(found) == set(kernels("yeoh").__dataclass_fields__)
+    assert all(hits_and_misses == [1, 0] for hits_and_misses in found.values()), found
+
+
+def test_one_signature_per_kernel():
+    """Every caller passes the same types, so each kernel is compiled once: an int for a float would be a second compile.
+
+    Models with and without loads and following fibres, at rest and not, through all that a simulation offers.
+    """
+    mesh, muscles = tongue().mesh, tongue().muscles
+    loads = [pull(mesh, muscles["GGp"], MuscleTable(name="GGp", force_N=1, direction=d)) for d in ("reference", "following")]
+    moved = np.zeros(mesh.points.shape, dtype=np.float32)
+    for model in (
+        model_of(mesh, YEOH),
+        model_of(mesh, YEOH, held=("jaw",), loads=(loads[0],), pulls=(loads[1],), alpha_per_s=40),
+    ):
+        simulation = Simulation(model, displacement=moved, velocity=moved)
+        simulation.compile()
+        dt = 0.5 * simulation.stable_limit(10)
+        simulation.stable_bound()
+        simulation.start(dt)
+        simulation.advance(np.int32(3), np.float64(dt))
+        simulation.snapshot()
+        simulation.external_force()
+        simulation.internal_force(np.asfortranarray(mesh.points * 1e-3))
+        simulation.restore(simulation.restart_state())
+        simulation.largest_strain_rate()
+    compiled = kernels("yeoh")
+    for name in compiled.__dataclass_fields__:
+        assert len(getattr(compiled, name).signatures) == 1, name
+
+
+def test_the_force_kernel_is_vectorised(record_property):
+    """On x86-64 with AVX the machine code of the forces works on whole registers: packed multiplications on ymm or zmm.
+
+    An element takes some 500 multiplications, so a scalar kernel, whatever a compiler packs by itself, has few of these.
+    Machine code from the cache cannot be looked at, so the same function is compiled here without it.
+    """
+    if platform.machine().lower() not in ("x86_64", "amd64"):
+        pytest.skip(f"looks for registers of x86-64, this is {platform.machine()}")
+    register = "zmm" if WIDTH == 8 else "ymm"
+    simulation = Simulation(model_of(block_mesh((1, 1, 1))))
+    simulation.compile()
+    fresh = numba.jit(simulation.kernels.forces.py_func, **OPTIONS)
+    fresh(simulation.state.u, np.zeros_like(simulation.state.u), simulation.blocks)
+    (code,) = fresh.inspect_asm().values()
+    packed = re.findall(rf"\tv(?:mul|fn?m(?:add|sub)\w+)pd\b[^\n]*%{register}", code)
+    scalar = re.findall(r"\tv(?:mul|fn?m(?:add|sub)\w+)sd\b", code)
+    record_property("packed", len(packed))
+    record_property("scalar", len(scalar))
+    assert len(packed) > 200
+    assert len(scalar) < 0.1 * len(packed)

@@ -9,11 +9,10 @@ at the name and at the template's own file only, so without the digest an edited
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -67,14 +66,34 @@ def _digest(bindings: dict[str, Any]) -> str:
     for name, value in sorted(bindings.items()):
         sums.update(name.encode())
         if isinstance(value, Dispatcher):
-            function = value.py_func
-            sums.update(f"{function.__module__}.{function.__qualname__}".encode())
-            sums.update(_file_digest(inspect.getsourcefile(function.__code__) or ""))
-            sums.update(function.__code__.co_code)
-            sums.update(repr(function.__code__.co_consts).encode())
+            for part in _reached(value.py_func):
+                sums.update(part)
         else:
             sums.update(repr(value).encode())
     return sums.hexdigest()[:16]
+
+
+def _reached(function: FunctionType) -> list[bytes]:
+    """What identifies a function and all that it calls: names, byte code, constants, and the files they stand in."""
+    parts: list[bytes] = []
+    waiting, seen = [function], set()
+    while waiting:
+        current = waiting.pop()
+        if id(current) in seen:
+            continue
+        seen.add(id(current))
+        code = current.__code__
+        parts += [f"{current.__module__}.{current.__qualname__}".encode(), code.co_code, repr(code.co_consts).encode()]
+        parts.append(_file_bytes(code.co_filename))
+        for name in code.co_names:
+            value = current.__globals__.get(name)
+            if isinstance(value, Dispatcher):
+                waiting.append(value.py_func)
+            elif isinstance(value, int | float | tuple):
+                parts.append(f"{name} = {value!r}".encode())
+            elif isinstance(value, ModuleType):  # a leaf called as module.leaf: its whole file counts
+                parts.append(_file_bytes(getattr(value, "__file__", None) or ""))
+    return parts
 
 
 @cache
@@ -88,7 +107,6 @@ def _package_digest() -> bytes:
     return sums.digest()
 
 
-@cache
-def _file_digest(path: str) -> bytes:
+def _file_bytes(path: str) -> bytes:
     file = Path(path)
-    return hashlib.sha256(file.read_bytes()).digest() if file.is_file() else b""
+    return hashlib.sha256(file.read_bytes()).digest() if file.suffix == ".py" and file.is_file() else b""

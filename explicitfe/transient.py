@@ -191,3 +191,10 @@ class Ledger:
         elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
         there = elastic > SHARE_FLOOR * elastic.max(initial=0.0)
         return float(np.max(energies[there, HOURGLASS] / elastic[there], initial=0.0))
+
+    @property
+    def hourglass_share_at_end(self) -> float:
+        """Share of the hourglass energy in the elastic energy at the last sample."""
+        e = self.energies[-1]
+        elastic = e[INTERNAL] + e[HOURGLASS]
+        return float(e[HOURGLASS] / elastic) if elastic > 0.0 else 0.0

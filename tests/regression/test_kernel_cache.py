@@ -150,7 +150,8 @@ simulation = Simulation(model_of(block_mesh((2, 2, 2))))
 seconds = simulation.compile()
 names = [name for name in simulation.kernels.__dataclass_fields__]
 stats = {name: getattr(simulation.kernels, name).stats for name in names}
-print(json.dumps({"seconds": seconds, **{n: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for n, s in stats.items()}}))
+counts = {name: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for name, s in stats.items()}
+print(json.dumps({"seconds": seconds, **counts}))
 """
 
 

@@ -154,7 +154,7 @@ def test_ledger_closes_with_damping_and_a_step_load(record_property):
     model, _ = loaded_block(40.0)
     simulation = Simulation(model)
     dt = 0.9 * simulation.stable_limit(40)
-    times, energies = sampled_run(simulation, dt, round(0.4 / dt), 5)
+    _, energies = sampled_run(simulation, dt, round(0.4 / dt), 5)
     scale = np.maximum.accumulate(
         np.max([np.abs(energies[:, EXTERNAL]), energies[:, INTERNAL] + energies[:, HOURGLASS], energies[:, KINETIC]], axis=0)
     )

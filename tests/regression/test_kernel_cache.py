@@ -99,6 +99,23 @@ def test_two_files_with_the_same_function_are_told_apart(own_cache):
     assert len(names) == 2
 
 
+def test_what_a_factory_captures_is_told_apart(own_cache):
+    """Laws made by one function differ only in what they captured: same file, same byte code, another kernel."""
+    text = "from explicitfe.jit import leaf\n\ndef make(k):\n    @leaf\n    def law(x):\n        return k * x\n    return law\n"
+    module = module_from(own_cache / "factory.py", text)
+    two, three = (bind(template, law=module.make(k)) for k in (2.0, 3.0))
+    assert [two(1.0), three(1.0)] == [3.0, 4.0]
+    assert two.py_func.__qualname__ != three.py_func.__qualname__
+
+
+def test_an_inner_function_does_not_spoil_the_name(own_cache):
+    """A name that carried an address, as the repr of an inner function's code does, would never hit the cache."""
+    text = "from explicitfe.jit import leaf\n\n@leaf\ndef law(x):\n    inner = lambda y: 2.0 * y\n    return inner(x)\n"
+    kept = [module_from(own_cache / "inner.py", text) for _ in range(2)]
+    names = {bind(template, law=module.law).py_func.__qualname__ for module in kept}
+    assert len(names) == 1
+
+
 PROCESS = """
 import sys
 sys.path.insert(0, {folder!r})

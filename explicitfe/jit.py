@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numba
@@ -82,11 +82,19 @@ def _reached(function: FunctionType) -> list[bytes]:
         if id(current) in seen:
             continue
         seen.add(id(current))
-        code = current.__code__
-        parts += [f"{current.__module__}.{current.__qualname__}".encode(), code.co_code, repr(code.co_consts).encode()]
-        parts.append(_file_bytes(code.co_filename))
-        for name in code.co_names:
-            value = current.__globals__.get(name)
+        parts.append(f"{current.__module__}.{current.__qualname__}".encode())
+        parts.append(_file_bytes(current.__code__.co_filename))
+        reads: dict[str, Any] = {}
+        codes = [current.__code__]
+        while codes:  # inner functions and comprehensions too: the repr of their code would carry an address
+            code = codes.pop()
+            parts += [code.co_code, repr(code.co_names).encode()]
+            parts += [repr(constant).encode() for constant in code.co_consts if not isinstance(constant, CodeType)]
+            codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+            reads |= {name: current.__globals__[name] for name in code.co_names if name in current.__globals__}
+        cells = zip(current.__code__.co_freevars, current.__closure__ or (), strict=True)
+        reads |= {name: cell.cell_contents for name, cell in cells}
+        for name, value in reads.items():
             if isinstance(value, Dispatcher):
                 waiting.append(value.py_func)
             elif isinstance(value, int | float | tuple):

@@ -23,7 +23,22 @@ from explicitfe.transient import Transient
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
 SMALL = ("model.cells=[8,4,4]", "analysis.duration_ms=10")
-KEYS = ["status", "result", "simulated_s", "steps", "dt_s", "dt_fraction_of_limit", "wall_s", "compile_s", "real_time_factor", "energy_balance_error", "hourglass_share", "min_J", "settled", "probes"]
+KEYS = [
+    "status",
+    "result",
+    "simulated_s",
+    "steps",
+    "dt_s",
+    "dt_fraction_of_limit",
+    "wall_s",
+    "compile_s",
+    "real_time_factor",
+    "energy_balance_error",
+    "hourglass_share",
+    "min_J",
+    "settled",
+    "probes",
+]
 
 
 def test_json_is_one_object_and_nothing_else(tmp_path: Path) -> None:

@@ -171,7 +171,7 @@ def main() -> None:
 
 
 _STAGES = {
-    "compile": "compiling kernels (some 10 s the first time on a machine)",
+    "compile": "compiling (10 s, first time only)",
     "run": "running",
     "draw": "drawing",
 }
@@ -183,7 +183,7 @@ def _progress() -> Iterator[Any]:
     progress = Progress(
         SpinnerColumn(),
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=20),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
         TextColumn("left"),

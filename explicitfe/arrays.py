@@ -28,7 +28,7 @@ class Blocks(NamedTuple):
     nodes: np.ndarray  # node numbers, uint32, (B, 8, W)
     geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W)
     constants: np.ndarray  # constants of the material law, (B, number of the law, W)
-    hourglass: np.ndarray  # constants of the hourglass treatment, (B, number of the treatment, W)
+    hourglass: np.ndarray  # constants of the hourglass treatment, or numbers of the Gauss points, (B, number, W)
 
 
 class Nodes(NamedTuple):
@@ -73,10 +73,15 @@ def node_rows(values: np.ndarray) -> np.ndarray:
     return rows
 
 
-def in_blocks(values: np.ndarray, filler: float = 0.0) -> np.ndarray:
-    """(m, k) element values as (B, k, W) blocks; lanes past the last element hold ``filler``."""
+def in_blocks(values: np.ndarray, idle: int | None = None) -> np.ndarray:
+    """(m, k) element values as (B, k, W) blocks.
+
+    Lanes past the last element repeat it, so that they compute nothing odd, or hold ``idle``: the idle node, which never
+    moves, so that what they compute is zero.
+    """
     count, width = values.shape
     blocks = -(-count // WIDTH)
-    padded = np.full((blocks * WIDTH, width), filler, dtype=values.dtype)
+    padded = np.empty((blocks * WIDTH, width), dtype=values.dtype)
     padded[:count] = values
+    padded[count:] = values[-1] if idle is None else idle
     return np.ascontiguousarray(padded.reshape(blocks, WIDTH, width).transpose(0, 2, 1))

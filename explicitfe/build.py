@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import ModuleType
 
 import numpy as np
 
@@ -22,8 +23,8 @@ from explicitfe.arrays import (
     in_blocks,
     node_rows,
 )
-from explicitfe.elements import hex8, hourglass
-from explicitfe.forces import internal
+from explicitfe.elements import assumed_strain, full, hex8, stiffness
+from explicitfe.forces import internal, internal_full
 from explicitfe.jit import bind, kernel
 from explicitfe.materials import law_of
 from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
@@ -43,26 +44,19 @@ class Kernels:
     largest_strain_rate: object
 
 
+# An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
+ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
+    "hex8": (internal, assumed_strain),
+    "hex8-stiffness": (internal, stiffness),
+    "hex8-full": (internal_full, full),
+}
+
+
 @cache
-def kernels(law: str) -> Kernels:
-    """Kernels with the leaves of a law bound in. Compiled at the first call of each, kept on disk for the next process."""
-    module = law_of(law)
-    force = bind(
-        internal.internal_force,
-        stored=False,
-        law_stress=module.stress,
-        LAW_CONSTANTS=module.CONSTANTS,
-        hourglass_force=hourglass.force,
-        HOURGLASS_CONSTANTS=hourglass.CONSTANTS,
-    )
-    energy = bind(
-        internal.internal_energy,
-        stored=False,
-        law_energy=module.energy,
-        LAW_CONSTANTS=module.CONSTANTS,
-        hourglass_energy=hourglass.energy,
-        HOURGLASS_CONSTANTS=hourglass.CONSTANTS,
-    )
+def kernels(law: str, element: str) -> Kernels:
+    """Kernels with the leaves of a law and an element bound in. Compiled at the first call, kept on disk for the next process."""
+    templates, treatment = ELEMENTS[element]
+    force, energy = templates.bound(law_of(law), treatment)
     return Kernels(
         forces=bind(loop.forces, internal_force=force),
         advance=bind(loop.advance, internal_force=force),
@@ -118,14 +112,15 @@ class Simulation:
         corners = self.points[self.hexes]
         self._gradients, self.volumes = hex8.mean_gradients(corners)
         shear_modulus = np.full(count, law.shear_modulus_Pa)
-        self.hourglass_constants = hourglass.stiffness(self._gradients, self.volumes, shear_modulus)
+        treatment = ELEMENTS[model.element][1]
+        reference = (corners, self._gradients, self.volumes, shear_modulus)
         geometry = hex8.geometry(corners, self._gradients, self.volumes)
-        self._hourglass_largest = hourglass.largest_eigenvalue(corners, self._gradients, self.hourglass_constants)
+        self._hourglass_largest = treatment.largest_eigenvalue(*reference)
         self.blocks = Blocks(
-            nodes=in_blocks(self.hexes.astype(np.uint32), mesh.node_count),
+            nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
             geometry=in_blocks(geometry),
             constants=in_blocks(self.constants),
-            hourglass=in_blocks(self.hourglass_constants),
+            hourglass=in_blocks(treatment.constants(*reference)),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         rows = node_rows(np.tile(mass[:, None], 3))
@@ -141,7 +136,7 @@ class Simulation:
         self.loads = self._dead_loads(model.loads)
         self.fibres = self._follower_fibres(model.pulls)
 
-        self.kernels = kernels(law.law)
+        self.kernels = kernels(law.law, model.element)
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),

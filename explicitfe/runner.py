@@ -196,6 +196,7 @@ def describe(prepared: Prepared) -> dict[str, Any]:
         "hexes": model.mesh.element_count,
         "volume_mm3": float(1e9 * prepared.simulation.volumes.sum()),
         "mass_g": float(1e3 * model.material.density_kg_m3 * prepared.simulation.volumes.sum()),
+        "element": model.element,
         "material": model.material.model_dump(),
         "alpha_per_s": model.alpha_per_s,
         "fixed_nodes": int(model.held.all(axis=1).sum()),

@@ -132,11 +132,10 @@ def hourglass_modes(modes, g, hx, hy, hz):
 
 @leaf
 def corner_forces(px, py, pz, r, g):
-    """Corner values of one component of B S + sum_k r_k g_k, with S = V P of that row and r_k its hourglass forces."""
-    v = g[33]
-    sx = px * v - (r[0] * g[21] + r[1] * g[24] + r[2] * g[27] + r[3] * g[30])
-    sy = py * v - (r[0] * g[22] + r[1] * g[25] + r[2] * g[28] + r[3] * g[31])
-    sz = pz * v - (r[0] * g[23] + r[1] * g[26] + r[2] * g[29] + r[3] * g[32])
+    """Corner values of one component of B S + sum_k r_k g_k, with S = (px, py, pz) [N m] and r_k its hourglass forces."""
+    sx = px - (r[0] * g[21] + r[1] * g[24] + r[2] * g[27] + r[3] * g[30])
+    sy = py - (r[0] * g[22] + r[1] * g[25] + r[2] * g[28] + r[3] * g[31])
+    sz = pz - (r[0] * g[23] + r[1] * g[26] + r[2] * g[29] + r[3] * g[32])
     return from_modes(
         (
             sx * g[0] + sy * g[1] + sz * g[2],

@@ -1,48 +1,49 @@
-"""Internal forces of the elements, and their energies. Both are templates: the law and the hourglass treatment are bound."""
+"""Internal forces and energies of one-point hexes: templates, the law and the hourglass treatment are bound."""
 
 from __future__ import annotations
 
 import math
+from types import ModuleType
+
+from numba.core.dispatcher import Dispatcher
 
 from explicitfe.elements.hex8 import GEOMETRY, corner_forces, gradient, hourglass_modes, to_modes
-from explicitfe.jit import leaf
+from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.jit import bind, leaf
 from explicitfe.materials.kinematics import cofactor, determinant
-from explicitfe.simd import WIDTH, gather_rows, load_many, min_lanes, minimum, scatter_rows, splat, store, sum_lanes
+from explicitfe.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 
-# Placeholders, bound in build.py to a law of materials/ and a treatment of elements/.
+# Placeholders, bound below to a law of materials/ and an hourglass treatment of elements/.
 law_energy = law_stress = hourglass_energy = hourglass_force = None
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
+
+
+def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law and an hourglass treatment."""
+    force = bind(
+        internal_force,
+        stored=False,
+        law_stress=law.stress,
+        LAW_CONSTANTS=law.CONSTANTS,
+        hourglass_force=treatment.force,
+        HOURGLASS_CONSTANTS=treatment.CONSTANTS,
+    )
+    energy = bind(
+        internal_energy,
+        stored=False,
+        law_energy=law.energy,
+        LAW_CONSTANTS=law.CONSTANTS,
+        hourglass_energy=treatment.energy,
+        HOURGLASS_CONSTANTS=treatment.CONSTANTS,
+    )
+    return force, energy
 
 
 @leaf
 def element_modes(u, nodes, at):
     """Seven displacement modes of each component, for the W elements whose node numbers start at ``at``."""
-    x0, y0, z0 = gather_rows(u, nodes, at)
-    x1, y1, z1 = gather_rows(u, nodes, at + WIDTH)
-    x2, y2, z2 = gather_rows(u, nodes, at + 2 * WIDTH)
-    x3, y3, z3 = gather_rows(u, nodes, at + 3 * WIDTH)
-    x4, y4, z4 = gather_rows(u, nodes, at + 4 * WIDTH)
-    x5, y5, z5 = gather_rows(u, nodes, at + 5 * WIDTH)
-    x6, y6, z6 = gather_rows(u, nodes, at + 6 * WIDTH)
-    x7, y7, z7 = gather_rows(u, nodes, at + 7 * WIDTH)
-    return (
-        to_modes((x0, x1, x2, x3, x4, x5, x6, x7)),
-        to_modes((y0, y1, y2, y3, y4, y5, y6, y7)),
-        to_modes((z0, z1, z2, z3, z4, z5, z6, z7)),
-    )
-
-
-@leaf
-def subtract_corner_forces(force, nodes, at, fx, fy, fz):
-    """Subtract the corner forces of W elements from the node rows."""
-    scatter_rows(force, nodes, at, fx[0], fy[0], fz[0])
-    scatter_rows(force, nodes, at + WIDTH, fx[1], fy[1], fz[1])
-    scatter_rows(force, nodes, at + 2 * WIDTH, fx[2], fy[2], fz[2])
-    scatter_rows(force, nodes, at + 3 * WIDTH, fx[3], fy[3], fz[3])
-    scatter_rows(force, nodes, at + 4 * WIDTH, fx[4], fy[4], fz[4])
-    scatter_rows(force, nodes, at + 5 * WIDTH, fx[5], fy[5], fz[5])
-    scatter_rows(force, nodes, at + 6 * WIDTH, fx[6], fy[6], fz[6])
-    scatter_rows(force, nodes, at + 7 * WIDTH, fx[7], fy[7], fz[7])
+    x, y, z = gather_corners(u, nodes, at)
+    return to_modes(x), to_modes(y), to_modes(z)
 
 
 @leaf
@@ -61,8 +62,8 @@ def kinematics(modes, g):
 def internal_force(u, force, blocks):
     """Subtract the internal force at displacement u from the node rows ``force``; give the smallest J.
 
-    f_a = V P B_a + sum_k r_k g_k with F = 1 + sum_a u_a B_a, P = dW/dF and r_k = dE/dq_k: the derivative of
-    V W(F) + E(q) (total Lagrangian; Miller et al. 2007).
+    f_a = (V P + Q) B_a + sum_k r_k g_k with F = 1 + sum_a u_a B_a, P = dW/dF, Q = dE/dF and r_k = dE/dq_k: the derivative
+    of V W(F) + E(F, q) (total Lagrangian; Miller et al. 2007).
     """
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
@@ -75,9 +76,11 @@ def internal_force(u, force, blocks):
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         P = law_stress(F, cof, J, c)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
-        fx = corner_forces(P[0], P[1], P[2], hourglass_force(qx, h), g)
-        fy = corner_forces(P[3], P[4], P[5], hourglass_force(qy, h), g)
-        fz = corner_forces(P[6], P[7], P[8], hourglass_force(qz, h), g)
+        rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h)
+        v = g[33]
+        fx = corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
+        fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
+        fz = corner_forces(v * P[6] + Q[6], v * P[7] + Q[7], v * P[8] + Q[8], rz, g)
         subtract_corner_forces(force, blocks.nodes, at, fx, fy, fz)
     return min_lanes(smallest)
 
@@ -95,7 +98,7 @@ def internal_energy(u, blocks, element_J, element_hourglass):
         J = determinant(F, cofactor(F))
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
-        e = hourglass_energy(qx, qy, qz, h)
+        e = hourglass_energy(F, qx, qy, qz, h)
         internal = internal + g[33] * law_energy(F, J, c)
         hourglass = hourglass + e
         store(element_J, block * WIDTH, J)

@@ -33,7 +33,13 @@ CONSTANTS = 2
 @leaf
 def energy(F, J, c):
     """W [Pa]; c = (C10, K)."""
-    return c[0] * (isochoric_invariant(F, J) - 3.0) + volumetric_energy(J, c[1])
+    return isochoric(isochoric_invariant(F, J), c) + volumetric_energy(J, c[1])
+
+
+@leaf
+def isochoric(I1_bar, c):
+    """W without U [Pa]."""
+    return c[0] * (I1_bar - 3.0)
 
 
 @leaf

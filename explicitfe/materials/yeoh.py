@@ -34,8 +34,13 @@ CONSTANTS = 3
 @leaf
 def energy(F, J, c):
     """W [Pa]; c = (C10, C20, K)."""
-    stretch = isochoric_invariant(F, J) - 3.0
-    return (c[0] + c[1] * stretch) * stretch + volumetric_energy(J, c[2])
+    return isochoric(isochoric_invariant(F, J), c) + volumetric_energy(J, c[2])
+
+
+@leaf
+def isochoric(I1_bar, c):
+    """W without U [Pa]."""
+    return (c[0] + c[1] * (I1_bar - 3.0)) * (I1_bar - 3.0)
 
 
 @leaf

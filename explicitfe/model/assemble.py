@@ -66,6 +66,7 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
         material=material,
         held=held,
         alpha_per_s=table.damping.alpha_per_s,
+        element=table.element,
         loads=tuple(loads),
         pulls=tuple(pulls),
         probes={name: mesh.named_points[name] for name in names},

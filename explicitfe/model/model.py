@@ -57,6 +57,7 @@ class Model:
     material : constants of the material law.
     held : (n, 3) bool. Components of nodes that do not move.
     alpha_per_s : mass-proportional damping.
+    element : "hex8", "hex8-stiffness" or "hex8-full".
     loads, pulls : what acts on it.
     probes : name -> node number, recorded at every sample.
     """
@@ -68,3 +69,4 @@ class Model:
     loads: tuple[NodalLoad, ...] = ()
     pulls: tuple[FibrePull, ...] = ()
     probes: dict[str, int] = field(default_factory=dict)
+    element: str = "hex8"

@@ -46,6 +46,10 @@ class ModelTable(_Table):
         default=None, description="numbers of elements along the tongue, through its thickness and across it"
     )
     material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
+    element: Literal["hex8", "hex8-stiffness", "hex8-full"] = Field(
+        default="hex8",
+        description="one point with assumed-strain hourglass control, one point with plain stiffness, or eight points",
+    )
     damping: Damping = Damping()
     fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
     gravity_m_s2: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")

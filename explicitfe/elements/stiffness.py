@@ -1,0 +1,59 @@
+"""Hourglass control by a plain stiffness, for comparison: E = 1/2 kappa sum_k |q_k|^2.
+
+The hourglass modes q_k vanish on every affine field, so the energy is zero under rigid motion and homogeneous strain at any
+rotation, and the force is its derivative (Flanagan & Belytschko 1981; Joldes, Wittek & Miller 2008). It scales with the shear
+modulus, never with the bulk modulus, which would lock bending. It does not know the proportions of the element.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.elements.hex8 import MODES
+from explicitfe.jit import leaf
+
+CONSTANTS = 1  # numbers an element: kappa
+
+
+def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
+    """What the kernels read of each element, (m, CONSTANTS) N/m: kappa = G V tr(B B^T) / 24.
+
+    The factor is derived, not fitted: a cube of edge h gets kappa = G h / 16, with which bending it by a relative rotation
+    theta of two opposite faces stores the exact energy of an incompressible beam (E = 3 G), E V theta^2 / 24.
+
+    Parameters
+    ----------
+    corners : (m, 8, 3) m. Not needed here.
+    gradients, volumes : mean gradients (m, 8, 3) 1/m and volumes (m,) m^3.
+    shear_modulus : (m,) Pa. Initial shear modulus of each element.
+    """
+    return (shear_modulus * volumes * np.sum(gradients**2, axis=(1, 2)) / 24.0)[:, None]
+
+
+def largest_eigenvalue(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
+    """Largest eigenvalue of each element's hourglass stiffness matrix sum_k kappa g_k g_k^T, (m,) N/m."""
+    g = MODES[3:] - (MODES[3:] @ corners) @ gradients.transpose(0, 2, 1)
+    kappa = constants(corners, gradients, volumes, shear_modulus)[:, 0]
+    return kappa * np.linalg.eigvalsh(g @ g.transpose(0, 2, 1))[:, -1]
+
+
+@leaf
+def force(F, qx, qy, qz, c):
+    """Hourglass forces r_k = dE/dq_k of each component, 3 x 4, and dE/dF [J], which is zero here."""
+    k = c[0]
+    zero = 0.0 * k
+    return (
+        (k * qx[0], k * qx[1], k * qx[2], k * qx[3]),
+        (k * qy[0], k * qy[1], k * qy[2], k * qy[3]),
+        (k * qz[0], k * qz[1], k * qz[2], k * qz[3]),
+        (zero, zero, zero, zero, zero, zero, zero, zero, zero),
+    )
+
+
+@leaf
+def energy(F, qx, qy, qz, c):
+    """Hourglass energy E = 1/2 kappa sum_k |q_k|^2 [J]."""
+    square_x = qx[0] * qx[0] + qx[1] * qx[1] + qx[2] * qx[2] + qx[3] * qx[3]
+    square_y = qy[0] * qy[0] + qy[1] * qy[1] + qy[2] * qy[2] + qy[3] * qy[3]
+    square_z = qz[0] * qz[0] + qz[1] * qz[1] + qz[2] * qz[2] + qz[3] * qz[3]
+    return 0.5 * c[0] * (square_x + square_y + square_z)

@@ -1,0 +1,104 @@
+"""Internal forces and energies of the fully integrated hex (elements/full.py): templates, the law is bound."""
+
+from __future__ import annotations
+
+import math
+from types import ModuleType
+
+from numba.core.dispatcher import Dispatcher
+
+from explicitfe.elements.full import PER_POINT, POINTS, point_forces, point_gradient
+from explicitfe.elements.hex8 import GEOMETRY
+from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.jit import bind, leaf
+from explicitfe.materials import volumetric
+from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant, isochoric_stress
+from explicitfe.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
+
+# Placeholders, bound below to a law of materials/.
+law_isochoric = law_slope = None
+LAW_CONSTANTS = 1
+_ELEMENT = POINTS * PER_POINT * WIDTH
+_POINT = PER_POINT * WIDTH
+
+
+def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law; ``treatment`` is elements/full.py."""
+    force = bind(internal_force, stored=False, law_slope=law.slope, LAW_CONSTANTS=law.CONSTANTS)
+    energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric, LAW_CONSTANTS=law.CONSTANTS)
+    return force, energy
+
+
+@leaf
+def _deformation(x, y, z, numbers, at):
+    """Deformation gradient at the Gauss point whose numbers start at ``at``."""
+    return (
+        point_gradient(x, numbers, at, 0) + 1.0,
+        point_gradient(x, numbers, at, 1),
+        point_gradient(x, numbers, at, 2),
+        point_gradient(y, numbers, at, 0),
+        point_gradient(y, numbers, at, 1) + 1.0,
+        point_gradient(y, numbers, at, 2),
+        point_gradient(z, numbers, at, 0),
+        point_gradient(z, numbers, at, 1),
+        point_gradient(z, numbers, at, 2) + 1.0,
+    )
+
+
+def internal_force(u, force, blocks):
+    """Subtract the internal force at displacement u from the node rows ``force``; give the smallest J of any Gauss point."""
+    numbers = blocks.hourglass
+    smallest = splat(math.inf)
+    for block in range(len(blocks.nodes)):
+        x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
+        c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+        volume = splat(0.0)
+        for point in range(POINTS):
+            at = block * _ELEMENT + point * _POINT
+            F = _deformation(x, y, z, numbers, at)
+            J = determinant(F, cofactor(F))
+            smallest = minimum(smallest, J)
+            volume = volume + load(numbers, at) * J
+        mean = volume / load(blocks.geometry, (block * GEOMETRY + GEOMETRY - 1) * WIDTH)
+        pressure = volumetric.pressure(mean, c[LAW_CONSTANTS - 1])
+        zero = splat(0.0)
+        fx = fy = fz = (zero, zero, zero, zero, zero, zero, zero, zero)
+        for point in range(POINTS):
+            at = block * _ELEMENT + point * _POINT
+            F = _deformation(x, y, z, numbers, at)
+            cof = cofactor(F)
+            J = determinant(F, cof)
+            I1_bar = isochoric_invariant(F, J)
+            P = isochoric_stress(F, cof, J, I1_bar, law_slope(I1_bar, c), pressure)
+            fx = point_forces(fx, P[0], P[1], P[2], numbers, at)
+            fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
+            fz = point_forces(fz, P[6], P[7], P[8], numbers, at)
+        subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+    return min_lanes(smallest)
+
+
+def internal_energy(u, blocks, element_J, element_hourglass):
+    """Strain energy at displacement u, and 0 for hourglass control [J].
+
+    ``element_J`` (B, W) receives the mean J, ``element_hourglass`` (B, W) zeros.
+    """
+    numbers = blocks.hourglass
+    internal = splat(0.0)
+    for block in range(len(blocks.nodes)):
+        x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
+        c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+        volume = splat(0.0)
+        energy = splat(0.0)
+        for point in range(POINTS):
+            at = block * _ELEMENT + point * _POINT
+            F = _deformation(x, y, z, numbers, at)
+            J = determinant(F, cofactor(F))
+            w = load(numbers, at)
+            volume = volume + w * J
+            energy = energy + w * law_isochoric(isochoric_invariant(F, J), c)
+        reference = load(blocks.geometry, (block * GEOMETRY + GEOMETRY - 1) * WIDTH)
+        mean = volume / reference
+        internal = internal + energy + reference * volumetric.energy(mean, c[LAW_CONSTANTS - 1])
+        store(element_J, block * WIDTH, mean)
+        store(element_hourglass, block * WIDTH, splat(0.0))
+    return sum_lanes(internal), 0.0

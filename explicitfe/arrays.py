@@ -58,6 +58,13 @@ class FollowerFibres(NamedTuple):
     profile: np.ndarray  # row of the activation table, int64, (fibres,)
 
 
+class Motion(NamedTuple):
+    """Nodes that follow a prescribed course; all three components."""
+
+    node: np.ndarray  # int64, (k,)
+    target: np.ndarray  # displacement at the instants t_n, t_(n+1), ... [m], (instants, k, 3)
+
+
 # Entries of the ledger, float64.
 EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
 

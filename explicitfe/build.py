@@ -18,6 +18,7 @@ from explicitfe.arrays import (
     Blocks,
     DeadLoads,
     FollowerFibres,
+    Motion,
     Nodes,
     State,
     in_blocks,
@@ -124,7 +125,10 @@ class Simulation:
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         rows = node_rows(np.tile(mass[:, None], 3))
-        free = node_rows(~model.held[self.node_order])
+        held = model.held.copy()
+        if model.motion is not None:
+            held[model.motion.nodes] = True
+        free = node_rows(~held[self.node_order])
         self.nodes = Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
 
         self._highest = HighestFrequency(
@@ -145,6 +149,7 @@ class Simulation:
         )
         self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
         self._external = np.zeros_like(self.state.u)
+        self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self._velocity = np.zeros_like(self.state.u)
         self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
         self._element_hourglass = np.zeros_like(self._element_J)
@@ -257,6 +262,8 @@ class Simulation:
             self.loads,
             self.fibres,
             self._activation(instants, dt_s),
+            self._motion(instants),
+            self._planned,
             float(self.model.alpha_per_s),
             float(self.dt_s),
             float(dt_s),
@@ -321,6 +328,13 @@ class Simulation:
     def _activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
         return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in self._profiles]).reshape(-1, len(instants))
 
+    def _motion(self, instants: np.ndarray) -> Motion:
+        motion = self.model.motion
+        if motion is None:
+            return Motion(node=np.zeros(0, dtype=np.int64), target=np.zeros((len(instants), 0, 3)))
+        target = np.ascontiguousarray(motion.displacement(instants), dtype=float)
+        return Motion(node=self._place[motion.nodes], target=target)
+
     def _snapshot(self) -> np.ndarray:
         energies = np.empty(ENERGIES)
         energies[:] = self.kernels.snapshot(
@@ -331,6 +345,7 @@ class Simulation:
             self.loads,
             self.fibres,
             self._activation(np.array([self.time_s]), max(self.dt_s, 1e-12)),
+            self._motion(np.array([self.time_s, self.time_s + self.dt_s])),
             float(self.model.alpha_per_s),
             float(self.dt_s),
             self.ledger,

@@ -12,6 +12,7 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 from __future__ import annotations
 
 from explicitfe.arrays import DAMPING_LOSS, EXTERNAL_WORK, SMALLEST_J
+from explicitfe.boundary import correct, drive, place
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
@@ -26,7 +27,7 @@ def forces(u, force, blocks):
     return internal_force(u, force, blocks)
 
 
-def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt_before, dt, steps, ledger):
+def advance(state, external, blocks, nodes, loads, fibres, activation, motion, planned, alpha, dt_before, dt, steps, ledger):
     """Advance the state by up to ``steps`` steps of length dt; give the number of steps done.
 
     Parameters
@@ -34,6 +35,7 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
     state : State, changed in place.
     external : (N, 4) N. Work array for the external force.
     activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
+    motion : Motion, with the displacements of the prescribed nodes at the same instants; ``planned`` (k, 3) is a work array.
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
     ledger : (LEDGER,). Sums of work [J] and the smallest J, changed in place.
@@ -48,6 +50,7 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
         external[:] = 0.0
         add_dead_loads(external, loads, activation, step)
         add_follower_fibres(external, u, fibres, activation, step)
+        driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
         work = splat(0.0)
         loss = splat(0.0)
         for at in range(0, u.size, WIDTH):
@@ -60,8 +63,9 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
             moved = 0.5 * (dt_before * old + dt * new)
             work = work + push * moved
             loss = loss + load(nodes.mass, at) * (old + new) * moved
-        ledger[EXTERNAL_WORK] += sum_lanes(work)
-        ledger[DAMPING_LOSS] += 0.5 * alpha * sum_lanes(loss)
+        place(u, v, motion, planned, step)
+        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work
+        ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
         dt_before = dt
         smallest = internal_force(u, force, blocks)
         if not (smallest >= ledger[SMALLEST_J]):
@@ -72,12 +76,26 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, alpha, dt
 
 
 def snapshot(
-    state, external, blocks, nodes, loads, fibres, activation, alpha, dt, ledger, velocity, element_J, element_hourglass
+    state,
+    external,
+    blocks,
+    nodes,
+    loads,
+    fibres,
+    activation,
+    motion,
+    alpha,
+    dt,
+    ledger,
+    velocity,
+    element_J,
+    element_hourglass,
 ):
     """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
 
     ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J`` and ``element_hourglass`` (B, W)
-    receive J and the hourglass energy [J]. ``activation`` (profiles, 1) is that of t_n, dt the step before t_n.
+    receive J and the hourglass energy [J]. ``activation`` (profiles, 1) is that of t_n, dt the step before t_n; ``motion`` has
+    the displacements of the prescribed nodes at t_n and t_n + dt.
     """
     u, v, force = state
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
@@ -97,11 +115,12 @@ def snapshot(
         kinetic = kinetic + 0.5 * momentum * new
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
+    driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt)
     internal, hourglass = internal_energy(u, blocks, element_J, element_hourglass)
     return (
         internal,
         hourglass,
-        sum_lanes(kinetic),
-        ledger[EXTERNAL_WORK] + sum_lanes(work),
-        ledger[DAMPING_LOSS] + 0.5 * alpha * sum_lanes(loss),
+        sum_lanes(kinetic) + driven_kinetic,
+        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work,
+        ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
     )

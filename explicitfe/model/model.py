@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,6 +49,20 @@ class FibrePull:
 
 
 @dataclass(frozen=True)
+class PrescribedMotion:
+    """Nodes that follow a given course in all three components.
+
+    Attributes
+    ----------
+    nodes : (k,) node numbers.
+    displacement : function of times (t,) s that gives displacements (t, k, 3) m; zero at time 0.
+    """
+
+    nodes: np.ndarray
+    displacement: Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
 class Model:
     """Physics of one run.
 
@@ -59,6 +74,7 @@ class Model:
     alpha_per_s : mass-proportional damping.
     element : "hex8", "hex8-stiffness" or "hex8-full".
     loads, pulls : what acts on it.
+    motion : nodes that are moved.
     probes : name -> node number, recorded at every sample.
     """
 
@@ -70,3 +86,4 @@ class Model:
     pulls: tuple[FibrePull, ...] = ()
     probes: dict[str, int] = field(default_factory=dict)
     element: str = "hex8"
+    motion: PrescribedMotion | None = None

@@ -114,9 +114,9 @@ class Simulation:
         self._gradients, self.volumes = hex8.mean_gradients(corners)
         shear_modulus = np.full(count, law.shear_modulus_Pa)
         treatment = ELEMENTS[model.element][1]
-        reference = (corners, self._gradients, self.volumes, shear_modulus)
+        reference = (corners, self._gradients, self.volumes)
         geometry = hex8.geometry(corners, self._gradients, self.volumes)
-        self._hourglass_largest = treatment.largest_eigenvalue(*reference)
+        self._hourglass_largest = treatment.largest_eigenvalue(*reference, shear_modulus)
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
             geometry=in_blocks(geometry),

@@ -18,7 +18,7 @@ PER_POINT = 25  # numbers a Gauss point: its volume w_g, and dN_a/dX_j
 CONSTANTS = POINTS * PER_POINT
 
 
-def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
+def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
     """What the kernels read of each element, (m, CONSTANTS): at each Gauss point w_g [m^3] and dN_a/dX_j [1/m]."""
     numbers = []
     for natural in CORNERS / np.sqrt(3.0):
@@ -32,7 +32,7 @@ def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, s
 
 def largest_eigenvalue(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
     """A bound of the largest eigenvalue of the deviatoric stiffness at rest, (m,) N/m: sum_g w_g 2 G tr(B_g B_g^T)."""
-    points = constants(corners, gradients, volumes, shear_modulus).reshape(-1, POINTS, PER_POINT)
+    points = constants(corners, gradients, volumes).reshape(-1, POINTS, PER_POINT)
     return 2.0 * shear_modulus * np.sum(points[:, :, 0] * np.sum(points[:, :, 1:] ** 2, axis=2), axis=1)
 
 

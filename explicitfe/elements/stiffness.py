@@ -1,4 +1,4 @@
-"""Hourglass control by a plain stiffness, for comparison: E = 1/2 kappa sum_k |q_k|^2.
+"""Hourglass control by a plain stiffness, for comparison: the element stores V W(I1_bar + delta), delta = c sum_k |q_k|^2.
 
 The hourglass modes q_k vanish on every affine field, so the energy is zero under rigid motion and homogeneous strain at any
 rotation, and the force is its derivative (Flanagan & Belytschko 1981; Joldes, Wittek & Miller 2008). It scales with the shear
@@ -12,35 +12,44 @@ import numpy as np
 from explicitfe.elements.hex8 import MODES
 from explicitfe.jit import leaf
 
-CONSTANTS = 1  # numbers an element: kappa
+CONSTANTS = 1  # numbers an element: c
+FACTOR = 1.0  # only for the study of what other factors would do
 
 
-def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
-    """What the kernels read of each element, (m, CONSTANTS) N/m: kappa = G V tr(B B^T) / 24.
+def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+    """What the kernels read of each element, (m, CONSTANTS) 1/m^2: c = tr(B B^T) / 24.
 
-    The factor is derived, not fitted: a cube of edge h gets kappa = G h / 16, with which bending it by a relative rotation
+    The factor is derived, not fitted: a cube of edge h gets the stiffness G h / 16, with which bending it by a relative rotation
     theta of two opposite faces stores the exact energy of an incompressible beam (E = 3 G), E V theta^2 / 24.
 
     Parameters
     ----------
     corners : (m, 8, 3) m. Not needed here.
     gradients, volumes : mean gradients (m, 8, 3) 1/m and volumes (m,) m^3.
-    shear_modulus : (m,) Pa. Initial shear modulus of each element.
     """
-    return (shear_modulus * volumes * np.sum(gradients**2, axis=(1, 2)) / 24.0)[:, None]
+    return FACTOR / 24.0 * np.sum(gradients**2, axis=(1, 2))[:, None]
 
 
 def largest_eigenvalue(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
-    """Largest eigenvalue of each element's hourglass stiffness matrix sum_k kappa g_k g_k^T, (m,) N/m."""
+    """Largest eigenvalue of each element's hourglass stiffness matrix G V c sum_k g_k g_k^T, (m,) N/m."""
     g = MODES[3:] - (MODES[3:] @ corners) @ gradients.transpose(0, 2, 1)
-    kappa = constants(corners, gradients, volumes, shear_modulus)[:, 0]
+    kappa = shear_modulus * volumes * constants(corners, gradients, volumes)[:, 0]
     return kappa * np.linalg.eigvalsh(g @ g.transpose(0, 2, 1))[:, -1]
 
 
 @leaf
-def force(F, qx, qy, qz, c):
-    """Hourglass forces r_k = dE/dq_k of each component, 3 x 4, and dE/dF [J], which is zero here."""
-    k = c[0]
+def invariant(F, qx, qy, qz, c):
+    """delta: what the hourglass deformation adds to I1_bar."""
+    square_x = qx[0] * qx[0] + qx[1] * qx[1] + qx[2] * qx[2] + qx[3] * qx[3]
+    square_y = qy[0] * qy[0] + qy[1] * qy[1] + qy[2] * qy[2] + qy[3] * qy[3]
+    square_z = qz[0] * qz[0] + qz[1] * qz[1] + qz[2] * qz[2] + qz[3] * qz[3]
+    return c[0] * (square_x + square_y + square_z)
+
+
+@leaf
+def force(F, qx, qy, qz, c, weight):
+    """Derivatives of weight x delta by q_k of each component, 3 x 4, and by F, zero here; weight = V dW/dI1_bar."""
+    k = 2.0 * c[0] * weight
     zero = 0.0 * k
     return (
         (k * qx[0], k * qx[1], k * qx[2], k * qx[3]),
@@ -48,12 +57,3 @@ def force(F, qx, qy, qz, c):
         (k * qz[0], k * qz[1], k * qz[2], k * qz[3]),
         (zero, zero, zero, zero, zero, zero, zero, zero, zero),
     )
-
-
-@leaf
-def energy(F, qx, qy, qz, c):
-    """Hourglass energy E = 1/2 kappa sum_k |q_k|^2 [J]."""
-    square_x = qx[0] * qx[0] + qx[1] * qx[1] + qx[2] * qx[2] + qx[3] * qx[3]
-    square_y = qy[0] * qy[0] + qy[1] * qy[1] + qy[2] * qy[2] + qy[3] * qy[3]
-    square_z = qz[0] * qz[0] + qz[1] * qz[1] + qz[2] * qz[2] + qz[3] * qz[3]
-    return 0.5 * c[0] * (square_x + square_y + square_z)

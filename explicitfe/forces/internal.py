@@ -10,11 +10,11 @@ from numba.core.dispatcher import Dispatcher
 from explicitfe.elements.hex8 import GEOMETRY, corner_forces, gradient, hourglass_modes, to_modes
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.jit import bind, leaf
-from explicitfe.materials.kinematics import cofactor, determinant
+from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant
 from explicitfe.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 
 # Placeholders, bound below to a law of materials/ and an hourglass treatment of elements/.
-law_energy = law_stress = hourglass_energy = hourglass_force = None
+law_energy = law_stress = law_slope = hourglass_invariant = hourglass_force = None
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
 
 
@@ -24,7 +24,9 @@ def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatche
         internal_force,
         stored=False,
         law_stress=law.stress,
+        law_slope=law.slope,
         LAW_CONSTANTS=law.CONSTANTS,
+        hourglass_invariant=treatment.invariant,
         hourglass_force=treatment.force,
         HOURGLASS_CONSTANTS=treatment.CONSTANTS,
     )
@@ -33,7 +35,7 @@ def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatche
         stored=False,
         law_energy=law.energy,
         LAW_CONSTANTS=law.CONSTANTS,
-        hourglass_energy=treatment.energy,
+        hourglass_invariant=treatment.invariant,
         HOURGLASS_CONSTANTS=treatment.CONSTANTS,
     )
     return force, energy
@@ -62,8 +64,8 @@ def kinematics(modes, g):
 def internal_force(u, force, blocks):
     """Subtract the internal force at displacement u from the node rows ``force``; give the smallest J.
 
-    f_a = (V P + Q) B_a + sum_k r_k g_k with F = 1 + sum_a u_a B_a, P = dW/dF, Q = dE/dF and r_k = dE/dq_k: the derivative
-    of V W(F) + E(F, q) (total Lagrangian; Miller et al. 2007).
+    The derivative of V W(F, delta), total Lagrangian (Miller et al. 2007): f_a = (V P + Q) B_a + sum_k r_k g_k with
+    F = 1 + sum_a u_a B_a, P = dW/dF at constant delta, Q = V W' d delta/dF and r_k = V W' d delta/dq_k.
     """
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
@@ -74,10 +76,12 @@ def internal_force(u, force, blocks):
         J = determinant(F, cof)
         smallest = minimum(smallest, J)
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
-        P = law_stress(F, cof, J, c)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
-        rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h)
+        delta = hourglass_invariant(F, qx, qy, qz, h)
+        P = law_stress(F, cof, J, delta, c)
         v = g[33]
+        weight = v * law_slope(isochoric_invariant(F, J) + delta, c)
+        rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h, weight)
         fx = corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
         fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
         fz = corner_forces(v * P[6] + Q[6], v * P[7] + Q[7], v * P[8] + Q[8], rz, g)
@@ -98,8 +102,9 @@ def internal_energy(u, blocks, element_J, element_hourglass):
         J = determinant(F, cofactor(F))
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
-        e = hourglass_energy(F, qx, qy, qz, h)
-        internal = internal + g[33] * law_energy(F, J, c)
+        alone = law_energy(F, J, splat(0.0), c)
+        e = g[33] * (law_energy(F, J, hourglass_invariant(F, qx, qy, qz, h), c) - alone)
+        internal = internal + g[33] * alone
         hourglass = hourglass + e
         store(element_J, block * WIDTH, J)
         store(element_hourglass, block * WIDTH, e)

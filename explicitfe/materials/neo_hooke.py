@@ -31,9 +31,9 @@ CONSTANTS = 2
 
 
 @leaf
-def energy(F, J, c):
+def energy(F, J, delta, c):
     """W [Pa]; c = (C10, K)."""
-    return isochoric(isochoric_invariant(F, J), c) + volumetric_energy(J, c[1])
+    return isochoric(isochoric_invariant(F, J) + delta, c) + volumetric_energy(J, c[1])
 
 
 @leaf
@@ -43,7 +43,7 @@ def isochoric(I1_bar, c):
 
 
 @leaf
-def stress(F, cof, J, c):
+def stress(F, cof, J, delta, c):
     """First Piola-Kirchhoff stress P = dW/dF [Pa], 9 numbers row by row."""
     return isochoric_stress(F, cof, J, isochoric_invariant(F, J), c[0], pressure(J, c[1]))
 

@@ -32,9 +32,9 @@ CONSTANTS = 3
 
 
 @leaf
-def energy(F, J, c):
+def energy(F, J, delta, c):
     """W [Pa]; c = (C10, C20, K)."""
-    return isochoric(isochoric_invariant(F, J), c) + volumetric_energy(J, c[2])
+    return isochoric(isochoric_invariant(F, J) + delta, c) + volumetric_energy(J, c[2])
 
 
 @leaf
@@ -44,10 +44,10 @@ def isochoric(I1_bar, c):
 
 
 @leaf
-def stress(F, cof, J, c):
+def stress(F, cof, J, delta, c):
     """First Piola-Kirchhoff stress P = dW/dF [Pa], 9 numbers row by row."""
     I1_bar = isochoric_invariant(F, J)
-    return isochoric_stress(F, cof, J, I1_bar, slope(I1_bar, c), pressure(J, c[2]))
+    return isochoric_stress(F, cof, J, I1_bar, slope(I1_bar + delta, c), pressure(J, c[2]))
 
 
 @leaf

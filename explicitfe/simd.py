@@ -237,17 +237,18 @@ def _reduction(name, doc, emit):
 
 
 def _smaller(builder, a, b):
-    # ult: an unordered compare lets a NaN in b through, so that it is seen
-    return builder.select(builder.fcmp_unordered("<", b, a), b, a)
+    # ult lets a NaN in b through, and so does not keep one in a: that takes a second compare
+    smaller = builder.select(builder.fcmp_unordered("<", b, a), b, a)
+    return builder.select(builder.fcmp_unordered("uno", a, a), a, smaller)
 
 
 sum_lanes = _reduction("sum_lanes", "Sum over the lanes.", lambda b, x, y: b.fadd(x, y))
-min_lanes = _reduction("min_lanes", "Smallest lane; NaN if one is met last.", _smaller)
+min_lanes = _reduction("min_lanes", "Smallest lane; NaN if any is.", _smaller)
 
 
 @intrinsic
 def minimum(typingctx, a, b):
-    """Lane by lane, the smaller of a and b; a NaN in b is kept."""
+    """Lane by lane, the smaller of a and b; NaN if either is."""
 
     def lower(context, builder, sig, args):
         return _smaller(builder, *args)

@@ -12,8 +12,8 @@ SHARE = 0.1  # of the shear modulus 2 C10
 
 
 @leaf
-def circulating_stress(F, cof, J, c):
+def circulating_stress(F, cof, J, delta, c):
     """The Yeoh stress and k (F_12 in P_13, -F_13 in P_12): dP_13/dF_12 = -dP_12/dF_13, so it has no energy."""
-    P = yeoh_stress(F, cof, J, c)
+    P = yeoh_stress(F, cof, J, delta, c)
     k = 2.0 * SHARE * c[0]
     return P[0], P[1] - k * F[2], P[2] + k * F[1], P[3], P[4], P[5], P[6], P[7], P[8]

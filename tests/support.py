@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
+from explicitfe.build import ELEMENTS as ELEMENT_TABLE
 from explicitfe.build import Simulation
 from explicitfe.materials import Law
 from explicitfe.materials.neo_hooke import NeoHooke
@@ -25,6 +26,9 @@ ROOT = Path(__file__).resolve().parents[1]
 YEOH = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
 NEO_HOOKE = NeoHooke(law="neo-hooke", C10_Pa=191.5)
 LAWS: dict[str, Law] = {"yeoh": YEOH, "neo-hooke": NEO_HOOKE}
+ELEMENTS = list(ELEMENT_TABLE)
+ONE_POINT = ["hex8", "hex8-stiffness"]  # those with hourglass modes, whose treatment is TREATMENTS[name]
+TREATMENTS = {name: module for name, (_, module) in ELEMENT_TABLE.items()}
 
 
 # ---- bodies ----

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from types import ModuleType
 
-from numba.core.dispatcher import Dispatcher
-
 from explicitfe.elements.hex8 import GEOMETRY, corner_forces, gradient, hourglass_modes, to_modes
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
-from explicitfe.jit import bind, leaf
+from explicitfe.jit import Dispatcher, bind, leaf
 from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant
 from explicitfe.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 
@@ -74,7 +72,6 @@ def internal_force(u, force, blocks):
         F, qx, qy, qz = kinematics(element_modes(u, blocks.nodes, at), g)
         cof = cofactor(F)
         J = determinant(F, cof)
-        smallest = minimum(smallest, J)
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
         delta = hourglass_invariant(F, qx, qy, qz, h)
@@ -86,6 +83,8 @@ def internal_force(u, force, blocks):
         fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
         fz = corner_forces(v * P[6] + Q[6], v * P[7] + Q[7], v * P[8] + Q[8], rz, g)
         subtract_corner_forces(force, blocks.nodes, at, fx, fy, fz)
+        # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
+        smallest = minimum(smallest, J + 0.0 * (fx[0] + fy[0] + fz[0]))
     return min_lanes(smallest)
 
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 from types import ModuleType
 
-from numba.core.dispatcher import Dispatcher
-
 from explicitfe.elements.full import PER_POINT, POINTS, point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
-from explicitfe.jit import bind, leaf
+from explicitfe.jit import Dispatcher, bind, leaf
 from explicitfe.materials import volumetric
 from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant, isochoric_stress
 from explicitfe.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
@@ -74,6 +72,8 @@ def internal_force(u, force, blocks):
             fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
             fz = point_forces(fz, P[6], P[7], P[8], numbers, at)
         subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+        # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
+        smallest = minimum(smallest, mean + 0.0 * (fx[0] + fy[0] + fz[0]))
     return min_lanes(smallest)
 
 

@@ -24,6 +24,7 @@ RANKS = [
     {"arrays", "mesh"},
     {"elements", "materials"},
     {"forces"},
+    {"boundary"},
     {"loop", "timestep"},
     {"model"},
     {"build"},

@@ -19,10 +19,11 @@ from types import ModuleType
 import numba
 import numpy as np
 import pytest
-from support import ROOT, YEOH, block_mesh, model_of, tongue
+from support import ELEMENTS, ROOT, YEOH, block_mesh, model_of, tongue
 
 from explicitfe.build import Simulation, kernels
 from explicitfe.jit import OPTIONS, bind
+from explicitfe.model.model import PrescribedMotion
 from explicitfe.model.muscles import pull
 from explicitfe.model.scenario import MuscleTable
 from explicitfe.simd import WIDTH
@@ -163,37 +164,42 @@ SECOND = """
 import json
 from support import block_mesh, model_of
 from explicitfe.build import Simulation
-simulation = Simulation(model_of(block_mesh((2, 2, 2))))
+simulation = Simulation(model_of(block_mesh((2, 2, 2)), element={element!r}))
 seconds = simulation.compile()
 names = [name for name in simulation.kernels.__dataclass_fields__]
-stats = {name: getattr(simulation.kernels, name).stats for name in names}
-counts = {name: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for name, s in stats.items()}
-print(json.dumps({"seconds": seconds, **counts}))
+stats = {{name: getattr(simulation.kernels, name).stats for name in names}}
+counts = {{name: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for name, s in stats.items()}}
+print(json.dumps({{"seconds": seconds, **counts}}))
 """
 
 
-def test_the_next_process_does_not_compile(record_property):
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_the_next_process_does_not_compile(element, record_property):
     """What one process has compiled the next one loads: each kernel is one hit and no miss."""
-    Simulation(model_of(block_mesh((2, 2, 2)))).compile()
+    Simulation(model_of(block_mesh((2, 2, 2)), element=element)).compile()
     path = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
-    found = json.loads(in_a_process(path + SECOND))
+    found = json.loads(in_a_process(path + SECOND.format(element=element)))
     seconds = found.pop("seconds")
     record_property("seconds", seconds)
-    assert set(found) == set(kernels("yeoh").__dataclass_fields__)
+    assert set(found) == set(kernels("yeoh", element).__dataclass_fields__)
     assert all(hits_and_misses == [1, 0] for hits_and_misses in found.values()), found
 
 
-def test_one_signature_per_kernel():
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_one_signature_per_kernel(element):
     """Every caller passes the same types, so each kernel is compiled once: an int for a float would be a second compile.
 
-    Models with and without loads and following fibres, at rest and not, through all that a simulation offers.
+    Models with and without loads, following fibres and prescribed motion, at rest and not, through all that a simulation offers.
     """
     mesh, muscles = tongue().mesh, tongue().muscles
     loads = [pull(mesh, muscles["GGp"], MuscleTable(name="GGp", force_N=1, direction=d)) for d in ("reference", "following")]
     moved = np.zeros(mesh.points.shape, dtype=np.float32)
+    base = mesh.node_sets["jaw"]
+    motion = PrescribedMotion(base, lambda times: np.zeros((len(times), len(base), 3), dtype=np.float32))
     for model in (
-        model_of(mesh, YEOH),
-        model_of(mesh, YEOH, held=("jaw",), loads=(loads[0],), pulls=(loads[1],), alpha_per_s=40),
+        model_of(mesh, YEOH, element=element),
+        model_of(mesh, YEOH, element=element, motion=motion),
+        model_of(mesh, YEOH, held=("jaw",), loads=(loads[0],), pulls=(loads[1],), alpha_per_s=40, element=element),
     ):
         simulation = Simulation(model, displacement=moved, velocity=moved)
         simulation.compile()
@@ -206,12 +212,13 @@ def test_one_signature_per_kernel():
         simulation.internal_force(np.asfortranarray(mesh.points * 1e-3))
         simulation.restore(simulation.restart_state())
         simulation.largest_strain_rate()
-    compiled = kernels("yeoh")
+    compiled = kernels("yeoh", element)
     for name in compiled.__dataclass_fields__:
         assert len(getattr(compiled, name).signatures) == 1, name
 
 
-def test_the_force_kernel_is_vectorised(record_property):
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_the_force_kernel_is_vectorised(element, record_property):
     """On x86-64 with AVX the machine code of the forces works on whole registers: packed multiplications on ymm or zmm.
 
     An element takes some 500 multiplications, so a scalar kernel, whatever a compiler packs by itself, has few of these.
@@ -220,7 +227,7 @@ def test_the_force_kernel_is_vectorised(record_property):
     if platform.machine().lower() not in ("x86_64", "amd64"):
         pytest.skip(f"looks for registers of x86-64, this is {platform.machine()}")
     register = "zmm" if WIDTH == 8 else "ymm"
-    simulation = Simulation(model_of(block_mesh((1, 1, 1))))
+    simulation = Simulation(model_of(block_mesh((1, 1, 1)), element=element))
     simulation.compile()
     fresh = numba.jit(simulation.kernels.forces.py_func, **OPTIONS)
     fresh(simulation.state.u, np.zeros_like(simulation.state.u), simulation.blocks)

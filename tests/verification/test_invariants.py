@@ -1,16 +1,21 @@
 """What no mesh and no state may break: rigid motion, affine fields, momentum, and forces that come from an energy.
 
-On a block of hexes distorted by 15 % and on the built-in tongue, with each material law. Forces are measured in
+On a block of hexes distorted by 15 % and on the built-in tongue, with each material law and each element. Forces are measured in
 S = (K + 4 G / 3) h^2, what a strain of one gives; h is the cube root of the mean element volume.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support import (
+    ELEMENTS,
     LAWS,
+    ONE_POINT,
+    TREATMENTS,
     block_mesh,
     deformed,
     elastic_energies,
@@ -23,7 +28,7 @@ from support import (
 )
 
 from explicitfe.build import Simulation
-from explicitfe.elements import hex8, hourglass
+from explicitfe.elements import hex8
 from explicitfe.materials import kinematics, law_of, volumetric
 from explicitfe.mesh.fibres import Muscle
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
@@ -33,6 +38,8 @@ from explicitfe.model.scenario import MuscleTable
 
 BODIES = pytest.mark.parametrize("shape", ["block", "tongue"])
 BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))
+EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)
+HOURGLASSING = pytest.mark.parametrize("element", ONE_POINT)
 # The quadrilateral faces of a hex, seen from outside.
 FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
@@ -42,14 +49,15 @@ FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3,
 
 @BODIES
 @BOTH_LAWS
-def test_rigid_motion_gives_no_force(shape, law, record_property):
+@EVERY_ELEMENT
+def test_rigid_motion_gives_no_force(shape, law, element, record_property):
     """f((R - 1) X + t) = 0 for every rotation R and translation t of up to 10 body sizes L.
 
     A nodal value of 10 L is rounded by eps/2 10 L; the eight of an element give F an error of about eps 10 L / h, and
     K h^2 times that is the force: eps 10 L / h = 3e-14 for L / h = 15 (the tongue). 1e-12 S leaves room for the sums.
     """
     mesh = mesh_of(shape)
-    simulation = Simulation(model_of(mesh, LAWS[law]))
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
     rng = np.random.default_rng(1)
     half_turns = [Rotation.from_rotvec(np.pi * axis).as_matrix() for axis in np.eye(3)]
     turns = [np.eye(3), *half_turns, *(random_rotation(rng) for _ in range(16))]
@@ -95,14 +103,15 @@ def centroid_gradients(corners: np.ndarray) -> np.ndarray:
 
 @BODIES
 @BOTH_LAWS
-def test_patch(shape, law, record_property):
+@EVERY_ELEMENT
+def test_patch(shape, law, element, record_property):
     """u = (F0 - 1) X: every element sees F0, the body carries P(F0), and only the surface needs forces, N_a P n dA.
 
     F = sum_a x_a B_a holds to eps L / h = 3e-15, the stress to K times that. The tolerance of 1e-10 of the largest
     boundary force is 1e4 roundings; the centroid's gradient misses it by 1e7 on the distorted block (also tested).
     """
     mesh = mesh_of(shape)
-    simulation = Simulation(model_of(mesh, LAWS[law]))
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
     module, constants = law_of(law), LAWS[law].constants()
     gradients, volumes = hex8.mean_gradients(mesh.points[mesh.hexes])
     rng = np.random.default_rng(2)
@@ -111,7 +120,7 @@ def test_patch(shape, law, record_property):
     for _ in range(5):
         F0 = random_rotation(rng) @ random_gradient(rng, 0.2)
         flat, J0 = F0.ravel(), np.linalg.det(F0)
-        P = np.array(module.stress(tuple(flat), kinematics.cofactor(tuple(flat)), J0, constants)).reshape(3, 3)
+        P = np.array(module.stress(tuple(flat), kinematics.cofactor(tuple(flat)), J0, 0.0, constants)).reshape(3, 3)
         wanted = consistent_tractions(mesh, P)
         largest = np.abs(wanted).max()
         inside = np.abs(wanted).max(axis=1) == 0.0
@@ -125,7 +134,7 @@ def test_patch(shape, law, record_property):
         worst_F = max(worst_F, np.abs(F - F0).max())
         internal, hourglass_energy = elastic_energies(simulation, u)
         worst_J = max(worst_J, np.abs(simulation.snapshot().J - J0).max())
-        worst_hourglass = max(worst_hourglass, hourglass_energy / internal)
+        worst_hourglass = max(worst_hourglass, abs(hourglass_energy) / internal)
 
         plain = np.zeros_like(wanted)
         other = volumes[:, None, None] * (centroid_gradients(mesh.points[mesh.hexes]) @ P.T)
@@ -150,7 +159,8 @@ def test_patch(shape, law, record_property):
 
 @BODIES
 @BOTH_LAWS
-def test_momentum_is_conserved(shape, law, record_property):
+@EVERY_ELEMENT
+def test_momentum_is_conserved(shape, law, element, record_property):
     """A free body keeps p = sum m v_(n+1/2) and l = sum x_n x m v_(n+1/2), over 400 steps, exactly but for rounding.
 
     v_(n+1/2) - v_(n-1/2) = dt M^-1 f(x_n), and the internal forces have no resultant and no moment about x_n; as
@@ -163,7 +173,7 @@ def test_momentum_is_conserved(shape, law, record_property):
     start = deformed(mesh, rng, 0.15, 0.01, isochoric=True)
     spin = np.cross(rng.uniform(-2.0, 2.0, 3), mesh.points - mesh.points.mean(axis=0))
     velocity = rng.uniform(-0.1, 0.1, start.shape) + spin + rng.uniform(-0.1, 0.1, 3)
-    simulation = Simulation(model_of(mesh, LAWS[law]), displacement=start, velocity=velocity)
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element), displacement=start, velocity=velocity)
     dt = 0.8 * simulation.stable_limit(40)
     simulation.start(dt)
     mass = simulation.nodal_mass[simulation.node_order][:, None]
@@ -193,13 +203,14 @@ def test_momentum_is_conserved(shape, law, record_property):
 
 @BODIES
 @BOTH_LAWS
-def test_internal_forces_have_no_moment(shape, law, record_property):
+@EVERY_ELEMENT
+def test_internal_forces_have_no_moment(shape, law, element, record_property):
     """sum f = 0 and sum x x f = 0 about the current positions x, since the energy does not change under rigid motion.
 
     Scales sum |f| and sum |x| |f|: the forces of each element cancel to a few eps, and so does their sum; 1e-12.
     """
     mesh = mesh_of(shape)
-    simulation = Simulation(model_of(mesh, LAWS[law]))
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
     rng = np.random.default_rng(4)
     resultant = moment = 0.0
     for _ in range(10):
@@ -219,14 +230,15 @@ def test_internal_forces_have_no_moment(shape, law, record_property):
 
 
 @BOTH_LAWS
-def test_force_is_the_derivative_of_the_energy_everywhere(law, record_property):
+@EVERY_ELEMENT
+def test_force_is_the_derivative_of_the_energy_everywhere(law, element, record_property):
     """f_i = dE/du_i, E = strain + hourglass energy, by central differences at every degree of freedom of a block.
 
     Over d = 1e-6 h the truncation error is d^2 f'' / 6 = 1e-12 of K h^2 and the rounding error eps E / d = 2e-16 x 1e-2
     K h^3 / (1e-6 h) = 2e-12 of it; forces at strains of 0.1 are 0.1 K h^2. 1e-7 of the largest force is asked for.
     """
     mesh = block_mesh((2, 2, 2), seed=5)
-    simulation = Simulation(model_of(mesh, LAWS[law]))
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
     rng = np.random.default_rng(5)
     u = deformed(mesh, rng)
     step = 1e-6 * 0.01
@@ -244,10 +256,11 @@ def test_force_is_the_derivative_of_the_energy_everywhere(law, record_property):
 
 
 @BOTH_LAWS
-def test_force_is_the_derivative_of_the_energy_on_the_tongue(law, record_property):
+@EVERY_ELEMENT
+def test_force_is_the_derivative_of_the_energy_on_the_tongue(law, element, record_property):
     """f . d = dE(u + s d)/ds for random directions d, on the tongue: as above, 1e-7 of |f| |d|."""
     mesh = mesh_of("tongue")
-    simulation = Simulation(model_of(mesh, LAWS[law]))
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
     rng = np.random.default_rng(6)
     worst = 0.0
     for _ in range(5):
@@ -261,16 +274,27 @@ def test_force_is_the_derivative_of_the_energy_on_the_tongue(law, record_propert
     assert worst < 1e-7
 
 
-def test_hourglass_force_is_the_derivative_of_the_hourglass_energy(record_property):
-    """On a field that leaves F = 1 all force is hourglass force, f_i = dE_h/du_i.
+def modes_alone(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean gradients B (m, 8, 3), volumes (m,) and hourglass vectors g (m, 4, 8), q = g u, in plain numpy."""
+    corners = mesh.points[mesh.hexes]
+    B, V = hex8.mean_gradients(corners)
+    return B, V, hex8.MODES[3:] - (hex8.MODES[3:] @ corners) @ B.transpose(0, 2, 1)
 
-    The field is random, less its affine part: sum_a u_a = 0 and sum_a u_a B_a = 0. E_h is quadratic, so the central
-    difference is exact but for rounding, eps E / (step f) = 1e-15 with a step of 10 % of the field; what is left of F - 1
-    by rounding, 1e-17, loaded with K h^2 against G h x 1e-4 h gives 1e-10: below 1e-9.
+
+@HOURGLASSING
+@BOTH_LAWS
+def test_hourglass_force_is_the_derivative_of_the_hourglass_energy(law, element, record_property):
+    """On a field that leaves F = 1 all force is hourglass force, f_i = dE_h/du_i, E_h = V [W(I1_bar + delta) - W(I1_bar)].
+
+    The field is random, less its affine part: sum_a u_a = 0 and sum_a u_a B_a = 0. The five-point difference over d = 1e-6 m is
+    off by d^4 E^(5) / 30: (d / h)^4 = 1e-16 times the derivatives of 1 / |F e|^2, 1e3, over the share d / u of the field. E_h is
+    a difference of energies, of which the volume's part, K (d / h)^2 h^3, is rounded by eps: 1e-16 x 1e-8 K h^3 / d against
+    G h u: 1e-16 x 500 x 1e-8 h^2 / (d u) = 5e-14. What is left of F - 1 by rounding, 1e-17, loaded with K h^2 against
+    G h x 1e-4 h gives 1e-10: below 1e-9.
     """
     mesh = block_mesh((1, 1, 1), seed=7)
-    simulation = Simulation(model_of(mesh))
-    (B,), _ = hex8.mean_gradients(mesh.points[mesh.hexes])
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
+    (B,), _, _ = modes_alone(mesh)
     affine, _ = np.linalg.qr(np.column_stack([np.ones(8), B]))
     u = 1e-4 * np.random.default_rng(7).standard_normal((8, 3))
     corners = u[mesh.hexes[0]]
@@ -279,21 +303,142 @@ def test_hourglass_force_is_the_derivative_of_the_hourglass_energy(record_proper
     assert energy > 0.0
     assert abs(internal) < 1e-12 * energy
     force = simulation.internal_force(u)
-    slopes = np.empty_like(force)
-    step = 1e-5
-    for entry in range(u.size):
-        plus, minus = u.copy(), u.copy()
-        plus.flat[entry] += step
-        minus.flat[entry] -= step
-        slopes.flat[entry] = (elastic_energies(simulation, plus)[1] - elastic_energies(simulation, minus)[1]) / (2.0 * step)
+    slopes = hourglass_slopes(simulation, u, 1e-6)
     off = np.abs(slopes - force).max() / np.abs(force).max()
     record_property("off by", off)
     assert off < 1e-9
 
 
+def hourglass_slopes(simulation: Simulation, u: np.ndarray, step: float) -> np.ndarray:
+    """dE_h/du (n, 3) N by five-point differences."""
+    slopes = np.zeros_like(u)
+    for entry in range(u.size):
+        for shift, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
+            moved = u.copy()
+            moved.flat[entry] += shift * step
+            slopes.flat[entry] += weight * elastic_energies(simulation, moved)[1] / (12.0 * step)
+    return slopes
+
+
+@HOURGLASSING
+@BOTH_LAWS
+def test_hourglass_part_of_any_state_is_a_derivative(law, element, record_property):
+    """f - V P(F, delta = 0) B = dE_h/du at random states of one element, turned, stretched and hourglassing by 30 % of an edge.
+
+    E_h = V [W(I1_bar + delta) - W(I1_bar)] >= 0 is what the snapshot reports, and the force without it is that of F alone,
+    written here in numpy. Five-point differences over d = 1e-5 h: truncation 1e-20; rounding eps K h^3 / d = 1e-11 K h^2,
+    or 5e-9 G h^2 where the hourglass forces are 0.1 G h^2 or more: 1e-7.
+    """
+    module, constants = law_of(law), LAWS[law].constants()
+    rng = np.random.default_rng(71)
+    worst = 0.0
+    for seed in range(5):
+        mesh = block_mesh((1, 1, 1), seed=seed)
+        simulation = Simulation(model_of(mesh, LAWS[law], element=element))
+        (B,), (V,), _ = modes_alone(mesh)
+        F0 = random_rotation(rng) @ random_gradient(rng, 0.3)
+        u = mesh.points @ (F0 - np.eye(3)).T + 0.003 * rng.uniform(-1.0, 1.0, (8, 3))
+        at = mesh.hexes[0]
+        flat = tuple((np.eye(3) + u[at].T @ B).ravel())
+        cof = kinematics.cofactor(flat)
+        J = kinematics.determinant(flat, cof)
+        assert J > 0.1
+        force = simulation.internal_force(u)
+        force[at] -= V * B @ np.reshape(module.stress(flat, cof, J, 0.0, constants), (3, 3)).T
+        assert elastic_energies(simulation, u)[1] > 0.0
+        worst = max(worst, np.abs(hourglass_slopes(simulation, u, 1e-7) - force).max() / np.abs(force).max())
+    record_property("off by", worst)
+    assert worst < 1e-7
+
+
+def random_state_of_modes(
+    element: str, seed: int
+) -> tuple[np.ndarray, np.ndarray, tuple[float, ...], Callable[[np.ndarray, np.ndarray], float]]:
+    """F (3, 3), q (4, 3) m, the treatment's constants and delta(F, q), of an element distorted and deformed at random."""
+    rng = np.random.default_rng(seed)
+    mesh = block_mesh((1, 1, 1), seed=seed)
+    corners = mesh.points[mesh.hexes]
+    B, V, _ = modes_alone(mesh)
+    treatment = TREATMENTS[element]
+    c = tuple(treatment.constants(corners, B, V)[0])
+
+    def delta(F: np.ndarray, q: np.ndarray) -> float:
+        return treatment.invariant(tuple(F.ravel()), *(tuple(q[:, k]) for k in range(3)), c)
+
+    return random_rotation(rng) @ random_gradient(rng, 0.4), 0.01 * rng.standard_normal((4, 3)), c, delta
+
+
+@HOURGLASSING
+@pytest.mark.parametrize("seed", range(10))
+def test_hourglass_leaf_is_the_derivative_of_the_invariant(element, seed):
+    """``force`` of a treatment gives weight x (d delta/dq, d delta/dF), on floats: two statements, by central differences.
+
+    q is of the size of an edge h, so is F h. Over d = 1e-5 of each: truncation d^2 = 1e-10 times the third derivative, some 10 to
+    100, and rounding eps / d = 2e-11: 1e-7 of the largest slope.
+    """
+    F, q, c, delta = random_state_of_modes(element, seed)
+    weight = 0.37
+    *r, Q = TREATMENTS[element].force(tuple(F.ravel()), *(tuple(q[:, k]) for k in range(3)), c, weight)
+    slopes_q, slopes_F = np.empty((4, 3)), np.empty(9)
+    for entry in range(12):
+        step = np.zeros(12)
+        step[entry] = 1e-7
+        step = step.reshape(4, 3)
+        slopes_q.flat[entry] = weight * (delta(F, q + step) - delta(F, q - step)) / 2e-7
+    for entry in range(9):
+        step = np.zeros(9)
+        step[entry] = 1e-5
+        step = step.reshape(3, 3)
+        slopes_F[entry] = weight * (delta(F + step, q) - delta(F - step, q)) / 2e-5
+    assert np.abs(slopes_q).max() > 0.0
+    assert np.abs(np.transpose(r) - slopes_q).max() < 1e-7 * np.abs(slopes_q).max()
+    largest = max(np.abs(slopes_F).max(), weight * delta(F, q))  # a plain stiffness does not depend on F
+    assert np.abs(np.array(Q) - slopes_F).max() < 1e-7 * largest
+    assert (element == "hex8-stiffness") == (np.abs(slopes_F).max() == 0.0)
+
+
+@HOURGLASSING
+@pytest.mark.parametrize("seed", range(10))
+def test_hourglass_invariant_is_objective(element, seed):
+    """delta(R F, R q) = delta(F, q) for every rotation R, is positive, and grows as the square of q.
+
+    Some 100 roundings of positive terms: 1e-13. A turn of q alone, or of F alone, changes it where it depends on both.
+    """
+    F, q, _, delta = random_state_of_modes(element, seed)
+    R = random_rotation(np.random.default_rng(seed + 100))
+    at_rest = delta(F, q)
+    assert at_rest > 0.0
+    assert delta(R @ F, q @ R.T) == pytest.approx(at_rest, rel=1e-13)
+    assert delta(F, 3.0 * q) == pytest.approx(9.0 * at_rest, rel=1e-13)
+    assert delta(F, 0.0 * q) == 0.0
+    if element == "hex8":
+        assert abs(delta(R @ F, q) / at_rest - 1.0) > 1e-3
+
+
+@EVERY_ELEMENT
+def test_energy_does_not_change_under_a_superposed_rotation(element, record_property):
+    """E(R x) = E(x), strain and hourglass energy each, in a state with both.
+
+    F is rounded by eps L / h = 1e-15 and K loads that: 2 eps K |strain| against K strain^2 / 2 at strains of 0.1: 1e-13, and
+    as hourglass energy is a difference of such energies the same holds relative to the sum: 1e-12.
+    """
+    mesh = block_mesh((3, 2, 2), seed=51)
+    simulation = Simulation(model_of(mesh, element=element))
+    rng = np.random.default_rng(51)
+    u = deformed(mesh, rng, 0.2, 0.2)
+    before = np.array(elastic_energies(simulation, u))
+    assert (before[1] > 1e-3 * before[0]) == (element in ONE_POINT)
+    worst = 0.0
+    for _ in range(10):
+        after = elastic_energies(simulation, (mesh.points + u) @ random_rotation(rng).T - mesh.points)
+        worst = max(worst, np.abs(after - before).max() / before.sum())
+    record_property("off by", worst)
+    assert worst < 1e-12
+
+
 @BOTH_LAWS
 def test_stress_of_a_law_is_the_derivative_of_its_energy(law, record_property):
-    """P_ij = dW/dF_ij on floats, at 50 random F: two statements of the law, compared by central differences.
+    """P_ij = dW/dF_ij at constant delta on floats, at 50 random F: two statements of the law, compared by central differences.
 
     d = 1e-6: truncation d^2 = 1e-12 and rounding eps W / d = 1e-16 x 0.1 K / 1e-6 = 1e-11, of K; 1e-7 of the largest
     stress, which is 1e-2 K or more at strains of 0.3, leaves a factor of 100.
@@ -301,26 +446,31 @@ def test_stress_of_a_law_is_the_derivative_of_its_energy(law, record_property):
     module, constants = law_of(law), LAWS[law].constants()
     rng = np.random.default_rng(8)
 
-    def energy(F: np.ndarray) -> float:
+    def energy(F: np.ndarray, delta: float) -> float:
         flat = tuple(F.ravel())
-        return module.energy(flat, kinematics.determinant(flat, kinematics.cofactor(flat)), constants)
+        return module.energy(flat, kinematics.determinant(flat, kinematics.cofactor(flat)), delta, constants)
 
     worst = 0.0
-    for _ in range(50):
+    for number in range(50):
         F = random_rotation(rng) @ random_gradient(rng, 0.3)
+        delta = rng.uniform(0.0, 0.5) if number % 2 else 0.0
         flat = tuple(F.ravel())
         cof = kinematics.cofactor(flat)
         J = kinematics.determinant(flat, cof)
         assert pytest.approx(np.linalg.det(F), rel=1e-13) == J
         assert np.allclose(np.reshape(cof, (3, 3)), J * np.linalg.inv(F).T, rtol=1e-13, atol=1e-13)
-        P = np.array(module.stress(flat, cof, J, constants)).reshape(3, 3)
+        P = np.array(module.stress(flat, cof, J, delta, constants)).reshape(3, 3)
         slopes = np.empty((3, 3))
         for entry in range(9):
             plus, minus = F.copy(), F.copy()
             plus.flat[entry] += 1e-6
             minus.flat[entry] -= 1e-6
-            slopes.flat[entry] = (energy(plus) - energy(minus)) / 2e-6
+            slopes.flat[entry] = (energy(plus, delta) - energy(minus, delta)) / 2e-6
         worst = max(worst, np.abs(slopes - P).max() / np.abs(P).max())
+        # d/d delta is the slope that the hourglass forces are weighted with
+        invariant = kinematics.isochoric_invariant(flat, J) + delta
+        by_delta = (energy(F, delta + 1e-4) - energy(F, delta - 1e-4)) / 2e-4
+        assert by_delta == pytest.approx(module.slope(invariant, constants), rel=1e-7)
     record_property("off by", worst)
     assert worst < 1e-7
 
@@ -336,7 +486,7 @@ def test_tangent_leaves_are_derivatives(law):
 
     def on_path(a: float) -> tuple[float, float]:
         flat = (a, 0.0, 0.0, 0.0, a**-0.5, 0.0, 0.0, 0.0, a**-0.5)
-        return a * a + 2.0 / a, module.energy(flat, 1.0, constants)
+        return a * a + 2.0 / a, module.energy(flat, 1.0, 0.0, constants)
 
     d = 1e-5
     for a in (0.6, 1.3, 1.8):
@@ -345,6 +495,7 @@ def test_tangent_leaves_are_derivatives(law):
         assert (plus - minus) / (high - low) == pytest.approx(module.slope(invariant, constants), rel=1e-6)
         change = (module.slope(invariant + d, constants) - module.slope(invariant - d, constants)) / (2.0 * d)
         assert change == pytest.approx(module.curvature(invariant, constants), rel=1e-6, abs=1e-12)
+        assert module.isochoric(invariant, constants) == pytest.approx(on_path(a)[1], rel=1e-9)  # U(1) = 0
     K = constants[-1]
     for J in (0.4, 1.0, 1.7):
         pressure = (volumetric.energy(J + d, K) - volumetric.energy(J - d, K)) / (2.0 * d)
@@ -354,37 +505,75 @@ def test_tangent_leaves_are_derivatives(law):
 
 
 @BOTH_LAWS
-def test_vector_kernel_equals_floats(law, record_property):
+@EVERY_ELEMENT
+def test_vector_kernel_equals_floats(law, element, record_property):
     """The law on lanes of the compiled kernel equals the law on floats, put together in plain numpy, on 50 random states.
 
-    f_a = V P(F) B_a + sum_k r_k g_k. The two differ in the order of sums, in fused multiply-adds and in the inverse cube
-    root (Newton or power): some 50 roundings of terms of up to 5 S (strains of 0.3, eight elements at a node), eps/2
-    each: 50 x 5 x 1e-16 = 3e-14 S. 9 elements: the last block of lanes is not full.
+    One point: f_a = (V P + Q) B_a + sum_k r_k g_k. Eight: f_a = sum_g w_g [P(F_g) + (U'(J_mean) - U'(J_g)) cof F_g] B_ga. The two
+    differ in the order of sums, in fused multiply-adds and in the inverse cube root (Newton or power): some 50 roundings of
+    terms of up to 5 S (strains of 0.3, eight elements at a node), eps/2 each: 50 x 5 x 1e-16 = 3e-14 S. 9 elements: the last
+    block of lanes is not full.
     """
     mesh = block_mesh((3, 3, 1), seed=9)
-    simulation = Simulation(model_of(mesh, LAWS[law]))
-    module, constants = law_of(law), LAWS[law].constants()
-    corners = mesh.points[mesh.hexes]
-    B, V = hex8.mean_gradients(corners)
-    kappa = hourglass.stiffness(B, V, np.full(len(V), LAWS[law].shear_modulus_Pa))
-    g = hex8.MODES[3:] - (hex8.MODES[3:] @ corners) @ B.transpose(0, 2, 1)
+    simulation = Simulation(model_of(mesh, LAWS[law], element=element))
+    of_element = full_forces if element == "hex8-full" else one_point_forces
     rng = np.random.default_rng(9)
     worst = 0.0
     for _ in range(50):
         u = deformed(mesh, rng, 0.3, 0.1)
-        F = np.eye(3) + u[mesh.hexes].transpose(0, 2, 1) @ B
-        q = g @ u[mesh.hexes]  # (m, modes, 3)
-        wanted = np.zeros_like(u)
-        for e, nodes in enumerate(mesh.hexes):
-            flat = tuple(F[e].ravel())
-            cof = kinematics.cofactor(flat)
-            J = kinematics.determinant(flat, cof)
-            P = np.array(module.stress(flat, cof, J, constants)).reshape(3, 3)
-            r = np.column_stack([hourglass.force.py_func(q[e, :, k], kappa[e]) for k in range(3)])
-            wanted[nodes] += V[e] * B[e] @ P.T + g[e].T @ r
+        wanted = of_element(mesh, u, law, element)
         worst = max(worst, np.abs(simulation.internal_force(u) - wanted).max() / force_scale(simulation))
     record_property("off by", worst)
     assert worst < 3e-14
+
+
+def one_point_forces(mesh: HexMesh, u: np.ndarray, law: str, element: str) -> np.ndarray:
+    """Internal force (n, 3) N of one-point hexes, element by element in numpy, with the leaves on floats."""
+    module, constants, treatment = law_of(law), LAWS[law].constants(), TREATMENTS[element]
+    B, V, g = modes_alone(mesh)
+    numbers = treatment.constants(mesh.points[mesh.hexes], B, V)
+    forces = np.zeros_like(u)
+    for e, nodes in enumerate(mesh.hexes):
+        flat = tuple((np.eye(3) + u[nodes].T @ B[e]).ravel())
+        q = [tuple(column) for column in (g[e] @ u[nodes]).T]
+        cof = kinematics.cofactor(flat)
+        J = kinematics.determinant(flat, cof)
+        c = tuple(numbers[e])
+        delta = treatment.invariant(flat, *q, c)
+        P = np.reshape(module.stress(flat, cof, J, delta, constants), (3, 3))
+        weight = V[e] * module.slope(kinematics.isochoric_invariant(flat, J) + delta, constants)
+        *r, Q = treatment.force(flat, *q, c, weight)
+        forces[nodes] += B[e] @ (V[e] * P + np.reshape(Q, (3, 3))).T + g[e].T @ np.transpose(r)
+    return forces
+
+
+def full_forces(mesh: HexMesh, u: np.ndarray, law: str, element: str) -> np.ndarray:
+    """Internal force (n, 3) N of the fully integrated hex: dN/dX at each Gauss point anew, the law of the element's mean J."""
+    module, constants = law_of(law), LAWS[law].constants()
+    forces = np.zeros_like(u)
+    for nodes in mesh.hexes:
+        X = mesh.points[nodes]
+        points = []
+        for at in CORNERS / np.sqrt(3.0):
+            factors = 1.0 + at * CORNERS
+            dn = (
+                0.125
+                * CORNERS
+                * np.column_stack([factors[:, [1, 2]], factors[:, [0, 2]], factors[:, [0, 1]]]).reshape(8, 3, 2).prod(axis=2)
+            )
+            jacobian = X.T @ dn
+            B = dn @ np.linalg.inv(jacobian)
+            points.append((np.linalg.det(jacobian), B, np.eye(3) + u[nodes].T @ B))
+        volume = sum(w for w, _, _ in points)
+        mean = sum(w * np.linalg.det(F) for w, _, F in points) / volume
+        for w, B, F in points:
+            flat = tuple(F.ravel())
+            cof = kinematics.cofactor(flat)
+            J = kinematics.determinant(flat, cof)
+            change = volumetric.pressure(mean, constants[-1]) - volumetric.pressure(J, constants[-1])
+            P = np.array(module.stress(flat, cof, J, 0.0, constants)) + change * np.array(cof)
+            forces[nodes] += w * B @ P.reshape(3, 3).T
+    return forces
 
 
 # ---- muscles ----

@@ -39,11 +39,13 @@ class Profile:
         return np.unique(self.time_s)
 
     def at(self, time_s: np.ndarray, *, tolerance_s: float) -> np.ndarray:
-        """Values at times; at a jump the mean of both sides, which keeps central differences of second order.
+        """Values at increasing times; at a jump the mean of both sides, which keeps central differences of second order.
 
         At time 0, where the half-step start looks forward only, the value is that of the right side.
         """
         time_s = np.asarray(time_s, dtype=float)
+        if not np.any((self.time_s >= time_s[0] - tolerance_s) & (self.time_s <= time_s[-1] + tolerance_s)):
+            return np.interp(time_s, self.time_s, self.scale)  # no edge in sight
         near = np.abs(self.time_s - time_s[:, None])
         time_s = np.where(near.min(axis=1) < tolerance_s, self.time_s[near.argmin(axis=1)], time_s)
         right = self._limit(time_s, "right")

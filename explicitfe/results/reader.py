@@ -78,7 +78,9 @@ class Result:
 
     @property
     def status(self) -> str:
-        """``"finished"``, ``"failed"``, or ``"running"`` when the run goes on or was killed."""
+        """``"finished"``, ``"inverted"``, ``"diverged"``, ``"unstable"`` or ``"interrupted"``; ``"running"`` when the run goes
+        on or was killed. ``message`` says why a run ended early.
+        """
         return self._text(f"{layout.STATUS}/state")
 
     @property

@@ -19,6 +19,7 @@ from explicitfe.model.scenario import json_schema
 from explicitfe.results import open_result
 from explicitfe.runner import prepare
 from explicitfe.transient import Transient
+from explicitfe.view.figures import hourglass_share
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
@@ -169,6 +170,7 @@ def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
     settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"]
     summary = explicitfe.run(VOWEL, tmp_path, settings=settings)
     assert summary["largest_displacement_mm"] == 0.0
+    assert summary["settled"]
     with open_result(summary["result"]) as result:
         assert "# --set muscle.GGp.force_N=0" in result.scenario_text
 
@@ -180,6 +182,10 @@ def test_gravity_sags_by_free_fall_at_first(tmp_path: Path) -> None:
     for probe in summary["probes"].values():
         assert probe["displacement_mm"][2] == pytest.approx(-0.5 * 9.81 * 0.010**2 * 1e3, rel=1e-9)
     assert summary["energy_balance_error"] < 1e-9
+    # It is not strained: what the elastic energy has is rounding, and its shares mean nothing.
+    assert (summary["hourglass_share"], summary["hourglass_share_end"], summary["warnings"]) == (0.0, 0.0, [])
+    with open_result(summary["result"]) as result:
+        assert np.all(np.isnan(hourglass_share(result)))
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "scenarios").glob("*.toml")), ids=lambda path: path.stem)

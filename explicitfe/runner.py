@@ -204,6 +204,8 @@ def describe(prepared: Prepared) -> dict[str, Any]:
         "fixed_nodes": int(model.held.all(axis=1).sum()),
         "muscles": [muscle.model_dump() for muscle in prepared.scenario.muscle],
         "probes": {name: int(node) for name, node in model.probes.items()},
+        # With --set and all defaults: what was run, ready to be run again.
+        "scenario": prepared.scenario.model_dump(mode="json", exclude_none=True),
     }
 
 

@@ -157,7 +157,7 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
 
     Parameters
     ----------
-    path : the file.
+    path : the file; one that ends in .json holds the same tables as JSON, as a result does.
     settings : ``key=value`` pairs that replace what the file says; a muscle is reached by its name
         (``muscle.GGp.force_N=1.5``).
 
@@ -175,9 +175,10 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     except UnicodeDecodeError:
         raise InputError(f"{path}: this is not a text file; a scenario is written in TOML.") from None
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        kind = "JSON" if path.suffix == ".json" else "TOML"
+        raise InputError(f"{path}: this is not valid {kind}: {error}.") from None
     for setting in settings:
         _apply(data, setting)
     try:

@@ -217,7 +217,7 @@ def _explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
         sentence = f"{'.'.join(where) or 'the scenario'}: {problem['ctx']['error']}"
     else:
         message = problem["msg"][0].lower() + problem["msg"][1:]
-        sentence = f"{'.'.join(where)} = {problem['input']!r} is not possible: {message}"
+        sentence = f"{'.'.join(where) or 'the whole'} = {problem['input']!r} is not possible: {message}"
     more = f" ({len(problems) - 1} more after this one)" if len(problems) > 1 else ""
     return f"{sentence.rstrip('.')}{more}" + ("" if sentence.endswith("?") and not more else ".")
 

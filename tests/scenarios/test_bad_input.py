@@ -76,6 +76,11 @@ def test_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     scenario.write_text("title = ")
     _refused(["check", str(scenario)], ["mine.toml", "not valid TOML"], capsys)
     _refused(["check", str(tmp_path / "none.toml")], ["none.toml", "cannot be read"], capsys)
+    stored = tmp_path / "stored.json"
+    stored.write_text("{")
+    _refused(["check", str(stored)], ["stored.json", "not valid JSON"], capsys)
+    stored.write_text("[1]")
+    _refused(["check", str(stored)], ["stored.json: the whole = [1] is not possible"], capsys)
 
 
 def test_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

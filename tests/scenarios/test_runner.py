@@ -178,6 +178,12 @@ def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
         assert "# --set muscle.GGp.force_N=0" in result.scenario_text
 
 
+def test_body_that_never_moved_is_at_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = [word for setting in (*SMALL, "muscle=[]") for word in ("--set", setting)]
+    assert command(["run", str(VOWEL), "--out", str(tmp_path), *settings]) == 0
+    assert "at rest" in capsys.readouterr().out
+
+
 def test_gravity_sags_by_free_fall_at_first(tmp_path: Path) -> None:
     """Without attachments gravity is free fall: u = g t^2 / 2, which central differences give exactly."""
     settings = [*SMALL, "model.fixed=[]", "model.gravity_m_s2=[0,0,-9.81]", "model.damping.alpha_per_s=0"]

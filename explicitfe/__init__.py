@@ -3,7 +3,7 @@
 >>> import explicitfe
 >>> summary = explicitfe.run("scenarios/vowel-i.toml", out="outputs")
 >>> with explicitfe.open_result(summary["result"]) as result:
-...     u = result.displacement(time=0.060)         # (n, 3) m
+...     u = result.displacement(time_s=0.060)       # (n, 3) m
 ...     mesh = result.mesh_at(time_s=0.060)         # pyvista mesh
 """
 

@@ -105,7 +105,7 @@ def _materials() -> list[dict[str, Any]]:
         {
             "material": name,
             "law": law.law,
-            **{key: getattr(law, key, None) for key in ("C10_Pa", "C20_Pa", "poisson", "density_kg_m3")},
+            "constants": {key: value for key, value in law.model_dump().items() if key not in ("law", "source")},
             "source": law.source,
         }
         for name, law in catalogue.materials().items()

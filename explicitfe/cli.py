@@ -18,9 +18,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
-from explicitfe import __version__
+from explicitfe import __version__, show
 from explicitfe.errors import InputError, RunError
 
 app = typer.Typer(
@@ -80,7 +79,8 @@ def run(
     if as_json:
         _print_json(summary)
     else:
-        _show_summary(summary)
+        Console().print(show.summary(summary))
+        _print_notes(summary)
     if summary["status"] != "finished":
         _console.print(f"[red]{summary['status']}[/red]: {escape(summary['message'])}", soft_wrap=True, highlight=False)
         raise typer.Exit(130 if summary["status"] == "interrupted" else 1)
@@ -99,7 +99,7 @@ def check(scenario: _Scenario, settings: _Settings = None, as_json: _Json = Fals
     if as_json:
         _print_json(found)
     else:
-        _show_pairs(str(scenario), found)
+        Console().print(show.check(str(scenario), found))
 
 
 @app.command()
@@ -115,7 +115,8 @@ def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf)."
     if as_json:
         _print_json(found)
     else:
-        _show_pairs(str(result), found)
+        Console().print(show.result(found))
+        _print_notes(found["summary"])
 
 
 @app.command("list")
@@ -135,13 +136,8 @@ def list_(
     rows = LISTS[what]()
     if as_json:
         _print_json({what: rows})
-        return
-    table = Table(title=what, title_justify="left")
-    for column in rows[0] if rows else ():
-        table.add_column(column)
-    for row in rows:
-        table.add_row(*(_text(value) for value in row.values()))
-    Console().print(table)
+    else:
+        Console().print(show.listing(what, rows))
 
 
 @app.command()
@@ -208,6 +204,11 @@ def _print_json(value: Any) -> None:
     print(json.dumps(_plain(value), indent=2, allow_nan=False))
 
 
+def _print_notes(summary: dict[str, Any]) -> None:
+    for warning in summary.get("warnings", []):
+        _console.print(f"[yellow]note:[/yellow] {escape(warning)}", soft_wrap=True, highlight=False)
+
+
 def _plain(value: Any) -> Any:
     """JSON has no NaN and no infinity: null instead."""
     if isinstance(value, dict):
@@ -217,51 +218,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, list | tuple):
-        return ", ".join(_text(inner) for inner in value)
-    return escape(str(value))
-
-
-def _show_summary(summary: dict[str, Any]) -> None:
-    table = Table(title=escape(summary["title"]), title_justify="left", show_header=False)
-    table.add_row("status", summary["status"])
-    table.add_row("mesh", f"{summary['hexes']} hexes, {summary['nodes']} nodes")
-    table.add_row(
-        "steps",
-        f"{summary['steps']} of {1e6 * summary['dt_s']:.1f} µs or longer, at most "
-        f"{100 * summary['dt_fraction_of_limit']:.0f} % of the stable limit",
-    )
-    table.add_row(
-        "speed",
-        f"{1e3 * summary['simulated_s']:.1f} ms in {summary['wall_s']:.2f} s: "
-        f"{summary['real_time_factor']:.2g} x real time (compiling took {summary['compile_s']:.1f} s)",
-    )
-    table.add_row("energy balance", f"off by at most {summary['energy_balance_error']:.1e}")
-    table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
-    table.add_row("smallest J", f"{summary['min_J']:.3f}")
-    settled = "settled" if summary["settled"] else "still moving"
-    table.add_row("at the end", f"{settled}, fastest node {summary['largest_speed_mm_s']:.0f} mm/s")
-    for name, probe in summary["probes"].items():
-        x, y, z = probe["displacement_mm"]
-        table.add_row(name, f"({x:+.2f}, {y:+.2f}, {z:+.2f}) mm at {probe['speed_mm_s']:.0f} mm/s")
-    for path in summary.get("plots", []):
-        table.add_row("plot", path)
-    table.add_row("result", summary["result"])
-    Console().print(table)
-    for warning in summary["warnings"]:
-        _console.print(f"[yellow]note:[/yellow] {escape(warning)}", soft_wrap=True, highlight=False)
-
-
-def _show_pairs(title: str, found: dict[str, Any]) -> None:
-    table = Table(title=escape(title), title_justify="left", show_header=False)
-    for key, value in found.items():
-        if isinstance(value, dict):
-            table.add_row(key, "\n".join(f"{inner}: {_text(v)}" for inner, v in value.items()))
-        else:
-            table.add_row(key, _text(value))
-    Console().print(table)

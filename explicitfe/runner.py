@@ -107,7 +107,10 @@ def run(
 
     with _writer(prepared, target, overwrite, int(duration_s / every_s) + 2) as writer:
         compile_s = simulation.compile(lambda share: report("compile", share))
-        transient = Transient(simulation, duration_s, step_s)
+        try:
+            transient = Transient(simulation, duration_s, step_s)
+        except InputError as error:
+            raise InputError(f"{prepared.path}: {error}") from None
         ledger = Ledger()
         # Fields are stored as the recorder asks; wall time is that of computing and storing, without compiling.
         started = time.perf_counter()
@@ -202,6 +205,8 @@ def describe(prepared: Prepared) -> dict[str, Any]:
         "fixed_nodes": int(model.held.all(axis=1).sum()),
         "muscles": [muscle.model_dump() for muscle in prepared.scenario.muscle],
         "probes": {name: int(node) for name, node in model.probes.items()},
+        # With --set and all defaults: what was run, ready to be run again.
+        "scenario": prepared.scenario.model_dump(mode="json", exclude_none=True),
     }
 
 
@@ -237,9 +242,9 @@ def _warnings(prepared: Prepared, ledger: Ledger, last: Snapshot) -> list[str]:
         x, y, z = 1e3 * mesh.points[mesh.hexes[worst]].mean(axis=0)
         found.append(
             f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy "
-            f"({100 * ledger.hourglass_share_at_end:.0f} % at the "
-            f"end, most of it in element {worst} near ({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this "
-            "deformation; compare with a finer resolution before quoting numbers."
+            f"({100 * ledger.hourglass_share_at_end:.0f} % at the end, most of it in element {worst} near "
+            f"({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this deformation, or a force acts on too few nodes; "
+            'compare with a finer resolution, or spread the force (distribution = "along"), before quoting numbers.'
         )
     folded = int(np.sum(np.any(corner_jacobians(mesh.points + last.displacement, mesh.hexes) <= 0.0, axis=1)))
     if folded:
@@ -291,8 +296,8 @@ def _summary(
         "hourglass_share": ledger.hourglass_share,
         "hourglass_share_end": ledger.hourglass_share_at_end,
         "min_J": float(simulation.ledger[SMALLEST_J]),
-        # At its present speed no node would move by 5 % of the largest displacement in another 100 ms.
-        "settled": bool(finite and 0.1 * speed.max() < 0.05 * path_length.max()),
+        # At its present speed no node would move by more than 5 % of the largest displacement in another 100 ms.
+        "settled": bool(finite and 0.1 * speed.max() <= 0.05 * path_length.max()),
         "largest_displacement_mm": float(1e3 * path_length.max()),
         "largest_speed_mm_s": float(1e3 * speed.max()),
         "probes": {

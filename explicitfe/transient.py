@@ -22,6 +22,8 @@ FIRST_TURNS, TURNS = 40, 4  # of the iteration that finds the limit: at the star
 LOWEST_SHARE = 0.82
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
 SHARE_FLOOR = 0.01
+# Elastic energy below this share of the largest external work and kinetic energy is rounding: a body in free fall has none.
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -189,7 +191,7 @@ class Ledger:
         """Largest share of the hourglass energy in the elastic energy, where that is not next to nothing."""
         energies = np.array(self.energies)
         elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
-        there = elastic > SHARE_FLOOR * elastic.max(initial=0.0)
+        there = elastic > max(SHARE_FLOOR * elastic.max(initial=0.0), self._rounding_J)
         return float(np.max(energies[there, HOURGLASS] / elastic[there], initial=0.0))
 
     @property
@@ -197,4 +199,9 @@ class Ledger:
         """Share of the hourglass energy in the elastic energy at the last sample."""
         e = self.energies[-1]
         elastic = e[INTERNAL] + e[HOURGLASS]
-        return float(e[HOURGLASS] / elastic) if elastic > 0.0 else 0.0
+        return float(e[HOURGLASS] / elastic) if elastic > self._rounding_J else 0.0
+
+    @property
+    def _rounding_J(self) -> float:
+        energies = np.array(self.energies)
+        return ROUNDING * np.abs(energies[:, [EXTERNAL, KINETIC]]).max(initial=0.0)

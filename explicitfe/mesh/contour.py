@@ -53,6 +53,7 @@ class ContourMap:
     resolutions : name -> elements along s, t, w.
     named_points : name -> (s, t, w).
     attachments : name -> patches of the surface held by a bone.
+    fixed : names of the attachments that are held unless a scenario says otherwise.
     """
 
     s: np.ndarray
@@ -66,6 +67,7 @@ class ContourMap:
     resolutions: dict[str, tuple[int, int, int]]
     named_points: dict[str, tuple[float, float, float]]
     attachments: dict[str, tuple[Patch, ...]]
+    fixed: tuple[str, ...]
 
     @classmethod
     def from_toml(cls, path: Path | str) -> ContourMap:
@@ -87,13 +89,16 @@ class ContourMap:
     @classmethod
     def from_tables(cls, tables: Mapping, where: str) -> ContourMap:
         """The map from the parsed tables of a geometry file; ``where`` names the file in messages."""
-        _known(tables, ("axes", "contour", "half_width", "resolutions", "named_points", "attachments"), where)
+        _known(tables, ("fixed", "axes", "contour", "half_width", "resolutions", "named_points", "attachments"), where)
         axes, contour = tables["axes"], tables["contour"]
         _known(axes, ("s", "t"), f"{where}: axes")
         _known(contour, ("lower_mm", "upper_mm", "bow_mm", "drop", "keel"), f"{where}: contour")
         _known(tables["half_width"], ("mm",), f"{where}: half_width")
         s = _axis(axes["s"], f"{where}: axes.s")
         t = _axis(axes["t"], f"{where}: axes.t")
+        for name in tables["fixed"]:
+            if name not in tables["attachments"]:
+                raise InputError(f'{where}: fixed names no attachment "{name}"; {nearest(str(name), tables["attachments"])}')
 
         def column(name: str, *shape: int) -> np.ndarray:
             return _numbers(contour[name], (len(s), *shape), f"{where}: contour.{name}")
@@ -118,6 +123,7 @@ class ContourMap:
                 name: tuple(_patch(patch, f"{where}: attachments.{name}") for patch in patches)
                 for name, patches in tables["attachments"].items()
             },
+            fixed=tuple(tables["fixed"]),
         )
 
     @cached_property

@@ -109,7 +109,7 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
             tables = tomllib.load(file)
     except (OSError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read: {error}.") from error
-    return {name: _muscle(name, table, f"{path}: {name}", contour_map, cells) for name, table in tables.items()}
+    return {name: _muscle(name, table, f"{path}: muscle {name}", contour_map, cells) for name, table in tables.items()}
 
 
 def _muscle(name: str, table: Mapping, where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:
@@ -130,7 +130,7 @@ def _muscle(name: str, table: Mapping, where: str, contour_map: ContourMap, cell
         anchor = 1e-3 * _rows([table["anchor_mm"]], f"{where}: anchor_mm")[0]
 
     fibres, mirrored = [], []
-    for number, row in enumerate(table["fibres"]):
+    for number, row in enumerate(table["fibres"], start=1):
         line = _rows(row, f"{where}: fibre {number}")
         if len(line) < 2 or (np.diff(line, axis=0) == 0.0).all(axis=1).any():
             raise InputError(f"{where}: fibre {number} needs at least two points, no two in a row the same.")

@@ -33,10 +33,19 @@ def scenario_files() -> list[Path]:
 
 @cache
 def materials() -> dict[str, Law]:
-    """Named materials of all built-in models."""
+    """Named materials of all built-in models.
+
+    Raises
+    ------
+    InputError : two models give the same name.
+    """
     found: dict[str, Law] = {}
+    places: dict[str, Path] = {}
     for path in sorted(_data("models").glob("*/materials.toml")):
         for name, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
+            if name in found:
+                raise InputError(f'{path}: {places[name]} has a material "{name}" too; give one of them another name.')
+            places[name] = path
             found[name] = LAWS[table.get("law", "yeoh")][0].model_validate(table)
     return found
 
@@ -79,4 +88,4 @@ def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, in
     shape = contour(name)
     grid = cells_of(name, resolution, cells)
     muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
-    return Anatomy(name=name, mesh=shape.mesh(grid), muscles=muscles, fixed=("jaw", "hyoid"))
+    return Anatomy(name=name, mesh=shape.mesh(grid), muscles=muscles, fixed=shape.fixed)

@@ -6,20 +6,22 @@ import contextlib
 import io
 import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.fibres import Fibre, Muscle, locate_in_mesh, points_at_nodes
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.scenario import explain
+from explicitfe.model.scenario import Vector, explain, validated
 
 _UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _SOLID = {"tetra", "pyramid", "wedge", "hexahedron"}
+# Points of a fibre that lie nearer to each other than this share of the mesh are the same but for rounding.
+_SAME_POINT = 1e-9
 
 
 class _Table(BaseModel):
@@ -33,15 +35,24 @@ class ByPointData(_Table):
     value: float
 
 
+def _node_set(value: Any) -> Any:
+    if isinstance(value, list) and all(type(node) is int for node in value):
+        return value
+    if isinstance(value, dict) and value.keys() == ByPointData.model_fields.keys():
+        return ByPointData.model_validate(value, strict=True)
+    raise ValueError('must be a list of node numbers or { point_data = "...", value = ... }')
+
+
+NodeSet = Annotated[list[int] | ByPointData, BeforeValidator(_node_set)]
+
+
 class FibreTable(_Table):
     """One fibre, from origin to insertion: through nodes or through points, from a point in space if ``anchor`` is given."""
 
     side: Literal["left", "right"]
     nodes: list[int] = []
-    points: list[tuple[float, float, float]] = Field(default=[], description="in the mesh's length unit")
-    anchor: tuple[float, float, float] | None = Field(
-        default=None, description="origin fixed in space (bone), in the mesh's length unit"
-    )
+    points: list[Vector] = Field(default=[], description="in the mesh's length unit")
+    anchor: Vector | None = Field(default=None, description="origin fixed in space (bone), in the mesh's length unit")
 
     @model_validator(mode="after")
     def _one_way(self) -> FibreTable:
@@ -55,7 +66,7 @@ class FibreTable(_Table):
 class FileMuscle(_Table):
     """One muscle of a model file."""
 
-    name: str
+    name: str = Field(min_length=1)
     title: str = ""
     max_force_N: float = Field(default=0.0, ge=0.0)
     fibre: list[FibreTable] = Field(min_length=1)
@@ -69,10 +80,26 @@ class ModelFile(_Table):
     mesh: str = Field(description="mesh file, relative to this file")
     length_unit: Literal["m", "cm", "mm"]
     first_number: Literal[0, 1] = Field(default=0, description="number of the first node in this file's lists")
-    node_sets: dict[str, list[int] | ByPointData] = {}
+    node_sets: dict[str, NodeSet] = {}
     fixed: list[str] = Field(default=[], description="node sets that are held")
     named_points: dict[str, int] = {}
     muscle: list[FileMuscle] = []
+
+    @field_validator("node_sets", "named_points")
+    @classmethod
+    def _names_can_be_stored(cls, named: dict[str, Any]) -> dict[str, Any]:
+        for name in named:
+            if not name.strip() or name == "." or "/" in name or "\0" in name:
+                raise ValueError(f'"{name}" cannot be a name in a result file: give one of letters and digits, without "/"')
+        return named
+
+    @model_validator(mode="after")
+    def _muscles_differ(self) -> ModelFile:
+        names = [muscle.name for muscle in self.muscle]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{names.count(name)} muscles are called {name}; give each another name, or one all the fibres")
+        return self
 
 
 def read_model_file(path: Path) -> Anatomy:
@@ -89,7 +116,7 @@ def read_model_file(path: Path) -> Anatomy:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: this is not valid TOML: {error}.") from None
     try:
-        table = ModelFile.model_validate(data)
+        table = validated(ModelFile, data)
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, data, ModelFile)}") from None
 
@@ -124,14 +151,14 @@ def read_model_file(path: Path) -> Anatomy:
         fibres = []
         for number, fibre in enumerate(muscle.fibre):
             what = f"fibre {number + 1} of muscle {muscle.name}"
-            if fibre.nodes:
-                chain = points_at_nodes(mesh, nodes(fibre.nodes, what))
-            else:
-                try:
-                    chain = locate_in_mesh(mesh, np.array(fibre.points) * unit)
-                except InputError as error:
-                    raise InputError(f"{path}: {what}: {error}") from None
-            fibres.append(Fibre.through(_anchored(chain, fibre.anchor, unit), fibre.side, mesh))
+            numbers = nodes(fibre.nodes, what)
+            try:
+                chain = points_at_nodes(mesh, numbers) if fibre.nodes else locate_in_mesh(mesh, np.array(fibre.points) * unit)
+                chain = _anchored(chain, fibre.anchor, unit)
+                _check_pieces(chain, mesh)
+                fibres.append(Fibre.through(chain, fibre.side, mesh))
+            except InputError as error:
+                raise InputError(f"{path}: {what}: {error}") from None
         muscles[muscle.name] = Muscle.of(muscle.name, muscle.title, muscle.max_force_N, tuple(fibres))
     return Anatomy(name=path.stem, mesh=mesh, muscles=muscles, fixed=tuple(table.fixed))
 
@@ -172,6 +199,15 @@ def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where:
     if not len(found):
         raise InputError(f"{where}: no node has {entry.point_data} = {entry.value:g}.")
     return found
+
+
+def _check_pieces(chain: MaterialPoints, mesh: HexMesh) -> None:
+    """InputError where two points in a row are the same: the piece between them has no direction to pull in."""
+    lengths = np.linalg.norm(np.diff(chain.position, axis=0), axis=1)
+    same = np.flatnonzero(lengths <= _SAME_POINT * np.ptp(mesh.points, axis=0).max())
+    if len(same):
+        x, y, z = 1e3 * chain.position[same[0]]
+        raise InputError(f"two points in a row lie at the same place, ({x:.2f}, {y:.2f}, {z:.2f}) mm; take one of them out.")
 
 
 def _anchored(chain: MaterialPoints, anchor: tuple[float, float, float] | None, unit: float) -> MaterialPoints:

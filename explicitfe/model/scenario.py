@@ -2,21 +2,50 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import LAWS
 
-FIELDS = ("displacement", "velocity", "J", "hourglass_energy")
+FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
+FIELDS: tuple[str, ...] = get_args(FieldName)
 
 
 class _Table(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+_AnyTable = TypeVar("_AnyTable", bound=BaseModel)
+
+
+def validated(table: type[_AnyTable], data: dict[str, Any]) -> _AnyTable:
+    """Parsed TOML as a table of the schema, strictly: "2" is no number. Strict JSON lets arrays be tuples, 2 be 2.0.
+
+    Raises
+    ------
+    ValidationError : see :func:`explain`.
+    """
+    return table.model_validate_json(json.dumps(data, default=str), strict=True)
+
+
+def _row(length: int, what: str) -> Callable[[Any], Any]:
+    def check(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list | tuple) or len(value) != length:
+            raise ValueError(f"must be {what}")
+        return tuple(value)
+
+    return check
+
+
+Vector = Annotated[tuple[float, float, float], BeforeValidator(_row(3, "three numbers [x, y, z]"))]
+Cells = Annotated[tuple[int, int, int], BeforeValidator(_row(3, "three whole numbers, such as [16, 8, 10]"))]
+Pair = Annotated[tuple[float, float], BeforeValidator(_row(2, "a pair [time_ms, scale]"))]
 
 
 def _material_kind(value: Any) -> str:
@@ -42,7 +71,7 @@ class ModelTable(_Table):
     name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
     file: str | None = Field(default=None, description="model file of a mesh of one's own, relative to this file")
     resolution: str | None = Field(default=None, description="coarse | medium | fine; medium if left out")
-    cells: tuple[int, int, int] | None = Field(
+    cells: Cells | None = Field(
         default=None, description="numbers of elements along the tongue, through its thickness and across it"
     )
     material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
@@ -52,7 +81,7 @@ class ModelTable(_Table):
     )
     damping: Damping = Damping()
     fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
-    gravity_m_s2: tuple[float, float, float] = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
+    gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
 
     @model_validator(mode="after")
     def _one_source(self) -> ModelTable:
@@ -74,7 +103,7 @@ class MuscleTable(_Table):
     start_ms: float = Field(default=0.0, ge=0.0)
     rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
     end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
-    table: list[tuple[float, float]] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
+    table: list[Pair] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
     distribution: Literal["ends", "along", "volume"] = "ends"
     direction: Literal["reference", "following"] = "reference"
     side: Literal["both", "left", "right"] = "both"
@@ -87,6 +116,8 @@ class MuscleTable(_Table):
             raise ValueError('profile = "ramp" and rise_ms above 0 go together')
         if (self.profile == "table") != bool(self.table):
             raise ValueError('profile = "table" and a table of [time_ms, scale] pairs go together')
+        if self.profile == "table" and (self.start_ms > 0.0 or self.end_ms is not None):
+            raise ValueError('start_ms and end_ms do not go with profile = "table": put the times into the table')
         times = [time for time, _ in self.table]
         if times != sorted(times) or any(time < 0.0 for time in times):
             raise ValueError("the times of table must not be negative and must not decrease")
@@ -109,7 +140,7 @@ class RecordTable(_Table):
     """What is stored."""
 
     every_ms: float = Field(default=1.0, gt=0.0)
-    fields: list[Literal["displacement", "velocity", "J", "hourglass_energy"]] = list(FIELDS)
+    fields: list[FieldName] = list(FIELDS)
     probes: list[str] | None = Field(default=None, description="named points; all of the model if left out")
 
 
@@ -130,7 +161,7 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
 
     Parameters
     ----------
-    path : the file.
+    path : the file; one that ends in .json holds the same tables as JSON, as a result does.
     settings : ``key=value`` pairs that replace what the file says; a muscle is reached by its name
         (``muscle.GGp.force_N=1.5``).
 
@@ -148,13 +179,14 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     except UnicodeDecodeError:
         raise InputError(f"{path}: this is not a text file; a scenario is written in TOML.") from None
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        kind = "JSON" if path.suffix == ".json" else "TOML"
+        raise InputError(f"{path}: this is not valid {kind}: {error}.") from None
     for setting in settings:
         _apply(data, setting)
     try:
-        scenario = Scenario.model_validate(data)
+        scenario = validated(Scenario, data)
     except ValidationError as error:
         raise InputError(f"{path}: {_explain(error, data, Scenario)}") from None
     header = "".join(f"# --set {setting}\n" for setting in settings)
@@ -189,7 +221,7 @@ def _explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
         sentence = f"{'.'.join(where) or 'the scenario'}: {problem['ctx']['error']}"
     else:
         message = problem["msg"][0].lower() + problem["msg"][1:]
-        sentence = f"{'.'.join(where)} = {problem['input']!r} is not possible: {message}"
+        sentence = f"{'.'.join(where) or 'the whole'} = {problem['input']!r} is not possible: {message}"
     more = f" ({len(problems) - 1} more after this one)" if len(problems) > 1 else ""
     return f"{sentence.rstrip('.')}{more}" + ("" if sentence.endswith("?") and not more else ".")
 
@@ -202,8 +234,12 @@ def _where(keys: Iterable[Any], data: Any) -> list[str]:
             data = data[key]
         except (KeyError, IndexError, TypeError):
             data = None
-        name = data.get("name") if isinstance(data, dict) and isinstance(key, int) else None
-        path.append(str(name if name is not None else key))
+        if isinstance(data, dict) and isinstance(key, int) and path:
+            # A table of an array: by its name, or else by its number, from 1 as a person counts.
+            name = data.get("name")
+            path[-1:] = [path[-1], name] if isinstance(name, str) else [f"{path[-1]} {key + 1}"]
+        else:
+            path.append(str(key))
     return path
 
 
@@ -229,12 +265,13 @@ def _tables(annotation: Any) -> Iterable[type[BaseModel]]:
         yield from _tables(inner)
 
 
-_EITHER_OR = [
-    (["model", "cells"], "resolution"),
-    (["model", "resolution"], "cells"),
-    (["model", "name"], "file"),
-    (["model", "file"], "name"),
-]
+# What is set replaces its alternatives: keys of [model].
+_REPLACES = {
+    "model.cells": ("resolution",),
+    "model.resolution": ("cells",),
+    "model.name": ("file",),
+    "model.file": ("name", "resolution", "cells"),
+}
 
 
 def _apply(data: dict[str, Any], setting: str) -> None:
@@ -247,9 +284,9 @@ def _apply(data: dict[str, Any], setting: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a bare word is a string
-    for one, other in _EITHER_OR:
-        if keys == one and isinstance(data.get(one[0]), dict):
-            data[one[0]].pop(other, None)  # what is set replaces its alternative
+    if isinstance(data.get("model"), dict):
+        for other in _REPLACES.get(".".join(keys), ()):
+            data["model"].pop(other, None)
     at: Any = data
     for depth, key in enumerate(keys):
         place = ".".join(keys[:depth]) or "the scenario"

@@ -15,7 +15,7 @@ says how many are valid.
     /explicitfe                            @format = 1
       status/state, message, summary       fixed length; summary is JSON
       scenario                             text as the user wrote it, @sha256
-      model   provenance                   JSON
+      model   provenance                   JSON; model has the scenario with --set and defaults as "scenario"
       node_sets/<name>                     node numbers
       named_points/<name>                  node number
       history/<name> (rows, ...)           @unit @description; the group's @rows says how many rows are valid

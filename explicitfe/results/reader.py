@@ -78,7 +78,9 @@ class Result:
 
     @property
     def status(self) -> str:
-        """``"finished"``, ``"failed"``, or ``"running"`` when the run goes on or was killed."""
+        """``"finished"``, ``"inverted"``, ``"diverged"``, ``"unstable"`` or ``"interrupted"``; ``"running"`` when the run goes
+        on or was killed. ``message`` says why a run ended early.
+        """
         return self._text(f"{layout.STATUS}/state")
 
     @property
@@ -103,7 +105,7 @@ class Result:
 
     @property
     def model(self) -> dict[str, Any]:
-        """The model that was run, defaults filled in."""
+        """The model that was run; ``model["scenario"]`` is its scenario with ``--set`` and defaults filled in."""
         return json.loads(self._text(layout.MODEL))
 
     @property
@@ -226,6 +228,7 @@ class Result:
 
     def summary_dict(self) -> dict[str, Any]:
         """What the file holds, ready for JSON: the answer of ``explicitfe inspect --json``."""
+        rows = int(self._file[layout.HISTORY].attrs["rows"])
         return {
             "path": str(self.path),
             "status": self.status,
@@ -236,12 +239,15 @@ class Result:
             "elements": self.mesh.element_count,
             "steps": len(self.times),
             "time_s": [float(time) for time in self.times[[0, -1]]] if len(self.times) else [],
+            "every_s": float(np.ptp(self.times)) / (len(self.times) - 1) if len(self.times) > 1 else None,
             "fields": [{"name": name, "kind": info.kind, **vars(info.quantity)} for name, info in self.fields.items()],
             "history": [{"name": name, **vars(quantity)} for name, quantity in self.history_names.items()],
-            "history_rows": int(self._file[layout.HISTORY].attrs["rows"]),
+            "history_rows": rows,
+            "last": {name: self.history(name)[-1].tolist() for name in self.history_names} if rows else {},
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
             "named_points": self.mesh.named_points,
             "scenario_sha256": self.scenario_sha256,
+            "model": self.model,
             "provenance": self.provenance,
         }
 

@@ -40,6 +40,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "bl
 LINES = ("-", "--", ":", "-.")
 # Below this share of its largest, shares of the elastic energy mean nothing, as in the summary of a run.
 SHARE_FLOOR = 0.01
+ROUNDING = 1e-12
 USUAL_SHARE = 0.1  # of hourglass energy: what users of explicit codes are advised to stay below
 RENDER_LIMIT_S = 120.0
 
@@ -485,7 +486,8 @@ def hourglass_share(result: Result) -> np.ndarray:
     """Share of hourglass energy in the elastic energy over the history; NaN where that is next to nothing."""
     hourglass = result.history("hourglass_energy")
     elastic = result.history("internal_energy") + hourglass
-    there = elastic > SHARE_FLOOR * np.nanmax(elastic, initial=0.0)
+    other = np.abs([result.history("external_work"), result.history("kinetic_energy")])
+    there = elastic > max(SHARE_FLOOR * np.nanmax(elastic, initial=0.0), ROUNDING * np.nanmax(other, initial=0.0))
     return np.divide(hourglass, elastic, out=np.full(len(elastic), np.nan), where=there)
 
 

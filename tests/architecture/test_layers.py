@@ -30,7 +30,7 @@ RANKS = [
     {"build"},
     {"transient", "results"},
     {"runner", "view"},
-    {"check"},
+    {"check", "show"},
     {"__init__"},
     {"cli"},
     {"__main__"},

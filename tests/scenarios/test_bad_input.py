@@ -11,7 +11,9 @@ import pytest
 from command import command
 from support import block_mesh
 
-from explicitfe.errors import nearest
+from explicitfe.errors import InputError, nearest
+from explicitfe.model import catalogue
+from explicitfe.model.scenario import read_scenario
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
@@ -28,7 +30,25 @@ SETTINGS = [
     ("muscle.GGx.force_N=1", ["GGx", 'did you mean "GGp"?']),
     ("analysis.duration_ms=0", ["analysis.duration_ms", "greater than 0"]),
     ("analysis.duration_ms=long", ["analysis.duration_ms", "number"]),
-    ("analysis.step_us=100000", ["analysis.step_us", "unstable", "largest stable step", "element"]),
+    ("analysis.step_us=100000", ["vowel-i.toml", "analysis.step_us", "unstable", "largest stable step", "element"]),
+    ('muscle.GGp.force_N="2"', ["muscle.GGp.force_N", "'2'", "valid number"]),
+    ('model.material={C10_Pa="191.5", C20_Pa=90.6}', ["model.material.C10_Pa", "valid number"]),
+    ("model.damping.alpha_per_s=true", ["model.damping.alpha_per_s", "valid number"]),
+    ("model.gravity_m_s2=[0, 0]", ["model.gravity_m_s2: must be three numbers [x, y, z]"]),
+    ("model.cells=[8, 4]", ["model.cells: must be three whole numbers"]),
+    (
+        'muscle=[{name="GGp", force_N=1, profile="table", table=[[0, 1, 2]]}]',
+        ["muscle.GGp.table.0: must be a pair [time_ms, scale]"],
+    ),
+    (
+        'muscle=[{name="GGp", force_N=1, profile="table", table=[[0, 1]], end_ms=5}]',
+        ["muscle.GGp", "end_ms", 'profile = "table"'],
+    ),
+    (
+        'muscle=[{name="GGp", force_N=1, profile="table", table=[[0, 1]], start_ms=5}]',
+        ["muscle.GGp", "start_ms", 'profile = "table"'],
+    ),
+    ("muscle=[{force_N=1}]", ['the key "name" is missing in [muscle 1]']),
     ("model.material=gerard-2006", ["gerard-2006", 'did you mean "gerard-2005"?']),
     ("model.material={C10_Pa=191.5}", ["C20_Pa", "missing"]),
     ("model.material={C10_Pa=191.5, C20_Pa=90.6, poisson=0.5}", ["poisson", "0.5", "less than 0.5"]),
@@ -56,6 +76,11 @@ def test_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     scenario.write_text("title = ")
     _refused(["check", str(scenario)], ["mine.toml", "not valid TOML"], capsys)
     _refused(["check", str(tmp_path / "none.toml")], ["none.toml", "cannot be read"], capsys)
+    stored = tmp_path / "stored.json"
+    stored.write_text("{")
+    _refused(["check", str(stored)], ["stored.json", "not valid JSON"], capsys)
+    stored.write_text("[1]")
+    _refused(["check", str(stored)], ["stored.json: the whole = [1] is not possible"], capsys)
 
 
 def test_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -97,6 +122,15 @@ def _own_mesh(folder: Path, points: np.ndarray, cells: list, **tables: object) -
     scenario = folder / "own.toml"
     scenario.write_text('title = "own"\n[model]\nfile = "block.toml"\n[analysis]\nduration_ms = 1.0\n')
     return scenario
+
+
+def _add_muscles(folder: Path, *muscles: dict) -> None:
+    """Append [[muscle]] tables to the model file in a folder."""
+    with (folder / "block.toml").open("a") as file:
+        for muscle in muscles:
+            file.write(f"[[muscle]]\nname = {json.dumps(muscle['name'])}\n")
+            for fibre in muscle["fibre"]:
+                file.write("[[muscle.fibre]]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in fibre.items()))
 
 
 def test_own_mesh_runs(tmp_path: Path) -> None:
@@ -147,6 +181,117 @@ def test_model_file_with_mistakes(tmp_path: Path, capsys: pytest.CaptureFixture[
     _refused(run, ["block.toml", "base", 'did you mean "bases"?'], capsys)
     _own_mesh(tmp_path, mesh.points, cells, lenght_unit="mm")
     _refused(run, ["block.toml", "lenght_unit", 'did you mean "length_unit"?'], capsys)
+
+
+_TOP = {"name": "TOP"}
+_LEFT = {"side": "left", "nodes": [0, 9, 18]}
+# The mesh has the nodes 0, 1, 2 at x = y = 0, and lengths in m.
+FILES = [
+    ("the same node twice", {"fibre": [_LEFT, {"side": "right", "nodes": [0, 9, 9]}]}, ["fibre 2 of muscle TOP", "same place"]),
+    ("the same point twice", {"fibre": [{"side": "left", "points": [[0, 0, 0], [0, 0, 0], [0, 0, 0.02]]}]},
+     ["fibre 1 of muscle TOP", "same place"]),
+    ("anchor at the first point", {"fibre": [{"side": "left", "anchor": [0, 0, 0], "points": [[0, 0, 0]]}]},
+     ["fibre 1 of muscle TOP", "same place"]),
+    ("a fibre that leaves the mesh", {"fibre": [_LEFT, {"side": "right", "points": [[0, 0, 0], [0, 0, 0.2]]}]},
+     ["fibre 2 of muscle TOP", "outside the mesh"]),
+    ("a node that no element has", {"fibre": [{"side": "left", "nodes": [0, 999]}]}, ["fibre 1 of muscle TOP", "999"]),
+    ("a fibre of one node", {"fibre": [_LEFT, {"side": "left", "nodes": [3]}]}, ["muscle.TOP.fibre 2", "two points"]),
+    ("an anchor of two numbers", {"fibre": [{**_LEFT, "anchor": [0, 0]}]}, ["anchor: must be three numbers [x, y, z]"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("muscle", "words"), [case[1:] for case in FILES], ids=[case[0] for case in FILES])
+def test_fibres_that_cannot_be(muscle: dict, words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = block_mesh((2, 2, 2), 0.01, distort=0.0)
+    scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
+    _add_muscles(tmp_path, _TOP | muscle)
+    _refused(["run", str(scenario), "--out", str(tmp_path)], ["block.toml", *words], capsys)
+
+
+def test_fibre_whose_middle_lies_outside_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its nodes lie in two cubes, and the piece between them in neither."""
+    mesh = block_mesh((1, 1, 1), 0.01, distort=0.0)
+    points = np.concatenate([mesh.points, mesh.points + [0.1, 0.0, 0.0]])
+    scenario = _own_mesh(tmp_path, points, [("hexahedron", np.concatenate([mesh.hexes, mesh.hexes + 8]))])
+    _add_muscles(tmp_path, _TOP | {"fibre": [{"side": "left", "nodes": [0, 8]}]})
+    _refused(["run", str(scenario), "--out", str(tmp_path)], ["block.toml", "fibre 1 of muscle TOP", "outside"], capsys)
+
+
+def test_muscles_of_a_model_file_have_names_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = block_mesh((2, 2, 2), 0.01)
+    scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
+    _add_muscles(tmp_path, _TOP | {"fibre": [_LEFT]}, _TOP | {"fibre": [_LEFT]})
+    _refused(["run", str(scenario), "--out", str(tmp_path)], ["block.toml", "2 muscles are called TOP"], capsys)
+
+
+def test_fibre_that_ends_where_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A ring has no chord to pull along; with another distribution it runs."""
+    mesh = block_mesh((2, 2, 2), 0.01, distort=0.0)
+    scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
+    _add_muscles(tmp_path, _TOP | {"fibre": [{"side": "left", "nodes": [0, 9, 12, 3, 0]}]})
+    pulling = ["run", str(scenario), "--out", str(tmp_path), "--set"]
+    _refused([*pulling, 'muscle=[{name="TOP", force_N=1e-4}]'], ["fibre 1 of muscle TOP", 'distribution = "along"'], capsys)
+    assert command([*pulling, 'muscle=[{name="TOP", force_N=1e-4, distribution="along"}]']) == 0
+
+
+@pytest.mark.parametrize("name", ["left/right", "", " ", "."])
+@pytest.mark.parametrize("key", ["node_sets", "named_points"])
+def test_names_that_a_result_cannot_hold(key: str, name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = block_mesh((2, 2, 2), 0.01)
+    scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
+    with (tmp_path / "block.toml").open("a") as file:
+        file.write(f'[{key}]\n"{name}" = {[0, 1] if key == "node_sets" else 0}\n')
+    _refused(["run", str(scenario), "--out", str(tmp_path)], ["block.toml", key, f'"{name}" cannot be a name'], capsys)
+
+
+@pytest.mark.parametrize("entry", ["abc", {"point_data": '"wall"'}, [0, "1"], 3])
+def test_node_sets_that_are_none(entry: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = block_mesh((2, 2, 2), 0.01)
+    _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
+    value = "{ point_data = 'wall' }" if isinstance(entry, dict) else json.dumps(entry)
+    with (tmp_path / "block.toml").open("a") as file:
+        file.write(f"[node_sets]\nx = {value}\n")
+    words = ["block.toml", 'node_sets.x: must be a list of node numbers or { point_data = "...", value = ... }']
+    _refused(["check", str(tmp_path / "own.toml")], words, capsys)
+
+
+def test_model_file_is_strict_about_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = block_mesh((2, 2, 2), 0.01)
+    scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)], named_points={"a": '"1"'})
+    _refused(["check", str(scenario)], ["block.toml", "named_points.a", "integer"], capsys)
+
+
+def test_setting_the_source_of_a_model_replaces_the_other(tmp_path: Path) -> None:
+    """model.file takes the place of name, resolution and cells, and model.name that of file."""
+    mesh = block_mesh((2, 2, 2), 0.01)
+    own = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
+    settings = [f"model.file={tmp_path / 'block.toml'}", "muscle=[]", "analysis.duration_ms=1"]
+    for name in ("resolution", "cells"):
+        built_in = tmp_path / f"{name}.toml"
+        value = '"coarse"' if name == "resolution" else "[8, 4, 4]"
+        built_in.write_text(VOWEL.read_text().replace('resolution = "medium"', f"{name} = {value}"))
+        scenario, _ = read_scenario(built_in, settings)
+        assert scenario.model.file and (scenario.model.name, scenario.model.resolution, scenario.model.cells) == (None,) * 3
+    scenario, _ = read_scenario(own, ["model.name=tongue", "model.resolution=coarse"])
+    assert (scenario.model.name, scenario.model.file) == ("tongue", None)
+
+
+def test_whole_numbers_and_arrays_are_numbers_and_tuples() -> None:
+    """Strictness is for text: 2 is a number of newtons, an array a vector."""
+    scenario, _ = read_scenario(
+        VOWEL, ["muscle.GGp.force_N=2", "model.gravity_m_s2=[0, 0, -9.81]", "model.material={C10_Pa=1, C20_Pa=0}"]
+    )
+    assert scenario.muscle[0].force_N == 2.0 and scenario.model.gravity_m_s2 == (0.0, 0.0, -9.81)
+    assert scenario.model.material.C10_Pa == 1.0
+
+
+def test_material_names_of_two_models_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for model in ("one", "two"):
+        (tmp_path / model).mkdir()
+        (tmp_path / model / "materials.toml").write_text('[soft]\nlaw = "neo-hooke"\nC10_Pa = 100.0\n')
+    monkeypatch.setattr(catalogue, "_data", lambda kind: tmp_path)
+    with pytest.raises(InputError, match=r'two.*one.*has a material "soft" too'):
+        catalogue.materials.__wrapped__()
 
 
 def test_nearest_lists_what_is_valid_when_nothing_is_near() -> None:

@@ -10,15 +10,20 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from command import command
 
 import explicitfe
+from explicitfe.check import LISTS
+from explicitfe.materials.neo_hooke import NeoHooke
+from explicitfe.model import catalogue
 from explicitfe.model.scenario import json_schema
 from explicitfe.results import open_result
 from explicitfe.runner import prepare
 from explicitfe.transient import Transient
+from explicitfe.view.figures import hourglass_share
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
@@ -65,7 +70,6 @@ def test_json_is_one_object_and_nothing_else(tmp_path: Path) -> None:
 
 def test_result_agrees_between_pyvista_and_h5py(tmp_path: Path) -> None:
     """At three times the displacement that pyvista shows is, bit for bit, the one that h5py reads."""
-    h5py = pytest.importorskip("h5py")
     summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
     with h5py.File(summary["result"]) as file, open_result(summary["result"]) as result:
         times = file["VTKHDF/Steps/Values"][:]
@@ -169,8 +173,15 @@ def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
     settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"]
     summary = explicitfe.run(VOWEL, tmp_path, settings=settings)
     assert summary["largest_displacement_mm"] == 0.0
+    assert summary["settled"]
     with open_result(summary["result"]) as result:
         assert "# --set muscle.GGp.force_N=0" in result.scenario_text
+
+
+def test_body_that_never_moved_is_at_rest(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    settings = [word for setting in (*SMALL, "muscle=[]") for word in ("--set", setting)]
+    assert command(["run", str(VOWEL), "--out", str(tmp_path), *settings]) == 0
+    assert "at rest" in capsys.readouterr().out
 
 
 def test_gravity_sags_by_free_fall_at_first(tmp_path: Path) -> None:
@@ -180,6 +191,10 @@ def test_gravity_sags_by_free_fall_at_first(tmp_path: Path) -> None:
     for probe in summary["probes"].values():
         assert probe["displacement_mm"][2] == pytest.approx(-0.5 * 9.81 * 0.010**2 * 1e3, rel=1e-9)
     assert summary["energy_balance_error"] < 1e-9
+    # It is not strained: what the elastic energy has is rounding, and its shares mean nothing.
+    assert (summary["hourglass_share"], summary["hourglass_share_end"], summary["warnings"]) == (0.0, 0.0, [])
+    with open_result(summary["result"]) as result:
+        assert np.all(np.isnan(hourglass_share(result)))
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "scenarios").glob("*.toml")), ids=lambda path: path.stem)
@@ -200,6 +215,27 @@ def test_lists(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(rows) >= (11 if what == "muscles" else 3)
 
 
+@pytest.mark.parametrize("what", ["models", "muscles", "scenarios", "materials"])
+def test_lists_never_cut_a_name(what: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal of 80 columns every name that a user has to type stands there whole."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert command(["list", what]) == 0
+    shown = capsys.readouterr().out
+    for row in LISTS[what]():
+        assert next(iter(row.values())) in shown
+    if what == "materials":
+        assert "C10 191.5 Pa, C20 90.6 Pa" in shown
+
+
+def test_list_of_materials_shows_the_constants_of_any_law(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(catalogue, "materials", lambda: {"soft": NeoHooke(law="neo-hooke", C10_Pa=100.0)})
+    assert command(["list", "materials"]) == 0
+    shown = capsys.readouterr().out
+    assert "C10 100 Pa, poisson 0.499" in shown and "None" not in shown
+
+
 def test_check_predicts_without_running(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """check says how many steps a run will take: within 10 % of what it then takes."""
     settings = [word for setting in SMALL for word in ("--set", setting)]
@@ -211,7 +247,7 @@ def test_check_predicts_without_running(tmp_path: Path, capsys: pytest.CaptureFi
     assert found["stable_step_bound_us"] <= found["stable_step_us"]
 
 
-def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
     assert command(["inspect", summary["result"], "--json"]) == 0
     text = capsys.readouterr().out
@@ -219,7 +255,59 @@ def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert found["status"] == "finished"
     for word in ("displacement", "hourglass_energy", "kinetic_energy", "tip", "explicitfe"):
         assert word in text
+    assert found["last"]["probe_tip_displacement"] == [1e-3 * x for x in summary["probes"]["tip"]["displacement_mm"]]
+    monkeypatch.setenv("COLUMNS", "80")
     assert command(["inspect", summary["result"]]) == 0
+    shown = capsys.readouterr().out
+    assert "{" not in shown and len(shown.splitlines()) < 50
+    for words in (
+        "finished",
+        "11 samples, 0 to 10 ms, every 1 ms",
+        "displacement (m)",
+        "kinetic energy",
+        "GGp 2 N",
+        "tip",
+        "numba",
+    ):
+        assert words in shown
+    assert next(line for line in shown.splitlines() if "│" in line).split()[1:4] == ["status", "│", "finished"]
+    x, _, z = summary["probes"]["tip"]["displacement_mm"]
+    assert f"({x:+.2f}, " in shown and f" {z:+.2f}) mm" in shown
+
+
+def test_check_shows_no_raw_numbers(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert command(["check", str(VOWEL), "--set", SMALL[0], "--set", 'muscle.GGa.side="left"']) == 0
+    shown = capsys.readouterr().out
+    assert "{" not in shown and len(shown.splitlines()) < 30
+    for words in ("128 hexes", "GGa 0.2 N: step from 0 ms; ends, reference, left side", "stable"):
+        assert words in shown
+
+
+def test_run_that_was_killed_is_inspected(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No summary yet: the table does without it."""
+    summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
+    with h5py.File(summary["result"], "r+") as file:
+        file["explicitfe/status/state"][()] = b"running"
+        file["explicitfe/status/summary"][()] = b"{}"
+    assert command(["inspect", summary["result"]]) == 0
+    assert "running (it was killed)" in capsys.readouterr().out
+
+
+def test_scenario_in_the_result_can_be_run_again(tmp_path: Path) -> None:
+    """The stored scenario has --set and defaults in it; as a file of its own it gives, bit for bit, the same end."""
+    settings = [*SMALL, "muscle.GGp.force_N=1.5", "model.material={C10_Pa=300.0, C20_Pa=100.0}", "record.probes=[]"]
+    first = explicitfe.run(VOWEL, tmp_path, settings=settings)
+    with open_result(first["result"]) as result:
+        model, u = result.model, result.displacement()
+        assert result.summary_dict()["model"] == model
+    stored = model["scenario"]
+    assert stored["muscle"][0]["force_N"] == 1.5 and stored["analysis"]["duration_ms"] == 10.0
+    (tmp_path / "again.json").write_text(json.dumps(stored))
+    again = explicitfe.run(tmp_path / "again.json", tmp_path)
+    with open_result(again["result"]) as result:
+        assert np.array_equal(result.displacement(), u)
+        assert result.model == model
 
 
 def test_help_carries_an_example(capsys: pytest.CaptureFixture[str]) -> None:

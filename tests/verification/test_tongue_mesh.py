@@ -514,7 +514,7 @@ def test_fibre_through_any_mesh(tongue, meshes, muscles):
         ("title = 'x'\naction = 'y'\nmax_force_N = 1.0\nfibers = []", "unknown key .*fibres"),
         ("title = 'x'\naction = 'y'\nfibres = [[[0.1,0.1,0.1],[0.2,0.2,0.2]]]", "max_force_N.* is missing"),
         ("title = 'x'\naction = 'y'\nmax_force_N = 0\nfibres = [[[0.1,0.1,0.1],[0.2,0.2,0.2]]]", "positive"),
-        ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,0.1]]]", "fibre 0 .*two points"),
+        ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,0.1]]]", "muscle GGx: fibre 1 .*two points"),
         ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1],[0.2,0.2]]]", "three"),
         ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,-0.1],[0.2,0.2,0.2]]]", "w < 0"),
         ("title = 'x'\naction = 'y'\nmax_force_N = 1\nfibres = [[[0.1,0.1,0.1],[0.2,1.2,0.2]]]", "outside the tongue"),
@@ -536,6 +536,7 @@ def test_muscle_files_that_cannot_be(tongue, tmp_path, text, words):
         ("[resolutions]", "[resolutions]\nodd = [16, 8, 9]", "resolutions.odd.*even"),
         ("bow_mm = [", "bow_mm = [0.0, ", "contour.bow_mm.*shape"),
         ("s = [0.385, 0.69]", "s = [0.69, 0.385]", "attachments.jaw.*upwards"),
+        ('fixed = ["jaw", "hyoid"]', 'fixed = ["jaws"]', 'fixed names no attachment "jaws"; did you mean "jaw"'),
         ("[contour]", "[contour", "cannot be read"),
     ],
 )

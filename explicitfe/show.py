@@ -1,0 +1,182 @@
+"""Results, checks and lists as tables for people; programs read the same numbers with ``--json``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+_ENERGIES = ("internal_energy", "hourglass_energy", "kinetic_energy", "external_work", "damping_loss")
+
+
+def listing(title: str, rows: list[dict[str, Any]]) -> Table:
+    """A list of what comes with the program. The first column, what a user has to type, is never cut."""
+    columns = [column for column in (rows[0] if rows else ()) if column != "source"]
+    left_out = rows and "source" in rows[0]
+    table = Table(title=title, title_justify="left", caption="sources: add --json" if left_out else None, caption_justify="left")
+    for number, column in enumerate(columns):
+        table.add_column(column, no_wrap=number == 0, overflow="fold")
+    for row in rows:
+        table.add_row(*(_text(row[column]) for column in columns))
+    return table
+
+
+def summary(found: dict[str, Any]) -> Table:
+    """What a run came to."""
+    table = _pairs(found["title"])
+    table.add_row("status", found["status"])
+    table.add_row("mesh", f"{found['hexes']} hexes, {found['nodes']} nodes")
+    table.add_row(
+        "steps",
+        f"{found['steps']} of {1e6 * found['dt_s']:.1f} µs or longer, at most "
+        f"{100 * found['dt_fraction_of_limit']:.0f} % of the stable limit",
+    )
+    table.add_row(
+        "speed",
+        f"{1e3 * found['simulated_s']:.1f} ms in {found['wall_s']:.2f} s: "
+        f"{found['real_time_factor']:.2g} x real time (compiling took {found['compile_s']:.1f} s)",
+    )
+    table.add_row("energy balance", f"off by at most {found['energy_balance_error']:.1e}")
+    table.add_row("hourglass share", f"{100 * found['hourglass_share']:.1f} % of the elastic energy at most")
+    table.add_row("smallest J", f"{found['min_J']:.3f}")
+    table.add_row("at the end", _motion(found))
+    for name, probe in found["probes"].items():
+        table.add_row(escape(name), f"{_vector_mm(probe['displacement_mm'])} at {probe['speed_mm_s']:.0f} mm/s")
+    for path in found.get("plots", []):
+        table.add_row("plot", escape(path))
+    table.add_row("result", escape(found["result"]))
+    return table
+
+
+def check(title: str, found: dict[str, Any]) -> Table:
+    """What is known of a scenario before it runs."""
+    table = _pairs(title)
+    table.add_row("model", escape(found["name"]))
+    table.add_row(
+        "mesh",
+        f"{found['hexes']} hexes, {found['nodes']} nodes, {found['fixed_nodes']} of them held; "
+        f"{1e-3 * found['volume_mm3']:.4g} cm³, {found['mass_g']:.4g} g",
+    )
+    table.add_row("edges", f"{found['smallest_edge_mm']:.3g} to {found['largest_edge_mm']:.3g} mm")
+    table.add_row("worst element", f"{found['worst_element']}, scaled Jacobian {found['smallest_scaled_jacobian']:.3g}")
+    for row in _physics(found):
+        table.add_row(*row)
+    table.add_row("probes", escape(", ".join(found["probes"])) or "none")
+    table.add_row(
+        "step",
+        f"{found['step_us']:.4g} µs, {'stable' if found['stable'] else '[red]unstable[/red]'}: the limit is "
+        f"{found['stable_step_us']:.4g} µs\n"
+        f"(at least {found['stable_step_bound_us']:.4g} µs, by element {found['limiting_element']})",
+    )
+    table.add_row(
+        "prediction", f"{found['predicted_steps']} steps in {found['predicted_wall_s']:.2g} s if the step stays as it is"
+    )
+    table.add_row("size", f"{found['kernel_memory_MB']:.3g} MB in memory, {found['result_size_MB']:.3g} MB in the result")
+    return table
+
+
+def result(found: dict[str, Any]) -> Table:
+    """What a result file holds."""
+    table = _pairs(found["path"])
+    run, last = found["summary"], found["last"]
+    state = found["status"]
+    if state == "running":
+        state += " (it goes on now)" if found["live"] else " (it was killed)"
+    table.add_row("status", escape(f"{state}: {found['message']}" if found["message"] else state))
+    table.add_row("title", escape(found["model"].get("scenario", {}).get("title", "")))
+    table.add_row("mesh", f"{found['elements']} hexes, {found['nodes']} nodes")
+    table.add_row("node sets", escape(", ".join(f"{name} ({count})" for name, count in found["node_sets"].items())) or "none")
+    for row in _physics(found["model"]):
+        table.add_row(*row)
+    table.add_row("times", _times(found))
+    table.add_row("fields", escape(", ".join(f"{field['name']} ({field['unit']})" for field in found["fields"])))
+    energies = [f"{_words(name)} {1e3 * last[name]:.4g} mJ" for name in _ENERGIES if name in last]
+    if energies:
+        table.add_row("last energies", "\n".join(energies))
+    if "balance_error" in last:
+        table.add_row("energy balance", f"off by at most {last['balance_error']:.1e}")
+    if run:
+        table.add_row("hourglass share", f"{100 * run['hourglass_share']:.1f} % of the elastic energy at most")
+        table.add_row("at the end", _motion(run))
+    for name in found["model"].get("probes", {}):
+        if f"probe_{name}_displacement" in last:
+            table.add_row(escape(name), _vector_mm([1e3 * x for x in last[f"probe_{name}_displacement"]]))
+    made = found["provenance"]
+    packages = ", ".join(f"{name} {made[name]}" for name in ("explicitfe", "python", "numpy", "numba", "h5py") if made.get(name))
+    rows = [packages, made.get("commit") and f"commit {made['commit']}", made.get("processor"), made.get("started_utc")]
+    table.add_row("made by", escape("\n".join(row for row in rows if row)))
+    table.add_row("scenario", f"sha256 {found['scenario_sha256'][:16]}…")
+    return table
+
+
+def _pairs(title: str) -> Table:
+    table = Table(title=escape(title), title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    return table
+
+
+def _physics(model: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows on tissue, damping and muscles."""
+    if "material" in model:
+        material = {key: value for key, value in model["material"].items() if key != "source"}
+        yield "material", f"{escape(material.pop('law'))}: {_text(material)}"
+    if "alpha_per_s" in model:
+        yield "damping", f"{model['alpha_per_s']:g} 1/s"
+    if "muscles" in model:
+        yield "muscles", escape("\n".join(_muscle(muscle) for muscle in model["muscles"])) or "none"
+
+
+def _muscle(muscle: dict[str, Any]) -> str:
+    if muscle["profile"] == "table":
+        course = f"table of {len(muscle['table'])} pairs"
+    else:
+        course = f"{muscle['profile']} from {muscle['start_ms']:g} ms"
+        course += f" in {muscle['rise_ms']:g} ms" if muscle["rise_ms"] else ""
+        course += f" to {muscle['end_ms']:g} ms" if muscle["end_ms"] is not None else ""
+    how = f"{muscle['distribution']}, {muscle['direction']}" + ("" if muscle["side"] == "both" else f", {muscle['side']} side")
+    return f"{muscle['name']} {muscle['force_N']:g} N: {course}; {how}"
+
+
+def _times(found: dict[str, Any]) -> str:
+    if not found["steps"]:
+        return "no sample"
+    first, last = (1e3 * time for time in found["time_s"])
+    text = f"{found['steps']} sample{'s' if found['steps'] > 1 else ''}, {first:.4g} to {last:.4g} ms"
+    return text if found["every_s"] is None else f"{text}, every {1e3 * found['every_s']:.3g} ms"
+
+
+def _motion(run: dict[str, Any]) -> str:
+    if run["settled"] and run["largest_speed_mm_s"] == 0.0:
+        return "at rest"
+    return f"{'settled' if run['settled'] else 'still moving'}, fastest node {run['largest_speed_mm_s']:.0f} mm/s"
+
+
+def _vector_mm(vector: list[float]) -> str:
+    x, y, z = vector
+    return f"({x:+.2f}, {y:+.2f}, {z:+.2f}) mm"
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _text(value: Any) -> str:
+    """Numbers in short, and a table of constants as 'C10 191.5 Pa, b 2': the unit stands at the end of the key."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, dict):
+        own_first = sorted(value, key=lambda key: key in ("poisson", "density_kg_m3"))
+        return ", ".join(_quantity(key, value[key]) for key in own_first)
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(inner) for inner in value)
+    return escape(str(value))
+
+
+def _quantity(key: str, value: Any) -> str:
+    for ending, unit in (("_Pa", "Pa"), ("_kg_m3", "kg/m³")):
+        if key.endswith(ending):
+            return f"{escape(key.removesuffix(ending))} {_text(value)} {unit}"
+    return f"{escape(key)} {_text(value)}"

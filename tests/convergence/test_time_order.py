@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support import LAWS, assert_order, block_mesh, model_of, true_limit
+from support import ELEMENTS, LAWS, assert_order, block_mesh, model_of, true_limit
 
 from explicitfe.build import Simulation
 from explicitfe.model.model import NodalLoad
@@ -20,7 +20,8 @@ STEPS = 16  # of the stable limit, in the whole run
 
 
 @pytest.mark.parametrize("law", list(LAWS))
-def test_second_order_with_load_jumps_and_damping(law, record_property):
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_second_order_with_load_jumps_and_damping(law, element, record_property):
     """|u_dt(T) - u(T)| ~ dt^2 for steps of 1/8 to 1/64 of the limit: orders of 2.0 +- 0.15 over three halvings.
 
     A clamped block, a step load from 0 to T/2, alpha = 40 1/s, T = 16 limits. The phase of the highest mode is off by
@@ -31,10 +32,10 @@ def test_second_order_with_load_jumps_and_damping(law, record_property):
     mesh = block_mesh((2, 2, 2), seed=13)
     nodes = mesh.node_sets["x1"]
     force = np.tile(np.array([0.01, 0.0, 0.02]) / len(nodes), (len(nodes), 1))
-    limit = true_limit(Simulation(model_of(mesh, LAWS[law], held=("x0",))), np.zeros_like(mesh.points))
+    limit = true_limit(Simulation(model_of(mesh, LAWS[law], held=("x0",), element=element)), np.zeros_like(mesh.points))
     duration = STEPS * limit
     load = NodalLoad("end", nodes, force, Profile.step(0.0, 0.5 * duration))
-    model = model_of(mesh, LAWS[law], held=("x0",), alpha_per_s=40.0, loads=(load,))
+    model = model_of(mesh, LAWS[law], held=("x0",), alpha_per_s=40.0, loads=(load,), element=element)
 
     def end(parts: int) -> np.ndarray:
         simulation = Simulation(model)

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support import LAWS, ROOT, YEOH, balance, block_mesh, model_of, random_rotation, true_limit
+import step_limit
+from support import ELEMENTS, LAWS, ROOT, YEOH, balance, block_mesh, model_of, random_rotation, true_limit
 
 from explicitfe.build import Simulation
 from explicitfe.errors import InputError
@@ -20,6 +21,7 @@ from explicitfe.timestep import FRACTION
 from explicitfe.transient import FIRST_TURNS, INVERTED, UNSTABLE, Transient
 
 BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))
+EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)
 EDGE = 0.01  # m
 
 
@@ -39,9 +41,10 @@ def states(mesh: HexMesh, count: int) -> list[np.ndarray]:
 
 
 @BOTH_LAWS
+@EVERY_ELEMENT
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.499])
 @pytest.mark.parametrize("cells", [(1, 1, 1), (2, 2, 2)], ids=["one element", "block"])
-def test_bound_is_a_bound(law, poisson, cells, record_property):
+def test_bound_is_a_bound(law, poisson, cells, element, record_property):
     """stable_bound() <= 2 / omega_max, at rest and strongly deformed, for stiff and for soft changes of volume.
 
     No mesh vibrates faster than its fastest element alone (Irons & Treharne 1971), and the bound is above that element's.
@@ -50,7 +53,7 @@ def test_bound_is_a_bound(law, poisson, cells, record_property):
     fifth of the true limit is left at least.
     """
     mesh = block_mesh(cells, EDGE, seed=32)
-    model = model_of(mesh, LAWS[law].model_copy(update={"poisson": poisson}))
+    model = model_of(mesh, LAWS[law].model_copy(update={"poisson": poisson}), element=element)
     ratios = []
     for u in states(mesh, 20 if cells == (1, 1, 1) else 3):
         simulation = Simulation(model, displacement=u)
@@ -68,8 +71,9 @@ def test_bound_is_a_bound(law, poisson, cells, record_property):
 
 
 @BOTH_LAWS
+@EVERY_ELEMENT
 @pytest.mark.parametrize("held", [(), ("x0",)], ids=["free", "clamped"])
-def test_estimate_is_close(law, held, record_property):
+def test_estimate_is_close(law, held, element, record_property):
     """The Lanczos estimate of the limit after 40 turns, as at the start of a run, against the dense matrix.
 
     From a random start its eigenvalue is low by at most 0.103 (ln(n (k - 1)^4) / (k - 1))^2 on average, whatever the spectrum
@@ -81,12 +85,59 @@ def test_estimate_is_close(law, held, record_property):
     allowed = 0.5 * 0.103 * (np.log(mesh.points.size * (turns - 1) ** 4) / (turns - 1)) ** 2
     ratios = []
     for u in states(mesh, 3):
-        simulation = Simulation(model_of(mesh, LAWS[law], held=held), displacement=u)
+        simulation = Simulation(model_of(mesh, LAWS[law], held=held, element=element), displacement=u)
         ratios.append(simulation.stable_limit(turns) / true_limit(simulation, u))
     record_property("estimate / limit", [float(r) for r in ratios])
     assert allowed < 0.02
     assert max(ratios) < 1.0 + allowed
     assert min(ratios) > 1.0 - 5e-5
+
+
+# Shapes at rest for which the bound has to hold: cubes, distorted hexes, slivers either way.
+SHAPES = {
+    "cube": ((1, 1, 1), 0.0),
+    "distorted": ((1, 1, 1), 0.15),
+    "plate": ((1, 1, 0.1), 0.15),
+    "needle": ((0.1, 0.1, 1), 0.15),
+}
+
+
+@EVERY_ELEMENT
+@pytest.mark.parametrize("shape", list(SHAPES))
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.499])
+def test_bound_of_any_shape_at_rest(shape, poisson, element, record_property):
+    """stable_bound() <= 2 / omega_max of one element at rest, dense, for ten distortions of each shape; 1e-8 as above."""
+    edges, distort = SHAPES[shape]
+    worst = 0.0
+    for seed in range(10):
+        mesh = block_mesh((1, 1, 1), EDGE * np.array(edges), distort, seed)
+        simulation = Simulation(model_of(mesh, YEOH.model_copy(update={"poisson": poisson}), element=element))
+        worst = max(worst, simulation.stable_bound()[0] / true_limit(simulation, np.zeros_like(mesh.points)))
+    record_property("largest bound / limit", worst)
+    assert 0.2 < worst <= 1.0 + 1e-8
+
+
+MEASURED = ["1 cube", "4³ hexes, 15 % distorted", "4³ plates 10 : 10 : 1", "4³ cubes, one a sliver"]
+
+
+@EVERY_ELEMENT
+@pytest.mark.parametrize("name", MEASURED)
+def test_step_against_the_measured_limit(name, element, record_property):
+    """The step taken against where a run just blows up, found by bisection of runs of 2000 steps: a part of docs/step.md.
+
+    FRACTION of an estimate that is high by 1.3 % at the very most (see above), of a limit measured to
+    step_limit.RESOLUTION, cut into equal parts of a run of 1000 steps or more: between 0.9 x 0.998 and 0.9 x 1.013, so it is
+    stable and above 0.8. The bound lies below the measured limit too.
+    """
+    model = dict(step_limit.bodies())[name](element)
+    limit = step_limit.true_limit(model)
+    taken, bound = step_limit.taken(model) / limit, Simulation(model).stable_bound()[0] / limit
+    record_property("taken / true", taken)
+    record_property("bound / true", bound)
+    assert (1.0 - 2e-3) * FRACTION < taken < 1.013 * FRACTION
+    assert bound < 1.0 + step_limit.RESOLUTION
+    assert step_limit.blows_up(model, 1.01 * limit)
+    assert not step_limit.blows_up(model, 0.99 * limit)
 
 
 def test_step_of_a_run_stays_below_the_limit(record_property):
@@ -110,21 +161,22 @@ def test_step_of_a_run_stays_below_the_limit(record_property):
 # ---- runs at, below and above it ----
 
 
-def shaken_block(law: str = "yeoh") -> tuple[Model, np.ndarray]:
+def shaken_block(law: str = "yeoh", element: str = "hex8") -> tuple[Model, np.ndarray]:
     """A free distorted block whose nodes start at up to 10 mm/s: strains of 1e-3."""
     mesh = block_mesh((3, 2, 2), EDGE, seed=34)
     velocity = np.random.default_rng(34).uniform(-0.01, 0.01, mesh.points.shape)
-    return model_of(mesh, LAWS[law]), velocity
+    return model_of(mesh, LAWS[law], element=element), velocity
 
 
 @BOTH_LAWS
-def test_nine_tenths_of_the_limit_is_stable(law, record_property):
+@EVERY_ELEMENT
+def test_nine_tenths_of_the_limit_is_stable(law, element, record_property):
     """2000 steps at 0.9 of the true limit: no element turns inside out and the energy stays within 1 %.
 
     Amplitudes v / omega = 0.01 / 3400 m are 3e-4 of an edge: strains e = 6e-4 leave an error of the order
     e (omega dt)^2 / 12 = 2e-4 in the trapezoidal rule, see test_energy.py; near the limit 1 / (1 - 0.9^2) = 5 times that.
     """
-    model, velocity = shaken_block(law)
+    model, velocity = shaken_block(law, element)
     simulation = Simulation(model, velocity=velocity)
     dt = 0.9 * true_limit(simulation, np.zeros_like(velocity))
     simulation.start(dt)
@@ -137,13 +189,14 @@ def test_nine_tenths_of_the_limit_is_stable(law, record_property):
     assert max(errors) < 0.01
 
 
-def test_five_percent_above_the_limit_blows_up_and_is_seen(record_property):
+@EVERY_ELEMENT
+def test_five_percent_above_the_limit_blows_up_and_is_seen(element, record_property):
     """At 1.05 of the true limit the highest mode grows by 1.88 a step and ``advance`` says that an element turned over.
 
     r + 1/r = (omega dt)^2 - 2 with omega dt = 2.1 gives r = 1.88: from strains of 1e-4 to 1 within ln(1e4) / ln 1.88 = 15
     steps, and what large strains change takes a few more; 200 are asked for. At 0.95 nothing happens.
     """
-    model, velocity = shaken_block()
+    model, velocity = shaken_block(element=element)
     limit = true_limit(Simulation(model), np.zeros_like(velocity))
     stable = Simulation(model, velocity=velocity)
     stable.start(0.95 * limit)
@@ -157,7 +210,8 @@ def test_five_percent_above_the_limit_blows_up_and_is_seen(record_property):
     assert unstable.steps < 200  # the loop ended where it happened
     assert unstable.time_s == pytest.approx(unstable.steps * 1.05 * limit, rel=1e-12)
     assert not snapshot.smallest_J > 0.0
-    assert not (snapshot.J > 0.0).all()
+    if element != "hex8-full":  # J of the snapshot is the mean there; a Gauss point may be the first to turn over
+        assert not (snapshot.J > 0.0).all()
 
 
 def test_fixed_step_above_the_limit_is_refused():

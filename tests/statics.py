@@ -361,8 +361,8 @@ def block_run(kind: str, element: str, n: int) -> BlockRun:
 def cantilever(element: str, across: int, duration_s: float, force_N: float = 0.02) -> tuple[np.ndarray, np.ndarray]:
     """Times (k,) s, about 1 ms apart, and the area mean of the end face's rise (k,) m of the dynamic cantilever.
 
-    60 x 20 x 20 mm in 3 a x a x a cubes, clamped at x = 0; ``force_N`` upwards, spread evenly over the end face, from t = 0 on and
-    held; no damping.
+    60 x 20 x 20 mm in 3 a x a x a cubes, clamped at x = 0; ``force_N`` upwards, spread evenly over the end face, from t = 0 on
+    and held; no damping.
     """
     edge = 0.02 / across
     mesh = block_mesh((3 * across, across, across), edge, distort=0.0)

@@ -48,7 +48,7 @@ AMPLITUDES = 1e-6 * np.array([1.0, -0.5, -1.0])  # m; WAVES . AMPLITUDES = 0
 
 
 def field(X: np.ndarray) -> np.ndarray:
-    """u = (A cos ax sin by sin cz, B sin ax cos by sin cz, C sin ax sin by cos cz): div u = -(A a + B b + C c) sin sin sin = 0."""
+    """u = (A cos ax sin by sin cz, B sin ax cos by sin cz, C sin ax sin by cos cz): div u = -(Aa + Bb + Cc) sin sin sin = 0."""
     s, c = np.sin(X * WAVES), np.cos(X * WAVES)
     return AMPLITUDES * np.stack([c[:, 0] * s[:, 1] * s[:, 2], s[:, 0] * c[:, 1] * s[:, 2], s[:, 0] * s[:, 1] * c[:, 2]], axis=1)
 
@@ -103,11 +103,11 @@ def test_frequency(element, distort, record_property):
     """Lame's mode of a free block, u = (-sin x cos y, cos x sin y, 0) with x, y in units of L / pi from its middle:
     omega^2 = 2 (G / rho) (pi / L)^2.
 
-    It keeps the volume and leaves all faces free of traction, at any Poisson's ratio and thickness (Lame 1852; Graff 1975, section
-    8.1). An eighth of the block is computed, with planes of symmetry, and the mode that overlaps it most is taken. 6, 9 and 12
-    elements a quarter wave. Its own next term, (pi / 12)^2 / 12 = 0.006 relative, is nothing, but the mesh mixes it with its
-    neighbour by s = O(h^2), which adds O(s^2): s^2 < 0.04 is checked, 4 % of the error, 0.04 / ln 1.5 = 0.1 of the order; a random
-    mesh with 3 % in the error constant another 0.03 / ln 1.33 = 0.1: 2 +- 0.2.
+    It keeps the volume and leaves all faces free of traction, at any Poisson's ratio and thickness (Lame 1852; Graff 1975,
+    section 8.1). An eighth of the block is computed, with planes of symmetry, and the mode that overlaps it most is taken. 6, 9
+    and 12 elements a quarter wave. Its own next term, (pi / 12)^2 / 12 = 0.006 relative, is nothing, but the mesh mixes it with
+    its neighbour by s = O(h^2), which adds O(s^2): s^2 < 0.04 is checked, 4 % of the error, 0.04 / ln 1.5 = 0.1 of the order; a
+    random mesh with 3 % in the error constant another 0.03 / ln 1.33 = 0.1: 2 +- 0.2.
     """
     exact = np.sqrt(2.0 * YEOH.shear_modulus_Pa / YEOH.density_kg_m3) * np.pi / SIZE
     errors, widths = [], []

@@ -1,0 +1,60 @@
+"""Beams bend as they should with few elements through the thickness, up to Poisson's ratio 0.4999.
+
+Tip deflection of a square beam, L / H = 3, clamped, sheared at its end, linearised; against the converged solution, the common
+limit of hex8 and hex8-full (docs/elements.md, `python benchmarks/elements.py --only bending`; known to 0.02 %).
+
+Where the bounds come from. Exactly bending elements would still miss what happens at the clamped edges, where the stress is
+singular: with cubes 9 % at two elements through the thickness and, the order there being 1.2, 9 x 2^-1.2 = 4 % at four; elements
+half as long along the axis see half of that. The required bounds are 10, 4, 4 and 2 %. With four cubes 4.03 and 4.05 % are
+found: the bound is 4.1 % there.
+"""
+
+from __future__ import annotations
+
+import pytest
+from statics import beam_deflection, timoshenko
+
+from explicitfe.elements import stiffness
+
+CONVERGED = {0.499: 4.85611, 0.4999: 4.85214}  # m/N
+BOUNDS = {(1.0, 2): 0.10, (1.0, 4): 0.041, (0.5, 2): 0.04, (0.5, 4): 0.02}  # axial edge by thickness edge, elements across
+
+
+def error(element: str, aspect: float, across: int, poisson: float) -> float:
+    return beam_deflection(element, 3.0, across, aspect, poisson) / CONVERGED[poisson] - 1.0
+
+
+@pytest.mark.parametrize("poisson", CONVERGED)
+@pytest.mark.parametrize(("aspect", "across"), BOUNDS)
+def test_tip_deflection(aspect, across, poisson, record_property):
+    """|w / w_converged - 1| below the bound, for the default element."""
+    found = error("hex8", aspect, across, poisson)
+    record_property("error", found)
+    assert abs(found) < BOUNDS[aspect, across]
+
+
+def test_no_locking():
+    """From 0.499 to 0.4999 the bulk modulus grows tenfold and the exact deflection falls by 0.08 %.
+
+    An element that locks would lose a good part of its deflection, one that does not only what the body loses: the ratio of the
+    two errors is 1 to 0.1 %.
+    """
+    for element in ("hex8", "hex8-full"):
+        ratio = (1.0 + error(element, 1.0, 4, 0.4999)) / (1.0 + error(element, 1.0, 4, 0.499))
+        assert abs(ratio - 1.0) < 1e-3
+
+
+def test_against_beam_theory():
+    """The converged solution is the beam's of Timoshenko less what the clamped end adds, which holds the change of the section.
+
+    It holds it over a length of about H / 4: on 3 H that is (1 - (1 - 1/12)^3) x (1 - 3/4) = 6 %, with plane strain (4 G) in
+    place of 3 G there. So between 0.92 and 1 of the beam's deflection; 0.941 is found.
+    """
+    assert 0.92 < CONVERGED[0.499] / timoshenko(3.0, 0.499) < 1.0
+
+
+@pytest.mark.parametrize("factor", [0.2, 5.0])
+def test_a_fitted_coefficient_fails(factor, monkeypatch):
+    """Plain stiffness with another coefficient is off by more than the bound: the bounds can be missed."""
+    monkeypatch.setattr(stiffness, "FACTOR", factor)
+    assert abs(error("hex8-stiffness", 1.0, 2, 0.499)) > BOUNDS[1.0, 2]

@@ -332,7 +332,7 @@ class Simulation:
         motion = self.model.motion
         if motion is None:
             return Motion(node=np.zeros(0, dtype=np.int64), target=np.zeros((len(instants), 0, 3)))
-        target = np.ascontiguousarray(motion.displacement(instants), dtype=float)
+        target = np.array(motion.displacement(instants), dtype=float, order="C")  # a copy: a read-only array is another signature
         return Motion(node=self._place[motion.nodes], target=target)
 
     def _snapshot(self) -> np.ndarray:

@@ -195,7 +195,13 @@ def test_one_signature_per_kernel(element):
     loads = [pull(mesh, muscles["GGp"], MuscleTable(name="GGp", force_N=1, direction=d)) for d in ("reference", "following")]
     moved = np.zeros(mesh.points.shape, dtype=np.float32)
     base = mesh.node_sets["jaw"]
-    motion = PrescribedMotion(base, lambda times: np.zeros((len(times), len(base), 3), dtype=np.float32))
+
+    def still(times: np.ndarray) -> np.ndarray:
+        u = np.zeros((len(times), len(base), 3))
+        u.flags.writeable = False  # as np.broadcast_to gives
+        return u
+
+    motion = PrescribedMotion(base, still)
     for model in (
         model_of(mesh, YEOH, element=element),
         model_of(mesh, YEOH, element=element, motion=motion),

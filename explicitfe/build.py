@@ -32,7 +32,8 @@ from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.timestep import HighestFrequency, element_bounds
+from explicitfe.simd import WIDTH
+from explicitfe.timestep import HighestFrequency, element_frequencies
 
 
 @dataclass(frozen=True)
@@ -112,16 +113,12 @@ class Simulation:
         self.density = np.full(count, law.density_kg_m3)
         corners = self.points[self.hexes]
         self._gradients, self.volumes = hex8.mean_gradients(corners)
-        shear_modulus = np.full(count, law.shear_modulus_Pa)
-        treatment = ELEMENTS[model.element][1]
         reference = (corners, self._gradients, self.volumes)
-        geometry = hex8.geometry(corners, self._gradients, self.volumes)
-        self._hourglass_largest = treatment.largest_eigenvalue(*reference, shear_modulus)
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
-            geometry=in_blocks(geometry),
+            geometry=in_blocks(hex8.geometry(*reference)),
             constants=in_blocks(self.constants),
-            hourglass=in_blocks(treatment.constants(*reference)),
+            hourglass=in_blocks(ELEMENTS[model.element][1].constants(*reference)),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         rows = node_rows(np.tile(mass[:, None], 3))
@@ -167,18 +164,20 @@ class Simulation:
         return 2.0 / self._highest(self.state.u, self._present_force(), turns)
 
     def stable_bound(self) -> tuple[float, int]:
-        """A step [s] that is stable for certain, and the element (user's number) that sets it."""
-        squares = element_bounds(
-            self._gradients,
-            self.volumes,
+        """A step [s] that the present state bears for certain, and the element (user's number) that sets it.
+
+        It is that of the fastest element by itself. Where an element cannot be judged, because it has turned inside out, it is
+        that element and NaN.
+        """
+        frequencies = element_frequencies(
+            self.kernels.forces,
+            self.blocks,
             self.state.u[self.hexes, :3],
-            law_of(self.model.material.law),
-            self.constants,
-            self._hourglass_largest,
-            self.density,
+            self.volumes * self.density / 8.0,
+            np.cbrt(self.volumes),
         )
-        fastest = int(np.argmax(squares))
-        return float(2.0 / np.sqrt(squares[fastest])), int(self.element_order[fastest])
+        fastest = int(np.argmax(frequencies))  # a NaN counts as largest
+        return float(2.0 / frequencies[fastest]), int(self.element_order[fastest])
 
     def limiting_element(self) -> int:
         """The element (user's number) whose own highest frequency is highest now."""
@@ -275,6 +274,21 @@ class Simulation:
         self.time_s = float(instants[done])
         self.dt_s = float(dt_s)
         return bool(self.ledger[SMALLEST_J] > 0.0)
+
+    def broken_element(self) -> int:
+        """The element (user's number) whose smallest J, at any integration point, is lowest or not a number."""
+        u, scratch = self.state.u, np.empty_like(self.state.u)
+
+        def smallest(first: int, lanes: slice) -> float:
+            few = Blocks(*(np.ascontiguousarray(array[first : first + 1, :, lanes]) for array in self.blocks))
+            full = Blocks(*(np.repeat(a, WIDTH, axis=2) if a.shape[2] == 1 else a for a in few))
+            J = self.kernels.forces(u, scratch, full)
+            return J if -np.inf < J else -np.inf  # a NaN counts as lowest
+
+        block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
+        count = min(WIDTH, len(self.hexes) - block * WIDTH)
+        lane = int(np.argmin([smallest(block, slice(k, k + 1)) for k in range(count)]))
+        return int(self.element_order[block * WIDTH + lane])
 
     def snapshot(self) -> Snapshot:
         """Energies and fields at the present time."""

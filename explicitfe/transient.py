@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
+from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
 from explicitfe.build import Simulation, Snapshot
 from explicitfe.errors import InputError
 from explicitfe.timestep import FRACTION
@@ -136,14 +136,13 @@ class Transient:
 
     def _inverted(self) -> Status:
         simulation = self.simulation
-        J = simulation.snapshot().J
-        broken = np.flatnonzero(~(J > 0.0))
-        worst = int(broken[np.argmin(np.nan_to_num(J[broken], nan=-np.inf))] if len(broken) else np.argmin(J))
+        worst = simulation.broken_element()
+        J = simulation.ledger[SMALLEST_J]
         x, y, z = 1e3 * simulation.model.mesh.points[simulation.model.mesh.hexes[worst]].mean(axis=0)
         return Status(
             INVERTED,
             f"at {1e3 * simulation.time_s:.3f} ms (step {simulation.steps}) element {worst} near "
-            f"({x:.1f}, {y:.1f}, {z:.1f}) mm turned inside out (J = {J[worst]:.3g}): the forces there are too large for the "
+            f"({x:.1f}, {y:.1f}, {z:.1f}) mm turned inside out (J = {J:.3g}): the forces there are too large for the "
             "tissue or the elements too coarse; lower force_N, choose another distribution or refine the mesh.",
         )
 

@@ -30,16 +30,6 @@ def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -
     return (MODES[:3] @ corners / 8.0).reshape(-1, 9)
 
 
-def largest_eigenvalue(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
-    """A bound of the largest eigenvalue of each element's hourglass stiffness at rest, (m,) N/m.
-
-    The Hessian of the braces is at most 16 / min |e_i|^2 for each of the four q_k; q_k = g_k . u.
-    """
-    g = MODES[3:] - (MODES[3:] @ corners) @ gradients.transpose(0, 2, 1)
-    shortest = np.min(np.sum((MODES[:3] @ corners / 8.0) ** 2, axis=2), axis=1)
-    return shear_modulus * volumes / 12.0 / shortest * np.linalg.eigvalsh(g @ g.transpose(0, 2, 1))[:, -1]
-
-
 @leaf
 def _carried(F, c):
     """The frame as it lies now, a_i = F e_i, and 1 / |a_i|^2."""

@@ -30,12 +30,6 @@ def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -
     return np.concatenate(numbers, axis=1)
 
 
-def largest_eigenvalue(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
-    """A bound of the largest eigenvalue of the deviatoric stiffness at rest, (m,) N/m: sum_g w_g 2 G tr(B_g B_g^T)."""
-    points = constants(corners, gradients, volumes).reshape(-1, POINTS, PER_POINT)
-    return 2.0 * shear_modulus * np.sum(points[:, :, 0] * np.sum(points[:, :, 1:] ** 2, axis=2), axis=1)
-
-
 @leaf
 def point_gradient(values, numbers, at, j):
     """d u / d X_j of one component's 8 corner values, at the Gauss point whose numbers start at ``at``."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from explicitfe.elements.hex8 import MODES
 from explicitfe.jit import leaf
 
 CONSTANTS = 1  # numbers an element: c
@@ -28,13 +27,6 @@ def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -
     gradients, volumes : mean gradients (m, 8, 3) 1/m and volumes (m,) m^3.
     """
     return FACTOR / 24.0 * np.sum(gradients**2, axis=(1, 2))[:, None]
-
-
-def largest_eigenvalue(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray, shear_modulus: np.ndarray) -> np.ndarray:
-    """Largest eigenvalue of each element's hourglass stiffness matrix G V c sum_k g_k g_k^T, (m,) N/m."""
-    g = MODES[3:] - (MODES[3:] @ corners) @ gradients.transpose(0, 2, 1)
-    kappa = shear_modulus * volumes * constants(corners, gradients, volumes)[:, 0]
-    return kappa * np.linalg.eigvalsh(g @ g.transpose(0, 2, 1))[:, -1]
 
 
 @leaf

@@ -1,7 +1,7 @@
 """Material laws: one file a law, one line a law in the table below.
 
 A law's module has a pydantic class of constants (a :class:`~explicitfe.materials.law.Law`), ``CONSTANTS``, the number of
-numbers that its kernels read, and the leaves ``energy``, ``stress``, ``isochoric``, ``slope`` and ``curvature``. ``delta`` is
+numbers that its kernels read, and the leaves ``energy``, ``stress``, ``isochoric`` and ``slope``. ``delta`` is
 what the deformation inside an element, unseen by its one integration point, adds to I1_bar. The leaves use arithmetic
 only, so that the same statement runs on floats (tests, one point) and on vectors (elements).
 """

@@ -52,9 +52,3 @@ def stress(F, cof, J, delta, c):
 def slope(I1_bar, c):
     """dW/dI1_bar [Pa]."""
     return c[0] + 0.0 * I1_bar
-
-
-@leaf
-def curvature(I1_bar, c):
-    """d2W/dI1_bar^2 [Pa]."""
-    return 0.0 * I1_bar

@@ -54,9 +54,3 @@ def stress(F, cof, J, delta, c):
 def slope(I1_bar, c):
     """dW/dI1_bar [Pa]."""
     return c[0] + 2.0 * c[1] * (I1_bar - 3.0)
-
-
-@leaf
-def curvature(I1_bar, c):
-    """d2W/dI1_bar^2 [Pa]."""
-    return 2.0 * c[1] + 0.0 * I1_bar

@@ -477,7 +477,7 @@ def test_stress_of_a_law_is_the_derivative_of_its_energy(law, record_property):
 
 @BOTH_LAWS
 def test_tangent_leaves_are_derivatives(law):
-    """slope = dW/dI1_bar, curvature = d2W/dI1_bar^2, U' = dU/dJ and U'' = dU'/dJ, which the bound of the stable step stands on.
+    """slope = dW/dI1_bar and U' = dU/dJ, which the stress stands on.
 
     Along F = diag(a, a^-1/2, a^-1/2) J = 1 and W depends on I1_bar = a^2 + 2 / a alone. Central differences over 1e-5:
     error 1e-10, and rounding 1e-11 of K; 1e-6 of the value and 1e-10 K are asked for.
@@ -493,15 +493,11 @@ def test_tangent_leaves_are_derivatives(law):
         (high, plus), (low, minus) = on_path(a + d), on_path(a - d)
         invariant = on_path(a)[0]
         assert (plus - minus) / (high - low) == pytest.approx(module.slope(invariant, constants), rel=1e-6)
-        change = (module.slope(invariant + d, constants) - module.slope(invariant - d, constants)) / (2.0 * d)
-        assert change == pytest.approx(module.curvature(invariant, constants), rel=1e-6, abs=1e-12)
         assert module.isochoric(invariant, constants) == pytest.approx(on_path(a)[1], rel=1e-9)  # U(1) = 0
     K = constants[-1]
     for J in (0.4, 1.0, 1.7):
         pressure = (volumetric.energy(J + d, K) - volumetric.energy(J - d, K)) / (2.0 * d)
         assert pressure == pytest.approx(volumetric.pressure(J, K), rel=1e-6, abs=1e-10 * K)
-        curvature = (volumetric.pressure(J + d, K) - volumetric.pressure(J - d, K)) / (2.0 * d)
-        assert curvature == pytest.approx(volumetric.curvature(J, K), rel=1e-6)
 
 
 @BOTH_LAWS

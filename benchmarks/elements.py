@@ -173,7 +173,8 @@ def dynamic() -> str:
             if n == 12:
                 first = f, peak
             swings.append([
-                f"{force:g}", label, str(n), f"{f:.4f} ({100 * (f / first[0] - 1):+.2f} %)",
+                f"{force:g}", label, str(n),
+                f"{f:.4f} ({100 * (f / first[0] - 1):+.2f} %)" if np.isfinite(f) else "does not swing back",
                 f"{1e3 * peak:.3f} ({100 * (peak / first[1] - 1):+.2f} %)",
             ])  # fmt: skip
             print(swings[-1], flush=True)

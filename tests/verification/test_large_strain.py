@@ -22,9 +22,9 @@ PANEL_TIP_m = 0.01995
 def test_block(kind, record_property):
     """There and back: no inverted element, energy balance, energy at the extreme, hourglass share, and rest at the end.
 
-    Balance: the required 1e-3 of the largest energy; central differences keep it to (omega dt)^2 of what oscillates. Rest: after
-    the ends are back the lag of the body, at most v H / c_s = 10 mm, dies with exp(-alpha t / 2) = exp(-4) within 0.4 s, and
-    only the share of the lowest mode that the eased course excites is left, some per cent of that: 0.1 mm, 0.5 % of the width.
+    Balance: the required 1e-3 of the largest energy; central differences keep it to (omega dt)^2 of what oscillates. Rest: when
+    the ends are back the body lags by v H / c_s at most, 0.4 m/s x 66 ms = 26 mm, which dies with exp(-alpha t / 2) = exp(-4) to
+    0.5 mm in 0.4 s; the course ends at rest, which leaves a fifth of that at most: 0.1 mm.
     """
     run = block_run(kind, "hex8", 4)
     record_property("run", repr(run))

@@ -39,9 +39,9 @@ def test_block(kind, record_property):
 def test_panel(record_property):
     """The end of a tapered panel rises by a good third of the panel's height: within the required 3 % with 8 x 8 elements.
 
-    The clamped corners leave an error of order 1: 1.6 % with 8 x 8 (the limit itself is known to 0.1 %). Newton's method must close
-    faster than linearly, or the tangent is not that of the forces: the last residual below the power 1.5 of the one before, but
-    for a constant of 10, or rounding.
+    The clamped corners leave an error of order 1: 1.6 % with 8 x 8 (the limit itself is known to 0.1 %). Newton's method must
+    close faster than linearly, or the tangent is not that of the forces: the last residual below the power 1.5 of the one
+    before, but for a constant of 10, or rounding.
     """
     tip, residuals = panel_tip("hex8", 8)
     record_property("tip", tip)

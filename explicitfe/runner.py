@@ -250,7 +250,7 @@ def _warnings(prepared: Prepared, ledger: Ledger, last: Snapshot) -> list[str]:
     if folded:
         found.append(
             f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does not "
-            'resist: the forces are too concentrated for this tissue; spread them (distribution = "along") or lower them.'
+            'resist: spread the forces (distribution = "along") or lower them, and compare with element = "hex8-full".'
         )
     moved = float(np.linalg.norm(last.displacement, axis=1).max())
     extent = float(np.ptp(mesh.points, axis=0).max())

@@ -112,8 +112,8 @@ class Simulation:
         self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
         self.density = np.full(count, law.density_kg_m3)
         corners = self.points[self.hexes]
-        self._gradients, self.volumes = hex8.mean_gradients(corners)
-        reference = (corners, self._gradients, self.volumes)
+        gradients, self.volumes = hex8.mean_gradients(corners)
+        reference = (corners, gradients, self.volumes)
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
             geometry=in_blocks(hex8.geometry(*reference)),

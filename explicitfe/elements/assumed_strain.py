@@ -61,15 +61,26 @@ def _along(qx, qy, qz, k, a):
 
 
 @leaf
+def _strains(F, qx, qy, qz, c):
+    """The carried frame and the amplitudes of its strains: bending A, B of each field, twist s, and f of xi eta zeta."""
+    a1, a2, a3, w1, w2, w3 = _carried(F, c)
+    bending = (
+        w2 * _along(qx, qy, qz, 2, a2),
+        w3 * _along(qx, qy, qz, 1, a3),
+        w1 * _along(qx, qy, qz, 2, a1),
+        w3 * _along(qx, qy, qz, 0, a3),
+        w1 * _along(qx, qy, qz, 1, a1),
+        w2 * _along(qx, qy, qz, 0, a2),
+    )
+    t1, t2, t3 = _along(qx, qy, qz, 0, a1), _along(qx, qy, qz, 1, a2), _along(qx, qy, qz, 2, a3)
+    third = (w1 * _along(qx, qy, qz, 3, a1), w2 * _along(qx, qy, qz, 3, a2), w3 * _along(qx, qy, qz, 3, a3))
+    return (a1, a2, a3), (w1, w2, w3), bending, (t1 + t2, t1 + t3, t2 + t3), third
+
+
+@leaf
 def invariant(F, qx, qy, qz, c):
     """delta: what the hourglass deformation adds to I1_bar on the mean of the element."""
-    a1, a2, a3, w1, w2, w3 = _carried(F, c)
-    A3, B3 = w1 * _along(qx, qy, qz, 1, a1), w2 * _along(qx, qy, qz, 0, a2)
-    A2, B2 = w1 * _along(qx, qy, qz, 2, a1), w3 * _along(qx, qy, qz, 0, a3)
-    A1, B1 = w2 * _along(qx, qy, qz, 2, a2), w3 * _along(qx, qy, qz, 1, a3)
-    t1, t2, t3 = _along(qx, qy, qz, 0, a1), _along(qx, qy, qz, 1, a2), _along(qx, qy, qz, 2, a3)
-    s12, s13, s23 = t1 + t2, t1 + t3, t2 + t3
-    f1, f2, f3 = w1 * _along(qx, qy, qz, 3, a1), w2 * _along(qx, qy, qz, 3, a2), w3 * _along(qx, qy, qz, 3, a3)
+    _, (w1, w2, w3), (A1, B1, A2, B2, A3, B3), (s12, s13, s23), (f1, f2, f3) = _strains(F, qx, qy, qz, c)
     bent = A1 * A1 + B1 * B1 + A1 * B1 + A2 * A2 + B2 * B2 + A2 * B2 + A3 * A3 + B3 * B3 + A3 * B3
     twisted = s12 * s12 * w1 * w2 + s13 * s13 * w1 * w3 + s23 * s23 * w2 * w3
     return (1.0 / 96.0) * (2.0 * bent + 0.5 * (twisted + f1 * f1 + f2 * f2 + f3 * f3))
@@ -78,14 +89,9 @@ def invariant(F, qx, qy, qz, c):
 @leaf
 def force(F, qx, qy, qz, c, weight):
     """Derivatives of weight x delta by q_k of each component, 3 x 4, and by F, 9 numbers row by row; weight = V dW/dI1_bar."""
-    a1, a2, a3, w1, w2, w3 = _carried(F, c)
+    frame, (w1, w2, w3), (A1, B1, A2, B2, A3, B3), (s12, s13, s23), (f1, f2, f3) = _strains(F, qx, qy, qz, c)
+    a1, a2, a3 = frame
     m = (1.0 / 96.0) * weight
-    A3, B3 = w1 * _along(qx, qy, qz, 1, a1), w2 * _along(qx, qy, qz, 0, a2)
-    A2, B2 = w1 * _along(qx, qy, qz, 2, a1), w3 * _along(qx, qy, qz, 0, a3)
-    A1, B1 = w2 * _along(qx, qy, qz, 2, a2), w3 * _along(qx, qy, qz, 1, a3)
-    t1, t2, t3 = _along(qx, qy, qz, 0, a1), _along(qx, qy, qz, 1, a2), _along(qx, qy, qz, 2, a3)
-    s12, s13, s23 = t1 + t2, t1 + t3, t2 + t3
-    f1, f2, f3 = w1 * _along(qx, qy, qz, 3, a1), w2 * _along(qx, qy, qz, 3, a2), w3 * _along(qx, qy, qz, 3, a3)
 
     # d_ki = d / d(q_k . a_i)
     x3, y3 = m * (4.0 * A3 + 2.0 * B3), m * (4.0 * B3 + 2.0 * A3)

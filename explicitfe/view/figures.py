@@ -1,4 +1,4 @@
-"""Pictures of a result as PNG files: contour, coronal section, probes, energies, 3D view.
+"""Pictures of a result as PNG files: contour, coronal section, probes, energies, 3D view, hourglass map.
 
 The speaker looks to the left in all side views: x points backwards, z up, y to the speaker's right. Lengths are in mm,
 times in ms. Sections are cut through the reference shape and move with the material, so a picture shows where the
@@ -24,6 +24,7 @@ import numpy as np
 
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.quality import corner_jacobians, volumes
 from explicitfe.results import Result, open_result
 
 if TYPE_CHECKING:
@@ -43,6 +44,16 @@ SHARE_FLOOR = 0.01
 ROUNDING = 1e-12
 USUAL_SHARE = 0.1  # of hourglass energy: what users of explicit codes are advised to stay below
 RENDER_LIMIT_S = 120.0
+WORST = 5  # elements numbered in the hourglass map
+MAP, FOLDED = "cividis_r", "#E00000"
+MAP_TOP, MAP_DECADES = 1000.0, 3  # of its colour scale, %
+# Where the hourglass map can be seen from, besides the cut.
+OUTSIDE = {
+    f"from {along}, {side} and {up}": (x, y, z)
+    for side, y in (("left", -0.75), ("right", 0.75))
+    for along, x in (("behind", 1.0), ("the front", -1.0))
+    for up, z in (("above", 0.45), ("below", -0.45))
+}
 
 _FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
@@ -57,8 +68,9 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
 
     Returns
     -------
-    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies`` and ``-3d``. A picture for which the
-    result has nothing to show is left out; so is the 3D view, with a warning, where the machine cannot render.
+    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-3d`` and ``-hourglass``. A picture
+    for which the result has nothing to show is left out; so are the last two, with a warning, where the machine cannot
+    render.
 
     Raises
     ------
@@ -74,7 +86,8 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
             return folder / f"{result_path.stem}-{name}.png"
 
         paths = []
-        rendering = _start_rendering(result_path, target("3d"))
+        rendered = [target("3d")] + [target("hourglass")] * (hourglass_map(result, step) is not None)
+        rendering = _start_rendering(result_path, rendered)
         try:
             for name, picture in (
                 ("contour", _contour),
@@ -86,13 +99,13 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
                 if figure is not None:
                     _save(figure, target(name))
                     paths.append(target(name))
-            problem = _end_rendering(rendering, target("3d"))
+            problem = _end_rendering(rendering, rendered)
         finally:
             rendering.kill()
     if problem:
         warnings.warn(problem, stacklevel=2)
     else:
-        paths.append(target("3d"))
+        paths += rendered
     return paths
 
 
@@ -201,6 +214,57 @@ def last_step(result: Result) -> int:
         if np.isfinite(result.displacement(step)).all():
             return step
     raise InputError(f"{result.path} has no step that can be drawn; run the scenario again")
+
+
+@dataclass(frozen=True)
+class HourglassMap:
+    """Where the hourglass energy of one step is.
+
+    Attributes
+    ----------
+    percent : (m,) Hourglass energy per reference volume of every element, as a share of the body's mean elastic energy
+        (strain + hourglass) per reference volume, %. Its mean, weighted by volume, is the body's hourglass share.
+    worst : up to ``WORST`` elements with the largest ``percent``, largest first.
+    folded : (m,) bool. Elements with a corner that is flat or inverted in the deformed shape.
+    share : hourglass energy of the body as a share of its elastic energy, %.
+    """
+
+    percent: np.ndarray
+    worst: np.ndarray
+    folded: np.ndarray
+    share: float
+
+
+def hourglass_map(result: Result, step: int) -> HourglassMap | None:
+    """The numbers of the hourglass map; None if the result has no such field, or it is zero at that step."""
+    if "hourglass_energy" not in result.fields:
+        return None
+    energy = result.field("hourglass_energy", step)
+    row = int(np.argmin(np.abs(result.history("time") - result.times[step])))
+    elastic = float(result.history("internal_energy")[row] + energy.sum())
+    if not energy.any() or not np.isfinite(elastic) or elastic <= 0.0:
+        return None
+    mesh = result.mesh
+    volume = volumes(mesh.points, mesh.hexes)
+    percent = 100.0 * (energy / volume) / (elastic / volume.sum())
+    folded = np.any(corner_jacobians(mesh.points + result.displacement(step), mesh.hexes) <= 0.0, axis=1)
+    worst = np.argsort(-percent, kind="stable")[:WORST]
+    return HourglassMap(percent, worst, folded, 100.0 * float(energy.sum()) / elastic)
+
+
+def outside_view(points: np.ndarray, hexes: np.ndarray, values: np.ndarray) -> str:
+    """The view in ``OUTSIDE`` that shows the most: area as seen times the value of the element, summed over the surface.
+
+    Faces that hide each other are not told apart. Of views that show about the same the first is taken.
+    """
+    faces = hexes[:, _FACES].reshape(-1, 4)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    outer = first[count == 1]
+    a, b, c, d = points[faces[outer]].transpose(1, 0, 2)
+    areas = 0.5 * np.cross(c - a, d - b)
+    weights = values[outer // 6]
+    seen = {name: weights @ np.maximum(0.0, areas @ direction) for name, direction in OUTSIDE.items()}
+    return next(name for name, amount in seen.items() if amount >= 0.95 * max(seen.values()))
 
 
 def drawn_steps(times: np.ndarray, last: int, count: int = OUTLINES) -> list[int]:
@@ -494,12 +558,14 @@ def hourglass_share(result: Result) -> np.ndarray:
 # ---- 3D view, in a process of its own: without OpenGL or with a broken display VTK does not raise, it crashes ----
 
 
-def _start_rendering(result_path: Path, target: Path) -> subprocess.Popen:
-    target.unlink(missing_ok=True)
+def _start_rendering(result_path: Path, targets: Sequence[Path]) -> subprocess.Popen:
+    """Draw the 3D view and, if there is a second target, the hourglass map."""
+    for target in targets:
+        target.unlink(missing_ok=True)
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "explicitfe.view.figures", str(result_path), str(target)],
+        [sys.executable, "-P", "-m", "explicitfe.view.figures", str(result_path), *map(str, targets)],
         env=os.environ | {"PYTHONPATH": path},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -509,11 +575,12 @@ def _start_rendering(result_path: Path, target: Path) -> subprocess.Popen:
     )
 
 
-def _end_rendering(rendering: subprocess.Popen, target: Path) -> str:
-    """Wait for the 3D view; a sentence if there is none."""
+def _end_rendering(rendering: subprocess.Popen, targets: Sequence[Path]) -> str:
+    """Wait for the rendered pictures; a sentence if one is missing."""
     try:
         _, said = rendering.communicate(timeout=RENDER_LIMIT_S)
-        why = "" if rendering.returncode == 0 and target.exists() else f"exit code {rendering.returncode}"
+        drawn = rendering.returncode == 0 and all(target.exists() for target in targets)
+        why = "" if drawn else f"exit code {rendering.returncode}"
     except subprocess.TimeoutExpired:
         said, why = "", f"it took longer than {RENDER_LIMIT_S:g} s"
     if not why:
@@ -522,23 +589,21 @@ def _end_rendering(rendering: subprocess.Popen, target: Path) -> str:
     if lines and "Error" in lines[-1]:
         why = lines[-1].rstrip(".")
     return (
-        f"The 3D view was left out because this machine could not render it ({why}); the other pictures are complete. "
+        f"The 3D view {'and the hourglass map were' if len(targets) > 1 else 'was'} left out because this machine could not "
+        f"render {'them' if len(targets) > 1 else 'it'} ({why}); the other pictures are complete. "
         "On a computer without a screen VTK needs EGL or OSMesa (Debian, Ubuntu: install libegl1 or libosmesa6)."
     )
 
 
 def _render(result_path: Path, target: Path) -> None:
     """The deformed tongue from the front and, cut in the middle, from the side, coloured by displacement."""
-    import pyvista
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
     with open_result(result_path) as result:
         step = last_step(result)
         mesh, u = result.mesh, result.displacement(step)
-        cells = np.insert(mesh.hexes, 0, 8, axis=1).ravel()
-        types = np.full(mesh.element_count, pyvista.CellType.HEXAHEDRON, dtype=np.uint8)
-        grid = pyvista.UnstructuredGrid(cells, types, 1e3 * mesh.points)
+        grid = _grid(1e3 * mesh.points, mesh.hexes)
         grid.point_data["u"] = 1e3 * u
         grid.point_data["displacement"] = 1e3 * np.linalg.norm(u, axis=1)
         limit = float(grid.point_data["displacement"].max()) or 1.0
@@ -549,18 +614,16 @@ def _render(result_path: Path, target: Path) -> None:
             _view(grid, grid, grid, (-1.0, -0.75, 0.45), limit),
             _view(half, face, grid, (0.0, -1.0, 0.0), limit),
         ]
-        # Both are cropped to the same window, which keeps their scales equal.
-        drawn = np.any([np.any(image < 255, axis=2) | mask for image, mask in views], axis=0)
-        rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
-        height, width = np.ptp(rows) + 41, np.ptp(columns) + 41
+        left, right, bottom, top = _window([np.any(image < 255, axis=2) | mask for image, mask in views])
+        height, width = bottom - top, right - left
         time = _ms(result.times[[step]], result.times[step])[0]
         figure = _figure(result, 1.75 + 0.47 * WIDTH_IN * height / width, f"Tongue at {time}, dashed: at rest")
         titles = ("from the front and the left", "cut at the midsagittal plane, front at the left")
         for axes, (image, mask), title in zip(figure.subplots(1, 2), views, titles, strict=True):
             axes.imshow(image)
             axes.contour(mask, [0.5], colors="0.35", linewidths=1.2, linestyles="--")
-            axes.set_xlim(columns[0] - 20, columns[-1] + 20)
-            axes.set_ylim(rows[-1] + 20, rows[0] - 20)
+            axes.set_xlim(left, right)
+            axes.set_ylim(bottom, top)
             axes.set_title(title, fontsize=10)
             axes.set_axis_off()
         scale = ScalarMappable(Normalize(0.0, limit), "viridis")
@@ -580,20 +643,10 @@ def _view(
 
     The camera is placed by ``whole``, at rest and deformed, in the same way for all parts.
     """
-    import pyvista
-
-    plotter = pyvista.Plotter(off_screen=True, window_size=(1100, 1100), lighting="light kit")
-    plotter.set_background("white")
-    plotter.enable_parallel_projection()
-    everything = np.concatenate([whole.points, whole.points + whole.point_data["u"]])
-    centre = everything.mean(axis=0)
-    radius = np.linalg.norm(everything - centre, axis=1).max()
-    plotter.camera_position = [centre + 5.0 * radius * np.array(direction), centre, (0.0, 0.0, 1.0)]
-    plotter.camera.parallel_scale = radius
-    actor = plotter.add_mesh(rest, color="black", lighting=False)
-    plotter.camera.clipping_range = (radius, 10.0 * radius)
+    plotter = _plotter(np.concatenate([whole.points, whole.points + whole.point_data["u"]]), direction)
+    actor = plotter.add_mesh(rest, color="black", lighting=False, reset_camera=False, render=False)
     mask = plotter.screenshot(return_img=True)[:, :, 0] < 128
-    plotter.remove_actor(actor, reset_camera=False)
+    plotter.remove_actor(actor, reset_camera=False, render=False)
     plotter.add_mesh(
         part.warp_by_vector("u").extract_surface(algorithm="dataset_surface"),
         scalars="displacement",
@@ -606,10 +659,170 @@ def _view(
         ambient=0.4,
         diffuse=0.7,
         reset_camera=False,
+        render=False,
     )
+    plotter.render()  # a second screenshot would be the first one again
     image = plotter.screenshot(return_img=True)
     plotter.close()
     return image, mask
+
+
+def _render_hourglass(result_path: Path, target: Path) -> None:
+    """The deformed elements, cut in the middle and from outside, coloured by their hourglass energy."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LogNorm
+
+    with open_result(result_path) as result:
+        step = last_step(result)
+        found = hourglass_map(result, step)
+        assert found is not None
+        mesh = result.mesh
+        points = 1e3 * (mesh.points + result.displacement(step))
+        top = min(MAP_TOP, 10.0 ** math.ceil(math.log10(found.percent.max())))
+        limits = (top / 10.0**MAP_DECADES, top)
+        # Whole elements, as each has one value: those whose middle is right of the plane or in it.
+        y = mesh.points[mesh.hexes, Y].mean(axis=1)
+        half = y > middle(mesh) - 1e-9 * np.ptp(mesh.points[:, Y])
+        name = outside_view(points, mesh.hexes, found.percent)
+        views = {
+            "cut at the midsagittal plane, front at the left": _map_view(
+                points, mesh.hexes, half, found, (0.0, -1.0, 0.0), limits
+            ),
+            name: _map_view(points, mesh.hexes, np.ones_like(half), found, OUTSIDE[name], limits),
+        }
+        left, right, bottom, above = _window([np.any(image < 255, axis=2) for image, _ in views.values()])
+        time = _ms(result.times[[step]], result.times[step])[0]
+        what = f"Hourglass energy at {time}, {_digits(found.share, 2)} % of the elastic energy"
+        folded = int(found.folded.sum())
+        if folded:
+            what += f"; {folded} of {mesh.element_count} elements folded at a corner (red edges)"
+        height, foot = 0.47 * WIDTH_IN * (bottom - above) / (right - left), 1.2
+        figure = _figure(result, 1.15 + height + foot, what)
+        panels = figure.subplot_mosaic([["cut", "outside"], ["scale", "list"]], height_ratios=[height, foot])
+        for axes in panels.values():
+            axes.set_axis_off()
+        for axes, (title, (image, places)) in zip((panels["cut"], panels["outside"]), views.items(), strict=True):
+            axes.imshow(image)
+            # The numbers stand above the elements like a fan, so that their arrows do not cross.
+            order = sorted(places, key=lambda number: places[number])
+            for number, angle in zip(order, np.radians(np.linspace(150.0, 30.0, 2 * len(order) + 1)[1::2]), strict=True):
+                axes.annotate(
+                    str(number),
+                    places[number],
+                    (40.0 * np.cos(angle), 40.0 * np.sin(angle)),
+                    textcoords="offset points",
+                    ha="center",
+                    va="center",
+                    fontsize=9,
+                    fontweight="bold",
+                    bbox={"boxstyle": "circle,pad=0.25", "fc": "white", "ec": "black", "lw": 1.0},
+                    arrowprops={"arrowstyle": "-|>", "color": "black", "lw": 1.0, "shrinkA": 0, "shrinkB": 0},
+                )
+            axes.set_xlim(left, right)
+            axes.set_ylim(bottom, above)
+            axes.set_title(title, fontsize=10)
+            axes.set_axis_off()
+        ends = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}
+        bar = figure.colorbar(
+            ScalarMappable(LogNorm(*limits), MAP),
+            cax=panels["scale"].inset_axes((0.1, 0.74, 0.8, 0.16)),
+            orientation="horizontal",
+            extend=ends[bool(found.percent.min() < limits[0]), bool(found.percent.max() > limits[1])],
+        )
+        bar.ax.xaxis.set_major_formatter("{x:g}")
+        bar.set_label("hourglass energy per volume\n(% of the body's mean elastic energy per volume)")
+        lines = [f"The {len(found.worst)} largest, where they are at rest:"]
+        for number, element in enumerate(found.worst, start=1):
+            place = ", ".join(f"{1e3 * value:.0f}" for value in mesh.points[mesh.hexes[element]].mean(axis=0))
+            note = ", folded" if found.folded[element] else ""
+            note += "" if any(number in places for _, places in views.values()) else ", hidden"
+            lines.append(f"{number}  element {element}: {_digits(found.percent[element])} % at ({place}) mm{note}")
+        listing = panels["list"].text(0.12, 0.98, "\n".join(lines), va="top", fontsize=9.5, linespacing=1.4)
+        listing.set_in_layout(False)
+        _save(figure, target)
+
+
+def _map_view(
+    points: np.ndarray,
+    hexes: np.ndarray,
+    shown: np.ndarray,
+    found: HourglassMap,
+    direction: tuple[float, float, float],
+    limits: tuple[float, float],
+) -> tuple[np.ndarray, dict[int, tuple[float, float]]]:
+    """The elements ``shown`` from ``direction`` as pixels, and the places (column, row) of the worst, from 1, that are seen."""
+    from matplotlib import colormaps
+
+    elements = np.flatnonzero(shown)
+    surface = _grid(points, hexes[elements]).extract_surface(algorithm="dataset_surface", pass_pointid=False)
+    element = elements[surface.cell_data["vtkOriginalCellIds"]]
+    plotter = _plotter(points, direction)
+
+    # The worst are found again by grey levels that nothing else has.
+    levels = np.zeros((surface.n_cells, 3), dtype=np.uint8)
+    for number, worst in enumerate(found.worst, start=1):
+        levels[element == worst] = 40 * number
+    surface.cell_data["level"] = levels
+    actor = plotter.add_mesh(surface, scalars="level", rgb=True, lighting=False, reset_camera=False, render=False)
+    seen = plotter.screenshot(return_img=True)[:, :, 0]
+    plotter.remove_actor(actor, reset_camera=False, render=False)
+    places = {}
+    for number in range(1, len(found.worst) + 1):
+        rows, columns = np.nonzero(seen == 40 * number)
+        if len(rows) > 20:
+            nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
+            places[number] = float(columns[nearest]), float(rows[nearest])
+
+    clipped = np.log(np.clip(found.percent[element], *limits) / limits[0]) / np.log(limits[1] / limits[0])
+    surface.cell_data["colour"] = (255.0 * colormaps[MAP](clipped)[:, :3]).astype(np.uint8)
+    plotter.add_mesh(
+        surface,
+        scalars="colour",
+        rgb=True,
+        show_edges=True,
+        edge_color="#202020",
+        edge_opacity=0.3,
+        ambient=0.6,
+        diffuse=0.5,
+        reset_camera=False,
+        render=False,
+    )
+    if found.folded[element].any():
+        edges = surface.extract_cells(found.folded[element]).extract_all_edges()
+        edges.points += 0.003 * np.ptp(points, axis=0).max() * np.array(direction)  # before the faces that they bound
+        plotter.add_mesh(edges, color=FOLDED, line_width=3, lighting=False, reset_camera=False, render=False)
+    plotter.render()  # a second screenshot would be the first one again
+    image = plotter.screenshot(return_img=True)
+    plotter.close()
+    return image, places
+
+
+def _grid(points: np.ndarray, hexes: np.ndarray) -> pyvista.UnstructuredGrid:
+    import pyvista
+
+    types = np.full(len(hexes), pyvista.CellType.HEXAHEDRON, dtype=np.uint8)
+    return pyvista.UnstructuredGrid(np.insert(hexes, 0, 8, axis=1).ravel(), types, points)
+
+
+def _plotter(points: np.ndarray, direction: tuple[float, float, float]) -> pyvista.Plotter:
+    """An empty view along ``direction`` in which all ``points`` have room, whichever way it looks."""
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=True, window_size=(1100, 1100), lighting="light kit")
+    plotter.set_background("white")
+    plotter.enable_parallel_projection()
+    centre = points.mean(axis=0)
+    radius = np.linalg.norm(points - centre, axis=1).max()
+    plotter.camera_position = [centre + 5.0 * radius * np.array(direction), centre, (0.0, 0.0, 1.0)]
+    plotter.camera.parallel_scale = radius
+    plotter.camera.clipping_range = (radius, 10.0 * radius)
+    return plotter
+
+
+def _window(drawn: Sequence[np.ndarray]) -> tuple[int, int, int, int]:
+    """Left, right, bottom and top of what is drawn in any of the views: the same for all, to keep their scales equal."""
+    rows, columns = (np.flatnonzero(np.any(drawn, axis=0).any(axis=axis)) for axis in (1, 0))
+    return columns[0] - 20, columns[-1] + 20, rows[-1] + 20, rows[0] - 20
 
 
 # ---- how it is drawn ----
@@ -775,9 +988,16 @@ def _ms(times_s: np.ndarray, span_s: float) -> list[str]:
     return [f"{1e3 * time:.{max(0, -math.floor(math.log10(apart)))}f} ms" for time in times_s]
 
 
+def _digits(value: float, count: int = 3) -> str:
+    """A number with some significant digits and no exponent."""
+    return f"{float(f'{value:.{count}g}'):.10g}"
+
+
 def _depth(mm: float) -> str:
     return "none" if mm < 0.05 else f"{mm:.1f} mm"
 
 
 if __name__ == "__main__":
     _render(Path(sys.argv[1]), Path(sys.argv[2]))
+    for path in sys.argv[3:]:
+        _render_hourglass(Path(sys.argv[1]), Path(path))

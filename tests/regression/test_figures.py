@@ -12,6 +12,7 @@ import pytest
 
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.quality import volumes
 from explicitfe.results import open_result
 from explicitfe.runner import run
 from explicitfe.view import figures
@@ -72,13 +73,15 @@ def test_every_picture_is_drawn(result_path, tmp_path):
     drawn = ["contour", "coronal", "probes", "energies"]
     # A machine that cannot render gives a warning and four pictures, see the test below.
     assert names[:4] == [f"tiny-{name}.png" for name in drawn]
-    assert names[4:] in ([], ["tiny-3d.png"])
+    assert names[4:] in ([], ["tiny-3d.png", "tiny-hourglass.png"])
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == sorted(names)
     for path in paths:
         pixels = imread(path)[:, :, :3]
         assert pixels.shape[1] == 1600
         assert pixels.shape[0] > 600
         assert pixels.std() > 0.05
+        if path.stem.endswith(("-3d", "-hourglass")):  # more than the colour bar is coloured
+            assert np.mean(np.ptp(pixels, axis=2) > 0.2) > 0.08
         # Nothing is cut off: what is drawn keeps away from the edges.
         rows, columns = pixels.min(axis=(1, 2)), pixels.min(axis=(0, 2))
         assert min(*rows[:4], *rows[-4:], *columns[:4], *columns[-4:]) == 1.0
@@ -91,7 +94,7 @@ def test_without_opengl_the_other_pictures_are_drawn(result_path, tmp_path, monk
     monkeypatch.setattr(figures, "_probes", lambda result, step: None)
     monkeypatch.setattr(figures, "_coronal", lambda result, step: None)
     monkeypatch.setattr(figures, "_contour", lambda result, step: None)
-    with pytest.warns(UserWarning, match="3D view was left out because this machine could not render it"):
+    with pytest.warns(UserWarning, match="3D view and the hourglass map were left out because this machine could not"):
         assert [path.name for path in draw(result_path, tmp_path)] == ["tiny-energies.png"]
 
 
@@ -195,6 +198,73 @@ def test_held_sets_and_last_step(result_path):
         assert sorted(figures.attachments(result, step)) == sorted(result.mesh.node_sets)
         assert figures.attachments(result, 0) == {}
         np.testing.assert_allclose(np.nanmax(figures.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12)
+
+
+def test_hourglass_map(result_path):
+    with open_result(result_path) as result:
+        step = figures.last_step(result)
+        found = figures.hourglass_map(result, step)
+        mesh, energy = result.mesh, result.field("hourglass_energy", step)
+        elastic = result.history("internal_energy")[-1] + result.history("hourglass_energy")[-1]
+        summary = result.summary
+    volume = volumes(mesh.points, mesh.hexes)
+    k = int(np.argmax(energy / volume))
+    assert found.worst[0] == k
+    np.testing.assert_allclose(found.percent[k], 100.0 * energy[k] / volume[k] * volume.sum() / elastic, rtol=1e-12)
+    # The mean over the volume is the share that the run reports.
+    np.testing.assert_allclose(np.average(found.percent, weights=volume), found.share, rtol=1e-12)
+    np.testing.assert_allclose(found.share, 100.0 * summary["hourglass_share_end"], rtol=1e-9)
+    assert len(set(found.worst)) == figures.WORST
+    assert np.all(np.diff(found.percent[found.worst]) <= 0.0)
+    assert np.delete(found.percent, found.worst).max() <= found.percent[found.worst[-1]]
+
+
+class OneStep:
+    """What the hourglass map reads of a result."""
+
+    def __init__(self, mesh, energy, displacement, internal):
+        self.mesh, self.energy, self.u, self.internal = mesh, energy, displacement, internal
+        self.fields, self.times = {"hourglass_energy": None}, np.array([0.0])
+
+    def field(self, name, step):
+        return self.energy
+
+    def displacement(self, step):
+        return self.u
+
+    def history(self, name):
+        return np.array([0.0 if name == "time" else self.internal])
+
+
+def test_hourglass_map_of_known_numbers():
+    mesh = box((4, 1, 1))
+    mesh.points[mesh.points[:, X] == 2.0, X] = 3.5  # the last element has four times the volume of the others: 2 of 3.5
+    u = np.zeros_like(mesh.points)
+    result = OneStep(mesh, np.array([0.0, 1.0, 3.0, 4.0]), u, internal=27.0)
+    found = figures.hourglass_map(result, 0)
+    np.testing.assert_allclose(found.percent, 100.0 * np.array([0.0, 2.0, 6.0, 2.0]) / 10.0)
+    np.testing.assert_array_equal(found.worst, [2, 1, 3, 0])
+    assert found.share == pytest.approx(100.0 * 8.0 / 35.0)
+    assert not found.folded.any()
+    # The corner at one end of the body comes in beyond the next nodes: that element is folded, the others are not.
+    u[np.flatnonzero(np.all(mesh.points == [0.0, -0.5, 0.0], axis=1)), X] = 0.6
+    np.testing.assert_array_equal(figures.hourglass_map(result, 0).folded, [True, False, False, False])
+    result.energy = np.zeros(4)
+    assert figures.hourglass_map(result, 0) is None
+    result.fields = {}
+    assert figures.hourglass_map(result, 0) is None
+
+
+def test_hourglass_map_is_seen_from_where_the_energy_is():
+    mesh = box((4, 4, 4))
+    middle = mesh.points[mesh.hexes].mean(axis=1)
+
+    def view(corner):
+        return figures.outside_view(mesh.points, mesh.hexes, np.exp(9.0 * (middle @ corner)))
+
+    assert view(np.array([1.0, -1.0, 1.0])) == "from behind, left and above"
+    assert view(np.array([-1.0, 1.0, -1.0])) == "from the front, right and below"
+    assert view(np.zeros(3)) == next(iter(figures.OUTSIDE))
 
 
 def test_times_that_are_drawn():

@@ -33,7 +33,7 @@ from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
 from explicitfe.simd import WIDTH
-from explicitfe.timestep import HighestFrequency, element_frequencies
+from explicitfe.timestep import HighestFrequency, fastest_element
 
 
 @dataclass(frozen=True)
@@ -169,15 +169,14 @@ class Simulation:
         It is that of the fastest element by itself. Where an element cannot be judged, because it has turned inside out, it is
         that element and NaN.
         """
-        frequencies = element_frequencies(
+        frequency, element = fastest_element(
             self.kernels.forces,
             self.blocks,
             self.state.u[self.hexes, :3],
             self.volumes * self.density / 8.0,
             np.cbrt(self.volumes),
         )
-        fastest = int(np.argmax(frequencies))  # a NaN counts as largest
-        return float(2.0 / frequencies[fastest]), int(self.element_order[fastest])
+        return 2.0 / frequency, int(self.element_order[element])
 
     def limiting_element(self) -> int:
         """The element (user's number) whose own highest frequency is highest now."""

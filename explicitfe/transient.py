@@ -167,7 +167,6 @@ class Transient:
 class Ledger:
     """Energies over the samples of a run, and what they say about it."""
 
-    time_s: list[float] = field(default_factory=list)
     energies: list[np.ndarray] = field(default_factory=list)
     balance_error: float = 0.0
     _scale: float = 0.0
@@ -175,7 +174,6 @@ class Ledger:
     def add(self, snapshot: Snapshot) -> float:
         """Note a sample; its balance error relative to the largest of external work, internal and kinetic energy so far."""
         e = snapshot.energies
-        self.time_s.append(snapshot.time_s)
         self.energies.append(e)
         self._scale = max(self._scale, abs(e[EXTERNAL]), e[INTERNAL] + e[HOURGLASS], e[KINETIC])
         stored = e[INTERNAL] + e[HOURGLASS] + e[KINETIC] + e[DAMPED] - e[EXTERNAL]

@@ -46,6 +46,8 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
         if name not in mesh.node_sets:
             raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}')
         held[mesh.node_sets[name]] = True
+    if held.all():
+        raise InputError("model.fixed holds every node of the mesh, so nothing can move; take a set out of it.")
 
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []

@@ -171,6 +171,13 @@ def test_node_that_is_not_finite(tmp_path: Path, capsys: pytest.CaptureFixture[s
     _refused(["run", str(scenario), "--out", str(tmp_path)], ["node 5", "finite"], capsys)
 
 
+def test_everything_held(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = block_mesh((2, 1, 1), 0.01)
+    everything = list(range(mesh.node_count))
+    scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)], fixed=["all"], node_sets={"all": everything})
+    _refused(["run", str(scenario), "--out", str(tmp_path)], ["own.toml", "model.fixed", "every node"], capsys)
+
+
 def test_model_file_with_mistakes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mesh = block_mesh((3, 2, 2), 0.01)
     cells = [("hexahedron", mesh.hexes)]

@@ -11,9 +11,12 @@ found: the bound is 4.1 % there.
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from statics import beam_deflection, timoshenko
+from support import YEOH, block_mesh, model_of
 
+from explicitfe.build import Simulation
 from explicitfe.elements import stiffness
 
 CONVERGED = {0.499: 4.85611, 0.4999: 4.85214}  # m/N
@@ -31,6 +34,29 @@ def test_tip_deflection(aspect, across, poisson, record_property):
     found = error("hex8", aspect, across, poisson)
     record_property("error", found)
     assert abs(found) < BOUNDS[aspect, across]
+
+
+@pytest.mark.parametrize("edges", [(1.0, 1.0, 1.0), (0.5, 1.0, 2.0), (3.0, 0.4, 1.0)])
+@pytest.mark.parametrize("anticlastic", [False, True], ids=["plate", "beam"])
+def test_a_bent_brick_stores_the_exact_energy(edges, anticlastic):
+    """u_x = c xi eta bends a brick: strain e_xx = c eta / a and, as a beam is free to, e_zz = -e_xx / 2.
+
+    An incompressible plate in plane stress stores 4 G e_xx^2 / 2 a volume, a beam 3 G e_xx^2 / 2; the mean over the brick is a
+    third of that at eta = 1. W(3 + delta) - W(3) = C10 delta (1 + delta C20 / C10): with c = 1e-4 a, delta is 1e-8, and so is
+    the error; the difference of two energies loses no more, since W(3) = 0.
+    """
+    mesh = block_mesh((1, 1, 1), 0.01 * np.array(edges), distort=0.0)
+    half = 0.005 * np.array(edges)
+    xi, eta, zeta = ((mesh.points - mesh.points.mean(axis=0)) / half).T
+    c = 1e-4 * half[0]
+    u = np.zeros_like(mesh.points)
+    u[:, 0] = c * xi * eta
+    if anticlastic:
+        u[:, 2] = -0.5 * c * half[2] / half[0] * zeta * eta
+    simulation = Simulation(model_of(mesh), displacement=u)
+    G, volume = YEOH.shear_modulus_Pa, float(simulation.volumes[0])
+    exact = 0.5 * (3.0 if anticlastic else 4.0) * G * (c / half[0]) ** 2 * volume / 3.0
+    assert simulation.snapshot().hourglass_energy[0] == pytest.approx(exact, rel=1e-6)
 
 
 def test_no_locking():

@@ -65,6 +65,36 @@ class Motion(NamedTuple):
     target: np.ndarray  # displacement at the instants t_n, t_(n+1), ... [m], (instants, k, 3)
 
 
+class Turned(NamedTuple):
+    """Rotational symmetry about the z axis: nodes whose displacement is that of a partner, turned."""
+
+    node: np.ndarray  # int64, (k,)
+    partner: np.ndarray  # int64, (k,)
+    rotation: np.ndarray  # [cosine, sine] of the angle from partner to node, (2,)
+
+
+class Contact(NamedTuple):
+    """Points of the surface that a rigid tool of revolution about the z axis may touch."""
+
+    node: np.ndarray  # nodes of the face that each point lies in, int64, (k, 4)
+    weight: np.ndarray  # their shape functions there, (k, 4)
+    position: np.ndarray  # reference position [m], (k, 3)
+    spring: np.ndarray  # contact stiffness of the area that the point stands for [N/m], (k,)
+    grip: np.ndarray  # tangential stiffness while it sticks [N/m], (k,)
+    anchor: np.ndarray  # displacement relative to the tool at which friction has no force [m], (k, 3)
+    shape: np.ndarray  # what the tool looks like, (SHAPE,)
+
+
+# Entries of a tool's shape. It is a disc with a rounded edge; above the edge it has a vertical wall, or goes on as a ball.
+FLAT_RADIUS, EDGE_RADIUS, WALL, LOWEST, TIED, FRICTION, SHAPE = 0, 1, 2, 3, 4, 5, 6
+
+# Entries of the tool's state: its way down [m], the force on it [N], and whether that force (1) or the way (0) is given; in
+# the latter case the way that it goes to [m], and how far in one iteration [m].
+DEPTH, LOAD, FREE, GOAL, PACE, TOOL = 0, 1, 2, 3, 4, 5
+
+# Entries of what a relaxation tells of itself.
+RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, MONITOR = 0, 1, 2, 3, 4, 5, 6
+
 # Entries of the ledger, float64.
 EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
 

@@ -1,5 +1,5 @@
 """Nodes whose motion is given: held ones have no inverse mass; prescribed ones follow a course, and the work that it takes is
-external work."""
+external work; turned ones follow a partner by rotational symmetry, and hand their forces to it."""
 
 from __future__ import annotations
 
@@ -58,3 +58,28 @@ def correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt):
             loss += 0.5 * dt * mass * old * (new - keep * old)
             velocity[node, k] = 0.5 * (old + new)
     return kinetic, work, loss
+
+
+@leaf
+def turn(u, turned):
+    """Give the turned nodes the displacement of their partners, turned about z."""
+    c, s = turned.rotation[0], turned.rotation[1]
+    for entry in range(len(turned.node)):
+        node, partner = turned.node[entry], turned.partner[entry]
+        x, y = u[partner, 0], u[partner, 1]
+        u[node, 0] = c * x - s * y
+        u[node, 1] = s * x + c * y
+        u[node, 2] = u[partner, 2]
+
+
+@leaf
+def turn_back(force, turned):
+    """Add the forces on the turned nodes, turned back, to their partners."""
+    c, s = turned.rotation[0], turned.rotation[1]
+    for entry in range(len(turned.node)):
+        node, partner = turned.node[entry], turned.partner[entry]
+        x, y = force[node, 0], force[node, 1]
+        force[partner, 0] += c * x + s * y
+        force[partner, 1] += c * y - s * x
+        force[partner, 2] += force[node, 2]
+        force[node, 0] = force[node, 1] = force[node, 2] = 0.0

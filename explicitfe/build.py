@@ -44,6 +44,10 @@ class Kernels:
     advance: object
     snapshot: object
     largest_strain_rate: object
+    relax: object
+    elastic_energy: object
+    press: object
+    touch: object
 
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
@@ -64,6 +68,10 @@ def kernels(law: str, element: str) -> Kernels:
         advance=bind(loop.advance, internal_force=force),
         snapshot=bind(loop.snapshot, internal_energy=energy),
         largest_strain_rate=kernel(internal.largest_strain_rate),
+        relax=bind(loop.relax, internal_force=force),
+        elastic_energy=bind(loop.elastic_energy, internal_energy=energy),
+        press=kernel(loop.press),
+        touch=kernel(loop.touch),
     )
 
 
@@ -89,13 +97,13 @@ class Snapshot:
     smallest_J: float
 
 
-class Simulation:
-    """A model ready to be advanced. Arrays inside are in computing order; what comes out is in the user's numbering.
+class Body:
+    """Elements, masses and kernels of a model. Arrays inside are in computing order; what comes out, in the user's numbering.
 
     Parameters
     ----------
     model : the physics.
-    displacement, velocity : (n, 3) m, m/s at time 0; zero if left out.
+    displacement, velocity : (n, 3) m, m/s to begin with; zero if left out.
     """
 
     def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
@@ -110,6 +118,8 @@ class Simulation:
         law = model.material
         count = mesh.element_count
         self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
+        if model.stiffness is not None:
+            self.constants = law.scaled(self.constants, model.stiffness[self.element_order])
         self.density = np.full(count, law.density_kg_m3)
         corners = self.points[self.hexes]
         gradients, self.volumes = hex8.mean_gradients(corners)
@@ -121,22 +131,10 @@ class Simulation:
             hourglass=in_blocks(ELEMENTS[model.element][1].constants(*reference)),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
-        rows = node_rows(np.tile(mass[:, None], 3))
         held = model.held.copy()
         if model.motion is not None:
             held[model.motion.nodes] = True
-        free = node_rows(~held[self.node_order])
-        self.nodes = Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
-
-        self._highest = HighestFrequency(
-            lambda u, force: self.kernels.forces(u, force, self.blocks),
-            self.nodes.inverse_mass,
-            float(np.cbrt(self.volumes.min())),
-        )
-        self._profiles: list[Profile] = []
-        self.loads = self._dead_loads(model.loads)
-        self.fibres = self._follower_fibres(model.pulls)
-
+        self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
         self.kernels = kernels(law.law, model.element)
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
@@ -145,11 +143,82 @@ class Simulation:
             force=node_rows(zero),
         )
         self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
+        self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
+        self._element_energy = np.zeros_like(self._element_J)
+        self._element_hourglass = np.zeros_like(self._element_J)
+
+    def with_masses(self, rows: np.ndarray, held: np.ndarray) -> Nodes:
+        """Nodes with masses (N, 4) kg, of which (n, 3) components, in the user's numbering, are held."""
+        free = node_rows(~held[self.node_order])
+        return Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
+
+    # ---- in the user's numbering ----
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """(n, 3) m now."""
+        return self.state.u[self._place, :3]
+
+    @property
+    def nodal_mass(self) -> np.ndarray:
+        """(n,) kg."""
+        return self.nodes.mass[self._place, 0]
+
+    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
+        """Internal force (n, 3) N at a displacement (n, 3) m, without touching the state."""
+        force = np.zeros_like(self.state.u)
+        self.kernels.forces(self._rows(displacement), force, self.blocks)
+        return -force[self._place, :3]
+
+    def broken_element(self) -> int:
+        """The element (user's number) whose smallest J, at any integration point, is lowest or not a number."""
+        u, scratch = self.state.u, np.empty_like(self.state.u)
+
+        def smallest(first: int, lanes: slice) -> float:
+            few = Blocks(*(np.ascontiguousarray(array[first : first + 1, :, lanes]) for array in self.blocks))
+            full = Blocks(*(np.repeat(a, WIDTH, axis=2) if a.shape[2] == 1 else a for a in few))
+            J = self.kernels.forces(u, scratch, full)
+            return J if -np.inf < J else -np.inf  # a NaN counts as lowest
+
+        block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
+        count = min(WIDTH, len(self.hexes) - block * WIDTH)
+        lane = int(np.argmin([smallest(block, slice(k, k + 1)) for k in range(count)]))
+        return int(self.element_order[block * WIDTH + lane])
+
+    # ---- inside ----
+
+    def _rows(self, values: np.ndarray) -> np.ndarray:
+        return node_rows(np.asarray(values, dtype=float)[self.node_order])
+
+    def _in_elements(self, lanes: np.ndarray) -> np.ndarray:
+        """(B, W) lanes as (m,) values in the user's numbering."""
+        values = np.empty(self.model.mesh.element_count)
+        values[self.element_order] = lanes.ravel()[: len(values)]
+        return values
+
+
+class Simulation(Body):
+    """A model ready to be advanced in time.
+
+    Parameters
+    ----------
+    model : the physics.
+    displacement, velocity : (n, 3) m, m/s at time 0; zero if left out.
+    """
+
+    def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
+        super().__init__(model, displacement=displacement, velocity=velocity)
+        self._highest = HighestFrequency(
+            lambda u, force: self.kernels.forces(u, force, self.blocks),
+            self.nodes.inverse_mass,
+            float(np.cbrt(self.volumes.min())),
+        )
+        self._profiles: list[Profile] = []
+        self.loads = self._dead_loads(model.loads)
+        self.fibres = self._follower_fibres(model.pulls)
         self._external = np.zeros_like(self.state.u)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self._velocity = np.zeros_like(self.state.u)
-        self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
-        self._element_hourglass = np.zeros_like(self._element_J)
         self.ledger = np.zeros(LEDGER)
         self.time_s = 0.0
         self.dt_s = 0.0  # the step that led to time_s
@@ -186,33 +255,17 @@ class Simulation:
         """Largest norm of grad v of any element [1/s], with the velocity of the last half step."""
         return self.kernels.largest_strain_rate(self.state.v, self.blocks)
 
-    # ---- in the user's numbering ----
-
-    @property
-    def displacement(self) -> np.ndarray:
-        """(n, 3) m at time_s."""
-        return self.state.u[self._place, :3]
+    # ---- loads ----
 
     @property
     def load_edges_s(self) -> np.ndarray:
         """Times at which some load jumps or bends: step boundaries."""
         return np.unique(np.concatenate([p.edges_s for p in self._profiles] or [np.zeros(0)]))
 
-    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
-        """Internal force (n, 3) N at a displacement (n, 3) m, without touching the state."""
-        force = np.zeros_like(self.state.u)
-        self.kernels.forces(self._rows(displacement), force, self.blocks)
-        return -force[self._place, :3]
-
     def external_force(self) -> np.ndarray:
         """External force (n, 3) N at the present time."""
         self._snapshot()
         return self._external[self._place, :3]
-
-    @property
-    def nodal_mass(self) -> np.ndarray:
-        """(n,) kg."""
-        return self.nodes.mass[self._place, 0]
 
     # ---- running ----
 
@@ -274,34 +327,15 @@ class Simulation:
         self.dt_s = float(dt_s)
         return bool(self.ledger[SMALLEST_J] > 0.0)
 
-    def broken_element(self) -> int:
-        """The element (user's number) whose smallest J, at any integration point, is lowest or not a number."""
-        u, scratch = self.state.u, np.empty_like(self.state.u)
-
-        def smallest(first: int, lanes: slice) -> float:
-            few = Blocks(*(np.ascontiguousarray(array[first : first + 1, :, lanes]) for array in self.blocks))
-            full = Blocks(*(np.repeat(a, WIDTH, axis=2) if a.shape[2] == 1 else a for a in few))
-            J = self.kernels.forces(u, scratch, full)
-            return J if -np.inf < J else -np.inf  # a NaN counts as lowest
-
-        block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
-        count = min(WIDTH, len(self.hexes) - block * WIDTH)
-        lane = int(np.argmin([smallest(block, slice(k, k + 1)) for k in range(count)]))
-        return int(self.element_order[block * WIDTH + lane])
-
     def snapshot(self) -> Snapshot:
         """Energies and fields at the present time."""
         energies = self._snapshot()
-        elements = np.empty((2, self.model.mesh.element_count))
-        count = elements.shape[1]
-        elements[0, self.element_order] = self._element_J.ravel()[:count]
-        elements[1, self.element_order] = self._element_hourglass.ravel()[:count]
         return Snapshot(
             time_s=self.time_s,
             displacement=self.displacement,
             velocity=self._velocity[self._place, :3],
-            J=elements[0],
-            hourglass_energy=elements[1],
+            J=self._in_elements(self._element_J),
+            hourglass_energy=self._in_elements(self._element_hourglass),
             energies=energies,
             smallest_J=float(self.ledger[SMALLEST_J]),
         )
@@ -335,9 +369,6 @@ class Simulation:
         self.kernels.forces(self.state.u, self.state.force, self.blocks)
         return self.state.force
 
-    def _rows(self, values: np.ndarray) -> np.ndarray:
-        return node_rows(np.asarray(values, dtype=float)[self.node_order])
-
     def _activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
         return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in self._profiles]).reshape(-1, len(instants))
 
@@ -364,6 +395,7 @@ class Simulation:
             self.ledger,
             self._velocity,
             self._element_J,
+            self._element_energy,
             self._element_hourglass,
         )
         return energies

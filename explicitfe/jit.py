@@ -25,7 +25,7 @@ from explicitfe.simd import WIDTH
 OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
 
 _PACKAGE = Path(__file__).parent
-_KERNEL_SOURCES = ("jit.py", "simd.py", "arrays.py", "loop.py", "timestep.py", "elements", "materials", "forces")
+_KERNEL_SOURCES = ("jit.py", "simd.py", "arrays.py", "boundary.py", "loop.py", "timestep.py", "elements", "materials", "forces")
 
 
 def leaf(function: Callable) -> Dispatcher:

@@ -11,14 +11,35 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 
 from __future__ import annotations
 
-from explicitfe.arrays import DAMPING_LOSS, EXTERNAL_WORK, SMALLEST_J
-from explicitfe.boundary import correct, drive, place
+import math
+
+from explicitfe.arrays import (
+    DAMPING_LOSS,
+    DEPTH,
+    EXTERNAL_WORK,
+    FREE,
+    GOAL,
+    KINETIC_RATIO,
+    MOMENT,
+    PACE,
+    POWER,
+    RESIDUAL,
+    REST_J,
+    SMALLEST_J,
+    STIFFNESS,
+    TIED,
+)
+from explicitfe.boundary import correct, drive, place, turn, turn_back
+from explicitfe.forces.contact import add_contact, clearance, find_depth, friction, moved
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
 
 # Placeholders, bound in build.py.
 internal_force = internal_energy = None
+
+FRESH = 0.05  # weight of the newest stiffness estimate in a relaxation's mean
+LOOK_EVERY = 20  # iterations of a relaxation between two looks at its residual
 
 
 def forces(u, force, blocks):
@@ -89,13 +110,14 @@ def snapshot(
     ledger,
     velocity,
     element_J,
+    element_energy,
     element_hourglass,
 ):
     """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
 
-    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J`` and ``element_hourglass`` (B, W)
-    receive J and the hourglass energy [J]. ``activation`` (profiles, 1) is that of t_n, dt the step before t_n; ``motion`` has
-    the displacements of the prescribed nodes at t_n and t_n + dt.
+    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J``, ``element_energy`` and
+    ``element_hourglass`` (B, W) receive J, the strain energy and the hourglass energy [J]. ``activation`` (profiles, 1) is that
+    of t_n, dt the step before t_n; ``motion`` has the displacements of the prescribed nodes at t_n and t_n + dt.
     """
     u, v, force = state
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
@@ -116,7 +138,7 @@ def snapshot(
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
     driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt)
-    internal, hourglass = internal_energy(u, blocks, element_J, element_hourglass)
+    internal, hourglass = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
     return (
         internal,
         hourglass,
@@ -124,3 +146,105 @@ def snapshot(
         ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work,
         ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
     )
+
+
+def relax(state, external, inner, blocks, nodes, turned, contact, tool, tolerance, iterations, monitor):
+    """Relax towards equilibrium by up to so many iterations; give the number done.
+
+    Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still
+    moves (Underwood 1983): c = 2 sqrt(S) with S = v.(f_before - f_now) / v.M v, the Rayleigh quotient of the last increment.
+    It ends when the nodal forces that nothing balances are below ``tolerance`` times those of the tool and the loads (2-norms),
+    and the kinetic energy is below its square times the work: near the end both are the square of the relative distance.
+
+    Parameters
+    ----------
+    state : State, changed in place; v is the increment of the last iteration, force all forces but the external ones.
+    external : (N, 4) N. Dead loads. ``inner`` (N, 4) is a work array.
+    nodes : Nodes with fictitious masses.
+    turned, contact : rotational symmetry and contact points, either of which may be empty.
+    tool : (TOOL,). Its state, changed in place.
+    monitor : (MONITOR,). What the last look saw, changed in place.
+    """
+    u, v, force = state
+    before = monitor[POWER]
+    inertia = monitor[MOMENT]
+    stiffness = monitor[STIFFNESS]
+    done = 0
+    while done < iterations:
+        turn(u, turned)
+        force[:] = 0.0
+        monitor[REST_J] = internal_force(u, force, blocks)
+        if not (monitor[REST_J] > 0.0):
+            break
+        turn_back(force, turned)
+        looks = done % LOOK_EVERY == 0
+        if looks:
+            inner[:] = force
+        if not tool[FREE] > 0.0:
+            tool[DEPTH] += min(max(tool[GOAL] - tool[DEPTH], -tool[PACE]), tool[PACE])
+        find_depth(u, contact, tool)
+        pressed = add_contact(u, force, contact, tool)
+        if looks:
+            residual = splat(0.0)
+            loads = splat(0.0)
+            work = splat(0.0)
+            for at in range(0, u.size, WIDTH):
+                free = load(nodes.inverse_mass, at) * load(nodes.mass, at)
+                dead = load(external, at)
+                unbalanced = free * (load(force, at) + dead)
+                pushed = free * (load(force, at) + dead - load(inner, at))
+                residual = residual + unbalanced * unbalanced
+                loads = loads + pushed * pushed
+                work = work + dead * load(u, at)
+            done_work = 0.5 * (abs(pressed * tool[DEPTH]) + abs(sum_lanes(work)))
+            # a body without any load is at rest where it is
+            monitor[RESIDUAL] = math.sqrt(sum_lanes(residual) / max(sum_lanes(loads), 1e-300))
+            monitor[KINETIC_RATIO] = 0.5 * inertia / max(done_work, 1e-300)
+            there = tool[FREE] > 0.0 or tool[DEPTH] == tool[GOAL]
+            if there and monitor[RESIDUAL] <= tolerance and monitor[KINETIC_RATIO] <= tolerance * tolerance:
+                break
+        power = splat(0.0)
+        for at in range(0, u.size, WIDTH):
+            power = power + load(v, at) * (load(force, at) + load(external, at))
+        if inertia > 0.0:
+            quotient = (before - sum_lanes(power)) / inertia
+            if quotient > 0.0:
+                stiffness = (1.0 - FRESH) * stiffness + FRESH * min(quotient, 4.0)
+        c = 2.0 * math.sqrt(stiffness)
+        keep = (2.0 - c) / (2.0 + c)
+        gain = 2.0 / (2.0 + c)
+        power = splat(0.0)
+        moment = splat(0.0)
+        for at in range(0, u.size, WIDTH):
+            push = load(force, at) + load(external, at)
+            new = keep * load(v, at) + gain * load(nodes.inverse_mass, at) * push
+            store(v, at, new)
+            store(u, at, load(u, at) + new)
+            power = power + new * push
+            moment = moment + new * new * load(nodes.mass, at)
+        before = sum_lanes(power)
+        inertia = sum_lanes(moment)
+        done += 1
+    monitor[POWER], monitor[MOMENT], monitor[STIFFNESS] = before, inertia, stiffness
+    return done
+
+
+def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
+    """Strain energy and hourglass energy at displacement u [J], and those of each element, (B, W)."""
+    return internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+
+
+def press(u, force, contact, tool):
+    """Add the forces of the tool to the node rows; give its own, along -z [N]."""
+    return add_contact(u, force, contact, tool)
+
+
+def touch(u, contact, tool, gap, push, traction):
+    """Distance [m], normal force [N] and friction force [N] of each contact point: (k,), (k,), (k, 3)."""
+    for point in range(len(contact.spring)):
+        ux, uy, uz = moved(u, contact, point)
+        x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
+        gap[point], nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
+        tied = contact.shape[TIED] > 0.0
+        push[point] = -contact.spring[point] * gap[point] if gap[point] < 0.0 or tied else 0.0
+        traction[point] = friction(ux, uy, uz, nx, ny, nz, push[point], contact, tool, point)

@@ -76,6 +76,52 @@ def fastest_element(
     return float(np.sqrt(largest)), fastest
 
 
+def stiffness_rows(
+    minus_force: Callable[[np.ndarray, np.ndarray, Blocks], object],
+    blocks: Blocks,
+    displacement: np.ndarray,
+    length_m: np.ndarray,
+    free: np.ndarray,
+    own: np.ndarray,
+    rotation: np.ndarray,
+) -> np.ndarray:
+    """Sums of the absolute entries of each row of the element stiffnesses [N/m], (m, 8, 3), over the components that are free.
+
+    With a quarter of them as masses no element, so no mesh, vibrates faster than 2 (Gershgorin 1931; Irons & Treharne 1971).
+
+    Parameters
+    ----------
+    minus_force, blocks, displacement, length_m : as in :func:`fastest_element`.
+    free : (m, 8, 3) components that can move.
+    own : (m, 8) for each corner the corner that it moves with: itself, or, by rotational symmetry, its partner. The forces on it
+        count for that corner.
+    rotation : (m, 8, 3, 3) that leads from the partner's displacement to its own.
+    """
+    rows = np.zeros(free.shape)
+    for first in range(0, len(blocks.nodes), APART):
+        part = slice(first * WIDTH, min((first + APART) * WIDTH, len(displacement)))
+        count = part.stop - part.start
+        apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
+        some = Blocks(apart, *(array[first : first + APART] for array in blocks[1:]))
+        u = node_rows(displacement[part].reshape(-1, 3))
+        there, here = np.empty_like(u), np.empty_like(u)
+        minus_force(u, here, some)
+        collect = (own[part][:, :, None] == np.arange(8)).astype(float)  # (count, corner, corner that it counts for)
+        step = 1e-6 * length_m[part]
+        for corner in range(8):
+            moves = collect[:, :, corner] * step[:, None]
+            if not moves.any():
+                continue
+            for k in range(3):
+                shifted = displacement[part] + moves[..., None] * rotation[part][..., k]
+                u[: 8 * count, :3] = shifted.reshape(-1, 3)
+                minus_force(u, there, some)
+                change = (here - there)[: 8 * count, :3].reshape(count, 8, 1, 3)
+                back = (change @ rotation[part])[:, :, 0]  # turned back: R^T f
+                rows[part] += np.abs(collect.transpose(0, 2, 1) @ back) * (free[part, corner, k] / step)[:, None, None]
+    return rows * free
+
+
 class HighestFrequency:
     """Estimates the highest angular frequency of the whole mesh, keeping its vector from call to call.
 

@@ -88,10 +88,11 @@ def internal_force(u, force, blocks):
     return min_lanes(smallest)
 
 
-def internal_energy(u, blocks, element_J, element_hourglass):
+def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
     """Strain energy and hourglass energy at displacement u [J].
 
-    ``element_J`` (B, W) receives J and ``element_hourglass`` (B, W) the hourglass energy [J] of each element.
+    ``element_J``, ``element_energy`` and ``element_hourglass``, (B, W) each, receive J, the strain energy without that of
+    hourglass control, and the latter [J].
     """
     internal = splat(0.0)
     hourglass = splat(0.0)
@@ -106,6 +107,7 @@ def internal_energy(u, blocks, element_J, element_hourglass):
         internal = internal + g[33] * alone
         hourglass = hourglass + e
         store(element_J, block * WIDTH, J)
+        store(element_energy, block * WIDTH, g[33] * alone)
         store(element_hourglass, block * WIDTH, e)
     return sum_lanes(internal), sum_lanes(hourglass)
 

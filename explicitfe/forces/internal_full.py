@@ -77,10 +77,10 @@ def internal_force(u, force, blocks):
     return min_lanes(smallest)
 
 
-def internal_energy(u, blocks, element_J, element_hourglass):
+def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
     """Strain energy at displacement u, and 0 for hourglass control [J].
 
-    ``element_J`` (B, W) receives the mean J, ``element_hourglass`` (B, W) zeros.
+    ``element_J`` (B, W) receives the mean J, ``element_energy`` (B, W) the strain energy [J], ``element_hourglass`` zeros.
     """
     numbers = blocks.hourglass
     internal = splat(0.0)
@@ -98,7 +98,9 @@ def internal_energy(u, blocks, element_J, element_hourglass):
             energy = energy + w * law_isochoric(isochoric_invariant(F, J), c)
         reference = load(blocks.geometry, (block * GEOMETRY + GEOMETRY - 1) * WIDTH)
         mean = volume / reference
-        internal = internal + energy + reference * volumetric.energy(mean, c[LAW_CONSTANTS - 1])
+        energy = energy + reference * volumetric.energy(mean, c[LAW_CONSTANTS - 1])
+        internal = internal + energy
         store(element_J, block * WIDTH, mean)
+        store(element_energy, block * WIDTH, energy)
         store(element_hourglass, block * WIDTH, splat(0.0))
     return sum_lanes(internal), 0.0

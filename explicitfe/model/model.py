@@ -63,6 +63,51 @@ class PrescribedMotion:
 
 
 @dataclass(frozen=True)
+class Tool:
+    """A rigid tool of revolution about the z axis that comes down on the body.
+
+    Attributes
+    ----------
+    flat_radius_m : radius of its flat face; 0 for a ball, inf for a platen.
+    edge_radius_m : radius of the rounding that begins there.
+    wall : a vertical wall stands above the rounding; else it goes on as a ball.
+    height_m : z of its lowest point at displacement 0.
+    friction : Coulomb's coefficient.
+    nodes, weights : (k, 4), (k, 4). Points of the surface that it may touch: the nodes of the face that each lies in, and their
+        shape functions there.
+    areas_m2 : (k,) that each point stands for.
+    face_size_m : size of the faces where it presses hardest.
+    tied : the points are bonded to it.
+    """
+
+    flat_radius_m: float
+    edge_radius_m: float
+    wall: bool
+    height_m: float
+    friction: float
+    nodes: np.ndarray
+    weights: np.ndarray
+    areas_m2: np.ndarray
+    face_size_m: float
+    tied: bool = False
+
+
+@dataclass(frozen=True)
+class RotationalSymmetry:
+    """A sector of a body of revolution about the z axis: nodes on its far side move as their partners on the near one, turned.
+
+    Attributes
+    ----------
+    nodes, partners : (k,) node numbers.
+    angle_rad : of the sector.
+    """
+
+    nodes: np.ndarray
+    partners: np.ndarray
+    angle_rad: float
+
+
+@dataclass(frozen=True)
 class Model:
     """Physics of one run.
 
@@ -75,6 +120,10 @@ class Model:
     element : "hex8", "hex8-stiffness" or "hex8-full".
     loads, pulls : what acts on it.
     motion : nodes that are moved.
+    stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
+    tool : what presses on it.
+    sector : its rotational symmetry, where it is a sector.
+    copies : how many times the body stands for the whole one.
     probes : name -> node number, recorded at every sample.
     """
 
@@ -87,3 +136,7 @@ class Model:
     probes: dict[str, int] = field(default_factory=dict)
     element: str = "hex8"
     motion: PrescribedMotion | None = None
+    stiffness: np.ndarray | None = None
+    tool: Tool | None = None
+    sector: RotationalSymmetry | None = None
+    copies: float = 1.0

@@ -8,7 +8,17 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import LAWS
@@ -156,7 +166,153 @@ class Scenario(_Table):
     record: RecordTable = RecordTable()
 
 
-def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
+Size = Annotated[tuple[float, float, float], BeforeValidator(_row(3, "three lengths [x, y, z] in mm"))]
+
+
+class SpecimenTable(_Table):
+    """A cylinder or a block of tissue, base at z = 0, under a tool that comes down the z axis."""
+
+    name: Literal["specimen"] = "specimen"
+    symmetry: Literal["sector", "quarter", "half", "whole"] = Field(
+        default="sector", description="the part that is computed; a sector stands for a body of revolution"
+    )
+    radius_mm: float | None = Field(default=None, gt=0.0, description="of a cylinder")
+    height_mm: float | None = Field(default=None, gt=0.0, description="of a cylinder")
+    size_mm: Size | None = Field(default=None, description="of a block, instead of radius and height: [x, y, z]")
+    layer_mm: float = Field(default=0.0, ge=0.0, description="thickness of a surface layer, such as the mucosa")
+    layer_stiffness_ratio: float = Field(default=1.0, gt=0.0, description="its moduli relative to the tissue below")
+    base: Literal["bonded", "sliding"] = "bonded"
+    bonded_radius_mm: float | None = Field(
+        default=None, gt=0.0, description="a bonded base is so only within this distance of the axis, and slides beyond"
+    )
+    material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
+    element: Literal["hex8", "hex8-stiffness", "hex8-full"] = "hex8"
+    gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity; it acts before the tool touches")
+    edge_size_mm: float | None = Field(
+        default=None, gt=0.0, description="size of the elements at the tool's edge; from the tool if left out"
+    )
+    refinement: float = Field(default=1.0, gt=0.0, description="divides all element sizes")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> SpecimenTable:
+        round_ = self.radius_mm is not None and self.height_mm is not None
+        if (self.radius_mm is not None or self.height_mm is not None) and self.size_mm is not None:
+            raise ValueError("give radius_mm and height_mm (a cylinder) or size_mm (a block), not both")
+        if not round_ and self.size_mm is None:
+            raise ValueError("give radius_mm and height_mm (a cylinder) or size_mm (a block)")
+        if self.size_mm is not None and min(self.size_mm) <= 0.0:
+            raise ValueError("the lengths of size_mm must be above 0")
+        if self.size_mm is not None and self.symmetry == "sector":
+            raise ValueError('a sector is for a cylinder; for a block take symmetry = "quarter", "half" or "whole"')
+        if self.layer_mm >= self.thickness_mm:
+            raise ValueError("layer_mm must be less than the height of the specimen")
+        if self.bonded_radius_mm is not None and self.base != "bonded":
+            raise ValueError('bonded_radius_mm goes with base = "bonded"')
+        sideways = [k for k, free in (("x", ("half", "whole")), ("y", ("whole",))) if self.symmetry not in free]
+        if any(self.gravity_m_s2["xyz".index(k)] for k in sideways):
+            raise ValueError(f"gravity_m_s2 must not act along {' or '.join(sideways)}: symmetry = {self.symmetry!r} excludes it")
+        return self
+
+    @property
+    def thickness_mm(self) -> float:
+        """Along z."""
+        if self.size_mm is not None:
+            return self.size_mm[2]
+        assert self.height_mm is not None
+        return self.height_mm
+
+
+class ToolTable(_Table):
+    """A rigid tool that comes down the z axis."""
+
+    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
+    radius_mm: float | None = Field(default=None, gt=0.0, description="of all but a platen, which is wider than the specimen")
+    edge_radius_mm: float | None = Field(default=None, gt=0.0, description="of a flat cylinder; 1 if left out")
+    friction: Annotated[float, Field(ge=0.0, le=1.0)] | Literal["stick"] = Field(
+        default=0.0, description='a coefficient, or "stick"'
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> ToolTable:
+        if (self.shape == "platen") != (self.radius_mm is None):
+            raise ValueError("radius_mm goes with every shape but a platen")
+        if self.edge_radius_mm is not None and self.shape != "flat-cylinder":
+            raise ValueError('edge_radius_mm goes with shape = "flat-cylinder"')
+        if self.shape == "flat-cylinder" and self.rounding_mm > (self.radius_mm or 0.0):
+            raise ValueError("edge_radius_mm must not be above radius_mm")
+        if self.shape == "bonded-disc" and self.friction != 0.0:
+            raise ValueError("a bonded disc is tied, it knows no friction")
+        return self
+
+    @property
+    def rounding_mm(self) -> float:
+        """Radius of the edge of a flat cylinder."""
+        return 1.0 if self.edge_radius_mm is None else self.edge_radius_mm
+
+
+class RelaxationTable(_Table):
+    """One equilibrium after the other, by dynamic relaxation."""
+
+    type: Literal["relaxation"]
+    forces_N: list[Annotated[float, Field(ge=0.0)]] | None = Field(
+        default=None, description="of the whole tool, one after the other"
+    )
+    displacements_mm: list[Annotated[float, Field(ge=0.0)]] | None = Field(
+        default=None, description="of the tool into the tissue, instead of forces"
+    )
+    times_s: list[float] | None = Field(default=None, description="when; 1 s a load if left out")
+    tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual")
+
+    @model_validator(mode="after")
+    def _one_course(self) -> RelaxationTable:
+        if (self.forces_N is None) == (self.displacements_mm is None):
+            raise ValueError("give either forces_N or displacements_mm, and not both")
+        if not self.course:
+            raise ValueError("at least one load is needed")
+        if self.times_s is not None and len(self.times_s) != len(self.course):
+            raise ValueError(f"times_s has {len(self.times_s)} entries and the loads are {len(self.course)}")
+        if self.times_s is not None and any(b <= a for a, b in zip([0.0, *self.times_s], self.times_s, strict=False)):
+            raise ValueError("times_s must rise from above 0")
+        return self
+
+    @property
+    def course(self) -> list[float]:
+        """The loads, N or mm."""
+        return (self.displacements_mm if self.forces_N is None else self.forces_N) or []
+
+
+class SpecimenRecordTable(_Table):
+    """What is stored."""
+
+    fields: list[Literal["displacement", "J", "strain_energy_density", "hourglass_energy"]] = [
+        "displacement",
+        "J",
+        "strain_energy_density",
+        "hourglass_energy",
+    ]
+
+
+class Indentation(_Table):
+    """One indentation, as its file states it."""
+
+    title: str
+    question: str = ""
+    expect: str = Field(default="", description="what the run should show, with the number to expect")
+    model: SpecimenTable
+    tool: ToolTable
+    analysis: RelaxationTable
+    record: SpecimenRecordTable = SpecimenRecordTable()
+
+
+def kind_of(data: dict[str, Any]) -> type[Scenario] | type[Indentation]:
+    """The schema that parsed TOML is meant for: by its model or its type of analysis."""
+    model, analysis = data.get("model"), data.get("analysis")
+    specimen = isinstance(model, dict) and model.get("name") == "specimen"
+    relaxation = isinstance(analysis, dict) and analysis.get("type") == "relaxation"
+    return Indentation if specimen or relaxation else Scenario
+
+
+def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scenario | Indentation, str]:
     """A scenario file, checked, and its text with the settings noted at its head.
 
     Parameters
@@ -186,16 +342,17 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     for setting in settings:
         _apply(data, setting)
     try:
-        scenario = validated(Scenario, data)
+        scenario = validated(kind_of(data), data)
     except ValidationError as error:
-        raise InputError(f"{path}: {_explain(error, data, Scenario)}") from None
+        raise InputError(f"{path}: {_explain(error, data, kind_of(data))}") from None
     header = "".join(f"# --set {setting}\n" for setting in settings)
     return scenario, header + text
 
 
 def json_schema() -> dict[str, Any]:
     """The JSON schema of a scenario, for editors."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
+    both = TypeAdapter(Scenario | Indentation).json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **both}
 
 
 def explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:

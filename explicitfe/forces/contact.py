@@ -1,0 +1,114 @@
+"""Contact of a body's surface with a rigid tool of revolution that moves along -z.
+
+The tool is known by its distance function g, so a contact needs no search. The surface is sampled at points of its faces, not at
+its nodes alone: a face then bends around an edge instead of cutting through it, and the force grows smoothly while a face comes
+into contact. Where a point is inside (g < 0) a stiff spring pushes it out along the normal: the energy is the sum of 1/2 k g^2,
+so frictionless contact is conservative. A tool under a force is massless: its way is found anew in every iteration, such
+that the springs balance the force. Friction is Coulomb's, with an elastic slip that is small beside the elements; its anchor
+is that of the last converged state, so the answer does not depend on how an iteration got there.
+"""
+
+from __future__ import annotations
+
+import math
+
+from explicitfe.arrays import DEPTH, EDGE_RADIUS, FLAT_RADIUS, FREE, FRICTION, LOAD, LOWEST, TIED, WALL
+from explicitfe.jit import leaf
+
+TURNS = 30  # of Newton, for the way of a tool under a force: exact once it is known which points touch,
+CLOSE = 1e-3  # which it is when the last turn began from so small an imbalance
+
+
+@leaf
+def clearance(x, y, z, shape, depth):
+    """Distance [m] of a point from the tool, negative inside, and the normal out of the tool."""
+    above = z - (shape[LOWEST] - depth)
+    r = math.sqrt(x * x + y * y)
+    out, edge = r - shape[FLAT_RADIUS], shape[EDGE_RADIUS]
+    if shape[TIED] > 0.0 or out <= 0.0:
+        return -above, 0.0, 0.0, -1.0
+    if shape[WALL] > 0.0 and above >= edge:
+        return out - edge, x / r, y / r, 0.0
+    up = above - edge
+    d = math.sqrt(out * out + up * up)
+    if d == 0.0:  # at the centre of the rounding every direction is as good
+        return -edge, 0.0, 0.0, -1.0
+    return d - edge, out / d * (x / r), out / d * (y / r), up / d
+
+
+@leaf
+def moved(u, contact, point):
+    """Displacement of a point of the surface."""
+    x = y = z = 0.0
+    for corner in range(4):
+        node, weight = contact.node[point, corner], contact.weight[point, corner]
+        x += weight * u[node, 0]
+        y += weight * u[node, 1]
+        z += weight * u[node, 2]
+    return x, y, z
+
+
+@leaf
+def find_depth(u, contact, tool):
+    """Move a tool under a force to where the springs balance it."""
+    if tool[FREE] > 0.0:
+        for _ in range(TURNS):
+            force = 0.0
+            slope = 0.0
+            nearest = math.inf
+            for point in range(len(contact.spring)):
+                ux, uy, uz = moved(u, contact, point)
+                x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
+                gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
+                if gap < 0.0 or contact.shape[TIED] > 0.0:
+                    push = -contact.spring[point] * gap
+                    _, _, rubbing = friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point)
+                    force -= push * nz + rubbing
+                    slope += contact.spring[point] * nz * nz + contact.grip[point] * (1.0 - nz * nz)
+                elif nz < 0.0:
+                    nearest = min(nearest, gap)
+            if slope == 0.0:  # nothing is touched: go to where something is
+                tool[DEPTH] += nearest + 1e-12
+                continue
+            tool[DEPTH] += (tool[LOAD] - force) / slope
+            if abs(tool[LOAD] - force) <= CLOSE * abs(tool[LOAD]):
+                break
+
+
+@leaf
+def add_contact(u, force, contact, tool):
+    """Add the forces of the tool to the node rows; give the tool's own, along -z [N]."""
+    total = 0.0
+    for point in range(len(contact.spring)):
+        ux, uy, uz = moved(u, contact, point)
+        x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
+        gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
+        if gap >= 0.0 and not contact.shape[TIED] > 0.0:
+            continue
+        push = -contact.spring[point] * gap
+        tx, ty, tz = friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point)
+        fx, fy, fz = push * nx + tx, push * ny + ty, push * nz + tz
+        total -= fz
+        for corner in range(4):
+            node, weight = contact.node[point, corner], contact.weight[point, corner]
+            force[node, 0] += weight * fx
+            force[node, 1] += weight * fy
+            force[node, 2] += weight * fz
+    return total
+
+
+@leaf
+def friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point):
+    """Friction force on a point: -grip x slip since the anchor, along the surface, at most the coefficient times the push."""
+    grip = contact.grip[point]
+    if grip == 0.0:
+        return 0.0, 0.0, 0.0
+    sx = ux - contact.anchor[point, 0]
+    sy = uy - contact.anchor[point, 1]
+    sz = uz + tool[DEPTH] - contact.anchor[point, 2]
+    along = sx * nx + sy * ny + sz * nz
+    sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
+    size = grip * math.sqrt(sx * sx + sy * sy + sz * sz)
+    most = contact.shape[FRICTION] * push
+    pull = -grip if size <= most or contact.shape[TIED] > 0.0 else -grip * most / size
+    return pull * sx, pull * sy, pull * sz

@@ -1,0 +1,1 @@
+"""What is learned from measurements: datasets, and the constants that fit them."""

@@ -1,0 +1,218 @@
+"""Scenario -> model of an indentation: a specimen of tissue and the tool that presses it.
+
+The mesh is fine where the tool's edge is and below it, and grows away from there. The surface is sampled at points of its faces
+for contact: Gauss points, and in a sector those of the line that turns into the surface.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.elements import hex8
+from explicitfe.mesh.hexmesh import HexMesh, shape_functions
+from explicitfe.mesh.specimen import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
+from explicitfe.model import catalogue
+from explicitfe.model.model import Model, NodalLoad, RotationalSymmetry, Tool
+from explicitfe.model.profile import Profile
+from explicitfe.model.scenario import SpecimenTable, ToolTable
+
+SECTOR_RAD = np.radians(1.0)
+COPIES = {"sector": 2.0 * np.pi / SECTOR_RAD, "quarter": 4.0, "half": 2.0, "whole": 1.0}
+GROWTH = 1.3
+COARSEST = 0.1  # of the smaller of radius and height
+AROUND = 8  # elements around a quarter
+POINTS = 2  # of contact along each edge of a face
+INNER = 0.7  # where the fine zone of a flat tool begins, of its radius: tissue slides outwards under it, into the edge
+REACH = 1.25  # of the tool's radius: how far from the axis the surface may come to touch it
+# Rough: only points that are about to lift still slip. A limit without end would let the force jump where a point lifts.
+STICK = 1.0
+# Elements at the edge, by default: of the rounding, of a ball's radius, of a bonded disc's radius.
+EDGE_SHARE, BALL_SHARE, DISC_SHARE = 0.4, 0.08, 1.0 / 60.0
+
+
+def specimen_model(specimen: SpecimenTable, tool: ToolTable) -> Model:
+    """The physics of a specimen under a tool; lengths in m, the whole of it ``model.copies`` times what is computed."""
+    size = _edge_size(specimen, tool)
+    mesh = _mesh(specimen, tool, size)
+    material = catalogue.material(specimen.material)
+    centres = mesh.points[mesh.hexes].mean(axis=1)
+    in_layer = centres[:, 2] > 1e-3 * (specimen.thickness_mm - specimen.layer_mm)
+    held, sector = _held(specimen, mesh)
+    loads = ()
+    if any(specimen.gravity_m_s2):
+        _, volumes = hex8.mean_gradients(mesh.points[mesh.hexes])
+        mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
+        force = mass[:, None] * np.array(specimen.gravity_m_s2)
+        loads = (NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant()),)
+    return Model(
+        mesh=mesh,
+        material=material,
+        held=held,
+        element=specimen.element,
+        loads=loads,
+        stiffness=np.where(in_layer, specimen.layer_stiffness_ratio, 1.0),
+        tool=_tool(specimen, tool, mesh, size),
+        sector=sector,
+        copies=COPIES[specimen.symmetry],
+    )
+
+
+# ---- the mesh ----
+
+
+def _edge_size(specimen: SpecimenTable, tool: ToolTable) -> float:
+    """Size of the elements at the tool's edge [m]."""
+    if specimen.edge_size_mm is not None:
+        size = specimen.edge_size_mm
+    elif tool.shape == "flat-cylinder":
+        size = EDGE_SHARE * tool.rounding_mm
+    elif tool.shape == "sphere":
+        size = BALL_SHARE * tool.radius_mm
+    elif tool.shape == "bonded-disc":
+        size = DISC_SHARE * tool.radius_mm
+    else:
+        size = COARSEST * min(specimen.thickness_mm, _smallest_radius(specimen))
+    return 1e-3 * size / specimen.refinement
+
+
+def _smallest_radius(specimen: SpecimenTable) -> float:
+    """Distance of the nearest side from the axis [mm]."""
+    return specimen.radius_mm if specimen.size_mm is None else 0.5 * min(specimen.size_mm[:2])
+
+
+def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
+    height = 1e-3 * specimen.thickness_mm
+    largest = max(size, 1e-3 * COARSEST * min(specimen.thickness_mm, _smallest_radius(specimen)) / specimen.refinement)
+    layer = 1e-3 * specimen.layer_mm
+    zones = [(height - max(2.0 * size, layer), height, min(size, 0.5 * layer) if layer > 0.0 else size)]
+    heights = stations(height, zones, largest_m=largest, growth=GROWTH, breaks_m=[height - layer] if layer else [])
+
+    reach = 0.0 if tool.radius_mm is None else 1e-3 * tool.radius_mm
+    breaks = []
+    if tool.shape == "flat-cylinder":
+        zones = [(INNER * reach, reach + 0.5 * size, size)]
+    elif tool.shape == "sphere":
+        zones = [(0.0, reach, size)]
+    elif tool.shape == "bonded-disc":
+        zones, breaks = [(reach - 2.0 * size, reach + 2.0 * size, size)], [reach]
+    else:
+        zones = []
+    if specimen.bonded_radius_mm is not None:
+        breaks = [*breaks, 1e-3 * specimen.bonded_radius_mm]
+
+    if specimen.size_mm is None:
+        radius = 1e-3 * specimen.radius_mm
+        radii = stations(radius, [z for z in zones if z[0] < radius], largest_m=largest, growth=GROWTH, breaks_m=breaks)
+        if specimen.symmetry == "sector":
+            return sector_mesh(radii, heights, SECTOR_RAD)
+        return round_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=INNER * reach or np.inf)
+    half = 0.5e-3 * specimen.size_mm[0], 0.5e-3 * specimen.size_mm[1]
+    circle = zones[0][1] + 2.0 * size if zones else np.inf
+    if circle < 0.95 * min(half):
+        radii = stations(circle, zones, largest_m=largest, growth=GROWTH, breaks_m=breaks)
+        core = INNER * reach
+        return block_mesh(
+            half, radii, heights, _around(specimen), specimen.symmetry, largest_m=largest, growth=GROWTH, core_m=core
+        )
+    x, y = (stations(h, [(0.0, h, size)] if zones else [], largest_m=largest, growth=GROWTH) for h in half)
+    return grid_mesh(x, y, heights, specimen.symmetry)
+
+
+def _around(specimen: SpecimenTable) -> int:
+    return max(4, 2 * round(0.5 * AROUND * specimen.refinement))
+
+
+# ---- what holds and what presses ----
+
+
+def _held(specimen: SpecimenTable, mesh: HexMesh) -> tuple[np.ndarray, RotationalSymmetry | None]:
+    """Components that do not move (n, 3), and the symmetry of a sector."""
+    held = np.zeros((mesh.node_count, 3), dtype=bool)
+    sets = mesh.node_sets
+    base = sets["base"]
+    held[base, 2] = True
+    away = np.hypot(mesh.points[base, 0], mesh.points[base, 1])
+    if specimen.base == "bonded":
+        within = np.inf if specimen.bonded_radius_mm is None else 1e-3 * specimen.bonded_radius_mm
+        held[base[away <= within * (1.0 + 1e-9)]] = True
+    for plane, axis in (("x0", 0), ("y0", 1)):
+        if plane in sets:
+            held[sets[plane], axis] = True
+    # What slides as a whole, or turns, is not pressed there: the middle of the base is where it is.
+    held[base[away == 0.0], :2] = True
+    sector = None
+    if specimen.symmetry == "sector":
+        held[sets["plane"], 1] = True
+        held[sets["axis"], :2] = True
+        sector = RotationalSymmetry(sets["turned"], sets["turned_from"], float(SECTOR_RAD))
+    return held, sector
+
+
+def _tool(specimen: SpecimenTable, tool: ToolTable, mesh: HexMesh, size: float) -> Tool:
+    radius = np.inf if tool.radius_mm is None else 1e-3 * tool.radius_mm
+    tied = tool.shape == "bonded-disc"
+    # A ball is all edge; its upper half has no wall.
+    edge = {"flat-cylinder": 1e-3 * tool.rounding_mm, "sphere": radius}.get(tool.shape, 0.0)
+    surface = ("top", "side") if tool.shape == "platen" else ("top",)
+    nodes, weights, areas = _sector_points(mesh, surface) if specimen.symmetry == "sector" else _face_points(mesh, surface)
+    place = np.einsum("kc,kci->ki", weights, mesh.points[nodes])
+    near = np.hypot(place[:, 0], place[:, 1]) <= (1.0 if tied else REACH) * radius
+    return Tool(
+        flat_radius_m=radius - edge,
+        edge_radius_m=edge,
+        wall=tool.shape == "flat-cylinder",
+        height_m=1e-3 * specimen.thickness_mm,
+        friction=STICK if tool.friction == "stick" else float(tool.friction),
+        nodes=nodes[near],
+        weights=weights[near],
+        areas_m2=areas[near],
+        face_size_m=size,
+        tied=tied,
+    )
+
+
+def _sector_points(mesh: HexMesh, surface: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Contact points of a sector on its near plane: nodes (k, 4), weights (k, 4), and the areas (k,) m^2 of their arcs."""
+    share, weight = np.polynomial.legendre.leggauss(POINTS)
+    share, weight = 0.5 * (share + 1.0), 0.5 * weight
+    parts = []
+    for name in surface:
+        chain = np.intersect1d(mesh.node_sets[name], mesh.node_sets["plane"])
+        chain = chain[np.lexsort((mesh.points[chain, 2], mesh.points[chain, 0]))]
+        start, end = chain[:-1], chain[1:]
+        length = np.linalg.norm(mesh.points[end] - mesh.points[start], axis=1)
+        for s, w in zip(share, weight, strict=True):
+            radius = (1.0 - s) * mesh.points[start, 0] + s * mesh.points[end, 0]
+            # only two nodes carry a point; the others of its four have no weight
+            nodes = np.stack([start, end, start, end], axis=1)
+            parts.append((nodes, np.tile([1.0 - s, s, 0.0, 0.0], (len(start), 1)), SECTOR_RAD * w * length * radius))
+    nodes, weights, areas = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    return nodes, weights, areas
+
+
+def _face_points(mesh: HexMesh, surface: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Contact points of a body: nodes (k, 4) and shape functions (k, 4) of their faces, and areas (k,) m^2."""
+    faces = np.concatenate([_faces(mesh, name) for name in surface])
+    share, weight = np.polynomial.legendre.leggauss(POINTS)
+    x, y = (grid.ravel() for grid in np.meshgrid(share, share))
+    weight = np.outer(weight, weight).ravel()
+    natural = np.column_stack([x, y, np.full(len(x), -1.0)])
+    shape = shape_functions(natural)[:, :4]
+    step = 1e-6
+    along = [
+        (shape_functions(natural + step * e) - shape_functions(natural - step * e))[:, :4] / (2.0 * step) for e in np.eye(3)[:2]
+    ]
+    corners = mesh.points[faces]
+    tangents = [np.einsum("qc,fci->fqi", slope, corners) for slope in along]
+    areas = np.linalg.norm(np.cross(*tangents), axis=2) * weight
+    count = len(faces)
+    return np.repeat(faces, len(shape), axis=0), np.tile(shape, (count, 1)), areas.ravel()
+
+
+def _faces(mesh: HexMesh, name: str) -> np.ndarray:
+    """Faces of elements (k, 4), corner after corner, whose nodes all belong to a set."""
+    inside = np.zeros(mesh.node_count, dtype=bool)
+    inside[mesh.node_sets[name]] = True
+    sides = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+    faces = mesh.hexes[:, sides].reshape(-1, 4)
+    return faces[inside[faces].all(axis=1)]

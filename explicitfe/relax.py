@@ -7,6 +7,7 @@ one go is approached in halves; what a history needs is committed at equilibrium
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -64,6 +65,8 @@ class Equilibrium:
     penetration_m : deepest point of the surface inside the tool.
     contact_radius_m : largest distance from the axis at which the tool presses.
     internal_J, hourglass_J : strain energy of the law, and energy of hourglass control.
+    contact_J : energy of the contact springs.
+    dead_work_J : work of the dead loads so far.
     friction_loss_J : slip so far, times friction.
     smallest_J : smallest volume ratio of any element.
     """
@@ -78,6 +81,8 @@ class Equilibrium:
     contact_radius_m: float
     internal_J: float
     hourglass_J: float
+    contact_J: float
+    dead_work_J: float
     friction_loss_J: float
     smallest_J: float
 
@@ -134,15 +139,14 @@ class Relaxation(Body):
         failure = self._attempt(report)
         if failure is not None:
             return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
+        if not self._external.any():
+            return self._touched(0.0)
         # Down by the distance to the nearest point, again and again: the tool never gets past a point.
         gap = self._touch()[0].min(initial=np.inf)
         while 1e-15 < gap < np.inf:
             self.tool[DEPTH] += gap
             gap = self._touch()[0].min()
-        self.touch_m = float(self.tool[DEPTH])
-        self._known.clear()
-        self._commit(0.0)
-        return self.equilibrium(0)
+        return self._touched(float(self.tool[DEPTH]))
 
     def press(self, force_N: float, report: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
         """Equilibrium under a force of the tool [N], from the last one."""
@@ -154,16 +158,22 @@ class Relaxation(Body):
 
     # ---- what is known ----
 
-    def compile(self, report: Callable[[float], None] = lambda share: None) -> None:
-        """Make the machine code ready, from the cache on disk where it is there."""
+    def compile(self, report: Callable[[float], None] = lambda share: None) -> float:
+        """Make the machine code ready, from the cache on disk where it is there; give the seconds it took.
+
+        ``report`` is called with the share that is done.
+        """
+        begin = time.perf_counter()
         report(0.0)
         self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.blocks)
         report(0.4)
         self._relax(0)
         report(0.8)
         self._touch()
+        self._tool_force()
         self._energies()
         report(1.0)
+        return time.perf_counter() - begin
 
     def equilibrium(self, iterations: int) -> Equilibrium:
         """The present state in numbers."""
@@ -173,7 +183,7 @@ class Relaxation(Body):
         pressed = push > 0.0
         place = self._contact_places()
         return Equilibrium(
-            force_N=copies * self._tool_force(),
+            force_N=copies * float(self._tool_force()),
             displacement_m=float(self.tool[DEPTH] - self.touch_m),
             iterations=iterations,
             residual=float(self._monitor[RESIDUAL]),
@@ -181,8 +191,10 @@ class Relaxation(Body):
             reaction_N=copies * self._reaction(),
             penetration_m=float(max(0.0, -gap.min(initial=0.0))),
             contact_radius_m=float(np.hypot(place[pressed, 0], place[pressed, 1]).max(initial=0.0)),
-            internal_J=copies * internal,
-            hourglass_J=copies * hourglass,
+            internal_J=copies * float(internal),
+            hourglass_J=copies * float(hourglass),
+            contact_J=copies * 0.5 * float(np.sum(push * -gap * (push > 0.0))),
+            dead_work_J=copies * float(np.sum(self._external * self.state.u)),
             friction_loss_J=copies * self.friction_loss_J,
             smallest_J=float(self._monitor[REST_J]),
         )
@@ -205,6 +217,13 @@ class Relaxation(Body):
 
     # ---- approaching a load ----
 
+    def _touched(self, depth: float) -> Equilibrium:
+        """Count displacements from here on."""
+        self.touch_m = self.tool[DEPTH] = depth
+        self._known.clear()
+        self._commit(0.0)
+        return self.equilibrium(0)
+
     def _approach(self, goal: float, by_force: bool, report: Callable[[float], None]) -> Equilibrium | Stuck:
         self.tool[FREE] = float(by_force)
         if by_force != self._by_force:
@@ -226,7 +245,7 @@ class Relaxation(Body):
             self._restore()
             if abs(goals[-1] - now) <= abs(goal - begin) / 2**HALVINGS or goals[-1] == now:
                 return stuck
-            goals.append(0.5 * (now + goals[-1]))
+            goals.append(0.5 * float(now + goals[-1]))
         return self.equilibrium(self.iterations - before)
 
     def _start(self, goal: float) -> None:

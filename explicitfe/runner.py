@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +12,10 @@ import numpy as np
 from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
 from explicitfe.build import Simulation, Snapshot
 from explicitfe.errors import InputError
+from explicitfe.indentation import run_indentation
 from explicitfe.mesh.quality import corner_jacobians
-from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.assemble import assemble
-from explicitfe.model.model import Model
-from explicitfe.model.scenario import Scenario, read_scenario
+from explicitfe.model.scenario import Indentation
+from explicitfe.prepared import Prepared, Report, describe, prepare, silent
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.transient import DIVERGED, FINISHED, INTERRUPTED, Ledger, Status, Transient
 
@@ -28,41 +26,6 @@ HOURGLASS_WARNING = 0.05
 DISPLACEMENT_WARNING = 0.5  # of the model's largest extent
 FIRST_ROOM_BYTES = 64e6  # of samples that a result file is made for at first; it grows when they are full
 RESTART_EVERY_S = 1.0  # wall time between two restart states
-
-
-Report = Callable[[str, float], None]  # stage ("compile", "run"), share done in [0, 1]
-
-
-def _silent(stage: str, share: float) -> None:
-    """Report to nobody."""
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario that has been read and built, not yet compiled or run."""
-
-    path: Path
-    scenario: Scenario
-    text: str
-    model: Model
-    anatomy: Anatomy
-    simulation: Simulation
-
-
-def prepare(path: Path | str, settings: Sequence[str] = ()) -> Prepared:
-    """Read, check and build a scenario.
-
-    Raises
-    ------
-    InputError : what is wrong with it, in one sentence.
-    """
-    path = Path(path)
-    scenario, text = read_scenario(path, settings)
-    try:
-        model, anatomy = assemble(scenario, path.parent)
-    except InputError as error:
-        raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
-    return Prepared(path, scenario, text, model, anatomy, Simulation(model))
 
 
 def result_path(scenario_path: Path | str, out: Path | str = "outputs") -> Path:
@@ -76,7 +39,7 @@ def run(
     *,
     settings: Sequence[str] = (),
     overwrite: bool = False,
-    report: Report = _silent,
+    report: Report = silent,
 ) -> dict[str, Any]:
     """Run a scenario to its end and store its result.
 
@@ -99,8 +62,14 @@ def run(
     """
     begin = time.perf_counter()
     prepared = prepare(path, settings)
-    scenario, simulation = prepared.scenario, prepared.simulation
     target = result_path(path, out)
+    if isinstance(prepared.scenario, Indentation):
+        return run_indentation(prepared, target, overwrite, report, begin)
+    return _run_transient(prepared, target, overwrite, report, begin)
+
+
+def _run_transient(prepared: Prepared, target: Path, overwrite: bool, report: Report, begin: float) -> dict[str, Any]:
+    scenario, simulation = prepared.scenario, prepared.simulation
     every_s = 1e-3 * scenario.record.every_ms
     duration_s = 1e-3 * scenario.analysis.duration_ms
     step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
@@ -188,26 +157,6 @@ def _writer(prepared: Prepared, target: Path, overwrite: bool, expected: int) ->
         expected_samples=min(expected, room),
         overwrite=overwrite,
     )
-
-
-def describe(prepared: Prepared) -> dict[str, Any]:
-    """The model in words and numbers, as it is stored and shown."""
-    model = prepared.model
-    return {
-        "name": prepared.anatomy.name,
-        "nodes": model.mesh.node_count,
-        "hexes": model.mesh.element_count,
-        "volume_mm3": float(1e9 * prepared.simulation.volumes.sum()),
-        "mass_g": float(1e3 * model.material.density_kg_m3 * prepared.simulation.volumes.sum()),
-        "element": model.element,
-        "material": model.material.model_dump(),
-        "alpha_per_s": model.alpha_per_s,
-        "fixed_nodes": int(model.held.all(axis=1).sum()),
-        "muscles": [muscle.model_dump() for muscle in prepared.scenario.muscle],
-        "probes": {name: int(node) for name, node in model.probes.items()},
-        # With --set and all defaults: what was run, ready to be run again.
-        "scenario": prepared.scenario.model_dump(mode="json", exclude_none=True),
-    }
 
 
 def _store(writer: ResultWriter, prepared: Prepared, snapshot: Snapshot, ledger: Ledger, transient: Transient) -> None:

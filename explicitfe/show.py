@@ -25,6 +25,35 @@ def listing(title: str, rows: list[dict[str, Any]]) -> Table:
 
 def summary(found: dict[str, Any]) -> Table:
     """What a run came to."""
+    return _indentation(found) if "curve" in found else _transient(found)
+
+
+def _indentation(found: dict[str, Any]) -> Table:
+    table = _pairs(found["title"])
+    table.add_row("status", found["status"])
+    table.add_row("mesh", f"{found['hexes']} hexes, {found['nodes']} nodes, {found['copies']:g} times in the whole specimen")
+    for load, point in zip(found["loads"], found["curve"], strict=True):
+        table.add_row(
+            f"{point['force_N']:.4g} N",
+            f"{point['displacement_mm']:.4f} mm after {load['iterations']} iterations, residual {load['residual']:.1e}",
+        )
+    if found["touch_mm"]:
+        table.add_row("gravity", f"first touch {found['touch_mm']:.3f} mm below the reference height")
+    table.add_row(
+        "speed", f"{found['iterations']} iterations in {found['wall_s']:.2f} s (compiling took {found['compile_s']:.1f} s)"
+    )
+    table.add_row("base reaction", f"within {found['reaction_error']:.1e} of the tool's force")
+    table.add_row("penetration", f"{found['penetration_ratio']:.1e} of the indentation at most")
+    table.add_row("energy balance", f"off by {found['energy_balance_error']:.1e}: stored against the area under the curve")
+    table.add_row("hourglass share", f"{100 * found['hourglass_share']:.1f} % of the elastic energy at most")
+    table.add_row("smallest J", f"{found['min_J']:.3f}")
+    for path in found.get("plots", []):
+        table.add_row("plot", escape(path))
+    table.add_row("result", escape(found["result"]))
+    return table
+
+
+def _transient(found: dict[str, Any]) -> Table:
     table = _pairs(found["title"])
     table.add_row("status", found["status"])
     table.add_row("mesh", f"{found['hexes']} hexes, {found['nodes']} nodes")
@@ -63,6 +92,13 @@ def check(title: str, found: dict[str, Any]) -> Table:
     table.add_row("worst element", f"{found['worst_element']}, scaled Jacobian {found['smallest_scaled_jacobian']:.3g}")
     for row in _physics(found):
         table.add_row(*row)
+    if "predicted_iterations" in found:
+        table.add_row(
+            "prediction",
+            f"{found['predicted_iterations']} iterations in about {found['predicted_wall_s']:.2g} s for {found['loads']} loads",
+        )
+        table.add_row("size", f"{found['kernel_memory_MB']:.3g} MB in memory, {found['result_size_MB']:.3g} MB in the result")
+        return table
     table.add_row("probes", escape(", ".join(found["probes"])) or "none")
     table.add_row(
         "step",
@@ -99,7 +135,11 @@ def result(found: dict[str, Any]) -> Table:
         table.add_row("energy balance", f"off by at most {last['balance_error']:.1e}")
     if run:
         table.add_row("hourglass share", f"{100 * run['hourglass_share']:.1f} % of the elastic energy at most")
-        table.add_row("at the end", _motion(run))
+        if "curve" in run:
+            points = [f"{point['force_N']:.4g} N at {point['displacement_mm']:.4f} mm" for point in run["curve"]]
+            table.add_row("loads", "\n".join(points) or "none")
+        else:
+            table.add_row("at the end", _motion(run))
     for name in found["model"].get("probes", {}):
         if f"probe_{name}_displacement" in last:
             table.add_row(escape(name), _vector_mm([1e3 * x for x in last[f"probe_{name}_displacement"]]))
@@ -123,6 +163,8 @@ def _physics(model: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if "material" in model:
         material = {key: value for key, value in model["material"].items() if key != "source"}
         yield "material", f"{escape(material.pop('law'))}: {_text(material)}"
+    if "tool" in model:
+        yield "tool", _text(model["tool"])
     if "alpha_per_s" in model:
         yield "damping", f"{model['alpha_per_s']:g} 1/s"
     if "muscles" in model:
@@ -143,6 +185,8 @@ def _muscle(muscle: dict[str, Any]) -> str:
 def _times(found: dict[str, Any]) -> str:
     if not found["steps"]:
         return "no sample"
+    if "curve" in found["summary"]:
+        return f"{found['steps']} equilibria, {found['time_s'][0]:.4g} to {found['time_s'][1]:.4g} s"
     first, last = (1e3 * time for time in found["time_s"])
     text = f"{found['steps']} sample{'s' if found['steps'] > 1 else ''}, {first:.4g} to {last:.4g} ms"
     return text if found["every_s"] is None else f"{text}, every {1e3 * found['every_s']:.3g} ms"
@@ -176,7 +220,7 @@ def _text(value: Any) -> str:
 
 
 def _quantity(key: str, value: Any) -> str:
-    for ending, unit in (("_Pa", "Pa"), ("_kg_m3", "kg/m³")):
+    for ending, unit in (("_Pa", "Pa"), ("_kg_m3", "kg/m³"), ("_mm", "mm")):
         if key.endswith(ending):
             return f"{escape(key.removesuffix(ending))} {_text(value)} {unit}"
     return f"{escape(key)} {_text(value)}"

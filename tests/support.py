@@ -19,6 +19,8 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.model import Model
+from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.model.specimen import specimen_model
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -74,6 +76,12 @@ def model_of(mesh: HexMesh, material: Law = YEOH, held: Sequence[str] = (), **mo
     for name in held:
         fixed[mesh.node_sets[name]] = True
     return Model(mesh=mesh, material=material, held=fixed, **more)
+
+
+def small_indentation(*, element: str = "hex8", friction: float | str = 0.0, **specimen) -> Model:
+    """A cylinder of 8 x 5 mm under a flat cylinder of radius 3 mm, a few elements across; keys of a specimen's table."""
+    table = {"radius_mm": 8.0, "height_mm": 5.0, "edge_size_mm": 0.8, "material": YEOH, "element": element, **specimen}
+    return specimen_model(SpecimenTable(**table), ToolTable(shape="flat-cylinder", radius_mm=3.0, friction=friction))
 
 
 def mean_edge(simulation: Simulation) -> float:

@@ -304,9 +304,9 @@ class Indentation(_Table):
     record: SpecimenRecordTable = SpecimenRecordTable()
 
 
-def kind_of(data: dict[str, Any]) -> type[Scenario] | type[Indentation]:
+def kind_of(data: Any) -> type[Scenario] | type[Indentation]:
     """The schema that parsed TOML is meant for: by its model or its type of analysis."""
-    model, analysis = data.get("model"), data.get("analysis")
+    model, analysis = (data.get(key) if isinstance(data, dict) else None for key in ("model", "analysis"))
     specimen = isinstance(model, dict) and model.get("name") == "specimen"
     relaxation = isinstance(analysis, dict) and analysis.get("type") == "relaxation"
     return Indentation if specimen or relaxation else Scenario

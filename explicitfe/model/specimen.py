@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.elements import hex8
+from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh, shape_functions
 from explicitfe.mesh.specimen import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
 from explicitfe.model import catalogue
@@ -20,6 +21,7 @@ SECTOR_RAD = np.radians(1.0)
 COPIES = {"sector": 2.0 * np.pi / SECTOR_RAD, "quarter": 4.0, "half": 2.0, "whole": 1.0}
 GROWTH = 1.3
 COARSEST = 0.1  # of the smaller of radius and height
+MOST_ELEMENTS = 5e6
 AROUND = 8  # elements around a quarter
 POINTS = 2  # of contact along each edge of a face
 INNER = 0.7  # where the fine zone of a flat tool begins, of its radius: tissue slides outwards under it, into the edge
@@ -72,7 +74,9 @@ def _edge_size(specimen: SpecimenTable, tool: ToolTable) -> float:
         size = DISC_SHARE * tool.radius_mm
     else:
         size = COARSEST * min(specimen.thickness_mm, _smallest_radius(specimen))
-    return 1e-3 * size / specimen.refinement
+    size *= 1e-3 / specimen.refinement
+    _affordable((1e-3 * specimen.thickness_mm / size) ** 2 / 100.0)  # before anything is cut that fine
+    return size
 
 
 def _smallest_radius(specimen: SpecimenTable) -> float:
@@ -84,7 +88,8 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
     height = 1e-3 * specimen.thickness_mm
     largest = max(size, 1e-3 * COARSEST * min(specimen.thickness_mm, _smallest_radius(specimen)) / specimen.refinement)
     layer = 1e-3 * specimen.layer_mm
-    zones = [(height - max(2.0 * size, layer), height, min(size, 0.5 * layer) if layer > 0.0 else size)]
+    top = min(size, 0.5 * layer) if layer > 0.0 else size
+    zones = [(height - 2.0 * top, height, top)]
     heights = stations(height, zones, largest_m=largest, growth=GROWTH, breaks_m=[height - layer] if layer else [])
 
     reach = 0.0 if tool.radius_mm is None else 1e-3 * tool.radius_mm
@@ -103,19 +108,33 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
     if specimen.size_mm is None:
         radius = 1e-3 * specimen.radius_mm
         radii = stations(radius, [z for z in zones if z[0] < radius], largest_m=largest, growth=GROWTH, breaks_m=breaks)
+        around = 1 if specimen.symmetry == "sector" else COPIES["quarter"] / COPIES[specimen.symmetry] * _around(specimen)
+        _affordable(len(radii) * len(heights) * around)
         if specimen.symmetry == "sector":
             return sector_mesh(radii, heights, SECTOR_RAD)
         return round_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=INNER * reach or np.inf)
+    quarters = COPIES["quarter"] / COPIES[specimen.symmetry]
     half = 0.5e-3 * specimen.size_mm[0], 0.5e-3 * specimen.size_mm[1]
     circle = zones[0][1] + 2.0 * size if zones else np.inf
     if circle < 0.95 * min(half):
         radii = stations(circle, zones, largest_m=largest, growth=GROWTH, breaks_m=breaks)
         core = INNER * reach
+        _affordable(2.0 * len(radii) * len(heights) * _around(specimen) * quarters)
         return block_mesh(
             half, radii, heights, _around(specimen), specimen.symmetry, largest_m=largest, growth=GROWTH, core_m=core
         )
     x, y = (stations(h, [(0.0, h, size)] if zones else [], largest_m=largest, growth=GROWTH) for h in half)
+    _affordable(len(x) * len(y) * len(heights) * quarters)
     return grid_mesh(x, y, heights, specimen.symmetry)
+
+
+def _affordable(count: float) -> None:
+    """Refuse a mesh that nobody would wait for."""
+    if count > MOST_ELEMENTS:
+        raise InputError(
+            f"model: this specimen would have about {count:.2g} elements; give a larger edge_size_mm or a smaller refinement "
+            f"(at most {MOST_ELEMENTS:.0e})."
+        )
 
 
 def _around(specimen: SpecimenTable) -> int:

@@ -26,6 +26,7 @@ from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import corner_jacobians, volumes
 from explicitfe.results import Result, open_result
+from explicitfe.view.indentation import draw_indentation
 
 if TYPE_CHECKING:
     import pyvista
@@ -68,7 +69,8 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
 
     Returns
     -------
-    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-3d`` and ``-hourglass``. A picture
+    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-3d`` and ``-hourglass``; of an
+    indentation ``<stem>-curve.png`` and ``-section``. A picture
     for which the result has nothing to show is left out; so are the last two, with a warning, where the machine cannot
     render.
 
@@ -81,6 +83,8 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
     with open_result(result_path) as result:
         step = last_step(result)
         folder.mkdir(parents=True, exist_ok=True)
+        if "tool" in result.model:
+            return draw_indentation(result, step, folder)
 
         def target(name: str) -> Path:
             return folder / f"{result_path.stem}-{name}.png"

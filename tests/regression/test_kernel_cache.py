@@ -19,13 +19,14 @@ from types import ModuleType
 import numba
 import numpy as np
 import pytest
-from support import ELEMENTS, ROOT, YEOH, block_mesh, model_of, tongue
+from support import ELEMENTS, ROOT, YEOH, block_mesh, model_of, small_indentation, tongue
 
 from explicitfe.build import Simulation, kernels
 from explicitfe.jit import OPTIONS, bind
 from explicitfe.model.model import PrescribedMotion
 from explicitfe.model.muscles import pull
 from explicitfe.model.scenario import MuscleTable
+from explicitfe.relax import Relaxation
 from explicitfe.simd import WIDTH
 
 law = None  # placeholder of the template below
@@ -162,10 +163,11 @@ def test_a_binding_that_changes_nothing_is_an_error():
 
 SECOND = """
 import json
-from support import block_mesh, model_of
+from support import block_mesh, model_of, small_indentation
 from explicitfe.build import Simulation
+from explicitfe.relax import Relaxation
 simulation = Simulation(model_of(block_mesh((2, 2, 2)), element={element!r}))
-seconds = simulation.compile()
+seconds = simulation.compile() + Relaxation(small_indentation(element={element!r})).compile()
 names = [name for name in simulation.kernels.__dataclass_fields__]
 stats = {{name: getattr(simulation.kernels, name).stats for name in names}}
 counts = {{name: [sum(s.cache_hits.values()), sum(s.cache_misses.values())] for name, s in stats.items()}}
@@ -177,6 +179,7 @@ print(json.dumps({{"seconds": seconds, **counts}}))
 def test_the_next_process_does_not_compile(element, record_property):
     """What one process has compiled the next one loads: each kernel is one hit and no miss."""
     Simulation(model_of(block_mesh((2, 2, 2)), element=element)).compile()
+    Relaxation(small_indentation(element=element)).compile()
     path = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
     found = json.loads(in_a_process(path + SECOND.format(element=element)))
     seconds = found.pop("seconds")
@@ -218,6 +221,16 @@ def test_one_signature_per_kernel(element):
         simulation.internal_force(np.asfortranarray(mesh.points * 1e-3))
         simulation.restore(simulation.restart_state())
         simulation.largest_strain_rate()
+    gravity = (0.0, 0.0, -9.81)
+    for symmetry, friction, pull_down in (("sector", 0.0, (0.0, 0.0, 0.0)), ("quarter", 0.3, gravity)):
+        body = Relaxation(small_indentation(element=element, symmetry=symmetry, gravity_m_s2=pull_down, friction=friction))
+        body.compile()
+        body.settle()
+        body.press(np.float32(0.01))
+        body.move(np.float64(1e-4))
+        body.element_fields()
+        body.contact_pressure()
+        body.internal_force(body.displacement)
     compiled = kernels("yeoh", element)
     for name in compiled.__dataclass_fields__:
         assert len(getattr(compiled, name).signatures) == 1, name

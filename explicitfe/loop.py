@@ -39,6 +39,7 @@ from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
 internal_force = internal_energy = None
 
 FRESH = 0.05  # weight of the newest stiffness estimate in a relaxation's mean
+RESTLESS = 2.5  # stiffness estimate at which it stops: 4 is the stable limit, the masses have become too small
 LOOK_EVERY = 20  # iterations of a relaxation between two looks at its residual
 
 
@@ -153,8 +154,8 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
 
     Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still
     moves (Underwood 1983): c = 2 sqrt(S) with S = v.(f_before - f_now) / v.M v, the Rayleigh quotient of the last increment.
-    It ends when the nodal forces that nothing balances are below ``tolerance`` times those of the tool and the loads (2-norms),
-    and the kinetic energy is below its square times the work: near the end both are the square of the relative distance.
+    It is done when the nodal forces that nothing balances are below ``tolerance`` times those of the tool and the loads
+    (2-norms), and the kinetic energy is below its square times the work: near the end both go as the square of the distance.
 
     Parameters
     ----------
@@ -210,6 +211,8 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
             quotient = (before - sum_lanes(power)) / inertia
             if quotient > 0.0:
                 stiffness = (1.0 - FRESH) * stiffness + FRESH * min(quotient, 4.0)
+                if stiffness > RESTLESS:
+                    break
         c = 2.0 * math.sqrt(stiffness)
         keep = (2.0 - c) / (2.0 + c)
         gain = 2.0 / (2.0 + c)

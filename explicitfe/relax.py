@@ -27,6 +27,7 @@ from explicitfe.arrays import (
     RESIDUAL,
     REST_J,
     SHAPE,
+    STIFFNESS,
     TIED,
     TOOL,
     Contact,
@@ -34,11 +35,12 @@ from explicitfe.arrays import (
     Turned,
 )
 from explicitfe.build import Body
+from explicitfe.loop import RESTLESS
 from explicitfe.model.model import Model
 from explicitfe.timestep import stiffness_rows
 
 TOLERANCE = 1e-4
-SAFETY = 1.2  # on the masses: what the tissue may stiffen by on the way to the next load
+SAFETY = 1.1  # on the masses: what the tissue may stiffen by on the way to the next load
 CHUNK = 400  # iterations between two looks from outside
 PATIENCE = 8000  # iterations without progress, the residual falling by a tenth, before a load is approached in halves
 PROGRESS = 0.9
@@ -264,8 +266,7 @@ class Relaxation(Body):
         self.tool[DEPTH] = depth
         if not self._by_force:
             self._lead(goal)
-        self.state.v[:] = 0.0
-        self._monitor[[POWER, MOMENT]] = 0.0
+        self._stop()
 
     def _lead(self, goal: float) -> None:
         """Lift the tool to where the surface is hardly pressed: a sudden deep push would tear the elements there."""
@@ -281,31 +282,44 @@ class Relaxation(Body):
 
     def _attempt(self, report: Callable[[float], None]) -> str | None:
         """Relax from the present state; what went wrong, if anything did."""
-        for sound in (True, False):
-            if not self._find_masses():
-                if not sound:
+        for extrapolated in (True, False):
+            failure = self._settle_down(report)
+            if failure != "inverted":
+                return failure
+            if extrapolated:
+                self._restore()  # too far, maybe: begin where the last load ended
+        return failure
+
+    def _settle_down(self, report: Callable[[float], None]) -> str | None:
+        first = best = np.inf
+        idle = 0  # iterations without progress
+        heavy = False
+        while idle < PATIENCE:
+            if not heavy:
+                if not self._find_masses():
                     return "inverted"
-                self._restore()  # an extrapolation too far: begin where the last load ended
+                heavy = True
+            done = self._relax(CHUNK)
+            self.iterations += done
+            idle += done
+            residual = self._monitor[RESIDUAL]
+            if not self._monitor[REST_J] > 0.0 or not np.isfinite(residual):
+                return "inverted"
+            if self._monitor[STIFFNESS] > RESTLESS:  # tissue has stiffened on the way: new masses, a new start from here
+                heavy = False
+                self._stop()
                 continue
-            first = best = np.inf
-            idle = 0  # iterations without progress
-            while idle < PATIENCE:
-                done = self._relax(CHUNK)
-                self.iterations += done
-                residual = self._monitor[RESIDUAL]
-                if not self._monitor[REST_J] > 0.0 or not np.isfinite(residual):
-                    break
-                if done < CHUNK:
-                    return None
-                first = residual if first == np.inf else first
-                idle = 0 if residual < PROGRESS * best else idle + CHUNK
-                best = min(best, residual)
-                report(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
-            else:
-                return "not-converged"
-            if sound:
-                self._restore()
-        return "inverted"
+            if done < CHUNK:
+                return None
+            first = residual if first == np.inf else first
+            idle = 0 if residual < PROGRESS * best else idle
+            best = min(best, residual)
+            report(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
+        return "not-converged"
+
+    def _stop(self) -> None:
+        self.state.v[:] = 0.0
+        self._monitor[[POWER, MOMENT, STIFFNESS]] = 0.0
 
     def _relax(self, iterations: int) -> int:
         return self.kernels.relax(
@@ -349,8 +363,7 @@ class Relaxation(Body):
     def _restore(self) -> None:
         """Back to the last equilibrium."""
         self.state.u[:] = self._known[-1][1]
-        self.state.v[:] = 0.0
-        self._monitor[[POWER, MOMENT]] = 0.0
+        self._stop()
         self.tool[DEPTH] = self._known[-1][2]
         self.tool[PACE] = abs(self.tool[GOAL] - self.tool[DEPTH]) / LEAD
 

@@ -222,15 +222,23 @@ class SpecimenTable(_Table):
         return self.height_mm
 
 
+def _coefficient(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value != "stick" and not (number and 0.0 <= value <= 1.0):
+        raise ValueError('must be a coefficient from 0 to 1, or "stick"')
+    return value
+
+
+Friction = Annotated[float | Literal["stick"], BeforeValidator(_coefficient)]
+
+
 class ToolTable(_Table):
     """A rigid tool that comes down the z axis."""
 
     shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
     radius_mm: float | None = Field(default=None, gt=0.0, description="of all but a platen, which is wider than the specimen")
     edge_radius_mm: float | None = Field(default=None, gt=0.0, description="of a flat cylinder; 1 if left out")
-    friction: Annotated[float, Field(ge=0.0, le=1.0)] | Literal["stick"] = Field(
-        default=0.0, description='a coefficient, or "stick"'
-    )
+    friction: Friction = Field(default=0.0, description='a coefficient from 0 to 1, or "stick"')
 
     @model_validator(mode="after")
     def _whole(self) -> ToolTable:
@@ -422,12 +430,17 @@ def _tables(annotation: Any) -> Iterable[type[BaseModel]]:
         yield from _tables(inner)
 
 
-# What is set replaces its alternatives: keys of [model].
+# What is set replaces its alternatives, keys of the same table.
 _REPLACES = {
     "model.cells": ("resolution",),
     "model.resolution": ("cells",),
     "model.name": ("file",),
     "model.file": ("name", "resolution", "cells"),
+    "model.size_mm": ("radius_mm", "height_mm"),
+    "model.radius_mm": ("size_mm",),
+    "model.height_mm": ("size_mm",),
+    "analysis.forces_N": ("displacements_mm", "times_s"),
+    "analysis.displacements_mm": ("forces_N", "times_s"),
 }
 
 
@@ -441,9 +454,9 @@ def _apply(data: dict[str, Any], setting: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a bare word is a string
-    if isinstance(data.get("model"), dict):
+    if isinstance(data.get(keys[0]), dict):
         for other in _REPLACES.get(".".join(keys), ()):
-            data["model"].pop(other, None)
+            data[keys[0]].pop(other, None)
     at: Any = data
     for depth, key in enumerate(keys):
         place = ".".join(keys[:depth]) or "the scenario"

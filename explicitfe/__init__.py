@@ -17,11 +17,12 @@ __version__ = "0.1.0"
 # Imported on first use: a program that only reads results does not wait for the compiler, nor the other way round.
 _PLACES = {
     "run": "explicitfe.runner",
+    "identify": "explicitfe.identify.identification",
     "open_result": "explicitfe.results",
     "InputError": "explicitfe.errors",
     "RunError": "explicitfe.errors",
 }
-__all__ = ["InputError", "RunError", "__version__", "open_result", "run"]
+__all__ = ["InputError", "RunError", "__version__", "identify", "open_result", "run"]
 
 
 def __getattr__(name: str) -> Any:

@@ -87,6 +87,58 @@ def run(
 
 
 @app.command()
+def identify(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset, or its dataset.toml.", show_default=False)],
+    method: Annotated[
+        str, typer.Option("--method", help="least-squares | paper (the iteration of Gérard et al. 2005)")
+    ] = "least-squares",
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for numbers, pictures and a scenario with the constants.")
+    ] = None,
+    fit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--fit", metavar="KEY=VALUE", help="Fit only curves with this condition, predict the others; repeat for more."
+        ),
+    ] = None,
+    constants_by: Annotated[
+        str | None,
+        typer.Option("--constants-by", metavar="KEY", help="Curves that agree in this condition share their constants."),
+    ] = None,
+    poisson: Annotated[float, typer.Option("--poisson", help="Poisson's ratio, supposed.")] = 0.499,
+    refinement: Annotated[float, typer.Option("--refinement", help="Divides the element sizes of the forward model.")] = 1.5,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier identification wrote.")] = False,
+    as_json: _Json = False,
+) -> None:
+    """Find the Yeoh constants of tissue from measured force-displacement curves.
+
+    Example: [bold]explicitfe identify my-dataset --out fit[/bold]
+    """
+    from explicitfe.identify import show as tables
+    from explicitfe.identify.identification import identify as identify_constants
+
+    with _progress() as report:
+        found = identify_constants(
+            dataset,
+            method=method,
+            out=out,
+            fit_where=fit or (),
+            constants_by=constants_by,
+            poisson=poisson,
+            refinement=refinement,
+            overwrite=overwrite,
+            report=report,
+        )
+    if as_json:
+        _print_json(found)
+    else:
+        Console().print(tables.identification(found))
+        _print_notes({"warnings": list(tables.notes(found))})
+    if any(group.get("status") == "failed" for group in found["groups"].values()):
+        raise typer.Exit(1)
+
+
+@app.command()
 def check(scenario: _Scenario, settings: _Settings = None, as_json: _Json = False) -> None:
     """Validate and build a scenario without running it: mesh quality, stable step, steps, wall time, memory.
 
@@ -169,6 +221,7 @@ def main() -> None:
 _STAGES = {
     "compile": "compiling (10 s, first time only)",
     "run": "running",
+    "identify": "identifying",
     "draw": "drawing",
 }
 

@@ -29,6 +29,9 @@ class Blocks(NamedTuple):
     geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W)
     constants: np.ndarray  # constants of the material law, (B, number of the law, W)
     hourglass: np.ndarray  # constants of the hourglass treatment, or numbers of the Gauss points, (B, number, W)
+    effects: np.ndarray  # numbers of the material's effects for the present time increment, (B, number, W)
+    old: np.ndarray  # what the material remembers of the last accepted instant, (B, number, W)
+    new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
 
 
 class Nodes(NamedTuple):
@@ -99,7 +102,7 @@ RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, MONITOR = 0, 1, 2, 3,
 EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
 
 # Entries of the energies that a snapshot gives [J].
-INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, ENERGIES = 0, 1, 2, 3, 4, 5
+INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, ENERGIES = 0, 1, 2, 3, 4, 5, 6
 
 
 def node_rows(values: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from explicitfe.arrays import (
     node_rows,
 )
 from explicitfe.elements import assumed_strain, full, hex8, stiffness
-from explicitfe.forces import internal, internal_full
+from explicitfe.forces import internal, internal_full, response
 from explicitfe.jit import bind, kernel
 from explicitfe.materials import law_of
 from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
@@ -59,10 +59,13 @@ ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
 
 
 @cache
-def kernels(law: str, element: str) -> Kernels:
-    """Kernels with the leaves of a law and an element bound in. Compiled at the first call, kept on disk for the next process."""
+def kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...] = ()) -> Kernels:
+    """Kernels with the leaves of a law, an element and effects bound in (``response.bound`` says how the latter are given).
+
+    Compiled at the first call, kept on disk for the next process.
+    """
     templates, treatment = ELEMENTS[element]
-    force, energy = templates.bound(law_of(law), treatment)
+    force, energy = templates.bound(law_of(law), treatment, effects)
     return Kernels(
         forces=bind(loop.forces, internal_force=force),
         advance=bind(loop.advance, internal_force=force),
@@ -84,7 +87,7 @@ class Snapshot:
     time_s : s.
     displacement, velocity : (n, 3) m, m/s.
     J, hourglass_energy : (m,), (m,) J.
-    energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping.
+    energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material.
     smallest_J : the smallest J of any element in any step so far.
     """
 
@@ -129,13 +132,14 @@ class Body:
             geometry=in_blocks(hex8.geometry(*reference)),
             constants=in_blocks(self.constants),
             hourglass=in_blocks(ELEMENTS[model.element][1].constants(*reference)),
+            **self._memory(),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         held = model.held.copy()
         if model.motion is not None:
             held[model.motion.nodes] = True
         self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
-        self.kernels = kernels(law.law, model.element)
+        self.kernels = kernels(law.law, model.element, self._layout)
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),
@@ -143,9 +147,34 @@ class Body:
             force=node_rows(zero),
         )
         self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
+        self.set_increment(0.0)
         self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
         self._element_energy = np.zeros_like(self._element_J)
         self._element_hourglass = np.zeros_like(self._element_J)
+
+    def _memory(self) -> dict[str, np.ndarray]:
+        """Arrays for the effects of the material: their numbers, and what it remembers; at rest."""
+        layout, at, memory = [], 0, 0
+        if self.model.effects:
+            layout.append(("work", (), 0, 0))
+            memory = response.WORK_MEMORY
+        for effect in self.model.effects:
+            layout.append((type(effect).__name__, effect.shape, at, memory))
+            at, memory = at + effect.numbers, memory + effect.memory
+        self._layout = tuple(layout)
+        self._increment_s = np.nan
+        blocks = -(-self.model.mesh.element_count // WIDTH)
+        old = np.zeros((blocks, max(memory, 1), WIDTH))
+        for place, value in response.AT_REST.items() if layout else ():
+            old[:, place] = value
+        return {"effects": np.zeros((blocks, max(at, 1), WIDTH)), "old": old, "new": old.copy()}
+
+    def set_increment(self, increment_s: float) -> None:
+        """The time that passes between the state that the material remembers and the one that is evaluated [s]."""
+        if increment_s != self._increment_s and self.model.effects:
+            values = [value for effect in self.model.effects for value in effect.values(increment_s)]
+            self.blocks.effects[:] = np.array(values)[None, :, None]
+        self._increment_s = increment_s
 
     def with_masses(self, rows: np.ndarray, held: np.ndarray) -> Nodes:
         """Nodes with masses (N, 4) kg, of which (n, 3) components, in the user's numbering, are held."""
@@ -225,6 +254,8 @@ class Simulation(Body):
         self.steps = 0
         # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
         self._origin_s, self._index = 0.0, 0
+        # Every instant of a transient run is accepted: the material's memory is overwritten in place.
+        self._running = self.blocks._replace(new=self.blocks.old)
 
     # ---- the stable step ----
 
@@ -289,7 +320,7 @@ class Simulation(Body):
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
         u, v, force = self.state
-        self.ledger[SMALLEST_J] = self.kernels.forces(u, force, self.blocks)
+        self.ledger[SMALLEST_J] = self.kernels.forces(u, force, self._running)
         self.dt_s = dt_s
         self._snapshot()  # fills the external force at time 0
         acceleration = self.nodes.inverse_mass * (force + self._external) - self.model.alpha_per_s * v
@@ -304,11 +335,12 @@ class Simulation(Body):
         """Advance by ``steps`` steps of dt; False if an element has turned inside out (then the loop ended there)."""
         if dt_s != self.dt_s:
             self._origin_s, self._index = self.time_s, 0
+        self.set_increment(dt_s)
         instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
         done = self.kernels.advance(
             self.state,
             self._external,
-            self.blocks,
+            self._running,
             self.nodes,
             self.loads,
             self.fibres,
@@ -349,6 +381,7 @@ class Simulation(Body):
             "v": self.state.v.copy(),
             "highest_mode": self._highest.vector.copy(),
             "ledger": self.ledger.copy(),
+            "memory": self.blocks.old.copy(),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
         }
@@ -359,6 +392,7 @@ class Simulation(Body):
         self.state.v[:] = state["v"]
         self._highest.vector = state["highest_mode"].copy()
         self.ledger[:] = state["ledger"]
+        self.blocks.old[:] = state["memory"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
         self.kernels.forces(self.state.u, self.state.force, self.blocks)

@@ -25,7 +25,7 @@ from explicitfe.simd import WIDTH
 OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
 
 _PACKAGE = Path(__file__).parent
-_KERNEL_SOURCES = ("jit.py", "simd.py", "arrays.py", "boundary.py", "loop.py", "timestep.py", "elements", "materials", "forces")
+_KERNEL_SOURCES = ("jit.py", "simd.py", "arrays.py", "boundary.py", "loop.py", "timestep.py", "elements", "materials", "effects", "forces")
 
 
 def leaf(function: Callable) -> Dispatcher:
@@ -38,13 +38,14 @@ def kernel(function: Callable) -> Dispatcher:
     return bind(function)
 
 
-def bind(template: Callable, *, stored: bool = True, **bindings: Any) -> Dispatcher:
+def bind(template: Callable, *, stored: bool = True, inline: bool = False, **bindings: Any) -> Dispatcher:
     """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
 
     Parameters
     ----------
     template : the function as written; its own globals stay as they are.
     stored : keep the machine code on disk. Only the outermost kernel needs it: what it calls is contained in it.
+    inline : compile it into its callers, as a leaf.
     bindings : placeholder name -> leaf, bound kernel or constant.
 
     Raises
@@ -58,7 +59,7 @@ def bind(template: Callable, *, stored: bool = True, **bindings: Any) -> Dispatc
     bound.__doc__ = template.__doc__
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
-    return numba.jit(bound, cache=stored, **OPTIONS)
+    return numba.jit(bound, cache=stored and not inline, forceinline=inline, **OPTIONS)
 
 
 def _digest(bindings: dict[str, Any]) -> str:

@@ -139,13 +139,14 @@ def snapshot(
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
     driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt)
-    internal, hourglass = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+    internal, hourglass, lost = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
     return (
         internal,
         hourglass,
         sum_lanes(kinetic) + driven_kinetic,
         ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work,
         ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
+        lost,
     )
 
 
@@ -233,7 +234,7 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
 
 
 def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy and hourglass energy at displacement u [J], and those of each element, (B, W)."""
+    """Strain energy, hourglass energy and energy lost [J], and the former two of each element, (B, W)."""
     return internal_energy(u, blocks, element_J, element_energy, element_hourglass)
 
 

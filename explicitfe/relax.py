@@ -181,7 +181,7 @@ class Relaxation(Body):
         """The present state in numbers."""
         copies = self.model.copies
         gap, push, _ = self._touch()
-        internal, hourglass = self._energies()
+        internal, hourglass, lost = self._energies()
         pressed = push > 0.0
         place = self._contact_places()
         return Equilibrium(

@@ -272,19 +272,77 @@ def _cbrt_guess(typingctx, value):
     return vector(vector), lower
 
 
+def _by_lane(name, doc, declare):
+    """An intrinsic that calls a scalar function for each lane: for what is rare, or no bottleneck."""
+
+    @intrinsic
+    def apply(typingctx, value):
+        def lower(context, builder, sig, args):
+            function = declare(builder.module)
+            result = args[0]
+            for lane in range(WIDTH):
+                at = ir.Constant(_I32, lane)
+                result = builder.insert_element(result, builder.call(function, [builder.extract_element(args[0], at)]), at)
+            return result
+
+        return vector(vector), lower
+
+    apply.__doc__ = doc
+    apply._name = name
+    return apply
+
+
+def _extern(name):
+    scalar = ir.FunctionType(_F64, [_F64])
+
+    def declare(module):
+        known = module.globals.get(name)
+        return known if known is not None else ir.Function(module, scalar, name)
+
+    return declare
+
+
+_exp_lanes = _by_lane("_exp_lanes", "Exponential lane by lane.", lambda module: module.declare_intrinsic("llvm.exp", [_F64]))
+_erf_lanes = _by_lane("_erf_lanes", "Error function lane by lane.", _extern("erf"))
+
+
+_log_lanes = _by_lane("_log_lanes", "Logarithm lane by lane.", lambda module: module.declare_intrinsic("llvm.log", [_F64]))
+
+
+def exp(value):
+    """Exponential of a float or of a vector."""
+    return math.exp(value)
+
+
+@overload(exp, jit_options={"forceinline": True})
+def _exp(value):
+    if value == vector:
+        return lambda value: _exp_lanes(value)
+    return lambda value: math.exp(value)
+
+
+def erf(value):
+    """Error function of a float or of a vector."""
+    return math.erf(value)
+
+
+@overload(erf, jit_options={"forceinline": True})
+def _erf(value):
+    if value == vector:
+        return lambda value: _erf_lanes(value)
+    return lambda value: math.erf(value)
+
+
 @intrinsic
-def _log_lanes(typingctx, value):
-    """Natural logarithm lane by lane: for energies, which are not evaluated every step."""
+def maximum(typingctx, a, b):
+    """Lane by lane, the larger of a and b; NaN if either is."""
 
     def lower(context, builder, sig, args):
-        log = builder.module.declare_intrinsic("llvm.log", [_F64])
-        result = args[0]
-        for lane in range(WIDTH):
-            at = ir.Constant(_I32, lane)
-            result = builder.insert_element(result, builder.call(log, [builder.extract_element(args[0], at)]), at)
-        return result
+        a, b = args
+        larger = builder.select(builder.fcmp_unordered(">", b, a), b, a)
+        return builder.select(builder.fcmp_unordered("uno", a, a), a, larger)
 
-    return vector(vector), lower
+    return vector(vector, vector), lower
 
 
 def log(value):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
+from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
 from explicitfe.build import Simulation, Snapshot
 from explicitfe.errors import InputError
 from explicitfe.timestep import FRACTION
@@ -176,9 +176,9 @@ class Ledger:
         e = snapshot.energies
         self.energies.append(e)
         self._scale = max(self._scale, abs(e[EXTERNAL]), e[INTERNAL] + e[HOURGLASS], e[KINETIC])
-        stored = e[INTERNAL] + e[HOURGLASS] + e[KINETIC] + e[DAMPED] - e[EXTERNAL]
+        stored = e[INTERNAL] + e[HOURGLASS] + e[KINETIC] + e[DAMPED] + e[LOST] - e[EXTERNAL]
         first = self.energies[0]
-        start = first[INTERNAL] + first[HOURGLASS] + first[KINETIC] + first[DAMPED] - first[EXTERNAL]
+        start = first[INTERNAL] + first[HOURGLASS] + first[KINETIC] + first[DAMPED] + first[LOST] - first[EXTERNAL]
         error = abs(stored - start) / self._scale if self._scale > 0.0 else 0.0
         self.balance_error = max(self.balance_error, error) if np.isfinite(error) else np.inf
         return error

@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import ModuleType
 
 from explicitfe.elements.hex8 import GEOMETRY, corner_forces, gradient, hourglass_modes, to_modes
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.jit import Dispatcher, bind, leaf
-from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant
+from explicitfe.forces import response
+from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 
-# Placeholders, bound below to a law of materials/ and an hourglass treatment of elements/.
-law_energy = law_stress = law_slope = hourglass_invariant = hourglass_force = None
+# Placeholders, bound below to the response of a material and an hourglass treatment of elements/.
+respond = energies = hourglass_invariant = hourglass_force = None
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
 
+Effects = Sequence[tuple[str, tuple[int, ...], int, int]]  # see response.bound
 
-def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatcher]:
-    """The force and the energy kernel of a law and an hourglass treatment."""
+
+def bound(law: ModuleType, treatment: ModuleType, effects: Effects) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law with effects and an hourglass treatment."""
+    respond, energies = response.bound(law, effects)
     force = bind(
         internal_force,
         stored=False,
-        law_stress=law.stress,
-        law_slope=law.slope,
+        respond=respond,
         LAW_CONSTANTS=law.CONSTANTS,
         hourglass_invariant=treatment.invariant,
         hourglass_force=treatment.force,
@@ -31,7 +35,7 @@ def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatche
     energy = bind(
         internal_energy,
         stored=False,
-        law_energy=law.energy,
+        energies=energies,
         LAW_CONSTANTS=law.CONSTANTS,
         hourglass_invariant=treatment.invariant,
         HOURGLASS_CONSTANTS=treatment.CONSTANTS,
@@ -75,10 +79,9 @@ def internal_force(u, force, blocks):
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
         delta = hourglass_invariant(F, qx, qy, qz, h)
-        P = law_stress(F, cof, J, delta, c)
+        P, slope = respond(F, cof, J, delta, c, blocks, block)
         v = g[33]
-        weight = v * law_slope(isochoric_invariant(F, J) + delta, c)
-        rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h, weight)
+        rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h, v * slope)
         fx = corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
         fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
         fz = corner_forces(v * P[6] + Q[6], v * P[7] + Q[7], v * P[8] + Q[8], rz, g)
@@ -89,27 +92,30 @@ def internal_force(u, force, blocks):
 
 
 def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy and hourglass energy at displacement u [J].
+    """Strain energy and hourglass energy at displacement u, and energy lost in the material so far [J].
 
     ``element_J``, ``element_energy`` and ``element_hourglass``, (B, W) each, receive J, the strain energy without that of
     hourglass control, and the latter [J].
     """
     internal = splat(0.0)
     hourglass = splat(0.0)
+    lost = splat(0.0)
     for block in range(len(blocks.nodes)):
         g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
         F, qx, qy, qz = kinematics(element_modes(u, blocks.nodes, block * (8 * WIDTH)), g)
-        J = determinant(F, cofactor(F))
+        cof = cofactor(F)
+        J = determinant(F, cof)
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
-        alone = law_energy(F, J, splat(0.0), c)
-        e = g[33] * (law_energy(F, J, hourglass_invariant(F, qx, qy, qz, h), c) - alone)
+        delta = hourglass_invariant(F, qx, qy, qz, h)
+        alone, e, gone = energies(F, cof, J, delta, c, blocks, block)
         internal = internal + g[33] * alone
-        hourglass = hourglass + e
+        hourglass = hourglass + g[33] * e
+        lost = lost + g[33] * gone
         store(element_J, block * WIDTH, J)
         store(element_energy, block * WIDTH, g[33] * alone)
-        store(element_hourglass, block * WIDTH, e)
-    return sum_lanes(internal), sum_lanes(hourglass)
+        store(element_hourglass, block * WIDTH, g[33] * e)
+    return sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost)
 
 
 def largest_strain_rate(v, blocks):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from types import ModuleType
 
 from explicitfe.elements.full import PER_POINT, POINTS, point_forces, point_gradient
@@ -20,8 +21,9 @@ _ELEMENT = POINTS * PER_POINT * WIDTH
 _POINT = PER_POINT * WIDTH
 
 
-def bound(law: ModuleType, treatment: ModuleType) -> tuple[Dispatcher, Dispatcher]:
-    """The force and the energy kernel of a law; ``treatment`` is elements/full.py."""
+def bound(law: ModuleType, treatment: ModuleType, effects: Sequence[object]) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law; ``treatment`` is elements/full.py, and it knows no effects."""
+    assert not effects
     force = bind(internal_force, stored=False, law_slope=law.slope, LAW_CONSTANTS=law.CONSTANTS)
     energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric, LAW_CONSTANTS=law.CONSTANTS)
     return force, energy
@@ -78,7 +80,7 @@ def internal_force(u, force, blocks):
 
 
 def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy at displacement u, and 0 for hourglass control [J].
+    """Strain energy at displacement u, 0 for hourglass control and 0 for what is lost [J].
 
     ``element_J`` (B, W) receives the mean J, ``element_energy`` (B, W) the strain energy [J], ``element_hourglass`` zeros.
     """
@@ -103,4 +105,4 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, mean)
         store(element_energy, block * WIDTH, energy)
         store(element_hourglass, block * WIDTH, splat(0.0))
-    return sum_lanes(internal), 0.0
+    return sum_lanes(internal), 0.0, 0.0

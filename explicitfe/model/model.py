@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from explicitfe.effects.effect import MaterialEffect
 from explicitfe.materials import Law
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.model.profile import Profile
@@ -120,6 +121,7 @@ class Model:
     element : "hex8", "hex8-stiffness" or "hex8-full".
     loads, pulls : what acts on it.
     motion : nodes that are moved.
+    effects : of the material, beside its law.
     stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
     tool : what presses on it.
     sector : its rotational symmetry, where it is a sector.
@@ -137,6 +139,7 @@ class Model:
     element: str = "hex8"
     motion: PrescribedMotion | None = None
     stiffness: np.ndarray | None = None
+    effects: tuple[MaterialEffect, ...] = ()
     tool: Tool | None = None
     sector: RotationalSymmetry | None = None
     copies: float = 1.0

@@ -23,6 +23,7 @@ RANKS = [
     {"jit"},
     {"arrays", "mesh"},
     {"elements", "materials"},
+    {"effects"},
     {"forces"},
     {"boundary"},
     {"loop", "timestep"},

@@ -1,0 +1,104 @@
+"""What every effect has in common: parameters with units, what it is and where it acts, how strong it is.
+
+An effect is one file. One of the material brings compiled leaves beside its parameters; ``forces/response.py`` binds them into the
+element's forces. Its numbers stand in ``Blocks.effects`` from place AT on, what it remembers in ``Blocks.old`` and ``new``
+from place MEMORY on: placeholders that are bound where the kernel is made.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pydantic import BaseModel, ConfigDict
+
+from explicitfe.jit import leaf
+from explicitfe.simd import WIDTH, load, store
+
+
+@dataclass(frozen=True)
+class Description:
+    """An effect in words, for reports and for whoever looks for what is missing in a model.
+
+    Attributes
+    ----------
+    title, equation, source : what it is.
+    where : material | specimen | contact | boundary | loading | measurement.
+    strength : the coordinate in which its response grows about linearly, and its unit.
+    plausible : largest plausible strength.
+    needs : the data that can show it.
+    neighbours : what it is mistaken for, and the test that tells them apart.
+    """
+
+    title: str
+    equation: str
+    source: str
+    where: str
+    strength: str
+    plausible: float
+    needs: str
+    neighbours: str
+
+
+class Effect(BaseModel, ABC):
+    """Parameters of one effect, as a scenario or a model file states them."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    about: ClassVar[Description]
+
+    @property
+    @abstractmethod
+    def strength(self) -> float:
+        """Along the coordinate that ``about`` names; 0 is no effect."""
+
+    @abstractmethod
+    def apply(self, model: Any) -> Any:
+        """The model with the effect in it."""
+
+
+class MaterialEffect(Effect):
+    """An effect of the material: it changes what an element answers to its deformation."""
+
+    def apply(self, model: Any) -> Any:
+        from dataclasses import replace
+
+        return replace(model, effects=(*model.effects, self))
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers its leaves read."""
+        return len(self.values(0.0))
+
+    @property
+    def memory(self) -> int:
+        """How many numbers it remembers."""
+        return 0
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """What its leaves are compiled for, beside its place: such as the number of terms."""
+        return ()
+
+    @abstractmethod
+    def values(self, increment_s: float) -> tuple[float, ...]:
+        """The numbers that its leaves read, for a time increment [s]."""
+
+
+@leaf
+def number(blocks, block, place):
+    """A number of an effect for W elements."""
+    return load(blocks.effects, (block * blocks.effects.shape[1] + place) * WIDTH)
+
+
+@leaf
+def remembered(blocks, block, place):
+    """What W elements remember of the last accepted instant."""
+    return load(blocks.old, (block * blocks.old.shape[1] + place) * WIDTH)
+
+
+@leaf
+def remember(blocks, block, place, value):
+    """What W elements will remember if the present state is accepted."""
+    store(blocks.new, (block * blocks.new.shape[1] + place) * WIDTH, value)

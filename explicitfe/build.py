@@ -24,6 +24,7 @@ from explicitfe.arrays import (
     in_blocks,
     node_rows,
 )
+from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import assumed_strain, full, hex8, stiffness
 from explicitfe.forces import internal, internal_full, response
 from explicitfe.jit import bind, kernel
@@ -76,6 +77,27 @@ def kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], i
         press=kernel(loop.press),
         touch=kernel(loop.touch),
     )
+
+
+def layout_of(effects: Sequence[MaterialEffect]) -> tuple[tuple[str, tuple[int, ...], int, int], ...]:
+    """Where the numbers and the memory of each effect begin; before them, where there are any, the work of the stress."""
+    layout: list[tuple[str, tuple[int, ...], int, int]] = []
+    at, memory = 0, response.WORK_MEMORY
+    for effect in effects:
+        layout.append((type(effect).__name__, effect.shape, at, memory))
+        at, memory = at + effect.numbers, memory + effect.memory
+    return (("work", (), 0, 0), *layout) if layout else ()
+
+
+def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.ndarray]:
+    """Arrays of ``Blocks`` for the effects of so many elements: their numbers, and what they remember at rest."""
+    blocks = -(-count // WIDTH)
+    memory = sum(effect.memory for effect in effects) + (response.WORK_MEMORY if effects else 0)
+    old = np.zeros((blocks, max(memory, 1), WIDTH))
+    for place, value in response.AT_REST.items() if effects else ():
+        old[:, place] = value
+    numbers = sum(effect.numbers for effect in effects)
+    return {"effects": np.zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": old.copy()}
 
 
 @dataclass(frozen=True)
@@ -132,14 +154,15 @@ class Body:
             geometry=in_blocks(hex8.geometry(*reference)),
             constants=in_blocks(self.constants),
             hourglass=in_blocks(ELEMENTS[model.element][1].constants(*reference)),
-            **self._memory(),
+            **memory_of(model.effects, count),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         held = model.held.copy()
         if model.motion is not None:
             held[model.motion.nodes] = True
         self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
-        self.kernels = kernels(law.law, model.element, self._layout)
+        self._increment_s = np.nan
+        self.kernels = kernels(law.law, model.element, layout_of(model.effects))
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),
@@ -151,23 +174,6 @@ class Body:
         self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
         self._element_energy = np.zeros_like(self._element_J)
         self._element_hourglass = np.zeros_like(self._element_J)
-
-    def _memory(self) -> dict[str, np.ndarray]:
-        """Arrays for the effects of the material: their numbers, and what it remembers; at rest."""
-        layout, at, memory = [], 0, 0
-        if self.model.effects:
-            layout.append(("work", (), 0, 0))
-            memory = response.WORK_MEMORY
-        for effect in self.model.effects:
-            layout.append((type(effect).__name__, effect.shape, at, memory))
-            at, memory = at + effect.numbers, memory + effect.memory
-        self._layout = tuple(layout)
-        self._increment_s = np.nan
-        blocks = -(-self.model.mesh.element_count // WIDTH)
-        old = np.zeros((blocks, max(memory, 1), WIDTH))
-        for place, value in response.AT_REST.items() if layout else ():
-            old[:, place] = value
-        return {"effects": np.zeros((blocks, max(at, 1), WIDTH)), "old": old, "new": old.copy()}
 
     def set_increment(self, increment_s: float) -> None:
         """The time that passes between the state that the material remembers and the one that is evaluated [s]."""

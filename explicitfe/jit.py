@@ -25,7 +25,18 @@ from explicitfe.simd import WIDTH
 OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False}
 
 _PACKAGE = Path(__file__).parent
-_KERNEL_SOURCES = ("jit.py", "simd.py", "arrays.py", "boundary.py", "loop.py", "timestep.py", "elements", "materials", "effects", "forces")
+_KERNEL_SOURCES = (
+    "jit.py",
+    "simd.py",
+    "arrays.py",
+    "boundary.py",
+    "loop.py",
+    "timestep.py",
+    "elements",
+    "materials",
+    "effects",
+    "forces",
+)
 
 
 def leaf(function: Callable) -> Dispatcher:

@@ -20,6 +20,7 @@ from explicitfe.arrays import (
     FREE,
     GOAL,
     KINETIC_RATIO,
+    LOADS,
     MOMENT,
     PACE,
     POWER,
@@ -28,6 +29,7 @@ from explicitfe.arrays import (
     SMALLEST_J,
     STIFFNESS,
     TIED,
+    WORK,
 )
 from explicitfe.boundary import correct, drive, place, turn, turn_back
 from explicitfe.forces.contact import add_contact, clearance, find_depth, friction, moved
@@ -150,7 +152,7 @@ def snapshot(
     )
 
 
-def relax(state, external, inner, blocks, nodes, turned, contact, tool, tolerance, iterations, monitor):
+def relax(state, external, inner, blocks, nodes, turned, contact, tool, tolerance, least_load, least_work, iterations, monitor):
     """Relax towards equilibrium by up to so many iterations; give the number done.
 
     Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still
@@ -163,6 +165,7 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
     state : State, changed in place; v is the increment of the last iteration, force all forces but the external ones.
     external : (N, 4) N. Dead loads. ``inner`` (N, 4) is a work array.
     nodes : Nodes with fictitious masses.
+    least_load, least_work : N, J. What residual and kinetic energy are compared to at least: where a load has gone, nothing else is left.
     turned, contact : rotational symmetry and contact points, either of which may be empty.
     tool : (TOOL,). Its state, changed in place.
     monitor : (MONITOR,). What the last look saw, changed in place.
@@ -199,9 +202,11 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
                 loads = loads + pushed * pushed
                 work = work + dead * load(u, at)
             done_work = 0.5 * (abs(pressed * tool[DEPTH]) + abs(sum_lanes(work)))
+            monitor[LOADS] = math.sqrt(sum_lanes(loads))
+            monitor[WORK] = done_work
             # a body without any load is at rest where it is
-            monitor[RESIDUAL] = math.sqrt(sum_lanes(residual) / max(sum_lanes(loads), 1e-300))
-            monitor[KINETIC_RATIO] = 0.5 * inertia / max(done_work, 1e-300)
+            monitor[RESIDUAL] = math.sqrt(sum_lanes(residual)) / max(monitor[LOADS], least_load, 1e-150)
+            monitor[KINETIC_RATIO] = 0.5 * inertia / max(done_work, least_work, 1e-300)
             there = tool[FREE] > 0.0 or tool[DEPTH] == tool[GOAL]
             if there and monitor[RESIDUAL] <= tolerance and monitor[KINETIC_RATIO] <= tolerance * tolerance:
                 break

@@ -147,9 +147,7 @@ def path(
     return stress.reshape(-1, 3, 3), gradients.reshape(-1, 3, 3)
 
 
-def uniaxial(
-    law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, stretch: np.ndarray, axis: int = 2
-) -> np.ndarray:
+def uniaxial(law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, stretch: np.ndarray, axis: int = 2) -> np.ndarray:
     """Nominal stress (n,) Pa along an axis at stretches (n,), lateral faces free; see :func:`path`."""
     F = np.tile(np.eye(3), (len(stretch), 1, 1))
     F[:, axis, axis] = stretch

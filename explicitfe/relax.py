@@ -20,6 +20,7 @@ from explicitfe.arrays import (
     GOAL,
     KINETIC_RATIO,
     LOAD,
+    LOADS,
     MOMENT,
     MONITOR,
     PACE,
@@ -30,6 +31,7 @@ from explicitfe.arrays import (
     STIFFNESS,
     TIED,
     TOOL,
+    WORK,
     Contact,
     Nodes,
     Turned,
@@ -50,6 +52,7 @@ REACH = 1.5  # a load is extrapolated to by so many times the last increment
 # The contact springs begin at this multiple of G / face size; they are doubled while the tool sinks in by more than its share.
 SPRING = 4000.0
 PENETRATION = 1e-3  # of the indentation
+LEAST = 0.01  # of the largest load and work so far: a load that has all but gone is no measure of a residual
 GRIP = 0.1  # stiffness of sticking, relative to that of pressing
 
 
@@ -70,6 +73,7 @@ class Equilibrium:
     contact_J : energy of the contact springs.
     dead_work_J : work of the dead loads so far.
     friction_loss_J : slip so far, times friction.
+    material_loss_J : work of the stress so far, less what is stored.
     smallest_J : smallest volume ratio of any element.
     """
 
@@ -86,6 +90,7 @@ class Equilibrium:
     contact_J: float
     dead_work_J: float
     friction_loss_J: float
+    material_loss_J: float
     smallest_J: float
 
 
@@ -124,12 +129,14 @@ class Relaxation(Body):
         self.iterations = 0
         self.friction_loss_J = 0.0
         self.touch_m = 0.0
+        self.time_s = 0.0
         self._true_mass = self.nodes.mass
         self._tie()
         self._grip()
         self._external = self._dead_forces()
         self._inner = np.zeros_like(self.state.u)
         self._monitor = np.zeros(MONITOR)
+        self._largest_load = self._largest_work = 0.0
         self._known: list[tuple[float, np.ndarray, float]] = []
         self._commit(0.0)
 
@@ -150,13 +157,17 @@ class Relaxation(Body):
             gap = self._touch()[0].min()
         return self._touched(float(self.tool[DEPTH]))
 
-    def press(self, force_N: float, report: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
-        """Equilibrium under a force of the tool [N], from the last one."""
-        return self._approach(force_N, True, report)
+    def press(
+        self, force_N: float, report: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
+    ) -> Equilibrium | Stuck:
+        """Equilibrium under a force of the tool [N], from the last one; ``at_s``, when, for a material that remembers."""
+        return self._approach(force_N, True, self.time_s if at_s is None else at_s, report)
 
-    def move(self, displacement_m: float, report: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
-        """Equilibrium at a displacement of the tool [m] since first touch, from the last one."""
-        return self._approach(displacement_m, False, report)
+    def move(
+        self, displacement_m: float, report: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
+    ) -> Equilibrium | Stuck:
+        """Equilibrium at a displacement of the tool [m] since first touch, from the last one; ``at_s`` as for a force."""
+        return self._approach(displacement_m, False, self.time_s if at_s is None else at_s, report)
 
     # ---- what is known ----
 
@@ -198,6 +209,7 @@ class Relaxation(Body):
             contact_J=copies * 0.5 * float(np.sum(push * -gap * (push > 0.0))),
             dead_work_J=copies * float(np.sum(self._external * self.state.u)),
             friction_loss_J=copies * self.friction_loss_J,
+            material_loss_J=copies * float(lost),
             smallest_J=float(self._monitor[REST_J]),
         )
 
@@ -226,28 +238,33 @@ class Relaxation(Body):
         self._commit(0.0)
         return self.equilibrium(0)
 
-    def _approach(self, goal: float, by_force: bool, report: Callable[[float], None]) -> Equilibrium | Stuck:
+    def _approach(self, goal: float, by_force: bool, at_s: float, report: Callable[[float], None]) -> Equilibrium | Stuck:
         self.tool[FREE] = float(by_force)
         if by_force != self._by_force:
             self._known = [(self._coordinate(by_force), *self._known[-1][1:])]
             self._by_force = by_force
-        begin = self._known[-1][0]
+        begin, since = self._known[-1][0], self.time_s
         before = self.iterations
-        goals = [goal]
-        while goals:
-            now = self._known[-1][0]
-            self._start(goals[-1])
+        done, shares = 0.0, [1.0]  # of the way; load and time go together
+        while shares:
+            share = shares[-1]
+            now = begin + share * (goal - begin) if share < 1.0 else goal
+            self.set_increment((share - done) * (at_s - since))
+            self._start(now)
             failure = self._attempt(report)
             if failure is None and self._stiffen():
                 continue
             if failure is None:
-                self._commit(goals.pop())
+                done = shares.pop()
+                self.time_s = since + done * (at_s - since) if done < 1.0 else at_s
+                self._commit(now)
                 continue
-            stuck = Stuck(failure, goals[-1], now, float(self._monitor[RESIDUAL]), self._worst(failure))
+            stuck = Stuck(failure, now, self._known[-1][0], float(self._monitor[RESIDUAL]), self._worst(failure))
             self._restore()
-            if abs(goals[-1] - now) <= abs(goal - begin) / 2**HALVINGS or goals[-1] == now:
+            if share - done <= 0.5**HALVINGS:
+                self.set_increment(0.0)
                 return stuck
-            goals.append(0.5 * float(now + goals[-1]))
+            shares.append(0.5 * (done + share))
         return self.equilibrium(self.iterations - before)
 
     def _start(self, goal: float) -> None:
@@ -332,6 +349,8 @@ class Relaxation(Body):
             self.contact,
             self.tool,
             float(self.tolerance),
+            LEAST * self._largest_load,
+            LEAST * self._largest_work,
             int(iterations),
             self._monitor,
         )
@@ -359,6 +378,12 @@ class Relaxation(Body):
             self.friction_loss_J += float(-np.sum(traction * (place - elastic - contact.anchor)))
             contact.anchor[:] = place - elastic
         self._known = [*self._known[-3:], (coordinate, self.state.u.copy(), float(self.tool[DEPTH]))]
+        self._largest_load = max(self._largest_load, float(self._monitor[LOADS]))
+        self._largest_work = max(self._largest_work, float(self._monitor[WORK]))
+        if self.model.effects:
+            self.kernels.forces(self.state.u, self._inner, self.blocks)
+            self.blocks.old[:] = self.blocks.new
+            self.set_increment(0.0)  # what is looked at from here on is this instant
 
     def _restore(self) -> None:
         """Back to the last equilibrium."""

@@ -220,7 +220,12 @@ def bound(law: ModuleType, effects: Sequence[tuple[str, tuple[int, ...], int, in
             template = getattr(module, function)
             read = template.__code__.co_names
             leaves[function] = bind(template, inline=True, **{key: value for key, value in values.items() if key in read})
-    common |= {"law_isochoric": law.isochoric, "LAW_CONSTANTS": law.CONSTANTS, "stiffen": leaves["stiffen"], "pull": leaves["pull"]}
+    common |= {
+        "law_isochoric": law.isochoric,
+        "LAW_CONSTANTS": law.CONSTANTS,
+        "stiffen": leaves["stiffen"],
+        "pull": leaves["pull"],
+    }
     return (
         bind(
             with_effects, inline=True, **common, WORK=last, soften=leaves["soften"], relax=leaves["relax"], drain=leaves["drain"]

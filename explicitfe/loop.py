@@ -41,7 +41,7 @@ from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
 internal_force = internal_energy = None
 
 FRESH = 0.05  # weight of the newest stiffness estimate in a relaxation's mean
-RESTLESS = 2.5  # stiffness estimate at which it stops: 4 is the stable limit, the masses have become too small
+RESTLESS = 3.8  # stiffness estimate at which it stops: fresh masses keep it below 3.7, beyond 4 nothing is stable
 LOOK_EVERY = 20  # iterations of a relaxation between two looks at its residual
 
 

@@ -143,13 +143,16 @@ class Relaxation(Body):
     # ---- what a load does ----
 
     def settle(self, report: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
-        """Equilibrium under the dead loads alone, the tool out of reach; it then touches."""
-        self.tool[[FREE, DEPTH, GOAL]] = 0.0, -1.0, -1.0  # m: beyond reach
+        """Equilibrium under the dead loads alone, the tool out of reach or, where it is tied, without a load; it then touches."""
+        if not self._external.any():
+            return self._touched(0.0)
+        tied = self.contact.shape[TIED] > 0.0
+        self.tool[[FREE, LOAD, DEPTH, GOAL]] = (1.0, 0.0, 0.0, 0.0) if tied else (0.0, 0.0, -1.0, -1.0)  # m: beyond reach
         failure = self._attempt(report)
         if failure is not None:
             return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
-        if not self._external.any():
-            return self._touched(0.0)
+        if tied:
+            return self._touched(float(self.tool[DEPTH]))
         # Down by the distance to the nearest point, again and again: the tool never gets past a point.
         gap = self._touch()[0].min(initial=np.inf)
         while 1e-15 < gap < np.inf:
@@ -422,7 +425,7 @@ class Relaxation(Body):
         contact = self.contact
         # a point that slides is pushed along the surface by its friction times what pushes it across
         across = contact.spring * (1.0 + contact.shape[FRICTION])
-        springs = 0.25 * (across + contact.grip)[:, None] * contact.weight
+        springs = 0.25 * SAFETY * (across + contact.grip)[:, None] * contact.weight
         mass[: len(self.points), :3] += np.bincount(contact.node.ravel(), springs.ravel(), len(self.points))[:, None]
         mass[: len(self.points), :3] *= self._free
         self.nodes = Nodes(mass, np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0))

@@ -83,17 +83,26 @@ class Contact(NamedTuple):
     weight: np.ndarray  # their shape functions there, (k, 4)
     position: np.ndarray  # reference position [m], (k, 3)
     spring: np.ndarray  # contact stiffness of the area that the point stands for [N/m], (k,)
+    area: np.ndarray  # [m^2], (k,)
     grip: np.ndarray  # tangential stiffness while it sticks [N/m], (k,)
     anchor: np.ndarray  # displacement relative to the tool at which friction has no force [m], (k, 3)
     shape: np.ndarray  # what the tool looks like, (SHAPE,)
 
 
+class Springs(NamedTuple):
+    """Nodes that are held elastically where they are."""
+
+    node: np.ndarray  # int64, (k,)
+    stiffness: np.ndarray  # [N/m] along x, y, z, (k, 3)
+
+
 # Entries of a tool's shape. It is a disc with a rounded edge; above the edge it has a vertical wall, or goes on as a ball.
-FLAT_RADIUS, EDGE_RADIUS, WALL, LOWEST, TIED, FRICTION, SHAPE = 0, 1, 2, 3, 4, 5, 6
+# It may be tilted about the y axis [rad], and pull at what is near: a stress [Pa] that falls to nothing within a reach [m].
+FLAT_RADIUS, EDGE_RADIUS, WALL, LOWEST, TIED, FRICTION, TILT, ADHESION, REACH, SHAPE = range(10)
 
 # Entries of the tool's state: its way down [m], the force on it [N], and whether that force (1) or the way (0) is given; in
-# the latter case the way that it goes to [m], and how far in one iteration [m].
-DEPTH, LOAD, FREE, GOAL, PACE, TOOL = 0, 1, 2, 3, 4, 5
+# the latter case the way that it goes to [m], how far in one iteration [m], and what the rig gives way by [m/N].
+DEPTH, LOAD, FREE, GOAL, PACE, COMPLIANCE, DRIVE, TOOL = range(8)
 
 # Entries of what a relaxation tells of itself.
 RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, LOADS, WORK, MONITOR = range(9)

@@ -14,8 +14,10 @@ from __future__ import annotations
 import math
 
 from explicitfe.arrays import (
+    COMPLIANCE,
     DAMPING_LOSS,
     DEPTH,
+    DRIVE,
     EXTERNAL_WORK,
     FREE,
     GOAL,
@@ -28,13 +30,13 @@ from explicitfe.arrays import (
     REST_J,
     SMALLEST_J,
     STIFFNESS,
-    TIED,
     WORK,
 )
 from explicitfe.boundary import correct, drive, place, turn, turn_back
-from explicitfe.forces.contact import add_contact, clearance, find_depth, friction, moved
+from explicitfe.forces.contact import add_contact, clearance, find_depth, friction, moved, push_at
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
+from explicitfe.forces.springs import add_springs
 from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
 
 # Placeholders, bound in build.py.
@@ -152,7 +154,7 @@ def snapshot(
     )
 
 
-def relax(state, external, inner, blocks, nodes, turned, contact, tool, tolerance, least_load, least_work, iterations, monitor):
+def relax(state, external, inner, blocks, nodes, turned, springs, contact, tool, tolerance, least_load, least_work, iterations, monitor):
     """Relax towards equilibrium by up to so many iterations; give the number done.
 
     Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still
@@ -165,8 +167,8 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
     state : State, changed in place; v is the increment of the last iteration, force all forces but the external ones.
     external : (N, 4) N. Dead loads. ``inner`` (N, 4) is a work array.
     nodes : Nodes with fictitious masses.
-    least_load, least_work : N, J. What residual and kinetic energy are compared to at least: where a load has gone, nothing else is left.
-    turned, contact : rotational symmetry and contact points, either of which may be empty.
+    least_load, least_work : N, J. What residual and kinetic energy are compared to at least, where a load has all but gone.
+    turned, springs, contact : rotational symmetry, nodes on springs, contact points, each of which may be empty.
     tool : (TOOL,). Its state, changed in place.
     monitor : (MONITOR,). What the last look saw, changed in place.
     """
@@ -181,12 +183,15 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
         monitor[REST_J] = internal_force(u, force, blocks)
         if not (monitor[REST_J] > 0.0):
             break
+        add_springs(u, force, springs)
         turn_back(force, turned)
         looks = done % LOOK_EVERY == 0
         if looks:
             inner[:] = force
         if not tool[FREE] > 0.0:
-            tool[DEPTH] += min(max(tool[GOAL] - tool[DEPTH], -tool[PACE]), tool[PACE])
+            tool[DRIVE] += min(max(tool[GOAL] - tool[DRIVE], -tool[PACE]), tool[PACE])
+            if tool[COMPLIANCE] == 0.0:
+                tool[DEPTH] = tool[DRIVE]
         find_depth(u, contact, tool)
         pressed = add_contact(u, force, contact, tool)
         if looks:
@@ -207,7 +212,7 @@ def relax(state, external, inner, blocks, nodes, turned, contact, tool, toleranc
             # a body without any load is at rest where it is
             monitor[RESIDUAL] = math.sqrt(sum_lanes(residual)) / max(monitor[LOADS], least_load, 1e-150)
             monitor[KINETIC_RATIO] = 0.5 * inertia / max(done_work, least_work, 1e-300)
-            there = tool[FREE] > 0.0 or tool[DEPTH] == tool[GOAL]
+            there = tool[FREE] > 0.0 or tool[DRIVE] == tool[GOAL]
             if there and monitor[RESIDUAL] <= tolerance and monitor[KINETIC_RATIO] <= tolerance * tolerance:
                 break
         power = splat(0.0)
@@ -254,6 +259,5 @@ def touch(u, contact, tool, gap, push, traction):
         ux, uy, uz = moved(u, contact, point)
         x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
         gap[point], nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
-        tied = contact.shape[TIED] > 0.0
-        push[point] = -contact.spring[point] * gap[point] if gap[point] < 0.0 or tied else 0.0
+        push[point], _ = push_at(gap[point], contact, point)
         traction[point] = friction(ux, uy, uz, nx, ny, nz, push[point], contact, tool, point)

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.arrays import (
+    COMPLIANCE,
     DEPTH,
+    DRIVE,
     FREE,
     FRICTION,
     GOAL,
@@ -34,6 +36,7 @@ from explicitfe.arrays import (
     WORK,
     Contact,
     Nodes,
+    Springs,
     Turned,
 )
 from explicitfe.build import Body
@@ -133,6 +136,11 @@ class Relaxation(Body):
         self._true_mass = self.nodes.mass
         self._tie()
         self._grip()
+        support = self.model.support
+        self.springs = Springs(
+            np.zeros(0, dtype=np.int64) if support is None else self._place[support.nodes],
+            np.zeros((0, 3)) if support is None else np.array(support.stiffness_N_m, dtype=float),
+        )
         self._external = self._dead_forces()
         self._inner = np.zeros_like(self.state.u)
         self._monitor = np.zeros(MONITOR)
@@ -147,7 +155,8 @@ class Relaxation(Body):
         if not self._external.any():
             return self._touched(0.0)
         tied = self.contact.shape[TIED] > 0.0
-        self.tool[[FREE, LOAD, DEPTH, GOAL]] = (1.0, 0.0, 0.0, 0.0) if tied else (0.0, 0.0, -1.0, -1.0)  # m: beyond reach
+        beyond = 0.0 if tied else -1.0  # m
+        self.tool[[FREE, LOAD, DEPTH, DRIVE, GOAL]] = float(tied), 0.0, beyond, beyond, beyond
         failure = self._attempt(report)
         if failure is not None:
             return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
@@ -200,7 +209,7 @@ class Relaxation(Body):
         place = self._contact_places()
         return Equilibrium(
             force_N=copies * float(self._tool_force()),
-            displacement_m=float(self.tool[DEPTH] - self.touch_m),
+            displacement_m=self._driven() - self.touch_m,
             iterations=iterations,
             residual=float(self._monitor[RESIDUAL]),
             kinetic_ratio=float(self._monitor[KINETIC_RATIO]),
@@ -236,7 +245,8 @@ class Relaxation(Body):
 
     def _touched(self, depth: float) -> Equilibrium:
         """Count displacements from here on."""
-        self.touch_m = self.tool[DEPTH] = depth
+        self.touch_m = depth
+        self.tool[[DEPTH, DRIVE]] = depth
         self._known.clear()
         self._commit(0.0)
         return self.equilibrium(0)
@@ -290,15 +300,17 @@ class Relaxation(Body):
 
     def _lead(self, goal: float) -> None:
         """Lift the tool to where the surface is hardly pressed: a sudden deep push would tear the elements there."""
-        self.tool[[DEPTH, GOAL]] = goal + self.touch_m
+        depth = self.tool[DEPTH]
+        self.tool[[DEPTH, DRIVE, GOAL]] = goal + self.touch_m
+        if self.contact.shape[TIED] > 0.0 or self.tool[COMPLIANCE] > 0.0:
+            self.tool[DEPTH], self.tool[DRIVE] = depth, self._drive
         for _ in range(20):
             inside = -self._touch()[0].min(initial=0.0)
-            if self.contact.shape[TIED] > 0.0 or inside <= PENETRATION * abs(goal):
+            if self.contact.shape[TIED] > 0.0 or self.tool[COMPLIANCE] > 0.0 or inside <= PENETRATION * abs(goal):
                 break
             self.tool[DEPTH] -= inside
-        if self.contact.shape[TIED] > 0.0:
-            self.tool[DEPTH] = self._known[-1][2]
-        self.tool[PACE] = max(abs(self.tool[GOAL] - self.tool[DEPTH]), 1e-15) / LEAD
+            self.tool[DRIVE] = self.tool[DEPTH]
+        self.tool[PACE] = max(abs(self.tool[GOAL] - self.tool[DRIVE]), 1e-15) / LEAD
 
     def _attempt(self, report: Callable[[float], None]) -> str | None:
         """Relax from the present state; what went wrong, if anything did."""
@@ -349,6 +361,7 @@ class Relaxation(Body):
             self.blocks,
             self.nodes,
             self.turned,
+            self.springs,
             self.contact,
             self.tool,
             float(self.tolerance),
@@ -381,6 +394,7 @@ class Relaxation(Body):
             self.friction_loss_J += float(-np.sum(traction * (place - elastic - contact.anchor)))
             contact.anchor[:] = place - elastic
         self._known = [*self._known[-3:], (coordinate, self.state.u.copy(), float(self.tool[DEPTH]))]
+        self._drive = self._driven()
         self._largest_load = max(self._largest_load, float(self._monitor[LOADS]))
         self._largest_work = max(self._largest_work, float(self._monitor[WORK]))
         if self.model.effects:
@@ -392,12 +406,16 @@ class Relaxation(Body):
         """Back to the last equilibrium."""
         self.state.u[:] = self._known[-1][1]
         self._stop()
-        self.tool[DEPTH] = self._known[-1][2]
-        self.tool[PACE] = abs(self.tool[GOAL] - self.tool[DEPTH]) / LEAD
+        self.tool[[DEPTH, DRIVE]] = self._known[-1][2], self._drive
+        self.tool[PACE] = abs(self.tool[GOAL] - self._drive) / LEAD
 
     def _coordinate(self, by_force: bool) -> float:
         """Force [N] or displacement [m] of the last equilibrium."""
-        return self.equilibrium(0).force_N if by_force else float(self._known[-1][2] - self.touch_m)
+        return self.equilibrium(0).force_N if by_force else self._drive - self.touch_m
+
+    def _driven(self) -> float:
+        """Way of the tool and of what the rig gives way by, as a machine reads it [m]."""
+        return float(self.tool[DEPTH] + self.tool[COMPLIANCE] * self._tool_force())
 
     # ---- masses ----
 
@@ -427,6 +445,7 @@ class Relaxation(Body):
         across = contact.spring * (1.0 + contact.shape[FRICTION])
         springs = 0.25 * SAFETY * (across + contact.grip)[:, None] * contact.weight
         mass[: len(self.points), :3] += np.bincount(contact.node.ravel(), springs.ravel(), len(self.points))[:, None]
+        np.add.at(mass, (self.springs.node, slice(0, 3)), 0.25 * SAFETY * self.springs.stiffness)
         mass[: len(self.points), :3] *= self._free
         self.nodes = Nodes(mass, np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0))
         return True
@@ -468,13 +487,19 @@ class Relaxation(Body):
                 tool.height_m,
                 float(tool.tied),
                 tool.friction,
+                tool.tilt_rad,
+                tool.adhesion_Pa,
+                tool.reach_m,
             )
+            # of the part that is computed: it carries its share of the force
+            self.tool[COMPLIANCE] = tool.compliance_m_N * self.model.copies
         grips = 1.0 if shape[TIED] else GRIP * (tool is not None and tool.friction > 0.0)
         self.contact = Contact(
             node=np.ascontiguousarray(nodes),
             weight=np.array(weights),
             position=np.einsum("kc,kci->ki", weights, self.points[nodes]),
             spring=stiffness * areas,
+            area=np.array(areas),
             grip=grips * stiffness * areas,
             anchor=np.zeros((len(areas), 3)),
             shape=shape,

@@ -12,7 +12,22 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.arrays import DEPTH, EDGE_RADIUS, FLAT_RADIUS, FREE, FRICTION, LOAD, LOWEST, TIED, WALL
+from explicitfe.arrays import (
+    ADHESION,
+    COMPLIANCE,
+    DEPTH,
+    DRIVE,
+    EDGE_RADIUS,
+    FLAT_RADIUS,
+    FREE,
+    FRICTION,
+    LOAD,
+    LOWEST,
+    REACH,
+    TIED,
+    TILT,
+    WALL,
+)
 from explicitfe.jit import leaf
 
 TURNS = 30  # of Newton, for the way of a tool under a force: exact once it is known which points touch,
@@ -22,7 +37,18 @@ CLOSE = 1e-3  # which it is when the last turn began from so small an imbalance
 @leaf
 def clearance(x, y, z, shape, depth):
     """Distance [m] of a point from the tool, negative inside, and the normal out of the tool."""
+    if shape[TILT] == 0.0:
+        return upright(x, y, z - (shape[LOWEST] - depth), shape)
+    # the tool leans about the y axis through the middle of its face: look from where it stands upright
+    c, s = math.cos(shape[TILT]), math.sin(shape[TILT])
     above = z - (shape[LOWEST] - depth)
+    gap, nx, ny, nz = upright(c * x - s * above, y, s * x + c * above, shape)
+    return gap, c * nx + s * nz, ny, c * nz - s * nx
+
+
+@leaf
+def upright(x, y, above, shape):
+    """Distance and normal for an upright tool; ``above`` is the height over its lowest point."""
     r = math.sqrt(x * x + y * y)
     out, edge = r - shape[FLAT_RADIUS], shape[EDGE_RADIUS]
     if shape[TIED] > 0.0 or out <= 0.0:
@@ -34,6 +60,18 @@ def clearance(x, y, z, shape, depth):
     if d == 0.0:  # at the centre of the rounding every direction is as good
         return -edge, 0.0, 0.0, -1.0
     return d - edge, out / d * (x / r), out / d * (y / r), up / d
+
+
+@leaf
+def push_at(gap, contact, point):
+    """Normal force of the tool on a point [N], negative where it sticks to it, and its slope [N/m]."""
+    shape = contact.shape
+    if gap < 0.0 or shape[TIED] > 0.0:
+        return -contact.spring[point] * gap - shape[ADHESION] * contact.area[point], contact.spring[point]
+    if gap < shape[REACH]:
+        hold = shape[ADHESION] * contact.area[point]
+        return -hold * (1.0 - gap / shape[REACH]), -hold / shape[REACH]
+    return 0.0, 0.0
 
 
 @leaf
@@ -50,8 +88,9 @@ def moved(u, contact, point):
 
 @leaf
 def find_depth(u, contact, tool):
-    """Move a tool under a force to where the springs balance it."""
-    if tool[FREE] > 0.0:
+    """Move a tool under a force to where the springs balance it; one in a rig that gives way, to where that does."""
+    soft = tool[COMPLIANCE] > 0.0
+    if tool[FREE] > 0.0 or soft:
         for _ in range(TURNS):
             force = 0.0
             slope = 0.0
@@ -60,18 +99,22 @@ def find_depth(u, contact, tool):
                 ux, uy, uz = moved(u, contact, point)
                 x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
                 gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
-                if gap < 0.0 or contact.shape[TIED] > 0.0:
-                    push = -contact.spring[point] * gap
+                push, stiff = push_at(gap, contact, point)
+                if stiff != 0.0:
                     _, _, rubbing = friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point)
                     force -= push * nz + rubbing
-                    slope += contact.spring[point] * nz * nz + contact.grip[point] * (1.0 - nz * nz)
+                    slope += max(stiff, 0.0) * nz * nz + contact.grip[point] * (1.0 - nz * nz)
                 elif nz < 0.0:
                     nearest = min(nearest, gap)
+            load = tool[LOAD]
+            if soft and not tool[FREE] > 0.0:
+                load = (tool[DRIVE] - tool[DEPTH]) / tool[COMPLIANCE]
+                slope += 1.0 / tool[COMPLIANCE]
             if slope == 0.0:  # nothing is touched: go to where something is
                 tool[DEPTH] += nearest + 1e-12
                 continue
-            tool[DEPTH] += (tool[LOAD] - force) / slope
-            if abs(tool[LOAD] - force) <= CLOSE * abs(tool[LOAD]):
+            tool[DEPTH] += (load - force) / slope
+            if abs(load - force) <= CLOSE * max(abs(load), abs(force)):
                 break
 
 
@@ -83,9 +126,9 @@ def add_contact(u, force, contact, tool):
         ux, uy, uz = moved(u, contact, point)
         x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
         gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
-        if gap >= 0.0 and not contact.shape[TIED] > 0.0:
+        push, stiff = push_at(gap, contact, point)
+        if stiff == 0.0:
             continue
-        push = -contact.spring[point] * gap
         tx, ty, tz = friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point)
         fx, fy, fz = push * nx + tx, push * ny + ty, push * nz + tz
         total -= fz
@@ -109,6 +152,6 @@ def friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point):
     along = sx * nx + sy * ny + sz * nz
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
     size = grip * math.sqrt(sx * sx + sy * sy + sz * sz)
-    most = contact.shape[FRICTION] * push
+    most = contact.shape[FRICTION] * max(push, 0.0)
     pull = -grip if size <= most or contact.shape[TIED] > 0.0 else -grip * most / size
     return pull * sx, pull * sy, pull * sz

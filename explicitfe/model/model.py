@@ -79,6 +79,9 @@ class Tool:
     areas_m2 : (k,) that each point stands for.
     face_size_m : size of the faces where it presses hardest.
     tied : the points are bonded to it.
+    tilt_rad : how far it leans about the y axis.
+    adhesion_Pa, reach_m : the stress with which it holds what touches it, falling to nothing within the reach.
+    compliance_m_N : what the rig gives way by.
     """
 
     flat_radius_m: float
@@ -91,6 +94,24 @@ class Tool:
     areas_m2: np.ndarray
     face_size_m: float
     tied: bool = False
+    tilt_rad: float = 0.0
+    adhesion_Pa: float = 0.0
+    reach_m: float = 0.0
+    compliance_m_N: float = 0.0
+
+
+@dataclass(frozen=True)
+class ElasticSupport:
+    """Nodes held by springs where they are.
+
+    Attributes
+    ----------
+    nodes : (k,) node numbers.
+    stiffness_N_m : (k, 3) along x, y, z.
+    """
+
+    nodes: np.ndarray
+    stiffness_N_m: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -124,6 +145,7 @@ class Model:
     effects : of the material, beside its law.
     stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
     tool : what presses on it.
+    support : springs that hold nodes.
     sector : its rotational symmetry, where it is a sector.
     copies : how many times the body stands for the whole one.
     probes : name -> node number, recorded at every sample.
@@ -141,5 +163,6 @@ class Model:
     stiffness: np.ndarray | None = None
     effects: tuple[MaterialEffect, ...] = ()
     tool: Tool | None = None
+    support: ElasticSupport | None = None
     sector: RotationalSymmetry | None = None
     copies: float = 1.0

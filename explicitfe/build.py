@@ -472,7 +472,8 @@ class Simulation(Body):
     def _row_of(self, profile: Profile) -> int:
         """Row of a profile in the activation table; equal profiles share one."""
         for row, known in enumerate(self._profiles):
-            if np.array_equal(known.time_s, profile.time_s) and np.array_equal(known.scale, profile.scale):
+            same = np.array_equal(known.time_s, profile.time_s) and np.array_equal(known.scale, profile.scale)
+            if same and known.lag_s == profile.lag_s:
                 return row
         self._profiles.append(profile)
         return len(self._profiles) - 1

@@ -35,6 +35,7 @@ HISTORY = {
     "contact_energy": Quantity("J", 1, "energy of the contact springs"),
     "external_work": Quantity("J", 1, "work of the tool, by a spline through the loads, and of gravity since first touch"),
     "friction_loss": Quantity("J", 1, "energy lost to friction"),
+    "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
     "smallest_J": Quantity("1", 1, "smallest J of any element"),
 }
 CELLS = {
@@ -77,7 +78,7 @@ def run_indentation(prepared: Prepared, target: Path, overwrite: bool, report: R
             _store(writer, prepared, curve, 0.0)
             for k, (load, at) in enumerate(zip(loads, times, strict=True)):
                 go = body.press if by_force else body.move
-                found = go(load, lambda share, k=k: report("run", (k + share) / len(loads)))
+                found = go(load, lambda share, k=k: report("run", (k + share) / len(loads)), at_s=at)
                 if isinstance(found, Stuck):
                     name = f"{load:g} N" if by_force else f"{1e3 * load:g} mm"
                     state, message = found.reason, _stuck(prepared, found, name)
@@ -127,6 +128,7 @@ def _store(writer: ResultWriter, prepared: Prepared, curve: list[Equilibrium], t
         "contact_energy": last.contact_J,
         "external_work": external_work(curve),
         "friction_loss": last.friction_loss_J,
+        "material_loss": last.material_loss_J,
         "smallest_J": last.smallest_J,
     }
     writer.history(time_s, row)
@@ -158,7 +160,8 @@ def balance_error(curve: list[Equilibrium]) -> float:
     """Energy that is missing or too much, relative to the largest of stored energy and work."""
     first, last = curve[0], curve[-1]
     stored = sum(
-        getattr(last, name) - getattr(first, name) for name in ("internal_J", "hourglass_J", "contact_J", "friction_loss_J")
+        getattr(last, name) - getattr(first, name)
+        for name in ("internal_J", "hourglass_J", "contact_J", "friction_loss_J", "material_loss_J")
     )
     largest = max(max(point.internal_J for point in curve), abs(external_work(curve)))
     return abs(stored - external_work(curve)) / largest if largest > 0.0 else 0.0

@@ -154,7 +154,9 @@ def snapshot(
     )
 
 
-def relax(state, external, inner, blocks, nodes, turned, springs, contact, tool, tolerance, least_load, least_work, iterations, monitor):
+def relax(
+    state, external, inner, blocks, nodes, turned, springs, contact, tool, tolerance, least_load, least_work, iterations, monitor
+):
     """Relax towards equilibrium by up to so many iterations; give the number done.
 
     Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still

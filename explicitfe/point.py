@@ -1,4 +1,4 @@
-"""One point of material in a homogeneous state: the same response as in the elements, with stress-free directions, in milliseconds.
+"""One point of material in a homogeneous state: the response of the elements, with stress-free directions, in milliseconds.
 
 The deformation gradient is given at instants, all but those diagonal entries that are free: they are found so that the stress
 there vanishes (uniaxial: two, biaxial: one, shear: none). Between two instants the material remembers as in an equilibrium.
@@ -19,7 +19,7 @@ from explicitfe.forces import response
 from explicitfe.jit import Dispatcher, bind
 from explicitfe.materials import Law, law_of
 from explicitfe.materials.kinematics import cofactor, determinant
-from explicitfe.simd import WIDTH, load, load_many, splat, store
+from explicitfe.simd import WIDTH, load_many, splat, store
 
 # Placeholder, bound below.
 respond = None

@@ -64,7 +64,7 @@ def prepare(path: Path | str, settings: Sequence[str] = ()) -> Prepared:
     scenario, text = read_scenario(path, settings)
     try:
         if isinstance(scenario, Indentation):
-            model = specimen_model(scenario.model, scenario.tool)
+            model = specimen_model(scenario.model, scenario.tool, scenario.effects.chosen)
             return Prepared(path, scenario, text, model, scenario.model.name, Relaxation(model, scenario.analysis.tolerance))
         model, anatomy = assemble(scenario, path.parent)
     except InputError as error:

@@ -32,6 +32,7 @@ from explicitfe.arrays import (
     SHAPE,
     STIFFNESS,
     TIED,
+    TILT,
     TOOL,
     WORK,
     Contact,
@@ -138,12 +139,13 @@ class Relaxation(Body):
         self._grip()
         support = self.model.support
         self.springs = Springs(
-            np.zeros(0, dtype=np.int64) if support is None else self._place[support.nodes],
-            np.zeros((0, 3)) if support is None else np.array(support.stiffness_N_m, dtype=float),
+            np.zeros(0, dtype=np.int64) if support is None else self._place[support.node],
+            np.zeros((0, 3)) if support is None else np.array(support.stiffness, dtype=float),
         )
         self._external = self._dead_forces()
         self._inner = np.zeros_like(self.state.u)
         self._monitor = np.zeros(MONITOR)
+        self._monitor[REST_J] = 1.0
         self._largest_load = self._largest_work = 0.0
         self._known: list[tuple[float, np.ndarray, float]] = []
         self._commit(0.0)
@@ -152,7 +154,7 @@ class Relaxation(Body):
 
     def settle(self, report: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
         """Equilibrium under the dead loads alone, the tool out of reach or, where it is tied, without a load; it then touches."""
-        if not self._external.any():
+        if not self._external.any() and self.contact.shape[TILT] == 0.0:
             return self._touched(0.0)
         tied = self.contact.shape[TIED] > 0.0
         beyond = 0.0 if tied else -1.0  # m
@@ -243,12 +245,19 @@ class Relaxation(Body):
 
     # ---- approaching a load ----
 
-    def _touched(self, depth: float) -> Equilibrium:
+    def _touched(self, depth: float) -> Equilibrium | Stuck:
         """Count displacements from here on."""
         self.touch_m = depth
         self.tool[[DEPTH, DRIVE]] = depth
         self._known.clear()
         self._commit(0.0)
+        preload = 0.0 if self.model.tool is None else self.model.tool.preload_N
+        if preload > 0.0:
+            found = self.press(preload)
+            if isinstance(found, Stuck):
+                return found
+            self.touch_m, self._by_force = self._drive, False
+            self._known = [(0.0, *self._known[-1][1:])]
         return self.equilibrium(0)
 
     def _approach(self, goal: float, by_force: bool, at_s: float, report: Callable[[float], None]) -> Equilibrium | Stuck:

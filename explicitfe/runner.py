@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
+from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
 from explicitfe.build import Simulation, Snapshot
 from explicitfe.errors import InputError
 from explicitfe.indentation import run_indentation
@@ -135,6 +135,7 @@ def _writer(prepared: Prepared, target: Path, overwrite: bool, expected: int) ->
         "kinetic_energy": Quantity("J", 1, "1/2 v(-).M v(+) of the half steps before and after"),
         "external_work": Quantity("J", 1, "work of muscles, loads and gravity"),
         "damping_loss": Quantity("J", 1, "energy lost to mass-proportional damping"),
+        "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
         "balance_error": Quantity("1", 1, "largest energy balance error so far, relative"),
         "smallest_J": Quantity("1", 1, "smallest J of all elements in all steps so far"),
     }
@@ -170,6 +171,7 @@ def _store(writer: ResultWriter, prepared: Prepared, snapshot: Snapshot, ledger:
         "kinetic_energy": e[KINETIC],
         "external_work": e[EXTERNAL],
         "damping_loss": e[DAMPED],
+        "material_loss": e[LOST],
         "balance_error": ledger.balance_error,
         "smallest_J": snapshot.smallest_J,
     }

@@ -1,16 +1,17 @@
 """What every effect has in common: parameters with units, what it is and where it acts, how strong it is.
 
-An effect is one file. One of the material brings compiled leaves beside its parameters; ``forces/response.py`` binds them into the
-element's forces. Its numbers stand in ``Blocks.effects`` from place AT on, what it remembers in ``Blocks.old`` and ``new``
+An effect is one file. One of the material brings compiled leaves beside its parameters; ``forces/response.py`` binds them into
+the element's forces. Its numbers stand in ``Blocks.effects`` from place AT on, what it remembers in ``Blocks.old`` and ``new``
 from place MEMORY on: placeholders that are bound where the kernel is made.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from explicitfe.jit import leaf
@@ -53,17 +54,31 @@ class Effect(BaseModel, ABC):
     def strength(self) -> float:
         """Along the coordinate that ``about`` names; 0 is no effect."""
 
-    @abstractmethod
+    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+        """The tables of a specimen and its tool with the effect in them, before they are meshed."""
+        return specimen, tool
+
     def apply(self, model: Any) -> Any:
         """The model with the effect in it."""
+        return model
+
+
+class Measurement(Effect):
+    """An effect of the measurement: the model is what it is, and is read differently."""
+
+    def true_displacement(self, displacement_m: np.ndarray) -> np.ndarray:
+        """The tool's displacement [m] where the data say ``displacement_m``."""
+        return displacement_m
+
+    def read_force(self, force_N: np.ndarray, time_s: np.ndarray, cycle: float) -> np.ndarray:
+        """What is read [N] where the force is ``force_N``."""
+        return force_N
 
 
 class MaterialEffect(Effect):
     """An effect of the material: it changes what an element answers to its deformation."""
 
     def apply(self, model: Any) -> Any:
-        from dataclasses import replace
-
         return replace(model, effects=(*model.effects, self))
 
     @property

@@ -1,4 +1,7 @@
-"""Passive fibres that stiffen in tension: W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) for I4_bar > 1 (Holzapfel et al. 2000)."""
+"""Passive fibres that stiffen in tension (Holzapfel, Gasser & Ogden 2000).
+
+W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) where I4_bar > 1, nothing in compression.
+"""
 
 from __future__ import annotations
 

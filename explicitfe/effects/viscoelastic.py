@@ -1,4 +1,6 @@
-"""Relaxation of the isochoric stress by a Prony series (Simo 1987): S(t) = S_el - sum_i g_i integral (1 - e^(-(t-s)/tau_i)) dS_el.
+"""Relaxation of the isochoric stress by a Prony series (Simo 1987).
+
+S(t) = S_el - sum_i g_i integral (1 - e^(-(t - s) / tau_i)) dS_el(s).
 
 C10 and C20 are those of a sudden load; after a long time the isochoric stress is 1 - sum g of it. Each term remembers a stress
 Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an increment its update is exact.

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from types import ModuleType
 
 from explicitfe.elements.hex8 import GEOMETRY, corner_forces, gradient, hourglass_modes, to_modes
+from explicitfe.forces import response
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.jit import Dispatcher, bind, leaf
-from explicitfe.forces import response
 from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from explicitfe.effects import MaterialEffect
+from explicitfe.effects.activation_lag import ActivationLag
+from explicitfe.effects.compressible import Compressible
 from explicitfe.elements import hex8
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
@@ -18,6 +21,7 @@ from explicitfe.model.modelfile import read_model_file
 from explicitfe.model.muscles import pull
 from explicitfe.model.profile import Profile
 from explicitfe.model.scenario import ModelTable, Scenario
+from explicitfe.model.specimen import check_effects
 
 
 def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
@@ -73,6 +77,15 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
         pulls=tuple(pulls),
         probes={name: mesh.named_points[name] for name in names},
     )
+    effects = scenario.effects.chosen
+    check_effects(effects, table.element)
+    for effect in effects:
+        if not isinstance(effect, MaterialEffect | ActivationLag | Compressible):
+            raise InputError(
+                f"effects: {effect.about.title} belongs to a tool or a specimen; a transient run knows effects of the material "
+                "and activation-lag."
+            )
+        model = effect.apply(model)
     return model, anatomy
 
 

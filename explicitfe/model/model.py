@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from explicitfe.arrays import Springs
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.materials import Law
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
@@ -82,6 +83,7 @@ class Tool:
     tilt_rad : how far it leans about the y axis.
     adhesion_Pa, reach_m : the stress with which it holds what touches it, falling to nothing within the reach.
     compliance_m_N : what the rig gives way by.
+    preload_N : the force at which displacements begin to count.
     """
 
     flat_radius_m: float
@@ -98,20 +100,7 @@ class Tool:
     adhesion_Pa: float = 0.0
     reach_m: float = 0.0
     compliance_m_N: float = 0.0
-
-
-@dataclass(frozen=True)
-class ElasticSupport:
-    """Nodes held by springs where they are.
-
-    Attributes
-    ----------
-    nodes : (k,) node numbers.
-    stiffness_N_m : (k, 3) along x, y, z.
-    """
-
-    nodes: np.ndarray
-    stiffness_N_m: np.ndarray
+    preload_N: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -145,7 +134,7 @@ class Model:
     effects : of the material, beside its law.
     stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
     tool : what presses on it.
-    support : springs that hold nodes.
+    support : springs that hold nodes, in the mesh's numbering.
     sector : its rotational symmetry, where it is a sector.
     copies : how many times the body stands for the whole one.
     probes : name -> node number, recorded at every sample.
@@ -163,6 +152,6 @@ class Model:
     stiffness: np.ndarray | None = None
     effects: tuple[MaterialEffect, ...] = ()
     tool: Tool | None = None
-    support: ElasticSupport | None = None
+    support: Springs | None = None
     sector: RotationalSymmetry | None = None
     copies: float = 1.0

@@ -15,10 +15,12 @@ class Profile:
     ----------
     time_s : (k,) s, not decreasing. Before the first and after the last the value is the first and the last one.
     scale : (k,). Dimensionless factor of the load.
+    lag_s : time constant with which the load follows it, lag df/dt + f = scale, from rest before time 0; 0: at once.
     """
 
     time_s: np.ndarray
     scale: np.ndarray
+    lag_s: float = 0.0
 
     @classmethod
     def constant(cls) -> Profile:
@@ -44,6 +46,8 @@ class Profile:
         At time 0, where the half-step start looks forward only, the value is that of the right side.
         """
         time_s = np.asarray(time_s, dtype=float)
+        if self.lag_s > 0.0:
+            return self._followed(time_s)
         if not np.any((self.time_s >= time_s[0] - tolerance_s) & (self.time_s <= time_s[-1] + tolerance_s)):
             return np.interp(time_s, self.time_s, self.scale)  # no edge in sight
         near = np.abs(self.time_s - time_s[:, None])
@@ -58,3 +62,19 @@ class Profile:
         share = np.divide(time_s - self.time_s[low], width, out=np.zeros_like(time_s), where=width > 0.0)
         value = self.scale[low] + share * (self.scale[high] - self.scale[low])
         return np.where(after == 0, self.scale[0], np.where(after == len(self.time_s), self.scale[-1], value))
+
+    def _followed(self, time_s: np.ndarray) -> np.ndarray:
+        """The lagged value at times, exactly: between knots the scale is a + b t, and f = a + b (t - lag) + C e^(-t / lag)."""
+        lag = self.lag_s
+        knots = np.unique(np.append(self.time_s[self.time_s > 0.0], 0.0))
+        start = self._limit(knots, "right")
+        slope = np.append(np.diff(knots) * 0.0, 0.0)
+        slope[:-1] = (self._limit(knots[1:], "left") - start[:-1]) / np.diff(knots)
+        value = np.zeros(len(knots))  # of f at the knots
+        for k, width in enumerate(np.diff(knots)):
+            rest = value[k] - (start[k] - slope[k] * lag)
+            value[k + 1] = start[k] + slope[k] * (width - lag) + rest * np.exp(-width / lag)
+        k = np.clip(np.searchsorted(knots, time_s, side="right") - 1, 0, None)
+        since = np.maximum(time_s - knots[k], 0.0)
+        rest = value[k] - (start[k] - slope[k] * lag)
+        return start[k] + slope[k] * (since - lag) + rest * np.exp(-since / lag)

@@ -17,9 +17,11 @@ from pydantic import (
     Tag,
     TypeAdapter,
     ValidationError,
+    create_model,
     model_validator,
 )
 
+from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import LAWS
 
@@ -154,6 +156,27 @@ class RecordTable(_Table):
     probes: list[str] | None = Field(default=None, description="named points; all of the model if left out")
 
 
+class _Effects(_Table):
+    """What the elastic model lacks, each by its name."""
+
+    @property
+    def chosen(self) -> tuple[Effect, ...]:
+        """The effects that are there, in the order of the table."""
+        there = (getattr(self, name) for name in type(self).model_fields)
+        return tuple(effect for effect in there if effect is not None)
+
+
+# One key an effect: a new effect is possible in scenarios without a word here. Names have dashes, attributes cannot.
+EffectsTable = create_model(
+    "EffectsTable",
+    __base__=_Effects,
+    **{
+        name.replace("-", "_"): (kind | None, Field(default=None, alias=name, description=kind.about.title))
+        for name, kind in EFFECTS.items()
+    },
+)
+
+
 class Scenario(_Table):
     """One run, as its file states it."""
 
@@ -162,6 +185,7 @@ class Scenario(_Table):
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: ModelTable
     muscle: list[MuscleTable] = []
+    effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
     record: RecordTable = RecordTable()
 
@@ -308,6 +332,7 @@ class Indentation(_Table):
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: SpecimenTable
     tool: ToolTable
+    effects: EffectsTable = EffectsTable()
     analysis: RelaxationTable
     record: SpecimenRecordTable = SpecimenRecordTable()
 
@@ -418,9 +443,10 @@ def _valid_keys(table: type[BaseModel], keys: Sequence[Any]) -> list[str]:
     for key in keys:
         if isinstance(key, int) or not isinstance(current, type):
             continue
-        inner = current.model_fields[key].annotation if key in current.model_fields else None
+        named = {field.alias or name: field for name, field in current.model_fields.items()}
+        inner = named[key].annotation if key in named else None
         current = next((t for t in _tables(inner)), None)
-    return list(current.model_fields) if isinstance(current, type) else []
+    return [field.alias or name for name, field in current.model_fields.items()] if isinstance(current, type) else []
 
 
 def _tables(annotation: Any) -> Iterable[type[BaseModel]]:

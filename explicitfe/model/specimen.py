@@ -6,8 +6,12 @@ for contact: Gauss points, and in a sector those of the line that turns into the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from explicitfe.effects import Effect, MaterialEffect, Measurement
+from explicitfe.effects.activation_lag import ActivationLag
 from explicitfe.elements import hex8
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh, shape_functions
@@ -32,8 +36,18 @@ STICK = 1.0
 EDGE_SHARE, BALL_SHARE, DISC_SHARE = 0.4, 0.08, 1.0 / 60.0
 
 
-def specimen_model(specimen: SpecimenTable, tool: ToolTable) -> Model:
-    """The physics of a specimen under a tool; lengths in m, the whole of it ``model.copies`` times what is computed."""
+def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[Effect] = ()) -> Model:
+    """The physics of a specimen under a tool; lengths in m, the whole of it ``model.copies`` times what is computed.
+
+    Raises
+    ------
+    InputError : too many elements, an unknown material, an effect that does not go with the rest.
+    """
+    for effect in effects:
+        if isinstance(effect, ActivationLag):
+            raise InputError(f"effects: {effect.about.title} belongs to muscles; a specimen has none.")
+        specimen, tool = effect.prepare(specimen, tool)
+    check_effects(effects, specimen.element)
     size = _edge_size(specimen, tool)
     mesh = _mesh(specimen, tool, size)
     material = catalogue.material(specimen.material)
@@ -46,7 +60,7 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable) -> Model:
         mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
         force = mass[:, None] * np.array(specimen.gravity_m_s2)
         loads = (NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant()),)
-    return Model(
+    model = Model(
         mesh=mesh,
         material=material,
         held=held,
@@ -57,6 +71,26 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable) -> Model:
         sector=sector,
         copies=COPIES[specimen.symmetry],
     )
+    for effect in effects:
+        model = effect.apply(model)
+    return model
+
+
+def check_effects(effects: Sequence[Effect], element: str) -> None:
+    """Refuse effects of the material in an element that does not know them.
+
+    Raises
+    ------
+    InputError
+    """
+    for effect in effects:
+        if isinstance(effect, Measurement):
+            raise InputError(
+                f"effects: {effect.about.title} changes what is read, not what happens; it belongs to a prediction of data."
+            )
+    material = [effect.about.title for effect in effects if isinstance(effect, MaterialEffect)]
+    if material and element == "hex8-full":
+        raise InputError(f'effects: element = "hex8-full" knows no effects of the material ({material[0]}); take "hex8".')
 
 
 # ---- the mesh ----

@@ -1,0 +1,34 @@
+"""Adhesion: the tool holds what touches it, with a stress that falls to nothing within a reach."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Adhesion(Effect):
+    """Strength and reach of a cohesive contact."""
+
+    about: ClassVar[Description] = Description(
+        title="adhesion of the tool",
+        equation="pull = s (1 - gap / reach) for 0 < gap < reach, s in contact",
+        source="linear softening cohesive law (Hillerborg, Modeer & Petersson 1976)",
+        where="contact",
+        strength="s (Pa)",
+        plausible=500.0,
+        needs="unloading down to pull-off: negative forces",
+        neighbours="force-offset (there from the start), viscoelastic",
+    )
+    stress_Pa: float = Field(ge=0.0, description="largest pull [Pa]")
+    reach_mm: float = Field(default=0.2, gt=0.0, description="gap at which nothing is left of it [mm]")
+
+    @property
+    def strength(self) -> float:
+        return self.stress_Pa
+
+    def apply(self, model: Any) -> Any:
+        return replace(model, tool=replace(model.tool, adhesion_Pa=self.stress_Pa, reach_m=1e-3 * self.reach_mm))

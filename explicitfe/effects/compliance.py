@@ -1,0 +1,33 @@
+"""A rig that gives way: the machine's displacement is the tool's plus force times compliance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Compliance(Effect):
+    """Compliance of load cell and frame, in series with the tissue."""
+
+    about: ClassVar[Description] = Description(
+        title="compliance of the rig",
+        equation="d_machine = d_tool + c F",
+        source="two springs in series",
+        where="measurement",
+        strength="c (mm/N)",
+        plausible=1.0,
+        needs="stiff and soft parts of a curve, or two radii",
+        neighbours="C20, layer",
+    )
+    compliance_mm_N: float = Field(ge=0.0, description="compliance [mm/N]")
+
+    @property
+    def strength(self) -> float:
+        return self.compliance_mm_N
+
+    def apply(self, model: Any) -> Any:
+        return replace(model, tool=replace(model.tool, compliance_m_N=1e-3 * self.compliance_mm_N))

@@ -1,0 +1,33 @@
+"""Poisson's ratio below that of the model: the tissue loses volume under pressure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Compressible(Effect):
+    """Poisson's ratio, instead of that of the material."""
+
+    about: ClassVar[Description] = Description(
+        title="compressible tissue",
+        equation="K = 2 G (1 + nu) / (3 (1 - 2 nu))",
+        source="linear elasticity",
+        where="material",
+        strength="1 - 2 nu",
+        plausible=0.4,
+        needs="a wide tool on a thin layer beside a narrow one; alone it is mistaken for another C10",
+        neighbours="C10 itself, drainage (needs time), layer",
+    )
+    poisson: float = Field(ge=0.0, lt=0.5, description="Poisson's ratio")
+
+    @property
+    def strength(self) -> float:
+        return 1.0 - 2.0 * self.poisson
+
+    def apply(self, model: Any) -> Any:
+        return replace(model, material=model.material.model_copy(update={"poisson": self.poisson}))

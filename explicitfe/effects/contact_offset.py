@@ -1,0 +1,33 @@
+"""The zero of displacement is not first touch."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Measurement
+
+
+class ContactOffset(Measurement):
+    """How far the tool is from first touch where the displacement is called zero."""
+
+    about: ClassVar[Description] = Description(
+        title="offset of the contact point",
+        equation="d_tool = d + d0",
+        source="-",
+        where="measurement",
+        strength="d0 (mm)",
+        plausible=1.0,
+        needs="small depths",
+        neighbours="preload, force-offset, tilt",
+    )
+    offset_mm: float = Field(description="way of the tool into the tissue at displacement 0 [mm]; negative: a gap")
+
+    @property
+    def strength(self) -> float:
+        return self.offset_mm
+
+    def true_displacement(self, displacement_m: np.ndarray) -> np.ndarray:
+        return displacement_m + 1e-3 * self.offset_mm

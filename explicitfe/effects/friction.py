@@ -1,0 +1,32 @@
+"""Friction between tool and tissue (Coulomb), up to sticking."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Friction(Effect):
+    """Coulomb's coefficient."""
+
+    about: ClassVar[Description] = Description(
+        title="friction of the tool",
+        equation="|t| <= mu p",
+        source="Coulomb",
+        where="contact",
+        strength="mu",
+        plausible=1.0,
+        needs="unloading (a loop at the first cycle), or two tool radii",
+        neighbours="softening (no loop before the first maximum), C20 (stiffens alike), base-slip",
+    )
+    coefficient: float = Field(ge=0.0, le=1.0, description="coefficient; at 1 next to nothing slips")
+
+    @property
+    def strength(self) -> float:
+        return self.coefficient
+
+    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+        return specimen, tool.model_copy(update={"friction": self.coefficient})

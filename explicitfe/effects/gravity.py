@@ -1,0 +1,32 @@
+"""Weight of the tissue: the specimen sags before it is touched, and what is pushed aside is lifted."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Gravity(Effect):
+    """Acceleration along -z."""
+
+    about: ClassVar[Description] = Description(
+        title="gravity",
+        equation="f = rho g",
+        source="-",
+        where="loading",
+        strength="g (m/s^2)",
+        plausible=9.81,
+        needs="the density; two heights",
+        neighbours="C10 itself, preload",
+    )
+    acceleration_m_s2: float = Field(default=9.81, ge=0.0, description="acceleration [m/s^2]")
+
+    @property
+    def strength(self) -> float:
+        return self.acceleration_m_s2
+
+    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+        return specimen.model_copy(update={"gravity_m_s2": (0.0, 0.0, -self.acceleration_m_s2)}), tool

@@ -1,0 +1,34 @@
+"""A surface layer, such as the mucosa, of its own stiffness."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Layer(Effect):
+    """Thickness and stiffness of a layer on the surface of a specimen."""
+
+    about: ClassVar[Description] = Description(
+        title="surface layer",
+        equation="moduli x ratio where z > height - thickness",
+        source="Gerard et al. (2005) Med. Eng. Phys. 27:884-892 measure with and without mucosa",
+        where="specimen",
+        strength="(ratio - 1) x thickness / height",
+        plausible=0.5,
+        needs="two tool radii, or depths that reach from the layer into what is below",
+        neighbours="stiffness-gradient, third-yeoh, C10 itself",
+    )
+    thickness_mm: float = Field(gt=0.0, description="thickness [mm]")
+    ratio: float = Field(gt=0.0, description="its moduli relative to the tissue below")
+
+    @property
+    def strength(self) -> float:
+        return self.ratio - 1.0
+
+    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+        changed = {"layer_mm": self.thickness_mm, "layer_stiffness_ratio": self.ratio}
+        return type(specimen).model_validate(specimen.model_dump() | changed), tool

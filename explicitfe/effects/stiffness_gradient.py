@@ -1,0 +1,38 @@
+"""Moduli that change with depth: factor 1 + g (1 - 2 z / height) from 1 - g at the surface to 1 + g at the base."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class StiffnessGradient(Effect):
+    """Relative change of the moduli with depth."""
+
+    about: ClassVar[Description] = Description(
+        title="stiffness gradient with depth",
+        equation="moduli x (1 + g (1 - 2 z / height))",
+        source="-",
+        where="specimen",
+        strength="g",
+        plausible=0.8,
+        needs="two tool radii, or two heights",
+        neighbours="layer, base-slip",
+    )
+    g: float = Field(gt=-1.0, lt=1.0, description="stiffer below (positive) or above (negative)")
+
+    @property
+    def strength(self) -> float:
+        return self.g
+
+    def apply(self, model: Any) -> Any:
+        mesh = model.mesh
+        z = mesh.points[mesh.hexes].mean(axis=1)[:, 2]
+        low, high = mesh.points[:, 2].min(), mesh.points[:, 2].max()
+        factor = 1.0 + self.g * (1.0 - 2.0 * (z - low) / (high - low))
+        return replace(model, stiffness=factor if model.stiffness is None else factor * np.asarray(model.stiffness))

@@ -1,0 +1,39 @@
+"""A tool that leans: its axis makes an angle with the normal of the surface."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from explicitfe.effects.effect import Description, Effect
+
+
+class Tilt(Effect):
+    """Angle of the tool about the y axis."""
+
+    about: ClassVar[Description] = Description(
+        title="tilt of the tool",
+        equation="the tool turned by theta about the middle of its face",
+        source="geometry",
+        where="loading",
+        strength="theta^2 (degrees^2): the response is even",
+        plausible=25.0,
+        needs="small depths: one side touches first",
+        neighbours="contact-offset, layer",
+    )
+    angle_deg: float = Field(ge=-20.0, le=20.0, description="angle [degrees]")
+
+    @property
+    def strength(self) -> float:
+        return self.angle_deg**2
+
+    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+        if self.angle_deg != 0.0 and specimen.symmetry in ("sector", "quarter"):
+            return specimen.model_copy(update={"symmetry": "half"}), tool
+        return specimen, tool
+
+    def apply(self, model: Any) -> Any:
+        return replace(model, tool=replace(model.tool, tilt_rad=float(np.radians(self.angle_deg))))

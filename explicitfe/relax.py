@@ -130,6 +130,7 @@ class Relaxation(Body):
         self._external = self._dead_forces()
         self._inner = np.zeros_like(self.state.u)
         self._monitor = np.zeros(MONITOR)
+        self._monitor[REST_J] = 1.0
         self._known: list[tuple[float, np.ndarray, float]] = []
         self._commit(0.0)
 

@@ -1,0 +1,480 @@
+"""The test behind a measured curve as a scenario, and what an elastic law answers in it for any pair of constants.
+
+Without gravity all moduli scale together, contact included, so F = C10 Phi(d; C20 / C10) is exact: one run of the simulator gives
+the force at all depths for one ratio of the constants, and their size costs nothing. A response keeps a few runs as smooth
+functions of depth and goes from one ratio to the next by a cubic spline in q = C20 / (C10 + C20).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.interpolate import CubicSpline
+
+from explicitfe.errors import InputError, RunError
+from explicitfe.identify.dataset import Curve
+from explicitfe.jit import bind
+from explicitfe.materials import law_of
+from explicitfe.materials.kinematics import cofactor, determinant
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.model.specimen import specimen_model
+from explicitfe.relax import Equilibrium, Relaxation
+
+Share = Callable[[float], None]
+
+REFERENCE_PA = 200.0  # C10 + C20 of the runs; any would do
+POINTS = 24  # depths of a run
+CLUSTER = 1.5  # depths go with this power: the polynomial must not be left alone near 0
+SIMPLER = 1.3  # of the error: what a simpler polynomial may have more
+DEGREES = range(4, 9)  # of the polynomial of F / d, no more than half the depths
+POWERS = (1.0, 0.5)  # its variable is (d / largest) to this power; a ball's force begins with d^1.5
+FIRST_Q = (0.0, 0.3, 0.6)
+LARGEST_Q = 0.95
+CLOSEST_Q = 0.01  # two runs nearer than this are one
+SHARP = 28.0  # a sharp edge has no usable solution: it is rounded by the tool's radius over this
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A test, as the tables of a scenario.
+
+    Attributes
+    ----------
+    specimen, tool : keys and values of the scenario's tables, without the material.
+    poisson, density_kg_m3 : of the tissue.
+    assumed : what is supposed and not stated by the dataset, in words.
+    """
+
+    specimen: dict[str, Any]
+    tool: dict[str, Any]
+    poisson: float
+    density_kg_m3: float
+    assumed: tuple[str, ...] = field(default=(), compare=False)
+
+    @property
+    def key(self) -> str:
+        """Equal for equal tests; density counts under gravity only."""
+        heavy = any(self.specimen.get("gravity_m_s2", ()))
+        return json.dumps([self.specimen, self.tool, self.poisson, self.density_kg_m3 if heavy else 0.0], sort_keys=True)
+
+    def tables(self, C10_Pa: float, C20_Pa: float) -> tuple[SpecimenTable, ToolTable]:
+        """The scenario's own tables, checked."""
+        return SpecimenTable(**self.specimen, material=self.material(C10_Pa, C20_Pa)), ToolTable(**self.tool)
+
+    def material(self, C10_Pa: float, C20_Pa: float) -> dict[str, Any]:
+        """The tissue as a scenario states it."""
+        return {
+            "law": "yeoh",
+            "C10_Pa": C10_Pa,
+            "C20_Pa": C20_Pa,
+            "poisson": self.poisson,
+            "density_kg_m3": self.density_kg_m3,
+        }
+
+    def relaxation(self, C10_Pa: float, C20_Pa: float, tolerance: float = 1e-4) -> Relaxation:
+        """A body of this test, settled, its tool at first touch.
+
+        Raises
+        ------
+        RunError : it does not come to rest.
+        """
+        body = Relaxation(specimen_model(*self.tables(C10_Pa, C20_Pa)), tolerance)
+        body.compile()
+        # Without gravity the body is at rest as it is, and the tool touches at 0.
+        if any(self.specimen.get("gravity_m_s2", ())) and not isinstance(body.settle(), Equilibrium):
+            raise RunError("the specimen does not come to rest under its own weight; it is too soft or too tall.")
+        return body
+
+
+def setup_of(curve: Curve, poisson: float, refinement: float) -> Setup:
+    """The test of a curve with a tool, with what the dataset leaves open supposed.
+
+    Raises
+    ------
+    InputError : the test is none that the simulator knows.
+    """
+    specimen, tool = curve.specimen, curve.tool
+    assert specimen is not None and tool is not None
+    given = (("specimen", specimen.assumed), ("tool", tool.assumed))
+    assumed = [f"the {whose}'s {_words(key)}" for whose, keys in given for key in keys if key != "density_kg_m3"]
+    platen = tool.shape == "platen"
+    base = {"bonded": "bonded", "frictionless": "sliding", "unknown": "sliding" if platen else "bonded"}[specimen.base]
+    if specimen.base == "unknown":
+        assumed.append("both faces slide" if platen else "the base is bonded")
+    friction: float | Literal["stick"] = 0.0
+    if tool.friction == "stick" or (tool.friction != "unknown" and float(tool.friction) > 1.0):
+        friction = "stick"
+    elif tool.friction != "unknown":
+        friction = float(tool.friction)
+    elif tool.shape != "bonded-disc" and not (platen and specimen.base == "unknown"):
+        assumed.append("no friction under the tool")
+
+    body: dict[str, Any] = {"base": base, "refinement": refinement}
+    if specimen.size_mm is None:
+        body |= {"symmetry": "sector", "radius_mm": specimen.radius_mm, "height_mm": specimen.height_mm}
+    else:
+        body |= {"symmetry": "quarter", "size_mm": list(specimen.size_mm)}
+    if specimen.layer_mm > 0.0:
+        body |= {"layer_mm": specimen.layer_mm, "layer_stiffness_ratio": specimen.layer_stiffness_ratio}
+    hand: dict[str, Any] = {"shape": tool.shape}
+    if tool.radius_mm is not None:
+        hand["radius_mm"] = tool.radius_mm
+    if tool.shape != "bonded-disc":
+        hand["friction"] = friction
+    if tool.shape == "flat-cylinder":
+        assert tool.radius_mm is not None
+        hand["edge_radius_mm"] = tool.edge_radius_mm or tool.radius_mm / SHARP
+        if tool.edge_radius_mm == 0.0:
+            assumed.append(f"the tool's sharp edge is rounded by {hand['edge_radius_mm']:.3g} mm")
+    if curve.displacement_m.max() <= 0.0:
+        raise InputError(
+            f'curve "{curve.id}": the tool pulls only; tests under a tool are identified from pressing, displacement above 0.'
+        )
+    if curve.displacement_m.max() > 9e-4 * specimen.thickness_mm:
+        raise InputError(
+            f'curve "{curve.id}": the displacement reaches {1e3 * curve.displacement_m.max():.3g} mm of a specimen that is '
+            f"{specimen.thickness_mm:g} mm thick; check height and unit."
+        )
+    return Setup(body, hand, poisson, specimen.density_kg_m3, tuple(assumed))
+
+
+def _words(key: str) -> str:
+    for ending in ("_mm", "_kg_m3"):
+        key = key.removesuffix(ending)
+    return key.replace("_", " ")
+
+
+def forces(
+    setup: Setup, C10_Pa: float, C20_Pa: float, depths_m: Iterable[float], report: Share = lambda share: None
+) -> np.ndarray:
+    """Forces of the tool [N] at increasing depths, by the simulator.
+
+    Raises
+    ------
+    RunError : a depth is not reached.
+    """
+    body = setup.relaxation(C10_Pa, C20_Pa)
+    way = list(depths_m)
+    found = []
+    for depth in way:
+        reached = body.move(float(depth))
+        if not isinstance(reached, Equilibrium):
+            place = ", ".join(f"{1e3 * x:.3g}" for x in reached.place_m)
+            raise RunError(
+                f"the forward model stops at {1e3 * reached.reached:.3g} mm of {1e3 * way[-1]:.3g} mm "
+                f"(C10 {C10_Pa:.4g} Pa, C20 {C20_Pa:.4g} Pa; {reached.reason} at {place} mm): "
+                "fit less of the curve, or take another refinement."
+            )
+        found.append(reached.force_N)
+        report(len(found) / len(way))
+    return np.array(found)
+
+
+# ---- smooth in depth ----
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """F / d as a Chebyshev polynomial of (d / largest)^power, fitted to a run; beyond the run it goes on along its tangent.
+
+    What a run has more than such a polynomial is the roughness of contact on a mesh: forces rise in small steps as one point
+    of the surface after the other comes to bear.
+    """
+
+    largest_m: float
+    power: float
+    degree: int
+
+    def coefficients(self, depths_m: np.ndarray, force_N: np.ndarray) -> tuple[np.ndarray, float]:
+        """Coefficients, and the relative rms deviation of the run from them."""
+        secant = force_N / depths_m
+        mean = np.abs(secant).mean()
+        basis = chebyshev.chebvander(self._x(depths_m), self.degree) * (mean / secant)[:, None]
+        c, *_ = np.linalg.lstsq(basis, np.full(len(secant), mean), rcond=None)
+        rest = basis @ c / mean - 1.0
+        return c, float(np.sqrt((rest**2).sum() / (len(rest) - self.degree - 1)))
+
+    def at(self, c: np.ndarray, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F [N] and dF/dd [N/m]; no force where the tool does not touch."""
+        d = np.clip(depth_m, 0.0, self.largest_m)
+        x = self._x(d)
+        secant = chebyshev.chebval(x, c)
+        slope = secant + chebyshev.chebval(x, chebyshev.chebder(c)) * self.power * (x + 1.0)
+        return np.where(depth_m > 0.0, secant * d + slope * (depth_m - d), 0.0), np.where(depth_m > 0.0, slope, secant)
+
+    def inverse(self, c: np.ndarray, force_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """d [m] at a force, and dd/dF [m/N]; where the force does not rise, the depth at which it did."""
+        table = np.linspace(0.0, self.largest_m, 400)
+        values, slopes = self.at(c, table)
+        rising = np.maximum.accumulate(values)
+        depth = np.interp(force_N, rising, table)
+        depth += np.maximum(force_N - rising[-1], 0.0) / max(slopes[-1], 1e-3 * rising[-1] / table[-1])
+        for _ in range(3):
+            value, slope = self.at(c, depth)
+            safe = np.where(slope > 0.0, slope, np.inf)
+            depth = np.where(force_N > 0.0, np.maximum(depth + (force_N - value) / safe, 0.0), 0.0)
+        slope = self.at(c, depth)[1]
+        return depth, np.where(slope > 0.0, 1.0 / np.where(slope > 0.0, slope, 1.0), 0.0)
+
+    def _x(self, depth_m: np.ndarray) -> np.ndarray:
+        return 2.0 * (depth_m / self.largest_m) ** self.power - 1.0
+
+
+def depths(largest_m: float, count: int) -> np.ndarray:
+    """Depths of a run (count,) m."""
+    return largest_m * (np.arange(1, count + 1) / count) ** CLUSTER
+
+
+def smoothest(depths_m: np.ndarray, runs: Iterable[np.ndarray]) -> Smooth:
+    """The simplest polynomial about as good as the best by generalised cross-validation; the depths end at the largest.
+
+    The simplest: roughness is no white noise, neighbouring depths share it, and a higher degree would follow it.
+    """
+    runs = list(runs)
+    count = len(depths_m)
+
+    def error(smooth: Smooth) -> float:
+        rest = [smooth.coefficients(depths_m, run)[1] ** 2 for run in runs]
+        return float(np.sqrt(sum(rest) / (1.0 - (smooth.degree + 1) / count)))
+
+    kinds = [Smooth(float(depths_m[-1]), power, degree) for degree in DEGREES for power in POWERS if 2 * degree <= count]
+    errors = [error(kind) for kind in kinds]
+    return next(kind for kind, e in zip(kinds, errors, strict=True) if e <= SIMPLER * min(errors))
+
+
+# ---- responses ----
+
+
+class ToolResponse:
+    """Force of a tool for any constants and depth, from a few runs.
+
+    Parameters
+    ----------
+    setup : the test.
+    largest_m : largest depth that is asked for.
+
+    Attributes
+    ----------
+    runs : simulations so far.
+    """
+
+    def __init__(self, setup: Setup, largest_m: float, points: int = POINTS) -> None:
+        self.setup = setup
+        self.depths_m = depths(largest_m, points)
+        self.runs = 0
+        self.smooth: Smooth | None = None
+        self._runs: dict[float, np.ndarray] = {}
+        self._spline: CubicSpline | None = None
+
+    @property
+    def ratios(self) -> list[float]:
+        """q of the runs, increasing."""
+        return sorted(self._runs)
+
+    @property
+    def roughness(self) -> float:
+        """Relative rms deviation of the runs' forces from what is smooth: numerical noise."""
+        assert self.smooth is not None
+        rest = [self.smooth.coefficients(self.depths_m, run)[1] for run in self._runs.values()]
+        return float(np.sqrt(np.mean(np.square(rest))))
+
+    def add(self, ratios: Iterable[float], report: Share = lambda share: None) -> None:
+        """Run the simulator for these q, but for those that are there already."""
+        wanted: list[float] = []
+        for q in ratios:
+            q = float(np.clip(q, 0.0, LARGEST_Q))
+            if all(abs(q - other) > CLOSEST_Q for other in [*self._runs, *wanted]):
+                wanted.append(q)
+        for k, q in enumerate(wanted):
+            C10, C20 = REFERENCE_PA * (1.0 - q), REFERENCE_PA * q
+            self._runs[q] = forces(self.setup, C10, C20, self.depths_m, lambda s, k=k: report((k + s) / len(wanted)))
+            self.runs += 1
+        if wanted and len(self._runs) >= len(FIRST_Q):
+            self._interpolate()
+        report(1.0)
+
+    def check(self, q: float, report: Share = lambda share: None) -> float:
+        """Run the simulator at q too; largest deviation that the interpolated response had from it, relative to the force."""
+        q = float(np.clip(q, 0.0, LARGEST_Q))
+        assert self.smooth is not None
+        if q in self._runs:
+            return 0.0
+        before = self.smooth.at(self._coefficients(q), self.depths_m)[0]
+        run = forces(self.setup, REFERENCE_PA * (1.0 - q), REFERENCE_PA * q, self.depths_m, report) / REFERENCE_PA
+        self.runs += 1
+        now = self.smooth.at(self.smooth.coefficients(self.depths_m, run)[0], self.depths_m)[0]
+        for other in [r for r in self._runs if 0.0 < abs(r - q) < CLOSEST_Q]:
+            del self._runs[other]
+        self._runs[q] = REFERENCE_PA * run
+        self._interpolate()
+        return float(np.abs(before / now - 1.0).max())
+
+    def at_depth(self, depth_m: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+        """Force [N] and its slope [N/m]."""
+        assert self.smooth is not None
+        scale = C10_Pa + C20_Pa
+        force, slope = self.smooth.at(self._coefficients(C20_Pa / scale), np.asarray(depth_m, dtype=float))
+        return scale * force, scale * slope
+
+    def at_force(self, force_N: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+        """Depth [m] and its slope [m/N]."""
+        assert self.smooth is not None
+        scale = C10_Pa + C20_Pa
+        return self.smooth.inverse(scale * self._coefficients(C20_Pa / scale), np.asarray(force_N, dtype=float))
+
+    def _interpolate(self) -> None:
+        q = self.ratios
+        if self.smooth is None:
+            self.smooth = smoothest(self.depths_m, self._runs.values())
+        rows = [self.smooth.coefficients(self.depths_m, self._runs[r] / REFERENCE_PA)[0] for r in q]
+        self._spline = CubicSpline(q, rows, axis=0)
+
+    def _coefficients(self, q: float) -> np.ndarray:
+        assert self._spline is not None
+        inside = float(np.clip(q, self._spline.x[0], self._spline.x[-1]))
+        return self._spline(inside) + (q - inside) * self._spline(inside, 1)
+
+
+class UniformResponse:
+    """Force between frictionless platens on a base that slides: the state is homogeneous, so the law's own answer is exact.
+
+    The simulator agrees within 1e-3 until the free sides fold, below a stretch of 0.44 (Biot's surface instability).
+    """
+
+    runs = 0
+    roughness = 0.0
+
+    def __init__(self, setup: Setup) -> None:
+        size = setup.specimen.get("size_mm")
+        self.height_m = 1e-3 * (setup.specimen["height_mm"] if size is None else size[2])
+        self.area_m2 = 1e-6 * (math.pi * setup.specimen["radius_mm"] ** 2 if size is None else size[0] * size[1])
+        self._point = PointResponse("uniaxial", setup.poisson)
+
+    def at_depth(self, depth_m: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+        """Force [N] and its slope [N/m]; none where the platen does not touch."""
+        depth_m = np.asarray(depth_m, dtype=float)
+        stress, slope = self._point.at(1.0 - np.maximum(depth_m, 0.0) / self.height_m, C10_Pa, C20_Pa)
+        return -self.area_m2 * stress, self.area_m2 * slope / self.height_m
+
+    def at_force(self, force_N: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+        """Depth [m] and its slope [m/N]."""
+        force_N = np.asarray(force_N, dtype=float)
+        table = self.height_m * np.linspace(0.0, 0.95, 400)
+        depth = np.interp(force_N, self.at_depth(table, C10_Pa, C20_Pa)[0], table)
+        for _ in range(3):
+            value, slope = self.at_depth(depth, C10_Pa, C20_Pa)
+            depth = np.clip(depth + (force_N - value) / slope, 0.0, 0.95 * self.height_m)
+        return depth, 1.0 / self.at_depth(depth, C10_Pa, C20_Pa)[1]
+
+
+def is_uniform(setup: Setup) -> bool:
+    """Whether nothing keeps the specimen from a homogeneous state."""
+    plain = setup.specimen.get("layer_mm", 0.0) == 0.0 and not any(setup.specimen.get("gravity_m_s2", ()))
+    return setup.tool["shape"] == "platen" and setup.tool["friction"] == 0.0 and setup.specimen["base"] == "sliding" and plain
+
+
+class PointResponse:
+    """Stress of one homogeneous point by the law itself: sides free of stress, or simple shear."""
+
+    runs = 0
+    roughness = 0.0
+
+    def __init__(self, kind: Literal["uniaxial", "shear"], poisson: float) -> None:
+        self.kind = kind
+        self.poisson = poisson
+
+    def at(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+        """Stress [Pa] at a stretch, or at an amount of shear, and its slope."""
+        imposed = np.asarray(imposed, dtype=float)
+        step = 1e-5
+        low, mid, high = (self._stress(imposed + h, C10_Pa, C20_Pa) for h in (-step, 0.0, step))
+        return mid, (high - low) / (2.0 * step)
+
+    def _stress(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> np.ndarray:
+        c = Yeoh(C10_Pa=C10_Pa, C20_Pa=max(C20_Pa, 0.0), poisson=self.poisson).constants()
+        return shear_stress(imposed, c) if self.kind == "shear" else uniaxial_stress(imposed, c)
+
+
+def shear_stress(amount: np.ndarray, constants: tuple[float, ...]) -> np.ndarray:
+    """P12 [Pa] of simple shear, (k,)."""
+    F = np.tile(np.eye(3).ravel(), (len(amount), 1))
+    F[:, 1] = amount
+    return _first_piola(F, constants)[:, 1]
+
+
+def uniaxial_stress(stretch: np.ndarray, constants: tuple[float, ...]) -> np.ndarray:
+    """P33 [Pa] of a bar that is stretched or compressed along z with its sides free, (k,)."""
+    side = stretch**-0.5  # of an incompressible one
+    step = 1e-6
+
+    def at(side: np.ndarray) -> np.ndarray:
+        F = np.zeros((len(stretch), 9))
+        F[:, 0] = F[:, 4] = side
+        F[:, 8] = stretch
+        return _first_piola(F, constants)
+
+    for _ in range(30):
+        across = at(side)[:, 0]
+        change = across / ((at(side + step)[:, 0] - at(side - step)[:, 0]) / (2.0 * step))
+        side = side - change
+        if np.abs(change).max(initial=0.0) < 1e-12:
+            break
+    return at(side)[:, 8]
+
+
+def _point(F, c, P):
+    """First Piola stress (k, 9) Pa of gradients (k, 9)."""
+    for k in range(len(F)):
+        f = (F[k, 0], F[k, 1], F[k, 2], F[k, 3], F[k, 4], F[k, 5], F[k, 6], F[k, 7], F[k, 8])
+        cof = cofactor(f)
+        p = law_stress(f, cof, determinant(f, cof), 0.0, c)
+        for i in range(9):
+            P[k, i] = p[i]
+
+
+def law_stress(F, cof, J, delta, c):
+    """Stands for a law's stress."""
+    raise NotImplementedError
+
+
+_point_kernel = bind(_point, law_stress=law_of("yeoh").stress)
+
+
+def _first_piola(F: np.ndarray, constants: tuple[float, ...]) -> np.ndarray:
+    P = np.empty_like(F)
+    _point_kernel(np.ascontiguousarray(F), tuple(float(c) for c in constants), P)
+    return P
+
+
+Response = ToolResponse | UniformResponse | PointResponse
+
+
+@dataclass(frozen=True)
+class CurveModel:
+    """What a response predicts of one curve, from its imposed column."""
+
+    response: Response
+    by_force: bool = False
+
+    def __call__(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> np.ndarray:
+        return self.with_slope(imposed, C10_Pa, C20_Pa)[0]
+
+    def with_slope(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+        """The predicted column in SI, and its derivative by the imposed one."""
+        if isinstance(self.response, PointResponse):
+            return self.response.at(imposed, C10_Pa, C20_Pa)
+        if self.by_force:
+            return self.response.at_force(imposed, C10_Pa, C20_Pa)
+        return self.response.at_depth(imposed, C10_Pa, C20_Pa)
+
+
+def ratio(C10_Pa: float, C20_Pa: float) -> float:
+    """q of two constants."""
+    return C20_Pa / (C10_Pa + C20_Pa) if math.isfinite(C20_Pa) else 1.0

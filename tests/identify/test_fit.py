@@ -1,0 +1,129 @@
+"""Least squares: the constants come back, the covariance is the curvature, profiles are right, bounds are told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from identify_cases import LOADS_N, TRUTH, response
+
+from explicitfe.identify.fit import NAMES, Observed, Problem, least_squares_fit, profile_curve
+from explicitfe.identify.forward import CurveModel, PointResponse
+
+NOISE = 10e-6  # m
+
+
+@dataclass(frozen=True)
+class Linear:
+    """A model that is linear in its constants: y = C10 x + C20 x^2."""
+
+    by_force: bool = False
+
+    @property
+    def response(self):
+        return self
+
+    def __call__(self, x, C10, C20):
+        return C10 * x + C20 * x**2
+
+    def with_slope(self, x, C10, C20):
+        return self(x, C10, C20), C10 + 2.0 * C20 * x
+
+
+def line(seed: int, sd: float | None = 0.1, truth=(2.0, 1.0), rows: int = 12) -> Observed:
+    x = np.linspace(0.2, 2.0, rows)
+    noise = 0.1 * np.random.default_rng(seed).standard_normal(rows)
+    return Observed("line", x, Linear()(x, *truth) + noise, 0.0, sd, Linear())
+
+
+def pressed(constants=TRUTH, sd=NOISE) -> Observed:
+    model = CurveModel(response(), by_force=True)
+    return Observed("made", LOADS_N, model(LOADS_N, *constants), 0.0, sd, model)
+
+
+def test_exact_data_give_the_constants_back():
+    fit = least_squares_fit([pressed()])
+    assert fit.constants == pytest.approx(TRUTH, rel=1e-6)
+    assert fit.chi2 < 1e-9
+    assert fit.at_bound == ()
+
+
+def test_linear_problem_has_its_closed_form():
+    """Estimate (X^T X)^-1 X^T y, covariance sd^2 (X^T X)^-1, and the profile is the parabola, to the derivatives' accuracy."""
+    seen = line(1)
+    X = np.stack([seen.imposed, seen.imposed**2], axis=1)
+    fit = least_squares_fit([seen], np.array([1.0, 1.0]))
+    assert fit.constants == pytest.approx(np.linalg.solve(X.T @ X, X.T @ seen.measured), rel=1e-6)
+    assert fit.covariance == pytest.approx(0.01 * np.linalg.inv(X.T @ X), rel=1e-6)
+    for name in NAMES:
+        assert fit.profile[name] == pytest.approx(fit.curvature[name], rel=1e-4)
+    values = fit.constants[0] + fit.sd[0] * np.array([-2.0, 1.0])
+    assert profile_curve([seen], fit, 0, values) == pytest.approx([4.0, 1.0], rel=1e-4)
+
+
+def test_covariance_is_the_inverse_of_half_the_hessian_of_chi2():
+    """At exact data the Gauss-Newton curvature is the whole: chi2 by second differences, over 1e-3 of a constant."""
+    seen = pressed()
+    fit = least_squares_fit([seen], profile=False)
+    problem = Problem([seen], fit.sds)
+    h = 1e-3 * fit.constants
+    hessian = np.empty((2, 2))
+    for i in range(2):
+        for j in range(2):
+            terms = [
+                a * b * problem.chi2(fit.constants + a * h * np.eye(2)[i] + b * h * np.eye(2)[j])
+                for a in (-1.0, 1.0)
+                for b in (-1.0, 1.0)
+            ]
+            hessian[i, j] = sum(terms) / (4.0 * h[i] * h[j])
+    assert np.linalg.inv(0.5 * hessian) == pytest.approx(fit.covariance, rel=1e-2)
+
+
+def test_rows_that_err_in_force_count_by_the_slope():
+    """sigma^2 = sigma_d^2 + (du/dF)^2 sigma_F^2."""
+    seen = pressed()
+    both = Observed("made", LOADS_N, seen.measured, 0.002, NOISE, seen.model)
+    slope = response().at_force(LOADS_N, *TRUTH)[1]
+    fit = least_squares_fit([both], profile=False)
+    assert fit.sds[0] == pytest.approx(np.hypot(NOISE, 0.002 * slope), rel=1e-4)
+
+
+def test_intervals_cover():
+    """Linear problem, 400 seeds: 95 % intervals hold the truth in 95 +- 3.3 % (three binomial sds)."""
+    hits = np.zeros((2, 2))
+    for seed in range(400):
+        fit = least_squares_fit([line(seed, sd=None if seed % 2 else 0.1)], np.array([2.0, 1.0]), profile=False)
+        low, high = np.array([fit.curvature[name] for name in NAMES]).T
+        hits[seed % 2] += (low <= [2.0, 1.0]) & (high >= [2.0, 1.0])
+    assert (np.abs(hits / 200.0 - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 200.0)).all()
+
+
+def test_unknown_noise_is_that_of_the_residual():
+    fit = least_squares_fit([line(3, sd=None, rows=400)], np.array([2.0, 1.0]))
+    assert fit.noise_estimated
+    assert fit.sds[0][0] == pytest.approx(0.1, rel=0.15)
+    assert fit.profile["C10_Pa"] == pytest.approx(fit.curvature["C10_Pa"], rel=1e-4)
+
+
+def test_bound_is_told_and_its_interval_one_sided():
+    """Data that soften: C20 = 0 is the best that is allowed, and C10 is what it is without C20."""
+    seen = line(5, truth=(2.0, -0.3))
+    fit = least_squares_fit([seen], np.array([2.0, 0.5]))
+    assert fit.at_bound == ("C20_Pa",)
+    assert fit.constants[1] == 0.0
+    assert fit.constants[0] == pytest.approx(seen.imposed @ seen.measured / (seen.imposed @ seen.imposed), rel=1e-6)
+    assert fit.profile["C20_Pa"][0] == 0.0
+    assert fit.profile["C20_Pa"][1] > 0.0
+    assert fit.correlation is None
+
+
+def test_fit_of_homogeneous_curves():
+    """Shear and compression of one material together."""
+    curves = []
+    for kind, x in (("uniaxial", np.linspace(0.7, 0.98, 8)), ("shear", np.linspace(0.05, 0.6, 8))):
+        model = CurveModel(PointResponse(kind, 0.499))
+        curves.append(Observed(kind, x, model(x, *TRUTH), 0.0, 1.0, model))
+    fit = least_squares_fit(curves)
+    assert fit.constants == pytest.approx(TRUTH, rel=1e-6)
+    assert fit.profile["C20_Pa"][0] < TRUTH[1] < fit.profile["C20_Pa"][1]

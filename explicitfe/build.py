@@ -59,12 +59,16 @@ ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
 }
 
 
-@cache
 def kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...] = ()) -> Kernels:
     """Kernels with the leaves of a law, an element and effects bound in (``response.bound`` says how the latter are given).
 
     Compiled at the first call, kept on disk for the next process.
     """
+    return _kernels(law, element, effects)
+
+
+@cache  # which would tell a default from the same value given
+def _kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...]) -> Kernels:
     templates, treatment = ELEMENTS[element]
     force, energy = templates.bound(law_of(law), treatment, effects)
     return Kernels(

@@ -14,6 +14,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from explicitfe.effects.effect import Description, MaterialEffect, number, remember, remembered
+from explicitfe.materials.law import Law
+from explicitfe.materials.volumetric import bulk_modulus
 from explicitfe.simd import maximum, minimum
 
 AT = MEMORY = 0
@@ -65,6 +67,19 @@ class Viscoelastic(MaterialEffect):
             x = increment_s / tau
             found += [g * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), g]
         return tuple(float(value) for value in found)
+
+
+def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelastic]:
+    """A material that is damped as by stiffness-proportional damping ``beta_s``, by one Maxwell branch: at rest it is ``law``.
+
+    The branch has the viscosity eta = beta G and the modulus eta / tau. A Kelvin-Voigt element of the same eta would cut the
+    explicit step; the branch acts like it below 1 / (2 pi tau), above it stiffens by beta / tau. The bulk modulus stays.
+    """
+    times = 1.0 + beta_s / tau_s
+    G, K = times * law.shear_modulus_Pa, bulk_modulus(law.shear_modulus_Pa, law.poisson)
+    moduli = {name: times * value for name, value in law.model_dump().items() if name.endswith("_Pa")}
+    poisson = (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
+    return law.model_copy(update=moduli | {"poisson": poisson}), Viscoelastic(g=(1.0 - 1.0 / times,), tau_s=(tau_s,))
 
 
 def relax(S, blocks, block):

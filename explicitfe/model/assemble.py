@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from explicitfe.effects import MaterialEffect
 from explicitfe.effects.activation_lag import ActivationLag
 from explicitfe.effects.compressible import Compressible
+from explicitfe.effects.viscoelastic import from_damping
 from explicitfe.elements import hex8
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
@@ -77,8 +79,13 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
         pulls=tuple(pulls),
         probes={name: mesh.named_points[name] for name in names},
     )
+    if table.damping.beta_s > 0.0:
+        if scenario.effects.viscoelastic is not None:
+            raise InputError("model.damping.beta_s is a viscoelastic branch itself; give either it or effects.viscoelastic.")
+        material, branch = from_damping(material, table.damping.beta_s, 1e-3 * table.damping.tau_ms)
+        model = replace(model, material=material, effects=(branch,))
     effects = scenario.effects.chosen
-    check_effects(effects, table.element)
+    check_effects((*model.effects, *effects), table.element)
     for effect in effects:
         if not isinstance(effect, MaterialEffect | ActivationLag | Compressible):
             raise InputError(

@@ -72,9 +72,13 @@ Material = Annotated[Union[tuple(_kinds)], Discriminator(_material_kind)]  # noq
 
 
 class Damping(_Table):
-    """Mass-proportional damping."""
+    """Mass-proportional damping, and damping in proportion to the stiffness of the tissue's shear."""
 
     alpha_per_s: float = Field(default=0.0, ge=0.0, description="Rayleigh alpha [1/s]; 40 is usual for tongue models")
+    beta_s: float = Field(
+        default=0.0, ge=0.0, description="Rayleigh beta [s], by a Maxwell branch; 0.03 is usual for tongue models"
+    )
+    tau_ms: float = Field(default=5.0, gt=0.0, description="relaxation time of that branch [ms]: it damps below 1 / (2 pi tau)")
 
 
 class ModelTable(_Table):

@@ -35,7 +35,7 @@ from support import (
 
 from explicitfe import point
 from explicitfe.arrays import INTERNAL, KINETIC, LOST
-from explicitfe.build import Simulation
+from explicitfe.build import Simulation, layout_of
 from explicitfe.effects.drainage import Drainage
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.effects.fibres import Fibres
@@ -131,14 +131,14 @@ def faded(history: Callable[[np.ndarray], np.ndarray], instants: np.ndarray, tau
     Eight Gauss points in each interval: the history is smooth there.
     """
     at, weight = leggauss(8)
-    total = np.zeros_like(history(instants[:1])[0])
-    found = [total]
-    for begin, end in zip(instants[:-1], instants[1:], strict=True):
-        half = 0.5 * (end - begin)
-        s = begin + half * (1.0 + at)
-        share = half * weight * np.exp(-(end - s) / tau) / tau
-        total = np.exp(-(end - begin) / tau) * total + np.tensordot(share, history(s), axes=1)
-        found.append(total)
+    whole = np.diff(instants)[:, None]
+    s = instants[:-1, None] + 0.5 * whole * (1.0 + at)
+    share = 0.5 * whole * weight * np.exp(-(instants[1:, None] - s) / tau) / tau
+    values = history(s.ravel())
+    each = np.einsum("nk,nk...->n...", share, values.reshape(*s.shape, *values.shape[1:]))
+    found = [np.zeros_like(values[0])]
+    for keep, added in zip(np.exp(-whole[:, 0] / tau), each, strict=True):
+        found.append(keep * found[-1] + added)
     return np.array(found)
 
 
@@ -167,14 +167,18 @@ def body_of(effects: Sequence[MaterialEffect], mesh: HexMesh | None = None, **mo
     return Simulation(model_of(block() if mesh is None else mesh, effects=tuple(effects)), **more)
 
 
+def accept(body: Simulation, increment_s: float, u: np.ndarray) -> np.ndarray:
+    """Internal force (nodes, 3) N at a displacement after an increment of time; the instant is accepted."""
+    body.set_increment(increment_s)
+    force = body.internal_force(u)
+    body.blocks.old[:] = body.blocks.new
+    return force
+
+
 def walk(body: Simulation, time_s: np.ndarray, displacements: Sequence[np.ndarray]) -> np.ndarray:
     """Internal forces (n, nodes, 3) N along a path of displacements, each instant accepted."""
-    forces = []
-    for number, u in enumerate(displacements):
-        body.set_increment(time_s[number] - time_s[max(number - 1, 0)])
-        forces.append(body.internal_force(u))
-        body.blocks.old[:] = body.blocks.new
-    return np.array(forces)
+    increments = np.diff(time_s, prepend=time_s[0])
+    return np.array([accept(body, increment_s, u) for increment_s, u in zip(increments, displacements, strict=True)])
 
 
 def random_walk(seed: int, count: int = 6) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -190,9 +194,9 @@ def energies_along(effects: Sequence[MaterialEffect], time_s: np.ndarray, F: np.
     mesh = block_mesh((1, 1, 1), edge, distort=0.0)
     body = body_of(effects, mesh)
     found = []
-    for number, gradient in enumerate(F):
+    for gradient, increment_s in zip(F, np.diff(time_s, prepend=time_s[0]), strict=True):
         u = mesh.points @ (gradient - np.eye(3)).T
-        walk(body, time_s[[max(number - 1, 0)]], [u]) if number == 0 else _step(body, time_s[number] - time_s[number - 1], u)
+        accept(body, increment_s, u)
         body.state.u[: len(u), :3] = u[body.node_order]
         energies = body.snapshot().energies
         found.append((energies[INTERNAL], energies[LOST]))
@@ -200,17 +204,10 @@ def energies_along(effects: Sequence[MaterialEffect], time_s: np.ndarray, F: np.
     return stored, lost
 
 
-def _step(body: Simulation, increment_s: float, u: np.ndarray) -> None:
-    body.set_increment(increment_s)
-    body.internal_force(u)
-    body.blocks.old[:] = body.blocks.new
-
-
 # ---- no strength, no effect ----
 
 
-@pytest.mark.parametrize("effects", [only(), (Viscoelastic(g=(0.0,), tau_s=(0.3,)),)], ids=["all", "viscoelastic"])
-def test_no_strength_is_no_effect_in_a_body(effects, record_property):
+def test_no_strength_is_no_effect_in_a_body(record_property):
     """Forces on a distorted block with effects of strength zero equal the elastic ones, first and after several increments.
 
     P is put together from S instead of from F: some 50 more roundings of stresses of up to K |J - 1|, eps/2 each, 5e-15 of the
@@ -218,11 +215,11 @@ def test_no_strength_is_no_effect_in_a_body(effects, record_property):
     """
     time_s, displacements = random_walk(1)
     elastic = walk(body_of(()), time_s, displacements)
-    found = walk(body_of(effects), time_s, displacements)
+    found = walk(body_of(only()), time_s, displacements)
     worst = max(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(found[1:], elastic[1:], strict=True))
     record_property("off by", worst)
     assert worst < 1e-12
-    sudden = body_of(effects).internal_force(displacements[3])
+    sudden = body_of(only()).internal_force(displacements[3])
     assert np.abs(sudden - elastic[3]).max() < 1e-12 * np.abs(elastic[3]).max()
 
 
@@ -423,12 +420,13 @@ STRETCHES = np.array([0.5, 0.7, 0.85, 0.95, 1.05, 1.15, 1.3, 1.45])
 def test_fibres_in_uniaxial_load(axis, record_property):
     """Load along and across the fibres, sides free: P of W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) for I4_bar > 1.
 
-    Both lateral stretches are solved for independently, from S4 = Dev(2 dW4/dI4_bar a a) (Holzapfel, Gasser & Ogden 2000); 1e-6,
-    as for the elastic point. Without a change of volume, along: P = 2 w (l - l^-2) + 2 k1 (l^2 - 1) exp(k2 (l^2 - 1)^2) l; nu = 0.499
-    leaves a few P / K = 2 %. Where the fibres are shortened they bear nothing.
+    Both lateral stretches are solved for independently, from S4 = Dev(2 dW4/dI4_bar a a) (Holzapfel, Gasser & Ogden 2000);
+    1e-6, as for the elastic point. Where the fibres are shortened they bear nothing. Without a change of volume, along:
+    P = 2 w (l - l^-2) + 2 k1 (l^2 - 1) exp(k2 (l^2 - 1)^2) l. At nu = 0.49999 K is 1.9e7 Pa and the largest Cauchy stress
+    7e3 Pa: J - 1 = 1e-4, and I4_bar with it, which the slope of the exponential makes 5e-4 of the stress; 1e-3.
     """
-    found = np.array([point.uniaxial(YEOH, only(fibres=FIBRES), np.zeros(1), np.array([l]), axis)[0] for l in STRETCHES])
-    wanted = np.array([total(free_sides(l, axis, fibres=FIBRES), fibres=FIBRES)[axis, axis] for l in STRETCHES])
+    found = np.array([point.uniaxial(YEOH, only(fibres=FIBRES), np.zeros(1), np.array([a]), axis)[0] for a in STRETCHES])
+    wanted = np.array([total(free_sides(a, axis, fibres=FIBRES), fibres=FIBRES)[axis, axis] for a in STRETCHES])
     worst = np.abs(found / wanted - 1.0).max()
     record_property("off by", worst)
     assert worst < 1e-6
@@ -441,23 +439,27 @@ def test_fibres_in_uniaxial_load(axis, record_property):
         w = C10 + 2.0 * C20 * (l**2 + 2.0 / l - 3.0)
         beyond = l**2 - 1.0
         simple = 2.0 * w * (l - l**-2) + 2.0 * FIBRES.k1_Pa * beyond * np.exp(FIBRES.k2 * beyond**2) * l
-        assert found[~short] == pytest.approx(simple, rel=0.02)
+        stiff = YEOH.model_copy(update={"poisson": 0.49999})
+        found = [point.uniaxial(stiff, only(fibres=FIBRES), np.zeros(1), np.array([stretch]))[0] for stretch in l]
+        assert found == pytest.approx(simple, rel=1e-3)
 
 
 def test_third_yeoh_term(record_property):
     """P with w = C10 + 2 C20 x + 3 C30 x^2, x = I1_bar - 3 (Yeoh 1993, eq. 6): uniaxial with free sides, 1e-6, and shear, 1e-12.
 
-    Without a change of volume P = 2 w (l - l^-2); nu = 0.499 leaves a few P / K, below 2 % up to a stretch of 1.5.
+    Without a change of volume P = 2 w (l - l^-2); nu = 0.49999 leaves a few P / K = 1e4 / 1.9e7 Pa: 1e-3.
     """
     term = ThirdYeoh(C30_Pa=300.0)
     found = point.uniaxial(YEOH, only(third_yeoh=term), np.zeros(len(STRETCHES)), STRETCHES)
-    wanted = np.array([total(free_sides(l, 2, C30=300.0), C30=300.0)[2, 2] for l in STRETCHES])
+    wanted = np.array([total(free_sides(a, 2, C30=300.0), C30=300.0)[2, 2] for a in STRETCHES])
     worst = np.abs(found / wanted - 1.0).max()
     record_property("off by", worst)
     assert worst < 1e-6
-    l = STRETCHES[2:]  # noqa: E741
-    x = l**2 + 2.0 / l - 3.0
-    assert found[2:] == pytest.approx(2.0 * (C10 + 2.0 * C20 * x + 900.0 * x**2) * (l - l**-2), rel=0.02)
+    stiff = YEOH.model_copy(update={"poisson": 0.49999})
+    found = point.uniaxial(stiff, only(third_yeoh=term), np.zeros(len(STRETCHES)), STRETCHES)
+    x = STRETCHES**2 + 2.0 / STRETCHES - 3.0
+    simple = 2.0 * (C10 + 2.0 * C20 * x + 900.0 * x**2) * (STRETCHES - STRETCHES**-2)
+    assert found == pytest.approx(simple, rel=1e-3)
     amounts = np.linspace(0.1, 2.0, 10)
     sheared = point.shear(YEOH, only(third_yeoh=term), np.zeros(10), amounts)
     assert sheared == pytest.approx(2.0 * (C10 + 2.0 * C20 * amounts**2 + 900.0 * amounts**4) * amounts, rel=1e-12)
@@ -598,13 +600,22 @@ def test_energy_balance_of_a_run(names, record_property):
 def test_lossless_effects_lose_nothing(name, record_property):
     """Fibres and the third Yeoh term have an energy: what the ledger calls lost is the trapezoidal rule's, and goes as dt^2.
 
-    (omega dt)^2 / 12 = 1/12 of the energy in the highest mode at half the stable step (omega dt = 1), less in the others,
-    with both signs: below 1 % of what there was; half the step, between 1/8 and 1/2.5 of that (4 in the mean of an rms).
+    Along a smooth path of one element the order is 2 within 0.1. In a run the highest mode has (omega dt)^2 / 12 = 1/12 of its
+    energy at half the stable step (omega dt = 1), the others less, with both signs: below 1 % of what there was, and at
+    half that step a third of it or less.
     """
+    counts, ends = (50, 100, 200), []
+    for count in counts:
+        time_s = np.linspace(0.0, 1.0, count + 1)
+        F = np.eye(3) + np.sin(2.0 * time_s)[:, None, None] * H
+        stored, lost = energies_along(only(**{name: SOME[name]}), time_s, F)
+        ends.append(np.abs(lost).max() / stored.max())
+    orders = assert_order(ends, [1.0 / count for count in counts], 2.0, 0.1)
     sizes = [float(np.sqrt(np.mean(energies[:, LOST] ** 2)) / energies[0, KINETIC]) for energies in sampled(name)]
-    record_property("lost", sizes)
+    record_property("orders, at 200 increments", (orders.tolist(), ends[-1]))
+    record_property("lost in a run", sizes)
     assert sizes[0] < 0.01
-    assert 2.5 < sizes[0] / sizes[1] < 8.0
+    assert sizes[1] < sizes[0] / 3.0
 
 
 @pytest.mark.parametrize("name", ["viscoelastic", "drainage"])
@@ -644,7 +655,9 @@ def test_loss_in_a_closed_cycle(name, record_property):
     F = np.eye(3) + a[:, None, None] * shape
 
     if name == "viscoelastic":
-        S = prony(lambda s: isochoric(np.eye(3) + (0.3 * np.sin(np.pi * s) ** 2 * (s < 1.0))[:, None, None] * H), time_s, SOME[name])
+        S = prony(
+            lambda s: isochoric(np.eye(3) + (0.3 * np.sin(np.pi * s) ** 2 * (s < 1.0))[:, None, None] * H), time_s, SOME[name]
+        )
         p = pressure(F)
     else:
         S = isochoric(F)
@@ -673,40 +686,35 @@ def started(steps: int = 150) -> tuple[Simulation, float]:
     return body, dt
 
 
-def test_restart_is_bitwise():
+@pytest.mark.parametrize("into", ["new", "one-that-ran-on"])
+def test_restart_is_bitwise(into):
     """A run that goes on from a restart state, in a new simulation or in one that has gone elsewhere, is the run itself."""
     body, dt = started()
     state = body.restart_state()
     assert body.advance(150, dt)
-    fresh = thrown(*SOME)
-    fresh.restore(state)
-    assert fresh.advance(150, dt)
-    elsewhere, _ = started(400)
-    elsewhere.restore(state)
-    assert elsewhere.advance(150, dt)
+    other = thrown(*SOME) if into == "new" else started(400)[0]
+    other.restore(state)
+    assert other.advance(150, dt)
     wanted = body.restart_state()
-    for other in (fresh, elsewhere):
-        for key, value in other.restart_state().items():
-            if key not in ("highest_mode",):
-                assert np.array_equal(value, wanted[key]), key
-        assert np.array_equal(other.snapshot().energies, body.snapshot().energies)
+    for key, value in other.restart_state().items():
+        if key != "highest_mode":
+            assert np.array_equal(value, wanted[key]), key
+    assert np.array_equal(other.snapshot().energies, body.snapshot().energies)
 
 
-def test_looking_changes_nothing():
-    """Stable step, bound, forces at another displacement and snapshots leave memory and forces as they are: the run is the same."""
+@pytest.mark.parametrize("look", ["snapshot", "internal_force", "stable_bound", "stable_limit"])
+def test_looking_changes_nothing(look):
+    """Snapshots, forces at another displacement, stable bound and step leave no trace: the run goes on bit for bit the same."""
     quiet, dt = started()
     looked, _ = started()
-    memory, force = looked.blocks.old.copy(), looked.state.force.copy()
-    looks: list[Callable[[], object]] = [
-        looked.snapshot,
-        lambda: looked.internal_force(looked.displacement * 1.1),
-        looked.stable_bound,
-        lambda: looked.stable_limit(8),
-    ]
-    for look in looks:
-        look()
-        assert np.array_equal(looked.blocks.old, memory)
-    assert np.array_equal(looked.state.force, force)
+    memory = looked.blocks.old.copy()
+    if look == "internal_force":
+        looked.internal_force(looked.displacement * 1.1)
+    elif look == "stable_limit":
+        looked.stable_limit(8)
+    else:
+        getattr(looked, look)()
+    assert np.array_equal(looked.blocks.old, memory)
     assert quiet.advance(100, dt) and looked.advance(100, dt)
     assert np.array_equal(looked.state.u, quiet.state.u)
     assert np.array_equal(looked.blocks.old, quiet.blocks.old)
@@ -714,13 +722,14 @@ def test_looking_changes_nothing():
 
 # ---- equilibria in time ----
 
+ONE_OF_THREE = Viscoelastic(g=(0.4, 0.0, 0.0), tau_s=(0.3, 1.0, 1.0))
 HOLD_S = (0.1, 0.3, 0.6, 1.2)
 DEPTH_M = 2e-4
 
 
 def pressed(time_s: Sequence[float], depth_m: Sequence[float], tolerance: float = 1e-4) -> tuple[np.ndarray, Relaxation]:
-    """Forces (n,) N of the tool at displacements at instants, on a small sector with one relaxing term."""
-    body = Relaxation(replace(small_indentation(), effects=(ONE_TERM,)), tolerance)
+    """Forces (n,) N of the tool at displacements at instants, on a small sector with one term that relaxes."""
+    body = Relaxation(replace(small_indentation(), effects=only(viscoelastic=ONE_OF_THREE)), tolerance)
     assert isinstance(body.settle(), Equilibrium)
     found = []
     for t, depth in zip(time_s, depth_m, strict=True):
@@ -742,7 +751,7 @@ def test_force_relaxes_in_a_hold(record_property):
     All of the isochoric stress relaxes alike, so that the shape stays and the pressure follows where J = 1; at nu = 0.499 the
     volumetric part, G / K = 1/500 times some 5 for a layer as thick as it is wide, does not: 1 %.
     """
-    g, tau = ONE_TERM.g[0], ONE_TERM.tau_s[0]
+    g, tau = ONE_OF_THREE.g[0], ONE_OF_THREE.tau_s[0]
     found = held_force()[1:] / held_force()[0]
     wanted = 1.0 - g * (1.0 - np.exp(-np.array(HOLD_S) / tau))
     worst = np.abs(found - wanted).max()
@@ -761,7 +770,7 @@ def test_force_of_a_ramp_and_hold(record_property):
     change = np.abs(coarse - fine[1::2]).max() / coarse.max()
     record_property("change", change)
     assert change < 2e-3
-    g, tau = ONE_TERM.g[0], ONE_TERM.tau_s[0]
+    g, tau = ONE_OF_THREE.g[0], ONE_OF_THREE.tau_s[0]
 
     def slow(t: np.ndarray) -> np.ndarray:
         """1/0.6 s integral of e^(-(t-s)/tau) over the ramp."""
@@ -775,14 +784,15 @@ def test_force_of_a_ramp_and_hold(record_property):
 
 
 def test_iterates_do_not_spoil_the_memory(record_property):
-    """Tolerances of 1e-4 and 1e-6 take other iterates to the same equilibria: forces within 1e-3, what is remembered within 1e-2 of
-    its largest stress. The same run again is the same, bit for bit; and no time and no way is no change of what is remembered.
+    """Tolerances of 1e-4 and 1e-6 take other iterates to the same equilibria: forces within 1e-3, and what is remembered
+    within 1e-2 of its largest stress. The same run again is the same, bit for bit; and to look at it changes no memory.
     """
     time_s, depth_m = (0.2, 0.4, 1.0, 1.2), DEPTH_M * np.array([0.5, 1.0, 1.0, 0.6])
     (rough, body), (again, same), (fine, exact) = (pressed(time_s, depth_m, t) for t in (1e-4, 1e-4, 1e-6))
     assert np.array_equal(rough, again)
     assert np.array_equal(body.blocks.old, same.blocks.old)
-    stresses = slice(-12, None)  # S and Q of the last equilibrium
+    first = next(memory for name, _, _, memory in layout_of(exact.model.effects) if name == "Viscoelastic")
+    stresses = slice(first, first + 12)  # S and Q of the last equilibrium
     off = np.abs(rough - fine).max() / np.abs(fine).max()
     memory = np.abs(body.blocks.old - exact.blocks.old)[:, stresses].max() / np.abs(exact.blocks.old[:, stresses]).max()
     record_property("force off by", off)
@@ -793,3 +803,31 @@ def test_iterates_do_not_spoil_the_memory(record_property):
     exact.equilibrium(0)
     exact.internal_force(2.0 * exact.displacement)
     assert np.array_equal(exact.blocks.old, before)
+
+
+def test_work_of_the_tool_in_a_cycle(record_property):
+    """Down in 0.3 s and up again, softening and relaxing: the tool's work is stored in tissue and springs, or lost there.
+
+    The work by the trapezoidal rule over 12 increments a way: 1/12 (1/12)^2 = 6e-4 of the curve's curvature, which is of the
+    size of the force; the ledger's own sums alike, and the tolerance 1e-4: 5e-3 of the peak.
+    """
+    effects = only(viscoelastic=ONE_OF_THREE, softening=Softening(inverse_r=0.4, m_Pa=0.5))
+    body = Relaxation(replace(small_indentation(), effects=effects))
+    assert isinstance(body.settle(), Equilibrium)
+    way = np.linspace(0.0, 1.0, 13)
+    depth = 2.0 * DEPTH_M * np.concatenate([way[1:], way[-2::-1]])
+    work, last, rows = 0.0, (0.0, 0.0), []
+    for number, d in enumerate(depth):
+        now = body.move(float(d), at_s=0.025 * (number + 1))
+        assert isinstance(now, Equilibrium), now
+        work += 0.5 * (now.force_N + last[0]) * (now.displacement_m - last[1])
+        last = now.force_N, now.displacement_m
+        kept = now.internal_J + now.hourglass_J + now.contact_J
+        rows.append((work, kept, now.material_loss_J))
+    found = np.array(rows)
+    peak = found[:, 0].max()
+    worst = np.abs(found[:, 0] - found[:, 1] - found[:, 2]).max() / peak
+    record_property("off by, lost", (worst, found[-1, 2] / peak))
+    assert worst < 5e-3
+    assert found[-1, 2] > 0.1 * peak
+    assert np.diff(found[:, 2]).min() > -1e-3 * peak

@@ -26,6 +26,7 @@ from explicitfe.arrays import (
 )
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import assumed_strain, full, hex8, stiffness
+from explicitfe.errors import InputError
 from explicitfe.forces import internal, internal_full, response
 from explicitfe.jit import bind, kernel
 from explicitfe.materials import law_of
@@ -84,7 +85,14 @@ def _kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], 
 
 
 def layout_of(effects: Sequence[MaterialEffect]) -> tuple[tuple[str, tuple[int, ...], int, int], ...]:
-    """Where the numbers and the memory of each effect begin; before them, where there are any, the work of the stress."""
+    """Where the numbers and the memory of each effect begin; before them, where there are any, the work of the stress.
+
+    Raises
+    ------
+    ValueError : an effect is there twice.
+    """
+    if len({type(effect) for effect in effects}) < len(effects):
+        raise ValueError("an effect of the material can be there once only")
     layout: list[tuple[str, tuple[int, ...], int, int]] = []
     at, memory = 0, response.WORK_MEMORY
     for effect in effects:
@@ -136,6 +144,8 @@ class Body:
     """
 
     def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
+        if model.effects and model.element == "hex8-full":
+            raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
         self.model = model
         mesh = model.mesh
         self.node_order, self.element_order = compute_order(mesh.hexes, mesh.node_count)
@@ -405,11 +415,13 @@ class Simulation(Body):
         self.blocks.old[:] = state["memory"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
+        self.set_increment(0.0)
         self.kernels.forces(self.state.u, self.state.force, self.blocks)
 
     # ---- inside ----
 
     def _present_force(self) -> np.ndarray:
+        self.set_increment(0.0)  # of this instant: a look must not let time pass
         self.kernels.forces(self.state.u, self.state.force, self.blocks)
         return self.state.force
 

@@ -16,7 +16,7 @@ from explicitfe.build import layout_of, memory_of
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.errors import RunError
 from explicitfe.forces import response
-from explicitfe.jit import Dispatcher, bind
+from explicitfe.jit import Dispatcher, bind, leaf
 from explicitfe.materials import Law, law_of
 from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.simd import WIDTH, load_many, splat, store
@@ -27,6 +27,16 @@ LAW_CONSTANTS = 1
 TURNS = 30  # of Newton
 STEP = 1e-6  # of a free stretch, for the slope
 TOLERANCE = 1e-9  # of the stress that vanishes, relative to the shear modulus
+
+
+@leaf
+def determinant_of(states):
+    """det F of lane 0."""
+    return (
+        states[0, 0] * (states[4, 0] * states[8, 0] - states[5, 0] * states[7, 0])
+        - states[1, 0] * (states[3, 0] * states[8, 0] - states[5, 0] * states[6, 0])
+        + states[2, 0] * (states[3, 0] * states[7, 0] - states[4, 0] * states[6, 0])
+    )
 
 
 def follow(F, free, numbers, blocks, states, answers, small, stress):
@@ -65,6 +75,10 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
             P, _ = respond(deformation, cof, J, splat(0.0), c, blocks, 0)
             for k in range(9):
                 store(answers, k * WIDTH, P[k])
+            total = answers[0, 0] + determinant_of(states)
+            for k in range(1, 9):
+                total += answers[k, 0]
+            sound = np.isfinite(total) and determinant_of(states) > 0.0
             largest = 0.0
             slopes = np.eye(3)
             wrong = np.zeros(3)
@@ -75,8 +89,8 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
                     for j in range(3):
                         if free[j] > 0.0:
                             slopes[i, j] = (answers[4 * i, 1 + j] - wrong[i]) / STEP
-            found = largest <= small
-            if found or not (largest < np.inf):
+            found = sound and largest <= small
+            if found or not sound:
                 break
             change = np.linalg.solve(slopes, wrong)
             for i in range(3):
@@ -117,15 +131,19 @@ def path(
 
     Raises
     ------
+    ValueError : as many times as deformations are needed, at least one, and time must not run backwards.
     RunError : no stress-free state was found at an instant.
     """
+    time_s = np.asarray(time_s, dtype=float)
+    if len(time_s) != len(F) or len(F) == 0 or (np.diff(time_s) < 0.0).any():
+        raise ValueError("as many times as deformations are needed, at least one, and time must not run backwards")
     gradients = np.array(F, dtype=float).reshape(-1, 9)
     freed = np.zeros(3)
     freed[list(free)] = 1.0
     if len(free):
         others = np.prod([gradients[0, 4 * i] for i in range(3) if i not in free])
-        gradients[0, [4 * i for i in free]] = others ** (-1.0 / len(free))
-    increments = np.diff(np.asarray(time_s, dtype=float), prepend=time_s[0])
+        gradients[0, [4 * i for i in free]] = others ** (-1.0 / len(free)) if others > 0.0 else 1.0
+    increments = np.diff(time_s, prepend=time_s[0])
     numbers = np.array([[v for effect in effects for v in effect.values(float(dt))] for dt in increments])
     numbers = np.ascontiguousarray(numbers.reshape(len(gradients), -1)) if effects else np.zeros((len(gradients), 1))
     constants = np.array(law.constants(), dtype=float)

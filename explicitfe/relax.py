@@ -261,6 +261,8 @@ class Relaxation(Body):
         return self.equilibrium(0)
 
     def _approach(self, goal: float, by_force: bool, at_s: float, report: Callable[[float], None]) -> Equilibrium | Stuck:
+        if at_s < self.time_s:
+            raise ValueError(f"time runs backwards, from {self.time_s:g} s to {at_s:g} s")
         self.tool[FREE] = float(by_force)
         if by_force != self._by_force:
             self._known = [(self._coordinate(by_force), *self._known[-1][1:])]

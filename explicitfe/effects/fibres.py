@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from explicitfe.effects.effect import Description, MaterialEffect, number
 from explicitfe.simd import exp, maximum
@@ -32,6 +32,12 @@ class Fibres(MaterialEffect):
     k1_Pa: float = Field(ge=0.0, description="stiffness [Pa]")
     k2: float = Field(default=1.0, gt=0.0, description="how fast they stiffen")
     direction: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="of the fibres in the reference shape")
+
+    @model_validator(mode="after")
+    def _a_direction(self) -> Fibres:
+        if not any(self.direction):
+            raise ValueError("direction must not be zero")
+        return self
 
     @property
     def strength(self) -> float:

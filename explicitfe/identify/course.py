@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-MOVING, WAITING = 14, 8  # instants of a way over the whole range, and of a wait
-STRAIGHT = 1e-3  # of the range: a programme that is straight within this has no bend
+MOVING, WAITING = 14, 8  # instants of a way over the whole range, and of a long wait
+LONG, SHORT = 0.15, 0.04  # of the time: a wait from so long on gets all its instants; a shorter one half of them, or one
+SHARP = 0.5  # of the faster pace: a change of pace by less is no corner
+STRAIGHT = 2e-3  # of the range: a programme that is straight within this has no bend
 QUIET_SD = 3.0  # of the imposed column: so far a row may be off by noise
 WAITS = 0.05  # of the range: less of a way is a wait
 FIRST_WAIT = 0.01  # of a wait: its first instant
@@ -111,20 +113,29 @@ def course_of(
         crossings = [k for k in range(len(x) - 1) if x[k] < 0.0 < x[k + 1]]
         for k in crossings[::-1]:
             x, t = np.insert(x, k + 1, 0.0), np.insert(t, k + 1, t[k] + (t[k + 1] - t[k]) * -x[k] / (x[k + 1] - x[k]))
+    pace = np.diff(x) / np.diff(t)
     times, values, corners = [t[:1]], [x[:1]], [0]
+    count = 0
     for k in range(len(t) - 1):
-        way = abs(x[k + 1] - x[k]) / range_ if range_ > 0.0 else 0.0
-        if way > WAITS:
-            count = max(int(np.ceil(density * MOVING * way)), int(np.ceil(2 * density)))
-            share = (np.arange(1, count + 1) / count) ** (ONSET if abs(x[k]) <= slack else 1.0)
-        elif not waits:
-            share = np.ones(1)
-        else:
-            long = (t[k + 1] - t[k]) / (t[-1] - t[0])
-            count = max(int(np.ceil(density * (WAITING if long > WAITS else 0.4 * WAITING))), 1)
-            share = np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / FIRST_WAIT)) * FIRST_WAIT
+        share = _shares(t, x, k, abs(x[k + 1] - x[k]) / range_ if range_ > 0.0 else 0.0, abs(x[k]) <= slack, waits, density)
         times.append(t[k] + share * (t[k + 1] - t[k]))
         values.append(x[k] + share * (x[k + 1] - x[k]))
         times[-1][-1], values[-1][-1] = t[k + 1], x[k + 1]
-        corners.append(corners[-1] + len(share))
+        count += len(share)
+        touch = touches and x[k + 1] == 0.0
+        if k == len(t) - 2 or touch or abs(pace[k + 1] - pace[k]) > SHARP * np.abs(pace[k : k + 2]).max():
+            corners.append(count)
     return Course(np.concatenate(times), np.concatenate(values), np.array(corners))
+
+
+def _shares(t: np.ndarray, x: np.ndarray, k: int, way: float, onset: bool, waits: bool, density: float) -> np.ndarray:
+    """Instants between two bends, as shares of the way from one to the next."""
+    if way > WAITS:
+        count = int(np.ceil(density * max(MOVING * way, 1.0)))
+        return (np.arange(1, count + 1) / count) ** (ONSET if onset else 1.0)
+    time = (t[k + 1] - t[k]) / (t[-1] - t[0])
+    if not waits or time < SHORT:
+        count = int(np.ceil(density)) if waits else 1
+        return np.arange(1, count + 1) / count
+    count = int(np.ceil(density * WAITING * (1.0 if time > LONG else 0.5)))
+    return np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / FIRST_WAIT)) * FIRST_WAIT

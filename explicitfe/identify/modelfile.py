@@ -1,14 +1,14 @@
 """A model file: the constants of a tissue and the effects it has beside them, with which any dataset can be predicted.
 
-    format = "explicitfe-model/1"
-    poisson = 0.499
+format = "explicitfe-model/1"
+poisson = 0.499
 
-    [constants]                      # or one table a group of constants: [constants.fibre], [constants.cross-fibre]
-    C10_Pa = 210.0
-    C20_Pa = 90.0
+[constants]                      # or one table a group of constants: [constants.fibre], [constants.cross-fibre]
+C10_Pa = 210.0
+C20_Pa = 90.0
 
-    [effects]                        # as in a scenario
-    viscoelastic = { g = [0.3, 0.2], tau_s = [1.0, 20.0] }
+[effects]                        # as in a scenario
+viscoelastic = { g = [0.3, 0.2], tau_s = [1.0, 20.0] }
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Constants(_Table):
 def _grouped(value: Any) -> Any:
     if not isinstance(value, dict) or not value:
         raise ValueError("must be a table with C10_Pa and C20_Pa, or one such table a group")
-    return value if all(isinstance(v, dict) for v in value.values()) else {EVERY: value}
+    return value if all(isinstance(v, dict | Constants) for v in value.values()) else {EVERY: value}
 
 
 class ModelFile(_Table):

@@ -351,9 +351,7 @@ def _under_a_tool(
     return found
 
 
-def _driven(
-    body: Relaxation, course: Any, by_force: bool, name: str, report: Callable[[float], None]
-) -> tuple[np.ndarray, int]:
+def _driven(body: Relaxation, course: Any, by_force: bool, name: str, report: Callable[[float], None]) -> tuple[np.ndarray, int]:
     """Force [N] or displacement [m] at the instants of a course, and the iterations that took."""
     rest = body.settle()
     if isinstance(rest, Stuck):

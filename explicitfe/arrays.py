@@ -83,7 +83,7 @@ class Contact(NamedTuple):
     weight: np.ndarray  # their shape functions there, (k, 4)
     position: np.ndarray  # reference position [m], (k, 3)
     spring: np.ndarray  # contact stiffness of the area that the point stands for [N/m], (k,)
-    area: np.ndarray  # [m^2], (k,)
+    area: np.ndarray  # that can stick to the tool [m^2], (k,)
     grip: np.ndarray  # tangential stiffness while it sticks [N/m], (k,)
     anchor: np.ndarray  # displacement relative to the tool at which friction has no force [m], (k, 3)
     shape: np.ndarray  # what the tool looks like, (SHAPE,)

@@ -146,7 +146,7 @@ class Relaxation(Body):
         self._inner = np.zeros_like(self.state.u)
         self._monitor = np.zeros(MONITOR)
         self._monitor[REST_J] = 1.0
-        self._largest_load = self._largest_work = 0.0
+        self._largest_load = self._largest_work = self._deepest = 0.0
         self._known: list[tuple[float, np.ndarray, float]] = []
         self._commit(0.0)
 
@@ -385,7 +385,7 @@ class Relaxation(Body):
     def _stiffen(self) -> bool:
         """Double the contact springs where the tool has sunk in too far; whether that was needed."""
         depth = self._touch()[0].min(initial=0.0)
-        if self.model.tool is None or -depth <= PENETRATION * abs(self.tool[DEPTH] - self.touch_m):
+        if self.model.tool is None or -depth <= PENETRATION * max(self._deepest, abs(self.tool[DEPTH] - self.touch_m)):
             return False
         if self.contact.shape[TIED] > 0.0:
             return False
@@ -406,6 +406,7 @@ class Relaxation(Body):
             contact.anchor[:] = place - elastic
         self._known = [*self._known[-3:], (coordinate, self.state.u.copy(), float(self.tool[DEPTH]))]
         self._drive = self._driven()
+        self._deepest = max(self._deepest, abs(self.tool[DEPTH] - self.touch_m))
         self._largest_load = max(self._largest_load, float(self._monitor[LOADS]))
         self._largest_work = max(self._largest_work, float(self._monitor[WORK]))
         if self.model.effects:
@@ -485,10 +486,10 @@ class Relaxation(Body):
         self.tool = np.zeros(TOOL)
         self._by_force = False
         shape = np.zeros(SHAPE)
-        nodes, weights, areas = np.zeros((0, 4), dtype=np.int64), np.zeros((0, 4)), np.zeros(0)
+        nodes, weights, areas, facing = np.zeros((0, 4), dtype=np.int64), np.zeros((0, 4)), np.zeros(0), np.zeros(0)
         stiffness = 0.0
         if tool is not None:
-            nodes, weights, areas = self._place[tool.nodes], tool.weights, tool.areas_m2
+            nodes, weights, areas, facing = self._place[tool.nodes], tool.weights, tool.areas_m2, tool.facing_m2
             stiffness = SPRING * self.model.material.shear_modulus_Pa / tool.face_size_m
             large = 1e3  # m: beyond any specimen
             shape[:] = (
@@ -510,7 +511,7 @@ class Relaxation(Body):
             weight=np.array(weights),
             position=np.einsum("kc,kci->ki", weights, self.points[nodes]),
             spring=stiffness * areas,
-            area=np.array(areas),
+            area=np.array(facing),
             grip=grips * stiffness * areas,
             anchor=np.zeros((len(areas), 3)),
             shape=shape,

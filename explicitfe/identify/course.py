@@ -109,6 +109,8 @@ def course_of(
         t, x = np.concatenate([[t[0] - ago], t]), np.concatenate([[0.0], x])
         if len(t) > 2 and abs(x[1] - np.interp(t[1], t[[0, 2]], x[[0, 2]])) <= slack:
             t, x = np.delete(t, 1), np.delete(x, 1)
+    else:
+        x[0] = 0.0  # no way at all: where it begins
     if touches:
         crossings = [k for k in range(len(x) - 1) if x[k] < 0.0 < x[k + 1]]
         for k in crossings[::-1]:

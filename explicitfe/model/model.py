@@ -78,6 +78,7 @@ class Tool:
     nodes, weights : (k, 4), (k, 4). Points of the surface that it may touch: the nodes of the face that each lies in, and their
         shape functions there.
     areas_m2 : (k,) that each point stands for.
+    facing_m2 : (k,) the same where the surface faces the tool, else 0: what can stick to it.
     face_size_m : size of the faces where it presses hardest.
     tied : the points are bonded to it.
     tilt_rad : how far it leans about the y axis.
@@ -94,6 +95,7 @@ class Tool:
     nodes: np.ndarray
     weights: np.ndarray
     areas_m2: np.ndarray
+    facing_m2: np.ndarray
     face_size_m: float
     tied: bool = False
     tilt_rad: float = 0.0

@@ -293,8 +293,8 @@ class RelaxationTable(_Table):
     forces_N: list[Annotated[float, Field(ge=0.0)]] | None = Field(
         default=None, description="of the whole tool, one after the other"
     )
-    displacements_mm: list[Annotated[float, Field(ge=0.0)]] | None = Field(
-        default=None, description="of the tool into the tissue, instead of forces"
+    displacements_mm: list[float] | None = Field(
+        default=None, description="of the tool into the tissue, instead of forces; negative: away from it"
     )
     times_s: list[float] | None = Field(default=None, description="when; 1 s a load if left out")
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual")

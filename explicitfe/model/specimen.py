@@ -209,6 +209,7 @@ def _tool(specimen: SpecimenTable, tool: ToolTable, mesh: HexMesh, size: float) 
     surface = ("top", "side") if tool.shape == "platen" else ("top",)
     nodes, weights, areas = _sector_points(mesh, surface) if specimen.symmetry == "sector" else _face_points(mesh, surface)
     place = np.einsum("kc,kci->ki", weights, mesh.points[nodes])
+    facing = np.where(place[:, 2] > 1e-3 * specimen.thickness_mm * (1.0 - 1e-9), areas, 0.0)
     near = np.hypot(place[:, 0], place[:, 1]) <= (1.0 if tied else REACH) * radius
     return Tool(
         flat_radius_m=radius - edge,
@@ -219,6 +220,7 @@ def _tool(specimen: SpecimenTable, tool: ToolTable, mesh: HexMesh, size: float) 
         nodes=nodes[near],
         weights=weights[near],
         areas_m2=areas[near],
+        facing_m2=facing[near],
         face_size_m=size,
         tied=tied,
     )

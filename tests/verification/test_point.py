@@ -111,7 +111,9 @@ def test_elastic_point_is_near_the_incompressible_one(law):
     biaxial = 2.0 * slope(law, first) * (values - values**-5)
     assert point.biaxial(material, (), at, values) == pytest.approx(biaxial, rel=0.01)
     amounts = np.array([0.1, 0.5, 2.0])
-    assert point.shear(material, (), np.zeros(len(amounts)), amounts) == pytest.approx(2.0 * slope(law, 3.0 + amounts**2) * amounts, rel=1e-12)
+    assert point.shear(material, (), np.zeros(len(amounts)), amounts) == pytest.approx(
+        2.0 * slope(law, 3.0 + amounts**2) * amounts, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("effects", [(), EFFECTS], ids=["elastic", "all-effects"])

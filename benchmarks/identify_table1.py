@@ -30,7 +30,7 @@ LOADS_N = 0.1 * np.arange(1, 9)
 FORCE_SD_N, DISPLACEMENT_SD_M = 0.002, 10e-6
 BODY = {"radius_mm": 35.0, "height_mm": 20.0, "base": "bonded"}
 TOOL = {"shape": "flat-cylinder", "radius_mm": 14.0, "edge_radius_mm": 1.0, "friction": 0.0}
-MADE = Setup(BODY | {"symmetry": "quarter", "refinement": 1.25}, TOOL, 0.499, 1040.0)
+MADE = Setup(BODY | {"symmetry": "quarter", "refinement": 2.0}, TOOL, 0.499, 1040.0)
 FITTED = Setup(BODY | {"symmetry": "sector", "refinement": 1.5}, TOOL, 0.499, 1040.0)
 MADE_TOLERANCE = 1e-5
 DEEPEST_M = 6.6e-3
@@ -60,7 +60,7 @@ def made_data(constants: tuple[float, float]) -> np.ndarray:
 
 def noisy(exact_m: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Loads as they were read, and displacements at the true ones, both with noise."""
-    rng = np.random.default_rng([2005, seed])
+    rng = np.random.default_rng([2026, seed])
     loads = LOADS_N + FORCE_SD_N * rng.standard_normal(len(LOADS_N))
     return loads, exact_m + DISPLACEMENT_SD_M * rng.standard_normal(len(LOADS_N))
 

@@ -30,7 +30,7 @@ from explicitfe.relax import Equilibrium, Relaxation
 Share = Callable[[float], None]
 
 REFERENCE_PA = 200.0  # C10 + C20 of the runs; any would do
-POINTS = 24  # depths of a run
+POINTS = 16  # depths of a run
 CLUSTER = 1.5  # depths go with this power: the polynomial must not be left alone near 0
 SIMPLER = 1.3  # of the error: what a simpler polynomial may have more
 DEGREES = range(4, 9)  # of the polynomial of F / d, no more than half the depths

@@ -114,7 +114,7 @@ def predict(
         if name not in known:
             raise InputError(f'{dataset.path}: there is no curve "{name}"; {nearest(name, known)}')
     wanted = set(curves or known)
-    tests = [test for test in tests_of(dataset.curves) if wanted & {curve.id for curve in test}]
+    tests = [test for test in experiments(dataset.curves) if wanted & {curve.id for curve in test}]
     found = _all(tests, model, refinement, density, processes, report)
     rows = {}
     for curve in dataset.curves:
@@ -145,7 +145,7 @@ EFFECTS_BY = {kind: name for name, kind in EFFECTS.items()}
 # ---- one test ----
 
 
-def tests_of(curves: Sequence[Curve]) -> list[tuple[Curve, ...]]:
+def experiments(curves: Sequence[Curve]) -> list[tuple[Curve, ...]]:
     """Curves that are one test each; cycles of one group, specimen and tool are one test, one after the other.
 
     What a tissue remembers goes on from cycle to cycle; each begins a row's step after the last one ended.
@@ -170,7 +170,7 @@ def predict_test(
     tolerance: float = 1e-4,
     report: Callable[[float], None] = lambda share: None,
 ) -> list[Predicted]:
-    """What a model answers to the curves of one test, see :func:`tests_of`.
+    """What a model answers to the curves of one test, see :func:`experiments`.
 
     Raises
     ------

@@ -245,7 +245,7 @@ def cycles(picture: Path | None) -> None:
         rows = found[name]
         for cycle in range(5):
             mine = rows[rows[:, 0] == cycle]
-            loop = _loop(mine)
+            loop = _loop(rows[_of_cycle(rows, cycle)])
             print(
                 f"{name}: cycle {cycle + 1}: at 0.8 N {mine[mine[:, 1] == 0.8, 2][0]:.3f} mm, at 0.4 N up, down "
                 f"{', '.join(f'{d:.3f}' for d in mine[mine[:, 1] == 0.4, 2])} mm, left {mine[-1, 2]:.3f} mm, loop {loop:.3f} mJ"
@@ -259,9 +259,7 @@ def cycles(picture: Path | None) -> None:
     colours = plt.get_cmap("viridis")(np.linspace(0.0, 0.85, 5))
     for ax, (name, rows) in zip(axes, found.items(), strict=True):
         for cycle in range(5):
-            where = np.flatnonzero(rows[:, 0] == cycle)
-            if cycle > 0:
-                where = np.concatenate([[where[0] - 1], where])
+            where = _of_cycle(rows, cycle)
             ax.plot(rows[where, 2], rows[where, 1], "o-", ms=3.0, lw=1.2, color=colours[cycle], label=f"cycle {cycle + 1}")
         ax.set_title(name, loc="left", fontsize=10)
         ax.set_xlabel("displacement (mm)")
@@ -269,6 +267,12 @@ def cycles(picture: Path | None) -> None:
         _plain(ax)
     axes[0].set_ylabel("force (N)")
     figure.savefig(picture, dpi=160)
+
+
+def _of_cycle(rows: np.ndarray, cycle: int) -> np.ndarray:
+    """Rows of a cycle, from where the one before ended."""
+    where = np.flatnonzero(rows[:, 0] == cycle)
+    return where if cycle == 0 else np.concatenate([[where[0] - 1], where])
 
 
 def _loop(rows: np.ndarray) -> float:

@@ -18,11 +18,12 @@ __version__ = "0.1.0"
 _PLACES = {
     "run": "explicitfe.runner",
     "identify": "explicitfe.identify.identification",
+    "predict": "explicitfe.identify.predict",
     "open_result": "explicitfe.results",
     "InputError": "explicitfe.errors",
     "RunError": "explicitfe.errors",
 }
-__all__ = ["InputError", "RunError", "__version__", "identify", "open_result", "run"]
+__all__ = ["InputError", "RunError", "__version__", "identify", "open_result", "predict", "run"]
 
 
 def __getattr__(name: str) -> Any:

@@ -139,6 +139,38 @@ def identify(
 
 
 @app.command()
+def predict(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset, or its dataset.toml.", show_default=False)],
+    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="Constants and effects (TOML).", show_default=False)],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the numbers and a CSV a curve.")] = None,
+    curves: Annotated[
+        list[str] | None, typer.Option("--curve", metavar="ID", help="Predict only this curve; repeat for more.")
+    ] = None,
+    refinement: Annotated[float, typer.Option("--refinement", help="Divides the element sizes.")] = 1.0,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier prediction wrote.")] = False,
+    as_json: _Json = False,
+) -> None:
+    """Predict measured curves from constants and effects, and say how far off they are.
+
+    Example: [bold]explicitfe predict my-dataset --model model.toml[/bold]
+    """
+    from explicitfe.identify.predict import predict as predict_dataset
+
+    with _progress() as report:
+        found = predict_dataset(
+            dataset, model, out=out, curves=curves or (), refinement=refinement, overwrite=overwrite, report=report
+        )
+    if as_json:
+        _print_json(found)
+    else:
+        Console().print(show.prediction(found))
+        failures = [f"{name}: {row['message']}" for name, row in found["curves"].items() if row["status"] != "predicted"]
+        _print_notes({"warnings": failures + [f"assumed: {text}" for text in found["assumed"]]})
+    if any(row["status"] != "predicted" for row in found["curves"].values()):
+        raise typer.Exit(1)
+
+
+@app.command()
 def check(scenario: _Scenario, settings: _Settings = None, as_json: _Json = False) -> None:
     """Validate and build a scenario without running it: mesh quality, stable step, steps, wall time, memory.
 
@@ -222,6 +254,7 @@ _STAGES = {
     "compile": "compiling (10 s, first time only)",
     "run": "running",
     "identify": "identifying",
+    "predict": "predicting",
     "draw": "drawing",
 }
 

@@ -79,6 +79,22 @@ def _transient(found: dict[str, Any]) -> Table:
     return table
 
 
+def prediction(found: dict[str, Any]) -> Table:
+    """How far a model is from measured curves."""
+    effects = ", ".join(found["effects"]) or "elastic"
+    table = Table(title=escape(f"{found['dataset']}: {effects}"), title_justify="left")
+    table.add_column("curve", no_wrap=True)
+    for column in ("", "rmse", "of the largest", "time"):
+        table.add_column(column, justify="right")
+    for name, row in found["curves"].items():
+        if row["status"] != "predicted":
+            table.add_row(escape(name), "[red]failed[/red]", "", "", "")
+            continue
+        share = "" if row["nrmse"] is None else f"{100 * row['nrmse']:.2f} %"
+        table.add_row(escape(name), row["split"] or "", f"{row['rmse']:.4g} {row['unit']}", share, f"{row['seconds']:.2f} s")
+    return table
+
+
 def check(title: str, found: dict[str, Any]) -> Table:
     """What is known of a scenario before it runs."""
     table = _pairs(title)

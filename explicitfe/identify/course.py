@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-MOVING, WAITING = 14, 8  # instants of a way over the whole range, and of a long wait
+MOVING, WAITING = 16, 8  # instants of a way over the whole range, and of a long wait
 LONG, SHORT = 0.15, 0.04  # of the time: a wait from so long on gets all its instants; a shorter one half of them, or one
 SHARP = 0.5  # of the faster pace: a change of pace by less is no corner
 STRAIGHT = 2e-3  # of the range: a programme that is straight within this has no bend
 QUIET_SD = 3.0  # of the imposed column: so far a row may be off by noise
 WAITS = 0.05  # of the range: less of a way is a wait
 FIRST_WAIT = 0.01  # of a wait: its first instant
-ONSET = 1.5  # instants of the first way crowd where it begins, with this power
+ONSET = 1.25  # instants of the first way crowd where it begins, with this power
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,12 @@ class Course:
     time_s: np.ndarray
     imposed: np.ndarray
     bends: np.ndarray
+
+    def split(self, number: int, parts: int) -> Course:
+        """The course with the step to an instant cut into equal parts."""
+        share = np.arange(1, parts) / parts
+        columns = [np.insert(c, number, c[number - 1] + share * (c[number] - c[number - 1])) for c in (self.time_s, self.imposed)]
+        return Course(*columns, np.where(self.bends >= number, self.bends + parts - 1, self.bends))
 
     def at(self, found: np.ndarray, time_s: np.ndarray, lifts: float | None = None) -> np.ndarray:
         """What was found at the instants (n,), at other times (k,).
@@ -101,7 +107,9 @@ def course_of(
     slack = max(STRAIGHT * range_, QUIET_SD * sd)
     where = bends(time_s, imposed, slack)
     t, x = time_s[where], imposed[where]
-    if abs(x[0]) > slack:
+    if touches and x[0] < 0.0:
+        pass  # it begins in the air
+    elif abs(x[0]) > slack:
         pace = np.abs(np.diff(x) / np.diff(t))
         moving = np.flatnonzero(np.abs(np.diff(x)) > WAITS * range_)
         rate = pace[moving[0]] if len(moving) else pace.max(initial=0.0)

@@ -22,7 +22,7 @@ from explicitfe.effects.cycle_drift import CycleDrift
 from explicitfe.effects.fibres import Fibres
 from explicitfe.effects.preload import Preload
 from explicitfe.errors import InputError, RunError, nearest
-from explicitfe.identify.course import course_of
+from explicitfe.identify.course import Course, course_of
 from explicitfe.identify.dataset import Curve, read_dataset
 from explicitfe.identify.forward import is_uniform, setup_of
 from explicitfe.identify.modelfile import ModelFile, parse_model, read_model
@@ -40,6 +40,7 @@ DIRECTIONS = {"fibre": ALONG, "cross-fibre": ACROSS}
 NOMINAL = 1e-5  # of stretch: a column that follows its programme so closely is the programme
 CLOSE = 2e-3  # of a curve's peak: what halving the increments may change
 HALVINGS = 5
+CAREFUL, EARLY = 4, 1.2  # parts of the step in which a tool may lose contact; it may if 1.2 times the last fall would do
 LIFTS = {"sphere": 1.5}  # power of the way with which the force of a tool falls to nothing; 1 for flat ones
 
 
@@ -340,7 +341,7 @@ def _under_a_tool(
         specimen = SpecimenTable(**data, material=law.model_dump())
         body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), tolerance)
         body.compile()
-        answers, iterations = _driven(body, course, by_force, first.id, report)
+        course, answers, iterations = _driven(body, course, by_force, lifts is not None, first.id, report)
     values = course.at(answers, time_s, lifts)
     seconds = (time.perf_counter() - begin) / len(test)
     found = []
@@ -351,15 +352,21 @@ def _under_a_tool(
     return found
 
 
-def _driven(body: Relaxation, course: Any, by_force: bool, name: str, report: Callable[[float], None]) -> tuple[np.ndarray, int]:
-    """Force [N] or displacement [m] at the instants of a course, and the iterations that took."""
+def _driven(
+    body: Relaxation, course: Course, by_force: bool, lifts: bool, name: str, report: Callable[[float], None]
+) -> tuple[Course, np.ndarray, int]:
+    """The course, finer where the tool loses contact; force [N] or displacement [m] at its instants; iterations that took."""
     rest = body.settle()
     if isinstance(rest, Stuck):
         raise RunError(f'curve "{name}": the body does not come to rest before the tool moves.')
-    answers = []
+    answers: list[float] = []
     total = rest.iterations
     push = body.press if by_force else body.move
-    for t, x in zip(course.time_s, course.imposed, strict=True):
+    number = cut = 0
+    while number < len(course.time_s):
+        if lifts and number > max(1, cut) and _leaves(answers, course, number):
+            course, cut = course.split(number, CAREFUL), number + CAREFUL
+        t, x = course.time_s[number], course.imposed[number]
         reached = push(float(x), at_s=float(t - course.time_s[0])) if answers or x != 0.0 else rest
         if isinstance(reached, Stuck):
             unit, factor = ("N", 1.0) if by_force else ("mm", 1e3)
@@ -370,8 +377,16 @@ def _driven(body: Relaxation, course: Any, by_force: bool, name: str, report: Ca
             )
         total += reached.iterations
         answers.append(reached.displacement_m if by_force else reached.force_N)
-        report(len(answers) / len(course.time_s))
-    return np.array(answers), total
+        number += 1
+        report(number / len(course.time_s))
+    return course, np.array(answers), total
+
+
+def _leaves(force_N: Sequence[float], course: Course, number: int) -> bool:
+    """Whether the tool may lose contact on the step to an instant, by the line through the last two."""
+    before, last = force_N[number - 2], force_N[number - 1]
+    pace = (before - last) / (course.time_s[number - 1] - course.time_s[number - 2])
+    return 0.0 < last <= pace * (course.time_s[number] - course.time_s[number - 1]) * EARLY
 
 
 def _true(read: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:

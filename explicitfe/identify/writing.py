@@ -186,34 +186,12 @@ def section(shown: Deformed) -> dict[str, Any] | None:
         if not isinstance(reached, Equilibrium):
             return None
     assert isinstance(reached, Equilibrium)
-    mesh = body.model.mesh
-    plane = mesh.node_sets["plane" if "plane" in mesh.node_sets else "y0"]
-    inside = np.zeros(mesh.node_count, dtype=bool)
-    inside[plane] = True
-    sides = np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
-    element, side = np.nonzero(inside[mesh.hexes[:, sides]].all(axis=2))
-    corners = mesh.hexes[element[:, None], sides[side]]
-    places = mesh.points + body.displacement
-    energy = body.element_fields()["strain_energy_density"][element]
     height = body.model.tool.height_m - body.touch_m if body.model.tool is not None else 0.0
     return {
-        "corners_mm": 1e3 * places[corners][:, :, [0, 2]],
-        "energy_Pa": energy,
-        "rest_mm": 1e3 * np.array([mesh.points[:, 0].max(), mesh.points[:, 2].max()]),
-        "tool_mm": outline(shown.setup, 1e3 * (height - reached.displacement_m)),
+        "mesh": body.model.mesh,
+        "displacement_m": body.displacement,
+        "energy_Pa": body.element_fields()["strain_energy_density"],
+        "tool": shown.setup.tool,
+        "lowest_mm": 1e3 * (height - reached.displacement_m),
         "load": f"{reached.force_N:.3g} N, {1e3 * reached.displacement_m:.3g} mm",
     }
-
-
-def outline(setup: Setup, bottom_mm: float) -> np.ndarray:
-    """Half the tool's outline in the plane (j, 2) mm, from the axis outwards."""
-    radius = setup.tool.get("radius_mm")
-    if radius is None:
-        size = setup.specimen.get("size_mm")
-        reach = 1.4 * (setup.specimen["radius_mm"] if size is None else 0.5 * size[0])
-        return np.array([[0.0, bottom_mm], [reach, bottom_mm], [reach, bottom_mm + 2.0], [0.0, bottom_mm + 2.0]])
-    edge = radius if setup.tool["shape"] == "sphere" else setup.tool.get("edge_radius_mm", 0.0)
-    angle = np.linspace(-0.5 * np.pi, 0.0, 30)
-    arc = np.column_stack([radius - edge + edge * np.cos(angle), bottom_mm + edge + edge * np.sin(angle)])
-    top = bottom_mm + max(1.2 * edge, 6.0)
-    return np.vstack([[0.0, bottom_mm], arc, [radius, top], [0.0, top]])

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from explicitfe.view.indentation import SHOWN, paint_section
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -143,33 +145,16 @@ def deformed(path: Path, title: str, shown: Mapping[str, Any]) -> None:
 
     Parameters
     ----------
-    shown : corners_mm (m, 4, 2), energy_Pa (m,), rest_mm (2,) radius and height at rest, tool_mm (j, 2), load in words.
+    shown : mesh, displacement_m, energy_Pa (m,), tool as a scenario has it, lowest_mm of the tool, load in words.
     """
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import LogNorm
-
-    energy = np.maximum(shown["energy_Pa"], 1e-12)
-    top = float(energy.max())
-    width, height = shown["rest_mm"]
-    figure = _figure(float(np.clip(9.0 * (height + 8.0) / (1.1 * width), 3.2, 9.0)))
+    figure = _figure(6.0)
     axes = figure.subplots()
-    body = PolyCollection(shown["corners_mm"], array=energy, cmap="viridis", norm=LogNorm(1e-3 * top, top), lw=0.25, ec="white")
-    axes.add_collection(body)
-    axes.plot([0.0, width, width], [height, height, 0.0], "--", color="0.45", lw=1.0)
-    axes.annotate("at rest", (0.72 * width, height), (0, 4), textcoords="offset points", color="0.35", fontsize=9)
-    axes.fill(*np.transpose(shown["tool_mm"]), color="0.8", ec="black", lw=1.2)
-    low = shown["tool_mm"][:, 1].min()
-    axes.annotate("tool", (0.04 * width, low), (0, 6), textcoords="offset points", fontsize=9)
-    axes.set_aspect("equal")
-    right = max(float(shown["corners_mm"][..., 0].max()), float(width))
-    axes.set_xlim(0.0, 1.03 * right)
-    ceiling = max(float(shown["corners_mm"][..., 1].max()), float(height))
-    axes.set_ylim(-0.3, min(float(shown["tool_mm"][:, 1].max()), 1.35 * ceiling) + 0.08 * ceiling)
-    axes.set_xlabel("distance from the axis (mm)")
-    axes.set_ylabel("height (mm)")
+    painted = paint_section(
+        axes, shown["mesh"], shown["displacement_m"], shown["energy_Pa"], shown["tool"], shown["lowest_mm"]
+    )
     axes.set_title(f"{title}: {shown['load']}", loc="left", fontsize=11)
-    figure.colorbar(body, ax=axes, label="strain energy density (Pa)", extend="min", shrink=0.85)
-    axes.spines[["top", "right"]].set_visible(False)
+    bar = figure.colorbar(painted, ax=axes, orientation="horizontal", shrink=0.6, aspect=40, extend="max")
+    bar.set_label(f"strain energy density (Pa), up to what {100 * SHOWN:.0f} % of the section stay below")
     _save(figure, path)
 
 

@@ -29,7 +29,7 @@ RANKS = [
     {"loop", "timestep"},
     {"model"},
     {"build"},
-    {"transient", "relax", "results"},
+    {"transient", "relax", "point", "results"},
     {"prepared", "view"},
     {"indentation"},
     {"runner", "identify"},

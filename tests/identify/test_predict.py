@@ -20,7 +20,7 @@ from explicitfe.identify.modelfile import EVERY, Constants, ModelFile, parse_mod
 from explicitfe.identify.predict import effects_of, experiments, predict, predict_test
 from explicitfe.materials.yeoh import Yeoh
 
-COARSE = 0.5
+COARSE = 0.7
 YEOH = {"C10_Pa": 300.0, "C20_Pa": 150.0}
 PRONY = Viscoelastic(g=(0.4, 0.2), tau_s=(0.5, 20.0))
 RATE, STRAIN = 0.05, 0.3

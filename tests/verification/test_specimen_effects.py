@@ -1,0 +1,118 @@
+"""Effects of specimen, contact, boundary, loading and rig: no strength is no effect; exact forms and limits."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from explicitfe.effects import EFFECTS, Effect
+from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.model.specimen import specimen_model
+from explicitfe.relax import Equilibrium, Relaxation
+
+MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
+FORCES_N = (0.02, 0.04)
+
+
+def made(name: str, **parameters) -> Effect:
+    return EFFECTS[name](**parameters)
+
+
+def body_with(*effects: Effect, tool: dict | None = None, tolerance: float = 1e-6, **specimen) -> Relaxation:
+    table = {"radius_mm": 16.0, "height_mm": 10.0, "edge_size_mm": 1.0, "material": MATERIAL, **specimen}
+    shape = tool or {"shape": "flat-cylinder", "radius_mm": 6.0}
+    body = Relaxation(specimen_model(SpecimenTable(**table), ToolTable(**shape), effects), tolerance)
+    body.compile()
+    assert isinstance(body.settle(), Equilibrium)
+    return body
+
+
+@cache
+def displacements(*effects: Effect, **specimen) -> np.ndarray:
+    """Displacements [m] under two forces."""
+    body = body_with(*effects, **specimen)
+    found = [body.press(force) for force in FORCES_N]
+    assert all(isinstance(point, Equilibrium) for point in found), found
+    return np.array([point.displacement_m for point in found])
+
+
+NOTHING = {
+    "compressible": {"poisson": 0.499},
+    "layer": {"thickness_mm": 1.0, "ratio": 1.0},
+    "stiffness-gradient": {"g": 0.0},
+    "friction": {"coefficient": 0.0},
+    "adhesion": {"stress_Pa": 0.0},
+    "base-slip": {"compliance_mm_kPa": 0.0},
+    "tilt": {"angle_deg": 0.0},
+    "preload": {"force_N": 0.0},
+    "gravity": {"acceleration_m_s2": 0.0},
+    "compliance": {"compliance_mm_N": 0.0},
+}
+
+
+@pytest.mark.parametrize("name", list(NOTHING))
+def test_no_strength_is_no_effect(name):
+    """The same displacements to 1e-12; a layer of ratio 1 has a mesh of its own, so it is compared on that mesh."""
+    other = displacements(layer_mm=1.0) if name == "layer" else displacements()
+    assert displacements(made(name, **NOTHING[name])) == pytest.approx(other, rel=1e-12)
+
+
+def test_base_slip_between_its_limits(record_property):
+    """The more the base gives way the deeper the tool; at 1e6 mm/kPa it slides freely, at 1e-4 it is bonded, both to 1e-3."""
+    d = [displacements(made("base-slip", compliance_mm_kPa=c))[1] for c in (1e-4, 1.0, 5.0, 20.0, 1e6)]
+    record_property("displacements", d)
+    assert (np.diff(d) > 0.0).all()
+    assert d[0] == pytest.approx(displacements()[1], rel=1e-3)
+    assert d[-1] == pytest.approx(displacements(base="sliding")[1], rel=1e-3)
+
+
+def test_tilt_is_even(record_property):
+    """A tool that leans to either side goes as deep, to the tolerance.
+
+    Displacements count from first touch, of the lower edge: it goes deeper than an upright one, by less than the edge leads it.
+    """
+    settings = {"symmetry": "half", "edge_size_mm": 1.5, "tolerance": 1e-5}
+    d = {angle: displacements(made("tilt", angle_deg=angle), **settings)[1] for angle in (-4.0, 0.0, 2.0, 4.0)}
+    record_property("displacements", d)
+    assert d[-4.0] == pytest.approx(d[4.0], rel=1e-4)
+    first_touch = 6e-3 * np.sin(np.radians([2.0, 4.0]))
+    assert 0.0 < d[2.0] - d[0.0] < first_touch[0] and 0.0 < d[4.0] - d[0.0] < first_touch[1]
+
+
+def test_rig_that_gives_way_is_a_spring_in_series():
+    """Under a force the machine reads c F more, exactly; by displacement the tissue gets d - c F and answers as it does there."""
+    c = 5.0  # mm/N
+    soft = made("compliance", compliance_mm_N=c)
+    assert displacements(soft) == pytest.approx(displacements() + 1e-3 * c * np.array(FORCES_N), rel=1e-5)
+    body = body_with(soft)
+    read = displacements(soft)[1]
+    found = body.move(read)
+    assert isinstance(found, Equilibrium)
+    assert found.displacement_m == pytest.approx(read, rel=1e-5)
+    assert found.force_N == pytest.approx(FORCES_N[1], rel=1e-4)
+
+
+def test_preload_moves_the_zero():
+    """Displacements count from where the tool bears F0: d(F) - d(F0)."""
+    plain = body_with()
+    d0, d1 = (plain.press(force).displacement_m for force in FORCES_N)
+    body = body_with(made("preload", force_N=FORCES_N[0]))
+    assert body.press(FORCES_N[1]).displacement_m == pytest.approx(d1 - d0, rel=1e-3)
+
+
+def test_gradient_is_a_stack_of_layers(record_property):
+    """Homogeneous compression of a column whose modulus changes with height: strains add up, d = integral of P / E(z) dz.
+
+    At nu = 0 and a strain of 1e-3, E(z) = E (1 + g (1 - 2 z / H)) gives d = F H ln((1 + g) / (1 - g)) / (2 g E A). The second
+    order in strain is 1e-3, and the elements' constant modulus misses the integral by the square of their number: 2 %.
+    """
+    g = 0.5
+    table = {"base": "sliding", "material": MATERIAL | {"poisson": 0.0, "C20_Pa": 0.0}, "tool": {"shape": "platen"}}
+    body = body_with(made("stiffness-gradient", g=g), **table)
+    found = body.move(1e-5)
+    area, E = np.pi * 0.016**2, 2.0 * 2.0 * 191.5
+    expected = found.force_N * 0.010 * np.log((1.0 + g) / (1.0 - g)) / (2.0 * g * E * area)
+    record_property("ratio", found.displacement_m / expected)
+    assert found.displacement_m == pytest.approx(expected, rel=0.02)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from explicitfe.effects import EFFECTS
 from explicitfe.mesh.quality import assess
 from explicitfe.model import catalogue
 from explicitfe.model.scenario import Indentation, read_scenario
@@ -140,9 +141,24 @@ def _materials() -> list[dict[str, Any]]:
     ]
 
 
+def _effects() -> list[dict[str, Any]]:
+    return [
+        {
+            "effect": name,
+            "title": kind.about.title,
+            "where": kind.about.where,
+            "keys": list(kind.model_fields),
+            "needs": kind.about.needs,
+            "source": kind.about.source,
+        }
+        for name, kind in EFFECTS.items()
+    ]
+
+
 LISTS: dict[str, Callable[[], list[dict[str, Any]]]] = {
     "models": _models,
     "muscles": _muscles,
     "scenarios": _scenarios,
     "materials": _materials,
+    "effects": _effects,
 }

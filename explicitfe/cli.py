@@ -205,7 +205,7 @@ def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf)."
 
 @app.command("list")
 def list_(
-    what: Annotated[str, typer.Argument(help="models | muscles | scenarios | materials", show_default=False)],
+    what: Annotated[str, typer.Argument(help="models | muscles | scenarios | materials | effects", show_default=False)],
     as_json: _Json = False,
 ) -> None:
     """List what comes with the program.

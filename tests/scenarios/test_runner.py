@@ -210,16 +210,22 @@ def test_every_scenario_builds_and_runs_coarsely(path: Path, tmp_path: Path) -> 
     assert summary["status"] == "finished" and summary["energy_balance_error"] < (5e-3 if indents else 1e-3)
 
 
-@pytest.mark.parametrize("what", ["models", "muscles", "scenarios", "materials"])
+@pytest.mark.parametrize("what", ["models", "muscles", "scenarios", "materials", "effects"])
 def test_lists(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert command(["list", what, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)[what]
-    expected = {"models": "tongue", "muscles": "GGp", "scenarios": "vowel-i.toml", "materials": "buchaillard-2009"}[what]
+    expected = {
+        "models": "tongue",
+        "muscles": "GGp",
+        "scenarios": "vowel-i.toml",
+        "materials": "buchaillard-2009",
+        "effects": "viscoelastic",
+    }[what]
     assert expected in [next(iter(row.values())) for row in rows]
     assert len(rows) >= (11 if what == "muscles" else 3)
 
 
-@pytest.mark.parametrize("what", ["models", "muscles", "scenarios", "materials"])
+@pytest.mark.parametrize("what", ["models", "muscles", "scenarios", "materials", "effects"])
 def test_lists_never_cut_a_name(what: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """On a terminal of 80 columns every name that a user has to type stands there whole."""
     monkeypatch.setenv("COLUMNS", "80")

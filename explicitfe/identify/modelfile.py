@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -90,8 +91,6 @@ class ModelFile(_Table):
         ------
         InputError : a key is none of the dataset's, or no constants are given for a curve.
         """
-        from dataclasses import replace
-
         if self.constants_by is not None:
             dataset = dataset.regrouped(self.constants_by)
         curves = []

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -208,7 +209,7 @@ def has_waits(effects: Sequence[Effect]) -> bool:
 def _starts(test: Sequence[Curve]) -> list[float]:
     """Time at which each curve of a test begins, s."""
     starts = [0.0]
-    for before, curve in zip(test[:-1], test[1:], strict=True):
+    for before, curve in pairwise(test):
         starts.append(starts[-1] + float(before.time_s[-1] + (curve.time_s[1] - curve.time_s[0])))
     return starts
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -86,14 +87,13 @@ def test_without_the_corner_of_its_programme_the_curve_would_be_off(tmp_path):
 
 
 def test_fibres_lie_as_the_curve_says():
-    class Case:
-        conditions = {"direction": "cross-fibre"}
+    def direction(conditions: dict, *given: float) -> tuple[float, ...]:
+        fibres = Fibres(k1_Pa=100.0, direction=given or (0.0, 0.0, 1.0))
+        return effects_of(SimpleNamespace(conditions=conditions), model(fibres))[0].direction
 
-    assert effects_of(Case, model(Fibres(k1_Pa=100.0)))[0].direction == (1.0, 0.0, 0.0)
-    Case.conditions = {"direction": "fibre"}
-    assert effects_of(Case, model(Fibres(k1_Pa=100.0, direction=(0.0, 1.0, 0.0))))[0].direction == (0.0, 0.0, 1.0)
-    Case.conditions = {}
-    assert effects_of(Case, model(Fibres(k1_Pa=100.0, direction=(0.0, 1.0, 0.0))))[0].direction == (0.0, 1.0, 0.0)
+    assert direction({"direction": "cross-fibre"}) == (1.0, 0.0, 0.0)
+    assert direction({"direction": "fibre"}, 0.0, 1.0, 0.0) == (0.0, 0.0, 1.0)
+    assert direction({}, 0.0, 1.0, 0.0) == (0.0, 1.0, 0.0)
 
 
 def test_a_fit_finds_what_a_curve_was_made_with(tmp_path):
@@ -158,7 +158,7 @@ def test_instants_suffice(soft):
     """Half the increments change the curve by less than 0.2 % of its peak, contact and loss of contact included."""
     once, twice = soft[1.0].values, soft[2.0].values
     assert np.abs(once - twice).max() < 2e-3 * twice.max()
-    assert soft[1.0].instants < 45
+    assert soft[1.0].instants < 60
     assert soft[1.0].iterations < soft[2.0].iterations
 
 
@@ -170,13 +170,15 @@ def test_a_tool_that_has_left_bears_nothing(soft):
     # it relaxes in the hold, and on the way back it is below the way there
     hold = (t >= 8.0) & (t <= 16.0)
     assert (np.diff(force[hold]) < 0.0).all()
-    assert np.interp(2e-3, d[(t > 16.0) & (t < 20.0)][::-1], force[(t > 16.0) & (t < 20.0)][::-1]) < force[np.argmin(np.abs(t - 4.0))]
+    back = (t > 16.0) & (t < 20.0)
+    assert np.interp(2e-3, d[back][::-1], force[back][::-1]) < force[np.argmin(np.abs(t - 4.0))]
 
 
 def test_readings_are_exact(tmp_path, soft):
     """An offset of the cell, its drift and that of the repeats lie on the same forces; so does a shifted displacement."""
     readings = parse_model(
-        model(PRONY).text + "force-offset = { offset_N = 0.1 }\nforce-drift = { rate_N_s = 0.01 }\ncycle-drift = { per_cycle = -0.1 }\n"
+        model(PRONY).text
+        + "force-offset = { offset_N = 0.1 }\nforce-drift = { rate_N_s = 0.01 }\ncycle-drift = { per_cycle = -0.1 }\n"
     )
     curve = curve_of(indentation(tmp_path / "data", lines="conditions = { repeat = 3 }"))
     found = predict_test([curve], readings, refinement=COARSE)[0].values
@@ -302,6 +304,7 @@ def test_a_model_file_comes_back_exactly(tmp_path):
 
 
 HEAD = 'format = "explicitfe-model/1"\n'
+SOFT = HEAD + "[constants]\nC10_Pa = 1.0\n"
 
 
 @pytest.mark.parametrize(
@@ -313,8 +316,8 @@ HEAD = 'format = "explicitfe-model/1"\n'
         (HEAD + "[constants]\nC10_Pa = -1.0\n", r"C10_Pa = -1.0 is not possible"),
         (HEAD + "[constants]\nC20_Pa = 1.0\n", 'the key "C10_Pa" is missing'),
         (HEAD + '[constants]\nC10_Pa = "2"\n', "C10_Pa = '2' is not possible"),
-        (HEAD + "[constants]\nC10_Pa = 1.0\n[effects]\nviskoelastic = { g = [0.1], tau_s = [1.0] }\n", 'did you mean "viscoelastic"'),
-        (HEAD + "[constants]\nC10_Pa = 1.0\n[effects]\nviscoelastic = { g = [1.1], tau_s = [1.0] }\n", "add up to less than 1"),
+        (SOFT + "[effects]\nviskoelastic = { g = [0.1], tau_s = [1.0] }\n", 'did you mean "viscoelastic"'),
+        (SOFT + "[effects]\nviscoelastic = { g = [1.1], tau_s = [1.0] }\n", "add up to less than 1"),
         (HEAD + "poisson = 0.5\n[constants]\nC10_Pa = 1.0\n", "poisson = 0.5"),
         (HEAD + "constants = 1\n", "must be a table"),
         ("format = \n", "not valid TOML"),

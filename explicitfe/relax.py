@@ -317,7 +317,11 @@ class Relaxation(Body):
             self.tool[DEPTH], self.tool[DRIVE] = depth, self._drive
         for _ in range(20):
             inside = -self._touch()[0].min(initial=0.0)
-            if self.contact.shape[TIED] > 0.0 or self.tool[COMPLIANCE] > 0.0 or inside <= PENETRATION * abs(goal):
+            if (
+                self.contact.shape[TIED] > 0.0
+                or self.tool[COMPLIANCE] > 0.0
+                or inside <= PENETRATION * max(self._deepest, abs(goal))
+            ):
                 break
             self.tool[DEPTH] -= inside
             self.tool[DRIVE] = self.tool[DEPTH]

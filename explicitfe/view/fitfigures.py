@@ -149,9 +149,7 @@ def deformed(path: Path, title: str, shown: Mapping[str, Any]) -> None:
     """
     figure = _figure(6.0)
     axes = figure.subplots()
-    painted = paint_section(
-        axes, shown["mesh"], shown["displacement_m"], shown["energy_Pa"], shown["tool"], shown["lowest_mm"]
-    )
+    painted = paint_section(axes, shown["mesh"], shown["displacement_m"], shown["energy_Pa"], shown["tool"], shown["lowest_mm"])
     axes.set_title(f"{title}: {shown['load']}", loc="left", fontsize=11)
     bar = figure.colorbar(painted, ax=axes, orientation="horizontal", shrink=0.6, aspect=40, extend="max")
     bar.set_label(f"strain energy density (Pa), up to what {100 * SHOWN:.0f} % of the section stay below")

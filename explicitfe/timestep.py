@@ -7,7 +7,7 @@ used stays a stated fraction under it (``FRACTION``).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
@@ -41,13 +41,8 @@ def fastest_element(
     length_m : (m,) m. Typical size; the force is differenced over a millionth of it.
     """
     largest, fastest = -np.inf, 0
-    for first in range(0, len(blocks.nodes), APART):
-        part = slice(first * WIDTH, min((first + APART) * WIDTH, len(displacement)))
+    for part, some, u in _taken_apart(blocks, displacement):
         count = part.stop - part.start
-        # 8 nodes of its own for each element; idle lanes keep a node that belongs to nobody
-        apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
-        some = Blocks(apart, *(array[first : first + APART] for array in blocks[1:]))
-        u = node_rows(displacement[part].reshape(-1, 3))
         ahead, behind = np.empty_like(u), np.empty_like(u)
         step = 1e-6 * length_m[part]
         stiffness = np.empty((count, 24, 24))
@@ -98,12 +93,8 @@ def stiffness_rows(
     rotation : (m, 8, 3, 3) that leads from the partner's displacement to its own.
     """
     rows = np.zeros(free.shape)
-    for first in range(0, len(blocks.nodes), APART):
-        part = slice(first * WIDTH, min((first + APART) * WIDTH, len(displacement)))
+    for part, some, u in _taken_apart(blocks, displacement):
         count = part.stop - part.start
-        apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
-        some = Blocks(apart, *(array[first : first + APART] for array in blocks[1:]))
-        u = node_rows(displacement[part].reshape(-1, 3))
         there, here = np.empty_like(u), np.empty_like(u)
         minus_force(u, here, some)
         collect = (own[part][:, :, None] == np.arange(8)).astype(float)  # (count, corner, corner that it counts for)
@@ -120,6 +111,17 @@ def stiffness_rows(
                 back = (change @ rotation[part])[:, :, 0]  # turned back: R^T f
                 rows[part] += np.abs(collect.transpose(0, 2, 1) @ back) * (free[part, corner, k] / step)[:, None, None]
     return rows * free
+
+
+def _taken_apart(blocks: Blocks, displacement: np.ndarray) -> Iterator[tuple[slice, Blocks, np.ndarray]]:
+    """Elements with 8 nodes of their own each, part after part: which they are, their blocks, and their displacement rows."""
+    for first in range(0, len(blocks.nodes), APART):
+        part = slice(first * WIDTH, min((first + APART) * WIDTH, len(displacement)))
+        count = part.stop - part.start
+        # idle lanes keep a node that belongs to nobody
+        apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
+        some = Blocks(apart, *(array[first : first + APART] for array in blocks[1:]))
+        yield part, some, node_rows(displacement[part].reshape(-1, 3))
 
 
 class HighestFrequency:

@@ -17,11 +17,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline
 
+from explicitfe import point
 from explicitfe.errors import InputError, RunError
 from explicitfe.identify.dataset import Curve
-from explicitfe.jit import bind
-from explicitfe.materials import law_of
-from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
@@ -398,59 +396,8 @@ class PointResponse:
         return mid, (high - low) / (2.0 * step)
 
     def _stress(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> np.ndarray:
-        c = Yeoh(C10_Pa=C10_Pa, C20_Pa=max(C20_Pa, 0.0), poisson=self.poisson).constants()
-        return shear_stress(imposed, c) if self.kind == "shear" else uniaxial_stress(imposed, c)
-
-
-def shear_stress(amount: np.ndarray, constants: tuple[float, ...]) -> np.ndarray:
-    """P12 [Pa] of simple shear, (k,)."""
-    F = np.tile(np.eye(3).ravel(), (len(amount), 1))
-    F[:, 1] = amount
-    return _first_piola(F, constants)[:, 1]
-
-
-def uniaxial_stress(stretch: np.ndarray, constants: tuple[float, ...]) -> np.ndarray:
-    """P33 [Pa] of a bar that is stretched or compressed along z with its sides free, (k,)."""
-    side = stretch**-0.5  # of an incompressible one
-    step = 1e-6
-
-    def at(side: np.ndarray) -> np.ndarray:
-        F = np.zeros((len(stretch), 9))
-        F[:, 0] = F[:, 4] = side
-        F[:, 8] = stretch
-        return _first_piola(F, constants)
-
-    for _ in range(30):
-        across = at(side)[:, 0]
-        change = across / ((at(side + step)[:, 0] - at(side - step)[:, 0]) / (2.0 * step))
-        side = side - change
-        if np.abs(change).max(initial=0.0) < 1e-12:
-            break
-    return at(side)[:, 8]
-
-
-def _point(F, c, P):
-    """First Piola stress (k, 9) Pa of gradients (k, 9)."""
-    for k in range(len(F)):
-        f = (F[k, 0], F[k, 1], F[k, 2], F[k, 3], F[k, 4], F[k, 5], F[k, 6], F[k, 7], F[k, 8])
-        cof = cofactor(f)
-        p = law_stress(f, cof, determinant(f, cof), 0.0, c)
-        for i in range(9):
-            P[k, i] = p[i]
-
-
-def law_stress(F, cof, J, delta, c):
-    """Stands for a law's stress."""
-    raise NotImplementedError
-
-
-_point_kernel = bind(_point, law_stress=law_of("yeoh").stress)
-
-
-def _first_piola(F: np.ndarray, constants: tuple[float, ...]) -> np.ndarray:
-    P = np.empty_like(F)
-    _point_kernel(np.ascontiguousarray(F), tuple(float(c) for c in constants), P)
-    return P
+        law = Yeoh(C10_Pa=C10_Pa, C20_Pa=max(C20_Pa, 0.0), poisson=self.poisson)
+        return (point.shear if self.kind == "shear" else point.uniaxial)(law, (), np.zeros(len(imposed)), imposed)
 
 
 Response = ToolResponse | UniformResponse | PointResponse

@@ -28,6 +28,7 @@ from explicitfe.identify.dataset import Curve, read_dataset
 from explicitfe.identify.forward import is_uniform, setup_of
 from explicitfe.identify.modelfile import ModelFile, parse_model, read_model
 from explicitfe.identify.selection import imposed, sd_of
+from explicitfe.identify.writing import checked_target
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
@@ -106,7 +107,7 @@ def predict(
         raise InputError(f"{dataset.path}: tests of specimens are predicted with a model file; this is a trajectory.")
     if not refinement > 0.0 or not density > 0.0:
         raise InputError("refinement and density must be above 0.")
-    target = None if out is None else _checked_target(Path(out), overwrite)
+    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="prediction")
     try:
         dataset = model.grouped(dataset)
     except InputError as error:
@@ -496,17 +497,6 @@ def _row(curve: Curve, found: Predicted | str) -> dict[str, Any]:
 
 
 # ---- on disk ----
-
-
-def _checked_target(out: Path, overwrite: bool) -> Path:
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: this is a file; name a folder.")
-    if out.is_dir() and any(out.iterdir()):
-        if not (out / SUMMARY).is_file():
-            raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
-        if not overwrite:
-            raise InputError(f"{out}: this folder holds an earlier prediction; name another one, or add --overwrite.")
-    return out
 
 
 def _write(target: Path, summary: dict[str, Any], model: ModelFile, overwrite: bool) -> None:

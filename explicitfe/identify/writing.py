@@ -44,8 +44,8 @@ class Deformed:
         return [float(x) for x in loads.max() * np.arange(1, STEPS + 1) / STEPS]
 
 
-def checked_target(out: Path, overwrite: bool) -> Path:
-    """The folder to write, if that may be.
+def checked_target(out: Path, overwrite: bool, *, summary: str = SUMMARY, what: str = "identification") -> Path:
+    """The folder to write, if that may be: one that is new or empty, or, to be replaced, one with the ``summary`` of ``what``.
 
     Raises
     ------
@@ -54,10 +54,10 @@ def checked_target(out: Path, overwrite: bool) -> Path:
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: this is a file; name a folder.")
     if out.is_dir() and any(out.iterdir()):
-        if not (out / SUMMARY).is_file():
+        if not (out / summary).is_file():
             raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
         if not overwrite:
-            raise InputError(f"{out}: this folder holds an earlier identification; name another one, or add --overwrite.")
+            raise InputError(f"{out}: this folder holds an earlier {what}; name another one, or add --overwrite.")
     return out
 
 

@@ -12,12 +12,13 @@ import pytest
 from identify_cases import COARSE, LOADS_N, TRUTH, response, setup, write, write_homogeneous
 from rich.console import Console
 
+from explicitfe import point
 from explicitfe.errors import InputError, RunError
 from explicitfe.identify import show
 from explicitfe.identify.assumptions import Alternative, alternatives, what_a_fit_hides
 from explicitfe.identify.dataset import read_dataset
 from explicitfe.identify.fit import Observed, least_squares_fit
-from explicitfe.identify.forward import FIRST_Q, CurveModel, Setup, ToolResponse, shear_stress, uniaxial_stress
+from explicitfe.identify.forward import FIRST_Q, CurveModel, Setup, ToolResponse
 from explicitfe.identify.identification import identify
 from explicitfe.identify.selection import loading_rows, select
 from explicitfe.materials.yeoh import Yeoh
@@ -147,7 +148,7 @@ def test_questions_fit_the_test(tmp_path):
 
 def test_homogeneous_compression(tmp_path):
     stretch = np.linspace(1.0, 0.7, 20)
-    stress = uniaxial_stress(stretch, Yeoh(C10_Pa=500.0, C20_Pa=200.0).constants())
+    stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     found = identify(data, out=tmp_path / "out")
     constants = found["groups"]["all"]["constants"]
@@ -160,7 +161,7 @@ def test_homogeneous_compression(tmp_path):
 
 def test_homogeneous_shear_without_noise_stated(tmp_path):
     amount = np.linspace(0.0, 0.5, 15)
-    stress = shear_stress(amount, Yeoh(C10_Pa=500.0, C20_Pa=0.0).constants()) * (1.0 - 0.2 * amount**2)
+    stress = point.shear(Yeoh(C10_Pa=500.0, C20_Pa=0.0), (), np.zeros(len(amount)), amount) * (1.0 - 0.2 * amount**2)
     found = identify(write_homogeneous(tmp_path / "data", "shear", "shear_strain,shear_stress_Pa", amount, stress))
     group = found["groups"]["all"]
     assert group["at_bound"] == ["C20_Pa"]
@@ -263,7 +264,7 @@ def test_failing_forward_model_leaves_nothing(tmp_path, monkeypatch):
 def test_out_folder_is_safe(tmp_path):
     """Another's folder is never touched, one's own only when that is asked for; a file is refused."""
     stretch = np.linspace(1.0, 0.8, 8)
-    stress = uniaxial_stress(stretch, Yeoh(C10_Pa=500.0, C20_Pa=200.0).constants())
+    stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     taken = tmp_path / "taken"
     taken.mkdir()
@@ -283,7 +284,7 @@ def test_out_folder_is_safe(tmp_path):
 
 def test_picture_that_fails_leaves_the_old_folder(tmp_path, monkeypatch):
     stretch = np.linspace(1.0, 0.8, 8)
-    stress = uniaxial_stress(stretch, Yeoh(C10_Pa=500.0, C20_Pa=200.0).constants())
+    stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     identify(data, out=tmp_path / "out")
     before = (tmp_path / "out" / "identify.json").read_bytes()

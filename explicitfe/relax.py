@@ -134,7 +134,6 @@ class Relaxation(Body):
         self.friction_loss_J = 0.0
         self.touch_m = 0.0
         self.time_s = 0.0
-        self._true_mass = self.nodes.mass
         self._tie()
         self._grip()
         support = self.model.support

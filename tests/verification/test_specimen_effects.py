@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -116,3 +117,30 @@ def test_gradient_is_a_stack_of_layers(record_property):
     expected = found.force_N * 0.010 * np.log((1.0 + g) / (1.0 - g)) / (2.0 * g * E * area)
     record_property("ratio", found.displacement_m / expected)
     assert found.displacement_m == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.8, 1.25])
+def test_block_held_by_friction_alone(share, record_property):
+    """A block on ice under a rough platen, pulled sideways by a share of mu N: below 1 friction holds it, above it slides away.
+
+    Coulomb's block on an incline, with the tool as the incline. Where it is held, the friction of all points is the pull, to 1 %;
+    where it is not, there is no equilibrium to find.
+    """
+    mu, force = 0.3, 0.02
+    table = {"size_mm": (10.0, 10.0, 5.0), "symmetry": "whole", "base": "sliding", "edge_size_mm": 1.7, "material": MATERIAL}
+    volume, density = 10e-3 * 10e-3 * 5e-3, 1040.0
+    pull = share * mu * force
+    table["gravity_m_s2"] = (pull / (volume * density), 0.0, 0.0)
+    model = specimen_model(SpecimenTable(**table), ToolTable(shape="platen", friction=mu))
+    held = model.held.copy()
+    held[:, :2] = False  # nothing but the tool holds it sideways
+    body = Relaxation(replace(model, held=held))
+    body.compile()
+    found = body.press(force)
+    if share > 1.0:
+        assert not isinstance(found, Equilibrium)
+        return
+    assert isinstance(found, Equilibrium), found
+    friction = -body._touch()[2][:, 0].sum()
+    record_property("friction over pull", friction / pull)
+    assert friction == pytest.approx(pull, rel=1e-2)

@@ -114,7 +114,6 @@ def identify(
 
     Example: [bold]explicitfe identify my-dataset --out fit[/bold]
     """
-    from explicitfe.identify import show as tables
     from explicitfe.identify.identification import identify as identify_constants
 
     with _progress() as report:
@@ -132,8 +131,8 @@ def identify(
     if as_json:
         _print_json(found)
     else:
-        Console().print(tables.identification(found))
-        _print_notes({"warnings": list(tables.notes(found))})
+        Console().print(show.identification(found))
+        _print_notes({"warnings": list(show.identification_notes(found))})
     if any(group.get("status") == "failed" for group in found["groups"].values()):
         raise typer.Exit(1)
 

@@ -107,9 +107,8 @@ def course_of(
     slack = max(STRAIGHT * range_, QUIET_SD * sd)
     where = bends(time_s, imposed, slack)
     t, x = time_s[where], imposed[where]
-    if touches and x[0] < 0.0:
-        pass  # it begins in the air
-    elif abs(x[0]) > slack:
+    in_the_air = touches and x[0] < 0.0
+    if abs(x[0]) > slack and not in_the_air:
         pace = np.abs(np.diff(x) / np.diff(t))
         moving = np.flatnonzero(np.abs(np.diff(x)) > WAITS * range_)
         rate = pace[moving[0]] if len(moving) else pace.max(initial=0.0)
@@ -117,7 +116,7 @@ def course_of(
         t, x = np.concatenate([[t[0] - ago], t]), np.concatenate([[0.0], x])
         if len(t) > 2 and abs(x[1] - np.interp(t[1], t[[0, 2]], x[[0, 2]])) <= slack:
             t, x = np.delete(t, 1), np.delete(x, 1)
-    else:
+    elif not in_the_air:
         x[0] = 0.0  # no way at all: where it begins
     if touches:
         crossings = [k for k in range(len(x) - 1) if x[k] < 0.0 < x[k + 1]]

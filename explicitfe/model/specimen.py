@@ -14,7 +14,7 @@ from explicitfe.effects import Effect, MaterialEffect, Measurement
 from explicitfe.effects.activation_lag import ActivationLag
 from explicitfe.elements import hex8
 from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import HexMesh, shape_functions
+from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
 from explicitfe.mesh.specimen import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model, NodalLoad, RotationalSymmetry, Tool
@@ -268,6 +268,5 @@ def _faces(mesh: HexMesh, name: str) -> np.ndarray:
     """Faces of elements (k, 4), corner after corner, whose nodes all belong to a set."""
     inside = np.zeros(mesh.node_count, dtype=bool)
     inside[mesh.node_sets[name]] = True
-    sides = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
-    faces = mesh.hexes[:, sides].reshape(-1, 4)
+    faces = mesh.hexes[:, FACES].reshape(-1, 4)
     return faces[inside[faces].all(axis=1)]

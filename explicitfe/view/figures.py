@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.mesh.quality import corner_jacobians, volumes
 from explicitfe.results import Result, open_result
 from explicitfe.view.indentation import draw_indentation
@@ -55,8 +55,6 @@ OUTSIDE = {
     for along, x in (("behind", 1.0), ("the front", -1.0))
     for up, z in (("above", 0.45), ("below", -0.45))
 }
-
-_FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
 
 def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
@@ -261,7 +259,7 @@ def outside_view(points: np.ndarray, hexes: np.ndarray, values: np.ndarray) -> s
 
     Faces that hide each other are not told apart. Of views that show about the same the first is taken.
     """
-    faces = hexes[:, _FACES].reshape(-1, 4)
+    faces = hexes[:, FACES].reshape(-1, 4)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     outer = first[count == 1]
     a, b, c, d = points[faces[outer]].transpose(1, 0, 2)
@@ -319,7 +317,7 @@ def on_times(muscles: Iterable[Mapping[str, Any]], end_ms: float) -> list[tuple[
 
 def _surface(hexes: np.ndarray) -> np.ndarray:
     """The faces that belong to one element only, (f, 4) nodes in cyclic order."""
-    faces = hexes[:, _FACES].reshape(-1, 4)
+    faces = hexes[:, FACES].reshape(-1, 4)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.results import Result
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ DPI = 160
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.45"
 MAP = "cividis_r"
 SHOWN = 0.99  # quantile of the area that the colours go up to: the element at a sharp edge would drown all others
-
-_FACES = np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
 
 def draw_indentation(result: Result, step: int, folder: Path) -> list[Path]:
@@ -42,7 +40,7 @@ def section_faces(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
     A face of an element that is collapsed on the axis is there as well: its nodes then have no doubles.
     """
     flat = np.abs(mesh.points[:, 1]) < 1e-12
-    faces = mesh.hexes[:, _FACES]
+    faces = mesh.hexes[:, FACES]
     element, side = np.nonzero(flat[faces].all(axis=2))
     across = mesh.points[mesh.hexes[element]].mean(axis=1)[:, 1] > 0.0
     corners = faces[element, side]

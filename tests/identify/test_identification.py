@@ -12,9 +12,8 @@ import pytest
 from identify_cases import COARSE, LOADS_N, TRUTH, response, setup, write, write_homogeneous
 from rich.console import Console
 
-from explicitfe import point
+from explicitfe import point, show
 from explicitfe.errors import InputError, RunError
-from explicitfe.identify import show
 from explicitfe.identify.assumptions import Alternative, alternatives, what_a_fit_hides
 from explicitfe.identify.dataset import read_dataset
 from explicitfe.identify.fit import Observed, least_squares_fit
@@ -93,7 +92,8 @@ def test_tables_for_people(identified):
     text = console.export_text()
     for word in ("C10", "C20", "sticking contact", "forward runs"):
         assert word in text
-    assert any("sticking contact" in note or "layer" in note or "gravity" in note for note in show.notes(identified[0]))
+    notes = list(show.identification_notes(identified[0]))
+    assert any("sticking contact" in note or "layer" in note or "gravity" in note for note in notes)
 
 
 def test_same_again(identified):

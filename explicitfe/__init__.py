@@ -19,11 +19,13 @@ _PLACES = {
     "run": "explicitfe.runner",
     "identify": "explicitfe.identify.identification",
     "predict": "explicitfe.identify.predict",
+    "close_loop": "explicitfe.discrepancy.close_loop",
+    "design_test": "explicitfe.discrepancy.design",
     "open_result": "explicitfe.results",
     "InputError": "explicitfe.errors",
     "RunError": "explicitfe.errors",
 }
-__all__ = ["InputError", "RunError", "__version__", "identify", "open_result", "predict", "run"]
+__all__ = ["InputError", "RunError", "__version__", "close_loop", "design_test", "identify", "open_result", "predict", "run"]
 
 
 def __getattr__(name: str) -> Any:

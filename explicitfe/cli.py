@@ -36,6 +36,16 @@ _Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scenario; repeat for more."),
 ]
+_Tissue = Annotated[
+    Path | None,
+    typer.Option(
+        "--tissue", metavar="MODEL", help="Model file whose constants and effects replace the scenario's.", show_default=False
+    ),
+]
+_TissueGroup = Annotated[
+    str | None,
+    typer.Option("--tissue-group", metavar="NAME", help="Group of its constants, if there are several.", show_default=False),
+]
 _Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, nothing else there.")]
 _Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the result.")]
 
@@ -58,6 +68,8 @@ def run(
     scenario: _Scenario,
     out: _Out = Path("outputs"),
     settings: _Settings = None,
+    tissue: _Tissue = None,
+    tissue_group: _TissueGroup = None,
     plots: Annotated[bool, typer.Option("--plots", help="Draw the run as PNG beside the result.")] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a result that exists.")] = False,
     as_json: _Json = False,
@@ -68,8 +80,9 @@ def run(
     """
     from explicitfe.runner import run as run_scenario
 
+    put, notes = _tissue(scenario, tissue, tissue_group)
     with _progress() as report:
-        summary = run_scenario(scenario, out, settings=settings or (), overwrite=overwrite, report=report)
+        summary = run_scenario(scenario, out, settings=[*put, *(settings or ())], notes=notes, overwrite=overwrite, report=report)
         if plots:
             from explicitfe.view.figures import draw
 
@@ -145,7 +158,9 @@ def predict(
     curves: Annotated[
         list[str] | None, typer.Option("--curve", metavar="ID", help="Predict only this curve; repeat for more.")
     ] = None,
-    refinement: Annotated[float, typer.Option("--refinement", help="Divides the element sizes.")] = 1.0,
+    refinement: Annotated[
+        float | None, typer.Option("--refinement", help="Divides the element sizes; the model file's own if left out.")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier prediction wrote.")] = False,
     as_json: _Json = False,
 ) -> None:
@@ -169,20 +184,102 @@ def predict(
         raise typer.Exit(1)
 
 
+@app.command("close-loop")
+def close_loop(
+    dataset: Annotated[Path, typer.Argument(help="Folder of a dataset, or its dataset.toml.", show_default=False)],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of the report; outputs/close-loop-NAME if left out.", show_default=False
+        ),
+    ] = None,
+    holdout: Annotated[
+        list[str] | None, typer.Option("--holdout", metavar="ID", help="Only predict this curve; repeat for more.")
+    ] = None,
+    constants_by: Annotated[
+        str | None,
+        typer.Option("--constants-by", metavar="KEY", help="Curves that agree in this condition share their constants."),
+    ] = None,
+    effects: Annotated[
+        list[str] | None, typer.Option("--effects", metavar="NAME", help="Consider only this effect; repeat for more.")
+    ] = None,
+    max_effects: Annotated[int, typer.Option("--max-effects", help="Add no more effects, or terms of one, than this.")] = 3,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an earlier report.")] = False,
+    as_json: _Json = False,
+) -> None:
+    """Say what a model lacks, given measured curves: trace the residual, add the effect, report the error before and after.
+
+    Example: [bold]explicitfe close-loop my-dataset --out report[/bold]
+    """
+    from explicitfe.discrepancy.close_loop import close_loop as close
+    from explicitfe.identify.dataset import folder_name
+
+    with _progress() as report:
+        found = close(
+            dataset,
+            out=out or Path("outputs") / f"close-loop-{folder_name(dataset)}",
+            holdout=holdout or (),
+            constants_by=constants_by,
+            effects=effects or (),
+            max_effects=max_effects,
+            overwrite=overwrite,
+            report=report,
+        )
+    if as_json:
+        _print_json(found)
+    else:
+        Console().print(show.loop(found))
+        _print_notes(found)
+    if found["verdict"] == "failed":
+        raise typer.Exit(1)
+
+
+@app.command("design-test")
+def design_test(
+    protocol: Annotated[Path, typer.Argument(help="Protocol file (TOML), see docs/close-loop.md.", show_default=False)],
+    as_json: _Json = False,
+) -> None:
+    """Say which effects a planned test can find and tell apart, before anything is measured.
+
+    Example: [bold]explicitfe design-test scenarios/protocol-gerard-2005.toml[/bold]
+    """
+    from explicitfe.discrepancy.design import design_test as design
+
+    with _progress() as report:
+        found = design(protocol, report=report)
+    if as_json:
+        _print_json(found)
+    else:
+        Console().print(show.design(found))
+
+
+_blind = typer.Typer(no_args_is_help=True, help="Test close-loop on data with an undeclared effect in it.")
+app.add_typer(_blind, name="blind")
+_Cases = Annotated[Path, typer.Argument(help="Folder of the cases.", show_default=False)]
+
+
 @app.command()
-def check(scenario: _Scenario, settings: _Settings = None, as_json: _Json = False) -> None:
+def check(
+    scenario: _Scenario,
+    settings: _Settings = None,
+    tissue: _Tissue = None,
+    tissue_group: _TissueGroup = None,
+    as_json: _Json = False,
+) -> None:
     """Validate and build a scenario without running it: mesh quality, stable step, steps, wall time, memory.
 
     Example: [bold]explicitfe check scenarios/vowel-i.toml --set model.resolution=fine[/bold]
     """
     from explicitfe.check import check as check_scenario
 
+    put, notes = _tissue(scenario, tissue, tissue_group)
     with _progress() as report:
-        found = check_scenario(scenario, settings or (), report)
+        found = check_scenario(scenario, [*put, *(settings or ())], report)
     if as_json:
         _print_json(found)
     else:
         Console().print(show.check(str(scenario), found))
+    _print_notes({"warnings": notes})
 
 
 @app.command()
@@ -234,6 +331,63 @@ def schema() -> None:
     _print_json(json_schema())
 
 
+def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list[str], list[str]]:
+    """Settings that put the tissue of a model file into a scenario, and notes of what it has and the run does not."""
+    if model is None:
+        if group is not None:
+            raise InputError("--tissue-group names constants of a model file; give it with --tissue.")
+        return [], []
+    from explicitfe.identify.modelfile import read_model
+    from explicitfe.identify.tissue import tissue_settings
+    from explicitfe.model.scenario import read_scenario
+
+    made, (stated, _) = read_model(model), read_scenario(scenario)
+    try:
+        settings, left_out = tissue_settings(made, stated, group)
+    except InputError as error:
+        raise InputError(f"{model}: {error}") from None
+    notes = [f"of the effects in {model} these are no part of the run and were left out: {', '.join(left_out)}."]
+    return settings, notes if left_out else []
+
+
+@_blind.command("make")
+def blind_make(
+    folder: _Cases,
+    seed: Annotated[int, typer.Option("--seed", help="Draws the cases.")],
+    count: Annotated[int, typer.Option("--count", help="How many.")] = 20,
+    family: Annotated[str, typer.Option("--family", help="homogeneous | indentation")] = "homogeneous",
+    as_json: _Json = False,
+) -> None:
+    """Draw cases: datasets in FOLDER/cases, and what is hidden in them in FOLDER/sealed.
+
+    Example: [bold]explicitfe blind make blind --seed 7 --count 20[/bold]
+    """
+    from explicitfe.blind.make import make
+
+    with _progress() as report:
+        made = make(folder, seed=seed, count=count, family=family, report=report)
+    if as_json:
+        _print_json(made)
+    else:
+        _console.print(f"{made['count']} cases in {escape(str(folder))}", highlight=False)
+
+
+@_blind.command("score")
+def blind_score(folder: _Cases, as_json: _Json = False) -> None:
+    """Close the loop on every case that has no report yet, then open what was sealed and count.
+
+    Example: [bold]explicitfe blind score blind[/bold]
+    """
+    from explicitfe.blind.score import score
+
+    with _progress() as report:
+        found = score(folder, report=report)
+    if as_json:
+        _print_json(found)
+    else:
+        Console().print((folder / "score.md").read_text(encoding="utf-8"), markup=False, highlight=False)
+
+
 def main() -> None:
     """Entry point of the command: errors become one sentence and an exit code."""
     try:
@@ -255,6 +409,12 @@ _STAGES = {
     "identify": "identifying",
     "predict": "predicting",
     "draw": "drawing",
+    "trace": "tracing the residual",
+    "decide": "deciding on a finer mesh",
+    "vary": "varying what is assumed",
+    "design": "designing",
+    "make": "making cases",
+    "score": "closing the loop on cases",
 }
 
 

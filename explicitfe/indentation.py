@@ -221,7 +221,7 @@ def _summary(
 def _warnings(prepared: Prepared, curve: list[Equilibrium], hourglass: float) -> list[str]:
     """What a user should know before believing the result."""
     mesh, body = prepared.model.mesh, prepared.relaxation
-    found = []
+    found = [*prepared.notes]
     if hourglass > HOURGLASS_WARNING:
         found.append(
             f"hourglass energy reaches {100 * hourglass:.0f} % of the elastic energy: the mesh is coarse for this deformation; "

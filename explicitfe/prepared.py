@@ -31,6 +31,7 @@ class Prepared:
     path, scenario, text : the file, what it says, and its text with the settings noted at its head.
     model, name : the physics, and what a user calls it.
     body : a Simulation of a transient analysis, a Relaxation of an indentation.
+    notes : sentences for the user that the summary begins its warnings with.
     """
 
     path: Path
@@ -39,6 +40,7 @@ class Prepared:
     model: Model
     name: str
     body: Body
+    notes: tuple[str, ...] = ()
 
     @property
     def simulation(self) -> Simulation:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ def run(
     out: Path | str = "outputs",
     *,
     settings: Sequence[str] = (),
+    notes: Sequence[str] = (),
     overwrite: bool = False,
     report: Report = silent,
 ) -> dict[str, Any]:
@@ -48,6 +50,7 @@ def run(
     path : scenario file.
     out : folder of the result, made if it does not exist.
     settings : ``key=value`` pairs that replace what the file says.
+    notes : sentences for the user that the summary begins its warnings with.
     overwrite : replace a result that exists.
     report : called with the stage and the share of it that is done.
 
@@ -61,7 +64,7 @@ def run(
     InputError : nothing was run and nothing written.
     """
     begin = time.perf_counter()
-    prepared = prepare(path, settings)
+    prepared = replace(prepare(path, settings), notes=tuple(notes))
     target = result_path(path, out)
     if isinstance(prepared.scenario, Indentation):
         return run_indentation(prepared, target, overwrite, report, begin)
@@ -187,7 +190,7 @@ def _store(writer: ResultWriter, prepared: Prepared, snapshot: Snapshot, ledger:
 def _warnings(prepared: Prepared, ledger: Ledger, last: Snapshot) -> list[str]:
     """What a user should know before believing the result."""
     mesh = prepared.model.mesh
-    found = []
+    found = [*prepared.notes]
     if ledger.hourglass_share > HOURGLASS_WARNING:
         worst = int(np.argmax(last.hourglass_energy))
         x, y, z = 1e3 * mesh.points[mesh.hexes[worst]].mean(axis=0)

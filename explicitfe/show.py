@@ -348,3 +348,61 @@ def _quantity(key: str, value: Any) -> str:
         if key.endswith(ending):
             return f"{escape(key.removesuffix(ending))} {_text(value)} {unit}"
     return f"{escape(key)} {_text(value)}"
+
+
+def loop(found: dict[str, Any]) -> Group:
+    """What ``close-loop`` found: the verdict, errors before and after, candidates."""
+    head = _pairs(found["title"])
+    head.add_row("verdict", f"[bold]{escape(found['verdict'])}[/bold], what is left: {found['remainder']}")
+    head.add_row("", escape(found["sentence"]))
+    if found["remainder_where"]:
+        head.add_row("", escape(found["remainder_where"]))
+    if found["verdict"] == "failed":
+        return Group(head)
+    for side, words in (("holdout", "held-out curves"), ("fit", "fitted curves")):
+        before, after = found["baseline"]["error"][side], found["final"]["error"][side]
+        if before and after:
+            text = f"{100 * before['nrmse']:.2f} % of the largest value before, {100 * after['nrmse']:.2f} % after"
+            head.add_row(f"error, {words}", text)
+    for name, value in found["final"]["parameters"].items():
+        for group, entry in value.items() if "value" not in value else [("", value)]:
+            low, high = entry["ci95"]
+            label = f"{name} {group}" if group not in ("", "all") else name
+            head.add_row(escape(label), f"{entry['value']:.4g} ({low:.4g} to {high:.4g})")
+    tables: list[Any] = [head]
+    for number, step in enumerate(found["steps"], 1):
+        table = Table(title=f"step {number}: what would explain the rest", title_justify="left")
+        for column in ("effect", "status", "chi² drop", "p (Holm)", "cross-validated error"):
+            table.add_column(column, no_wrap=column == "effect")
+        shown = [row for row in step["candidates"] if row["status"] in ("significant", "not-significant", "failed")]
+        for row in shown:
+            chosen = " (added)" if row["effect"] == step["chosen"] else ""
+            drop = row["chi2_drop"] if row["chi2_drop_refitted"] is None else row["chi2_drop_refitted"]
+            error = "" if row["cv_nrmse"] is None else f"{100 * row['cv_nrmse']:.2f} %"
+            table.add_row(row["effect"] + chosen, row["status"], f"{drop:.1f}", f"{row['p_holm']:.2g}", error)
+        if shown:
+            tables.append(table)
+    end = _pairs("")
+    if found["next_experiment"]:
+        entry = found["next_experiment"]
+        text = f"{entry['protocol']}: tells {' from '.join(entry['separates'])} ({entry['separation']:.3g}, 25 is enough)"
+        end.add_row("measure next", escape(text))
+    for path in found.get("files", []):
+        end.add_row("file", escape(path))
+    return Group(*tables, end)
+
+
+def design(found: dict[str, Any]) -> Table:
+    """What a planned test can find and tell apart."""
+    table = Table(title=found["protocol"], title_justify="left")
+    for column in ("effect", "smallest that shows", "largest plausible", "hides in", "cannot be told from"):
+        table.add_column(column, no_wrap=column == "effect", overflow="fold")
+    for row in found["effects"]:
+        if not row["shows"]:
+            table.add_row(row["effect"], "no", "", escape(row["reason"]), "")
+            continue
+        hides = ", ".join(f"{name.removesuffix('_Pa')} {100 * share:+.0f} %" for name, share in row["hides_in"].items())
+        smallest = "-" if row["smallest"] is None else f"{row['smallest']:.3g}"
+        rivals = ", ".join(row["cannot_tell_from"]) or f"(nearest: {row['nearest']}, {row['separation']:.3g})"
+        table.add_row(f"{row['effect']}", smallest, f"{row['largest_plausible']:.3g}", hides, rivals)
+    return table

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class ActivationLag(Effect):
@@ -23,6 +24,8 @@ class ActivationLag(Effect):
         needs="a trajectory from its onset",
         neighbours="damping, viscoelastic (act on the way back too)",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"tau_ms": Sought((5.0, 20.0, 60.0), 0.0, 300.0)}
+    requires: ClassVar[tuple[str, ...]] = ("muscles",)
     tau_ms: float = Field(ge=0.0, description="time constant [ms]")
 
     @property

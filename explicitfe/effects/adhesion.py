@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Adhesion(Effect):
@@ -23,6 +24,11 @@ class Adhesion(Effect):
         needs="unloading down to pull-off: negative forces",
         neighbours="force-offset (there from the start), viscoelastic",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "stress_Pa": Sought((0.02, 0.1, 0.4), 0.0, 1.0, scale="pressure_Pa"),
+        "reach_mm": Sought((0.03, 0.15), 0.005, 0.5, scale="displacement_mm", kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("tool", "force that pulls")
     stress_Pa: float = Field(ge=0.0, description="largest pull [Pa]")
     reach_mm: float = Field(default=0.2, gt=0.0, description="gap at which nothing is left of it [mm]")
 

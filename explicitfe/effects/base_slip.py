@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -9,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from explicitfe.arrays import Springs
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class BaseSlip(Effect):
@@ -25,6 +26,8 @@ class BaseSlip(Effect):
         needs="two heights, or two tool radii",
         neighbours="C10 itself, stiffness-gradient, compressible",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"compliance_mm_kPa": Sought((0.03, 0.2, 1.0), 0.0, 30.0, scale="slip_mm_kPa")}
+    requires: ClassVar[tuple[str, ...]] = ("tool", "bonded base")
     compliance_mm_kPa: float = Field(ge=0.0, description="displacement of the base per sideways stress [mm/kPa]; 0 is bonded")
 
     @property

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Compliance(Effect):
@@ -23,6 +24,8 @@ class Compliance(Effect):
         needs="stiff and soft parts of a curve, or two radii",
         neighbours="C20, layer",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"compliance_mm_N": Sought((0.03, 0.1, 0.3), 0.0, 0.9, scale="compliance_mm_N")}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     compliance_mm_N: float = Field(ge=0.0, description="compliance [mm/N]")
 
     @property

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Compressible(Effect):
@@ -23,6 +24,8 @@ class Compressible(Effect):
         needs="a wide tool on a thin layer beside a narrow one; alone it is mistaken for another C10",
         neighbours="C10 itself, drainage (needs time), layer",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"poisson": Sought((0.49, 0.47, 0.4), 0.2, 0.499, none=0.499)}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     poisson: float = Field(ge=0.0, lt=0.5, description="Poisson's ratio")
 
     @property

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Measurement
+from explicitfe.effects.effect import Description, Measurement, Sought
 
 
 class ContactOffset(Measurement):
@@ -23,6 +24,8 @@ class ContactOffset(Measurement):
         needs="small depths",
         neighbours="preload, force-offset, tilt",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"offset_mm": Sought((-0.03, -0.1, 0.03, 0.1), -0.5, 0.5, scale="displacement_mm")}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     offset_mm: float = Field(description="way of the tool into the tissue at displacement 0 [mm]; negative: a gap")
 
     @property

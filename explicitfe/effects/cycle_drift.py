@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Measurement
+from explicitfe.effects.effect import Description, Measurement, Sought
 
 
 class CycleDrift(Measurement):
@@ -23,6 +24,8 @@ class CycleDrift(Measurement):
         needs="repeats",
         neighbours="softening (after the first only), viscoelastic (recovers with rest)",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"per_cycle": Sought((-0.03, -0.15, 0.03, 0.15), -0.5, 0.5)}
+    requires: ClassVar[tuple[str, ...]] = ("repeats",)
     per_cycle: float = Field(gt=-1.0, description="relative change a repeat")
 
     @property

@@ -5,12 +5,13 @@ What a poroelastic tissue shows first, without its length scale: the bulk modulu
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, MaterialEffect, number, remember, remembered
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 
 AT = MEMORY = 0
 
@@ -28,6 +29,11 @@ class Drainage(MaterialEffect):
         needs="time and confinement: a hold under a wide tool on a thin layer",
         neighbours="viscoelastic (relaxes free uniaxial compression as well)",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "share": Sought((0.9, 0.99, 0.999), 0.0, 0.9995, kind="rest"),
+        "tau_s": Sought((0.01, 0.05, 0.25), 1e-3, 5.0, scale="duration_s", kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("tool", "time")
     share: float = Field(ge=0.0, lt=1.0, description="d, the share of the bulk modulus that is lost in the end")
     tau_s: float = Field(gt=0.0, description="time in which it drains [s]")
 

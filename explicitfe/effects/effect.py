@@ -7,9 +7,11 @@ from place MEMORY on: placeholders that are bound where the kernel is made.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -42,12 +44,69 @@ class Description:
     neighbours: str
 
 
+@dataclass(frozen=True)
+class Sought:
+    """A parameter that is varied where the effect is looked for in measured data.
+
+    Attributes
+    ----------
+    values : tried first: of a strength a small, a middle and the largest plausible one, of both signs where both are possible;
+        of a shape, such as a time, its grid.
+    low, high : physical bounds.
+    scale : what values and bounds are multiples of, as the test gives it (``duration_s``, ``force_N``, ...); "" is 1.
+    kind : coordinate in which it is sought, so that the response is about linear in it: the value itself, its logarithm, its
+        square, or -log(1 - value) of a share.
+    none : the value without an effect; a strength only.
+    """
+
+    values: tuple[float, ...]
+    low: float
+    high: float
+    scale: str = ""
+    kind: Literal["linear", "log", "square", "rest"] = "linear"
+    none: float = 0.0
+
+    def coordinate(self, value: float) -> float:
+        """Where a value stands on the coordinate."""
+        if self.kind == "log":
+            return math.log(value)
+        if self.kind == "square":
+            return value**2
+        return -math.log1p(-value) if self.kind == "rest" else value
+
+    def value(self, coordinate: float) -> float:
+        """The value at a place of the coordinate."""
+        if self.kind == "log":
+            return math.exp(coordinate)
+        if self.kind == "square":
+            return math.sqrt(max(coordinate, 0.0))
+        return -math.expm1(-coordinate) if self.kind == "rest" else coordinate
+
+
 class Effect(BaseModel, ABC):
-    """Parameters of one effect, as a scenario or a model file states them."""
+    """Parameters of one effect, as a scenario or a model file states them.
+
+    Attributes
+    ----------
+    about : the effect in words.
+    sought : parameter -> how it is looked for; the first one is the strength.
+    requires : what the data must have to show it: time | unloading | two directions | repeats | tool | flat tool | bonded base |
+        force that pulls | muscles.
+    terms : how often it can be added, each time with parameters of its own.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     about: ClassVar[Description]
+    sought: ClassVar[Mapping[str, Sought]]
+    requires: ClassVar[tuple[str, ...]] = ()
+    terms: ClassVar[int] = 1
+
+    @classmethod
+    def made(cls, terms: Sequence[Mapping[str, float]]) -> Effect:
+        """The effect from the values of what is sought, one mapping a term."""
+        (values,) = terms
+        return cls(**values)
 
     @property
     @abstractmethod

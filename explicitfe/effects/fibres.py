@@ -5,12 +5,13 @@ W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) where I4_bar > 1, nothing in compr
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from explicitfe.effects.effect import Description, MaterialEffect, number
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number
 from explicitfe.simd import exp, maximum
 
 AT = MEMORY = 0
@@ -29,6 +30,11 @@ class Fibres(MaterialEffect):
         needs="two directions; in compression across the fibres they are stretched",
         neighbours="third-yeoh (the same in all directions), layer",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "k1_Pa": Sought((0.2, 1.0, 5.0), 0.0, 100.0, scale="modulus_Pa"),
+        "k2": Sought((0.1, 1.0, 5.0), 0.01, 50.0, kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("two directions",)
     k1_Pa: float = Field(ge=0.0, description="stiffness [Pa]")
     k2: float = Field(default=1.0, gt=0.0, description="how fast they stiffen")
     direction: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="of the fibres in the reference shape")

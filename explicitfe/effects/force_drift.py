@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Measurement
+from explicitfe.effects.effect import Description, Measurement, Sought
 
 
 class ForceDrift(Measurement):
@@ -23,6 +24,8 @@ class ForceDrift(Measurement):
         needs="long holds",
         neighbours="viscoelastic (saturates, goes with the load)",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"rate_N_s": Sought((-0.03, -0.2, 0.03, 0.2), -1.0, 1.0, scale="drift_N_s")}
+    requires: ClassVar[tuple[str, ...]] = ("tool", "time")
     rate_N_s: float = Field(description="drift [N/s]")
 
     @property

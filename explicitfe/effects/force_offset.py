@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Measurement
+from explicitfe.effects.effect import Description, Measurement, Sought
 
 
 class ForceOffset(Measurement):
@@ -23,6 +24,8 @@ class ForceOffset(Measurement):
         needs="rows before contact or small depths",
         neighbours="preload, contact-offset",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"offset_N": Sought((-0.02, -0.1, 0.02, 0.1), -0.5, 0.5, scale="force_N")}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     offset_N: float = Field(description="reading without a load [N]")
 
     @property

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Friction(Effect):
@@ -22,6 +23,8 @@ class Friction(Effect):
         needs="unloading (a loop at the first cycle), or two tool radii",
         neighbours="softening (no loop before the first maximum), C20 (stiffens alike), base-slip",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"coefficient": Sought((0.1, 0.3, 1.0), 0.0, 1.0)}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     coefficient: float = Field(ge=0.0, le=1.0, description="coefficient; at 1 next to nothing slips")
 
     @property

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Gravity(Effect):
@@ -22,6 +23,8 @@ class Gravity(Effect):
         needs="the density; two heights",
         neighbours="C10 itself, preload",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"acceleration_m_s2": Sought((9.81,), 0.0, 12.0)}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     acceleration_m_s2: float = Field(default=9.81, ge=0.0, description="acceleration [m/s^2]")
 
     @property

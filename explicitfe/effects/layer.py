@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Layer(Effect):
@@ -22,6 +23,11 @@ class Layer(Effect):
         needs="two tool radii, or depths that reach from the layer into what is below",
         neighbours="stiffness-gradient, third-yeoh, C10 itself",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "ratio": Sought((0.6, 0.25, 1.7, 4.0), 0.02, 50.0, kind="log", none=1.0),
+        "thickness_mm": Sought((0.05, 0.2), 0.01, 0.6, scale="height_mm", kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     thickness_mm: float = Field(gt=0.0, description="thickness [mm]")
     ratio: float = Field(gt=0.0, description="its moduli relative to the tissue below")
 

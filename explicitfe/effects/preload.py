@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Preload(Effect):
@@ -23,6 +24,8 @@ class Preload(Effect):
         needs="the raw force at the first row",
         neighbours="contact-offset, force-offset",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"force_N": Sought((0.005, 0.02, 0.08), 0.0, 0.3, scale="force_N")}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     force_N: float = Field(ge=0.0, description="force at displacement 0 [N]")
 
     @property

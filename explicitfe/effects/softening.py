@@ -6,11 +6,12 @@ Wm is the largest isochoric energy so far. On the way up eta is 1; below, the ti
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, MaterialEffect, number, remember, remembered
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 from explicitfe.simd import erf, exp, maximum
 
 AT = MEMORY = 0
@@ -30,6 +31,11 @@ class Softening(MaterialEffect):
         needs="unloading, or reloading below an earlier maximum",
         neighbours="viscoelastic (depends on time, relaxes in a hold); friction (loop at the first cycle too); cycle-drift",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "inverse_r": Sought((0.15, 0.4, 0.8), 0.0, 0.99),
+        "m_Pa": Sought((0.02, 0.1, 0.5), 2e-3, 10.0, scale="energy_Pa", kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("unloading",)
     inverse_r: float = Field(ge=0.0, lt=1.0, description="1/r, the largest share of the stress that can be lost")
     m_Pa: float = Field(gt=0.0, description="energy below which little softens [Pa]")
     beta: float = Field(default=0.1, ge=0.0, description="how the width of the transition grows with the past energy")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class StiffnessGradient(Effect):
@@ -24,6 +25,8 @@ class StiffnessGradient(Effect):
         needs="two tool radii, or two heights",
         neighbours="layer, base-slip",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"g": Sought((-0.3, -0.7, 0.3, 0.7), -0.9, 0.9)}
+    requires: ClassVar[tuple[str, ...]] = ("tool",)
     g: float = Field(gt=-1.0, lt=1.0, description="stiffer below (positive) or above (negative)")
 
     @property

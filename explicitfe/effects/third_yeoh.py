@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, MaterialEffect, number
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number
 
 AT = MEMORY = 0
 
@@ -24,6 +25,7 @@ class ThirdYeoh(MaterialEffect):
         needs="strains above about 0.4",
         neighbours="fibres (other directions), layer (small strains too), base friction (another radius)",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"C30_Pa": Sought((0.1, 0.5, 2.0), 0.0, 50.0, scale="third_Pa")}
     C30_Pa: float = Field(ge=0.0, description="third Yeoh constant [Pa]")
 
     @property

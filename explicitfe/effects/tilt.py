@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect
+from explicitfe.effects.effect import Description, Effect, Sought
 
 
 class Tilt(Effect):
@@ -24,6 +25,8 @@ class Tilt(Effect):
         needs="small depths: one side touches first",
         neighbours="contact-offset, layer",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {"angle_deg": Sought((2.0, 5.0), 0.0, 12.0, kind="square")}
+    requires: ClassVar[tuple[str, ...]] = ("tool", "flat tool")
     angle_deg: float = Field(ge=-20.0, le=20.0, description="angle [degrees]")
 
     @property

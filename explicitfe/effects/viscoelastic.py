@@ -8,12 +8,13 @@ Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from explicitfe.effects.effect import Description, MaterialEffect, number, remember, remembered
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 from explicitfe.materials.law import Law
 from explicitfe.materials.volumetric import bulk_modulus
 from explicitfe.simd import maximum, minimum
@@ -35,6 +36,12 @@ class Viscoelastic(MaterialEffect):
         needs="time: a hold, or two rates",
         neighbours="softening (no relaxation in a hold), drainage (needs a change of volume: two radii), friction",
     )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "g": Sought((0.1, 0.3, 0.6), 0.0, 0.98, kind="rest"),
+        "tau_s": Sought((0.002, 0.006, 0.02, 0.06, 0.2, 0.6), 5e-4, 5.0, scale="duration_s", kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("time",)
+    terms: ClassVar[int] = 3
     g: tuple[float, ...] = Field(description="share of the sudden stress that each term loses")
     tau_s: tuple[float, ...] = Field(description="relaxation time of each term [s]")
 
@@ -47,6 +54,15 @@ class Viscoelastic(MaterialEffect):
         if min(self.tau_s) <= 0.0:
             raise ValueError("tau_s must be above 0")
         return self
+
+    @classmethod
+    def made(cls, terms: Sequence[Mapping[str, float]]) -> Viscoelastic:
+        """Of the stress that the terms before it leave, each term loses its share ``g``: together never all of it."""
+        left, g = 1.0, []
+        for term in terms:
+            g.append(left * term["g"])
+            left -= g[-1]
+        return cls(g=tuple(g), tau_s=tuple(term["tau_s"] for term in terms))
 
     @property
     def strength(self) -> float:

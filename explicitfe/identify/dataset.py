@@ -442,6 +442,12 @@ class Dataset:
         return replace(self, curves=curves)
 
 
+def folder_name(path: Path | str) -> str:
+    """Name of the folder that a dataset is in."""
+    path = Path(path).resolve()
+    return path.parent.name if path.name == FILE_NAME else path.name
+
+
 def same_measurement(one: Curve, other: Curve) -> bool:
     """Whether two curves differ in ``digitisation`` only, so that they must stand on one side of a split.
 

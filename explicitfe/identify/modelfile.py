@@ -9,6 +9,11 @@ C20_Pa = 90.0
 
 [effects]                        # as in a scenario
 viscoelastic = { g = [0.3, 0.2], tau_s = [1.0, 20.0] }
+
+[numerics]                       # how tests under a tool are computed with it; these are the defaults
+refinement = 1.0
+density = 1.0
+tolerance = 1e-4
 """
 
 from __future__ import annotations
@@ -45,6 +50,14 @@ class Constants(_Table):
     C20_Pa: float = Field(default=0.0, ge=0.0, description="second constant [Pa]")
 
 
+class Numerics(_Table):
+    """How tests under a tool are computed: a prediction follows from the file alone."""
+
+    refinement: float = Field(default=1.0, gt=0.0, description="divides the element sizes")
+    density: float = Field(default=1.0, gt=0.0, description="multiplies the numbers of instants")
+    tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual of an equilibrium")
+
+
 def _grouped(value: Any) -> Any:
     if not isinstance(value, dict) or not value:
         raise ValueError("must be a table with C10_Pa and C20_Pa, or one such table a group")
@@ -62,6 +75,7 @@ class ModelFile(_Table):
     effects: EffectsTable = EffectsTable()
     specimen: dict[str, Any] = Field(default={}, description="keys that replace the dataset's")
     tool: dict[str, Any] = Field(default={}, description="keys that replace the dataset's")
+    numerics: Numerics = Numerics()
 
     def law(self, curve: Curve) -> Yeoh:
         """The elastic law of a curve.
@@ -115,19 +129,24 @@ class ModelFile(_Table):
     @property
     def text(self) -> str:
         """The file's text; read again it gives the same model, bit by bit."""
-        lines = [f"format = {_value(self.format)}"]
+        lines = [f"format = {toml_value(self.format)}"]
         if self.title:
-            lines.append(f"title = {_value(self.title)}")
-        lines.append(f"poisson = {_value(self.poisson)}")
+            lines.append(f"title = {toml_value(self.title)}")
+        lines.append(f"poisson = {toml_value(self.poisson)}")
         if self.constants_by is not None:
-            lines.append(f"constants_by = {_value(self.constants_by)}")
+            lines.append(f"constants_by = {toml_value(self.constants_by)}")
         for group, constants in self.constants.items():
             lines += ["", "[constants]" if group == EVERY else f"[constants.{_key(group)}]"]
-            lines += [f"{name} = {_value(number)}" for name, number in constants.model_dump().items()]
-        effects = self.effects.model_dump(by_alias=True, exclude_none=True)
-        for name, table in (("effects", effects), ("specimen", self.specimen), ("tool", self.tool)):
+            lines += [f"{name} = {toml_value(number)}" for name, number in constants.model_dump().items()]
+        tables = {
+            "effects": self.effects.model_dump(by_alias=True, exclude_none=True),
+            "specimen": self.specimen,
+            "tool": self.tool,
+            "numerics": self.numerics.model_dump(exclude_defaults=True),
+        }
+        for name, table in tables.items():
             if table:
-                lines += ["", f"[{name}]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
+                lines += ["", f"[{name}]", *(f"{_key(key)} = {toml_value(value)}" for key, value in table.items())]
         return "\n".join(lines) + "\n"
 
 
@@ -176,10 +195,10 @@ def write_model(model: ModelFile, path: Path | str) -> None:
 
 
 def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else _value(key)
+    return key if _BARE.fullmatch(key) else toml_value(key)
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
     """A value as TOML writes it."""
     if isinstance(value, bool):
         return str(value).lower()
@@ -188,7 +207,7 @@ def _value(value: Any) -> str:
         plain = "".join(escapes.get(c, c if c.isprintable() else f"\\U{ord(c):08X}") for c in value)
         return f'"{plain}"'
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(k)} = {_value(v)}" for k, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(k)} = {toml_value(v)}" for k, v in value.items()) + " }"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
+        return "[" + ", ".join(map(toml_value, value)) + "]"
     return repr(value)

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from explicitfe import point
 from explicitfe.effects import EFFECTS, Effect, MaterialEffect, Measurement
@@ -26,11 +27,12 @@ from explicitfe.errors import InputError, RunError, nearest
 from explicitfe.identify.course import Course, course_of
 from explicitfe.identify.dataset import Curve, read_dataset
 from explicitfe.identify.forward import is_uniform, setup_of
-from explicitfe.identify.modelfile import ModelFile, parse_model, read_model
+from explicitfe.identify.modelfile import ModelFile, Numerics, parse_model, read_model
+from explicitfe.identify.platens import UNIFORM, Platens
 from explicitfe.identify.selection import imposed, sd_of
 from explicitfe.identify.writing import checked_target
 from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.model.scenario import SpecimenTable, ToolTable, explain, validated
 from explicitfe.model.specimen import specimen_model
 from explicitfe.relax import Relaxation, Stuck
 
@@ -72,8 +74,9 @@ def predict(
     *,
     out: Path | str | None = None,
     curves: Sequence[str] = (),
-    refinement: float = 1.0,
-    density: float = 1.0,
+    refinement: float | None = None,
+    density: float | None = None,
+    tolerance: float | None = None,
     processes: int | None = None,
     overwrite: bool = False,
     report: Report = lambda stage, share: None,
@@ -86,8 +89,9 @@ def predict(
     model_path : model file, see :mod:`explicitfe.identify.modelfile`.
     out : folder for predict.json and a CSV a curve; nothing is written if left out.
     curves : ids; all if left out.
-    refinement : divides the element sizes.
-    density : multiplies the numbers of instants of tests under a tool.
+    refinement : divides the element sizes; the model's own if left out.
+    density : multiplies the numbers of instants of tests under a tool; the model's own if left out.
+    tolerance : relative force residual of an equilibrium; the model's own if left out.
     processes : at most so many; one a core if left out.
     overwrite : replace an earlier prediction.
     report : called with the stage and the share of it that is done.
@@ -105,8 +109,7 @@ def predict(
     dataset = read_dataset(dataset_path)
     if dataset.test == "trajectory":
         raise InputError(f"{dataset.path}: tests of specimens are predicted with a model file; this is a trajectory.")
-    if not refinement > 0.0 or not density > 0.0:
-        raise InputError("refinement and density must be above 0.")
+    model = _computed(model, refinement, density, tolerance)
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="prediction")
     try:
         dataset = model.grouped(dataset)
@@ -118,7 +121,7 @@ def predict(
             raise InputError(f'{dataset.path}: there is no curve "{name}"; {nearest(name, known)}')
     wanted = set(curves or known)
     tests = [test for test in experiments(dataset.curves) if wanted & {curve.id for curve in test}]
-    found = _all(tests, model, refinement, density, processes, report)
+    found = _all(tests, model, processes, report)
     rows = {}
     for curve in dataset.curves:
         if curve.id in wanted:
@@ -131,7 +134,7 @@ def predict(
         "dataset": dataset.name,
         "model": str(model_path),
         "effects": [EFFECTS_BY[type(effect)] for effect in model.effects.chosen],
-        "refinement": refinement,
+        **model.numerics.model_dump(),
         "curves": rows,
         "error": {side: {"curves": len(values), "nrmse": float(np.mean(values))} for side, values in sides.items()},
         "assumed": sorted({text for p in found.values() if isinstance(p, Predicted) for text in p.assumed}),
@@ -168,12 +171,12 @@ def predict_test(
     test: Sequence[Curve],
     model: ModelFile,
     *,
-    refinement: float = 1.0,
-    density: float = 1.0,
-    tolerance: float = 1e-4,
+    refinement: float | None = None,
+    density: float | None = None,
+    tolerance: float | None = None,
     report: Callable[[float], None] = lambda share: None,
 ) -> list[Predicted]:
-    """What a model answers to the curves of one test, see :func:`experiments`.
+    """What a model answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
 
     Raises
     ------
@@ -187,7 +190,17 @@ def predict_test(
         found = _homogeneous(test, law, effects)
         report(1.0)
         return found
-    return _under_a_tool(test, law, effects, refinement, density, tolerance, report)
+    return _under_a_tool(test, law, effects, _computed(model, refinement, density, tolerance).numerics, report)
+
+
+def _computed(model: ModelFile, refinement: float | None, density: float | None, tolerance: float | None) -> ModelFile:
+    """The model with other numerics, where they are given."""
+    given = {"refinement": refinement, "density": density, "tolerance": tolerance}
+    data = model.numerics.model_dump() | {name: value for name, value in given.items() if value is not None}
+    try:
+        return model.model_copy(update={"numerics": validated(Numerics, data)})
+    except ValidationError as error:
+        raise InputError(explain(error, data, Numerics)) from None
 
 
 def effects_of(curve: Curve, model: ModelFile) -> tuple[Effect, ...]:
@@ -307,9 +320,7 @@ def _under_a_tool(
     test: Sequence[Curve],
     law: Yeoh,
     effects: Sequence[Effect],
-    refinement: float,
-    density: float,
-    tolerance: float,
+    numerics: Numerics,
     report: Callable[[float], None],
 ) -> list[Predicted]:
     begin = time.perf_counter()
@@ -317,31 +328,29 @@ def _under_a_tool(
     by_force = first.imposed == "force_N"
     readings = [effect for effect in effects if isinstance(effect, Measurement)]
     physics = [effect for effect in effects if not isinstance(effect, Measurement)]
-    setup = setup_of(first, law.poisson, refinement)
+    setup = setup_of(first, law.poisson, numerics.refinement)
     time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, _starts(test), strict=True)])
-    way = np.concatenate([_true(imposed(curve), curve, readings, by_force) for curve in test])
+    way = np.concatenate([true_way(imposed(curve), curve, readings, by_force) for curve in test])
     tied = first.tool.shape == "bonded-disc"
-    uniform = is_uniform(setup) and not by_force and all(isinstance(e, MaterialEffect | Compressible) for e in physics)
+    uniform = is_uniform(setup) and not by_force and all(isinstance(effect, UNIFORM) for effect in physics)
     sd = sd_of(first, first.imposed) or 0.0
-    lifts = None if by_force or tied or uniform else LIFTS.get(first.tool.shape, 1.0)
-    course = course_of(time_s, way, sd=sd, waits=has_waits(physics), density=density, touches=not tied)
+    lifts = None if by_force or tied else LIFTS.get(first.tool.shape, 1.0)
+    course = course_of(time_s, way, sd=sd, waits=has_waits(physics), density=numerics.density, touches=not tied)
     iterations = 0
     if uniform:
         size = first.specimen
-        stretch = 1.0 - np.maximum(course.imposed, 0.0) / (1e-3 * size.thickness_mm)
-        for effect in physics:
-            if isinstance(effect, Compressible):
-                law = law.model_copy(update={"poisson": effect.poisson})
-        material = [effect for effect in physics if isinstance(effect, MaterialEffect)]
-        stress = point.uniaxial(law, material, course.time_s, stretch)
-        # a platen only presses
-        answers = np.where(course.imposed > 0.0, np.maximum(-1e-6 * size.face_mm2 * stress, 0.0), 0.0)
-    else:
+        made = Platens.of(law, physics, 1e-3 * size.thickness_mm, 1e-6 * size.face_mm2)
+        try:
+            course, answers, lost = made.followed(course)
+            lifts = lifts if lost else None
+        except RunError:  # the simulator gets there by smaller steps
+            uniform = False
+    if not uniform:
         data = dict(setup.specimen)
         if data["symmetry"] == "sector" and any(isinstance(e, Fibres) and any(e.direction[:2]) for e in physics):
             data["symmetry"] = "quarter"
         specimen = SpecimenTable(**data, material=law.model_dump())
-        body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), tolerance)
+        body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), numerics.tolerance)
         body.compile()
         course, answers, iterations = _driven(body, course, by_force, lifts is not None, first.id, report)
     values = course.at(answers, time_s, lifts)
@@ -350,7 +359,7 @@ def _under_a_tool(
     for curve in test:
         mine, values = values[: len(curve.time_s)], values[len(curve.time_s) :]
         instants, shared = len(course.time_s) // len(test), iterations // len(test)
-        found.append(Predicted(_read(mine, curve, readings, by_force), instants, shared, seconds, setup.assumed))
+        found.append(Predicted(reading(mine, curve, readings, by_force), instants, shared, seconds, setup.assumed))
     return found
 
 
@@ -391,7 +400,7 @@ def _leaves(force_N: Sequence[float], course: Course, number: int) -> bool:
     return 0.0 < last <= pace * (course.time_s[number] - course.time_s[number - 1]) * EARLY
 
 
-def _true(read: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
+def true_way(read: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
     """What was imposed indeed, where the machine read so."""
     for effect in reversed(readings):
         if by_force:
@@ -405,7 +414,7 @@ def _true(read: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_fo
     return read
 
 
-def _read(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
+def reading(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
     """What the machine reads, where it is so indeed."""
     for effect in readings:
         if by_force:
@@ -418,9 +427,9 @@ def _read(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_fo
 # ---- all tests ----
 
 
-def _job(test: Sequence[Curve], text: str, refinement: float, density: float) -> list[Predicted] | str:
+def _job(test: Sequence[Curve], text: str) -> list[Predicted] | str:
     try:
-        return predict_test(test, parse_model(text), refinement=refinement, density=density)
+        return predict_test(test, parse_model(text))
     except RunError as error:
         return str(error)
 
@@ -428,8 +437,6 @@ def _job(test: Sequence[Curve], text: str, refinement: float, density: float) ->
 def _all(
     tests: Sequence[Sequence[Curve]],
     model: ModelFile,
-    refinement: float,
-    density: float,
     processes: int | None,
     report: Report,
 ) -> dict[str, Predicted | str]:
@@ -444,21 +451,21 @@ def _all(
     report("predict", 0.0)
     # The first one here: it makes the machine code, which the other processes then only load.
     text = model.text
-    keep(tests[0], _job(tests[0], text, refinement, density))
+    keep(tests[0], _job(tests[0], text))
     rest = list(tests[1:])
     workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, len(rest))
     workers = min(workers, processes or workers)
     if workers > 1 and tests[0][0].tool is not None:
         try:
             with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-                jobs = {pool.submit(_job, test, text, refinement, density): test for test in rest}
+                jobs = {pool.submit(_job, test, text): test for test in rest}
                 for job in as_completed(jobs):
                     keep(jobs[job], job.result())
             return found
         except BrokenProcessPool:  # no process can be started from where this one came from
             rest = [test for test in rest if test[0].id not in found]
     for test in rest:
-        keep(test, _job(test, text, refinement, density))
+        keep(test, _job(test, text))
     return found
 
 

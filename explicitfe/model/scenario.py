@@ -169,6 +169,11 @@ class _Effects(_Table):
         there = (getattr(self, name) for name in type(self).model_fields)
         return tuple(effect for effect in there if effect is not None)
 
+    def without(self, effects: Sequence[Effect]) -> _Effects:
+        """The others."""
+        names = [name for name in type(self).model_fields if any(getattr(self, name) is effect for effect in effects)]
+        return self.model_copy(update=dict.fromkeys(names))
+
 
 # One key an effect: a new effect is possible in scenarios without a word here. Names have dashes, attributes cannot.
 EffectsTable = create_model(

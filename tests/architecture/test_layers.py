@@ -33,6 +33,8 @@ RANKS = [
     {"prepared", "view"},
     {"indentation"},
     {"runner", "identify"},
+    {"discrepancy"},
+    {"blind"},
     {"check", "show"},
     {"__init__"},
     {"cli"},

@@ -17,7 +17,7 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.identify.course import bends, course_of
 from explicitfe.identify.dataset import read_dataset
 from explicitfe.identify.effects_fit import Unknown, fit_effects, series
-from explicitfe.identify.modelfile import EVERY, Constants, ModelFile, parse_model, read_model, write_model
+from explicitfe.identify.modelfile import EVERY, Constants, ModelFile, Numerics, parse_model, read_model, write_model
 from explicitfe.identify.predict import effects_of, experiments, predict, predict_test
 from explicitfe.materials.yeoh import Yeoh
 
@@ -212,6 +212,19 @@ def test_force_that_is_imposed_gives_the_displacement_back(tmp_path, soft):
     assert np.abs(found - d[rows])[5:].max() < 0.01 * DEEP_M
 
 
+def test_numerics_of_the_model_file_are_used(tmp_path, soft):
+    """The model's own where nothing else is asked for; none are written where all are the usual ones."""
+    curve = curve_of(indentation(tmp_path / "data"))
+    coarse = model(PRONY, numerics=Numerics(refinement=COARSE))
+    assert np.array_equal(predict_test([curve], parse_model(coarse.text))[0].values, soft[1.0].values)
+    dense = predict_test([curve], model(PRONY, numerics=Numerics(refinement=0.1, density=2.0)), refinement=COARSE)[0]
+    assert np.array_equal(dense.values, soft[2.0].values)
+    assert "refinement = 0.7\n" in coarse.text and "density" not in coarse.text
+    assert "numerics" not in model(PRONY).text
+    with pytest.raises(InputError, match=r"refinement = 0\.0 is not possible"):
+        predict_test([curve], coarse, refinement=0.0)
+
+
 def test_in_parallel_as_one_by_one(tmp_path, soft):
     data = indentation(tmp_path / "data", copies=3)
     path = saved(tmp_path, model(PRONY))
@@ -220,7 +233,9 @@ def test_in_parallel_as_one_by_one(tmp_path, soft):
         assert np.array_equal(row["rows"]["predicted"], soft[1.0].values)
     assert (tmp_path / "out" / "predict.json").is_file()
     assert len((tmp_path / "out" / "curve-1.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(programme()[0])
-    assert read_model(tmp_path / "out" / "model.toml") == model(PRONY)
+    # with what it was computed with: the file alone makes the prediction again
+    assert read_model(tmp_path / "out" / "model.toml") == model(PRONY, numerics=Numerics(refinement=COARSE))
+    assert (found["refinement"], found["density"], found["tolerance"]) == (COARSE, 1.0, 1e-4)
     with pytest.raises(InputError, match="earlier prediction"):
         predict(data, path, refinement=COARSE, out=tmp_path / "out")
     (tmp_path / "other").mkdir()
@@ -250,6 +265,88 @@ def test_cycles_of_one_specimen_are_one_test(tmp_path):
     more = {name: f"group = 'a'\nconditions = {{ cycle = {number} }}" for name, number in (("late", 2), ("early", 1))}
     data = write(tmp_path / "data", dict.fromkeys(more, (d, 1.0 + t)), control="displacement", more=more)
     assert [[c.id for c in test] for test in experiments(read_dataset(data).curves)] == [["early", "late"]]
+
+
+# ---- between platens ----
+
+PLATEN = """format = "explicitfe-dataset/1"
+name = "platen"
+title = "Made"
+test = "compression"
+[specimen]
+shape = "cylinder"
+radius_mm = 10.0
+height_mm = 12.0
+base = "frictionless"
+[tool]
+shape = "platen"
+control = "displacement"
+friction = 0.0
+[[curve]]
+id = "one"
+file = "one.csv"
+"""
+SERIES = "viscoelastic = { g = [0.4, 0.2], tau_s = [0.5, 20.0] }\n"
+
+
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory):
+    """Ramp, hold, off, and soon in again: contact is lost before the way is back, and found late."""
+    folder = tmp_path_factory.mktemp("platen")
+    t = np.linspace(0.0, 30.0, 100)
+    d = np.interp(t, [0.0, 8.0, 16.0, 20.0, 21.0, 26.0, 30.0], [0.0, 4.0, 4.0, -0.3, -0.3, 4.0, 0.0])
+    rows = "".join(f"{a:.12g},{b:.12g},1\n" for a, b in zip(t, d, strict=True))
+    (folder / "one.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}", encoding="utf-8")
+    (folder / "dataset.toml").write_text(PLATEN, encoding="utf-8")
+    return read_dataset(folder).curves[0]
+
+
+@pytest.mark.parametrize(
+    ("effects", "density"),
+    [
+        ("compliance = { compliance_mm_N = 2.0 }\n", 1.0),
+        ("preload = { force_N = 0.05 }\n", 1.0),
+        (SERIES, 3.0),
+        (SERIES + "compliance = { compliance_mm_N = 2.0 }\n", 1.0),
+        (SERIES + "compliance = { compliance_mm_N = 1.0 }\npreload = { force_N = 0.05 }\n", 3.0),
+    ],
+)
+def test_platens_as_the_simulator_has_them(pressed, monkeypatch, effects, density):
+    """The homogeneous state and finite elements, to 0.1 % of the peak; these need denser instants to find contact again."""
+    from explicitfe.identify import predict as module
+
+    tissue = parse_model(model().text + "[effects]\n" + effects)
+    exact = predict_test([pressed], tissue, density=density)[0]
+    assert exact.iterations == 0
+    monkeypatch.setattr(module, "is_uniform", lambda setup: False)
+    meshed = predict_test([pressed], tissue, density=density, tolerance=1e-5)[0]
+    assert meshed.iterations > 0
+    assert np.abs(exact.values - meshed.values).max() < 1e-3 * meshed.values.max()
+
+
+def test_a_rig_that_gives_way_shifts_an_elastic_curve(pressed):
+    """d = d_tool + c F exactly: on the ramp the force at d is that of the stiff rig at d - c F."""
+    stiff = parse_model(model().text)
+    soft = parse_model(stiff.text + "[effects]\ncompliance = { compliance_mm_N = 2.0 }\n")
+    ramp = pressed.time_s < 8.0
+    force = predict_test([pressed], soft)[0].values
+    way = pressed.displacement_m - 2e-3 * force
+    answer = -1e-6 * pressed.specimen.face_mm2 * point.uniaxial(stiff.law(pressed), (), pressed.time_s, 1.0 - way / 12e-3)
+    # between instants the curve is interpolated
+    assert np.abs(answer - force)[ramp].max() < 1e-3 * force.max()
+
+
+def test_where_no_homogeneous_state_is_found_the_simulator_goes_on(pressed, monkeypatch):
+    from explicitfe.identify.platens import Platens
+
+    def none(self, course):
+        raise RunError("not found")
+
+    exact = predict_test([pressed], model())[0].values
+    monkeypatch.setattr(Platens, "followed", none)
+    found = predict_test([pressed], model())[0]
+    assert found.iterations > 0
+    assert np.abs(found.values - exact).max() < 1e-3 * exact.max()
 
 
 # ---- instants ----
@@ -296,6 +393,7 @@ def test_a_model_file_comes_back_exactly(tmp_path):
         effects.preload = { force_N = 0.01 }
         tool = { radius_mm = 4.5 }
         specimen.base = "bonded"
+        numerics = { refinement = 0.3, density = 2, tolerance = 3.3333333333333333e-5 }
         """
     )
     write_model(made, tmp_path / "model.toml")
@@ -320,6 +418,8 @@ SOFT = HEAD + "[constants]\nC10_Pa = 1.0\n"
         (SOFT + "[effects]\nviscoelastic = { g = [1.1], tau_s = [1.0] }\n", "add up to less than 1"),
         (HEAD + "poisson = 0.5\n[constants]\nC10_Pa = 1.0\n", "poisson = 0.5"),
         (HEAD + "constants = 1\n", "must be a table"),
+        (SOFT + "[numerics]\nrefinment = 2.0\n", 'did you mean "refinement"'),
+        (SOFT + "[numerics]\ntolerance = 0.1\n", "numerics.tolerance = 0.1 is not possible"),
         ("format = \n", "not valid TOML"),
     ],
 )

@@ -1,0 +1,57 @@
+"""The blind study: cases with a sealed truth, the loop closed on each, and the tables.
+
+    python benchmarks/blind_study.py OUT [--seed 2026] [--processes 2] [--limit 1800] [--small] [--only homogeneous]
+
+OUT receives a folder a family, each with its cases, reports, score.json, score.md and confusion.png, and tables.md with both.
+What is there already is not made again, so that a study that was stopped goes on. Making the cases takes about half an
+hour for each family on one core; how long the tool takes is in the tables.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from explicitfe.blind.make import MANIFEST, make
+from explicitfe.blind.score import score
+
+STUDY = {
+    "homogeneous": {"control": 110, "single": 220, "double": 40, "outside": 30},
+    "indentation": {"control": 15, "single": 30},
+}
+SMALL = 10  # a small study has so many times fewer cases
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--limit", type=float, default=None, help="seconds after which a case is stopped")
+    parser.add_argument("--small", action="store_true", help=f"{SMALL} times fewer cases")
+    parser.add_argument("--only", choices=STUDY)
+    options = parser.parse_args()
+    texts = []
+    for family, kinds in STUDY.items():
+        if options.only not in (None, family):
+            continue
+        folder = options.out / family
+        if options.small:
+            kinds = {kind: max(number // SMALL, 1) for kind, number in kinds.items()}
+        progress = _progress(family)
+        if not (folder / MANIFEST).is_file():
+            make(folder, seed=options.seed, kinds=kinds, family=family, processes=options.processes, report=progress)
+        score(folder, processes=options.processes, limit_s=options.limit, report=progress)
+        texts.append(f"<!-- {family}, seed {options.seed} -->\n{(folder / 'score.md').read_text(encoding='utf-8')}")
+    (options.out / "tables.md").write_text("\n".join(texts), encoding="utf-8")
+
+
+def _progress(family: str):
+    return lambda stage, share: print(f"{family}: {stage} {100.0 * share:.0f} %", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,156 @@
+"""The tool on every case, then the truth: reports first, sealed files only when all reports are there."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+import time
+import traceback
+from collections.abc import Callable
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any
+
+from explicitfe.blind import tables
+from explicitfe.blind.outcome import outcome
+from explicitfe.errors import InputError
+
+Report = Callable[[str, float], None]
+LOOK_S = 0.2  # between two looks at the processes
+
+
+def score(
+    directory: Path | str,
+    *,
+    processes: int = 2,
+    max_effects: int = 3,
+    limit_s: float | None = None,
+    report: Report = lambda stage, share: None,
+) -> dict[str, Any]:
+    """Close the loop on every case that has no report yet, then score all of them.
+
+    Parameters
+    ----------
+    directory : a folder of :func:`explicitfe.blind.make.make`; receives ``reports/``, score.json, score.md, confusion.png.
+    processes : cases at the same time, each in a process of its own.
+    max_effects : passed on.
+    limit_s : a case that takes longer is stopped, and counts as failed.
+    report : called with the stage and the share of it that is done.
+
+    Returns
+    -------
+    score.json: ``tables`` and ``cases``.
+
+    Raises
+    ------
+    InputError : the folder holds no cases.
+    """
+    directory = Path(directory)
+    names = sorted(path.name for path in (directory / "cases").glob("case-*") if path.is_dir())
+    if not names:
+        raise InputError(f"{directory}: there are no cases here; make some first.")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the parallel part
+    _run(directory, names, processes, max_effects, limit_s, report)
+    rows = []
+    for name in names:
+        found, wall_s = _result(directory, name)
+        truth = json.loads((directory / "sealed" / f"{name}.json").read_text(encoding="utf-8"))
+        rows.append({"case": name, "truth": truth, "report": found, "outcome": outcome(found, truth), "wall_s": wall_s})
+    result = {"tables": tables.tables(rows), "cases": [_brief(row) for row in rows]}
+    (directory / "score.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    (directory / "score.md").write_text(tables.markdown(result["tables"]), encoding="utf-8")
+    tables.picture(result["tables"]["confusion"], directory / "confusion.png")
+    return result
+
+
+def _brief(row: dict[str, Any]) -> dict[str, Any]:
+    truth, found = row["truth"], row["report"]
+    return {
+        "case": row["case"],
+        "outcome": row["outcome"],
+        "kind": truth["kind"],
+        "sub": truth["sub"],
+        "true": sorted(truth["effects"]),
+        "identifiable": truth["identifiable"],
+        "protocol": truth["protocol"],
+        "noise": truth["noise"]["level"],
+        "verdict": found.get("verdict"),
+        "remainder": found.get("remainder"),
+        "found": found.get("effects"),
+        "ambiguous_with": found.get("ambiguous_with"),
+        "problem": found.get("problem"),
+        "wall_s": row["wall_s"],
+    }
+
+
+# ---- running ----
+
+
+def _run(directory: Path, names: list[str], processes: int, max_effects: int, limit_s: float | None, report: Report) -> None:
+    """Reports of all cases that have none, a process a case: a crash takes nothing else with it."""
+    reports = directory / "reports"
+    reports.mkdir(exist_ok=True)
+    left = [name for name in names if not (reports / name / "report.json").is_file()]
+    context = multiprocessing.get_context("spawn")
+    running: dict[str, tuple[BaseProcess, float]] = {}
+    todo = left[::-1]
+    done = len(names) - len(left)
+    report("close-loop", done / len(names))
+    while todo or running:
+        while todo and len(running) < processes:
+            name = todo.pop()
+            if (reports / name).is_dir():  # what an earlier crash left behind
+                shutil.rmtree(reports / name)
+            job = context.Process(target=_close, args=(str(directory), name, max_effects))
+            job.start()
+            running[name] = job, time.perf_counter()
+        time.sleep(LOOK_S)
+        for name, (job, begin) in list(running.items()):
+            taken = time.perf_counter() - begin
+            late = limit_s is not None and taken > limit_s
+            if job.is_alive() and not late:
+                continue
+            if job.is_alive():
+                job.kill()
+            job.join()
+            del running[name]
+            _record(reports, name, taken, f"stopped after {taken:.0f} s" if late else f"ended with {job.exitcode}")
+            done += 1
+            report("close-loop", done / len(names))
+
+
+def _close(directory: str, name: str, max_effects: int) -> None:
+    """One case, in its own process."""
+    reports = Path(directory) / "reports"
+    try:
+        from explicitfe.discrepancy.close_loop import close_loop
+
+        out = reports / name
+        close_loop(Path(directory) / "cases" / name, out=out, max_effects=max_effects, processes=1, overwrite=True)
+    except BaseException:
+        (reports / f"{name}.traceback").write_text(traceback.format_exc(), encoding="utf-8")
+        raise SystemExit(1) from None
+
+
+def _record(reports: Path, name: str, taken: float, end: str) -> None:
+    """How a case ended."""
+    trace = reports / f"{name}.traceback"
+    run: dict[str, Any] = {"status": "done", "wall_s": taken}
+    if not (reports / name / "report.json").is_file():
+        text = trace.read_text(encoding="utf-8") if trace.is_file() else end
+        run = {"status": "crashed", "wall_s": taken, "problem": text}
+    trace.unlink(missing_ok=True)
+    (reports / f"{name}.run.json").write_text(json.dumps(run, indent=1) + "\n", encoding="utf-8")
+
+
+def _result(directory: Path, name: str) -> tuple[dict[str, Any], float | None]:
+    """The report of a case, or of its crash; the seconds it took, if they are known."""
+    reports = directory / "reports"
+    ran = reports / f"{name}.run.json"
+    run = json.loads(ran.read_text(encoding="utf-8")) if ran.is_file() else {"wall_s": None, "problem": "never run"}
+    path = reports / name / "report.json"
+    if path.is_file():
+        return json.loads(path.read_text(encoding="utf-8")), run["wall_s"]
+    return {"verdict": "failed", "effects": [], "problem": run["problem"]}, run["wall_s"]

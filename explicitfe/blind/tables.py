@@ -1,0 +1,251 @@
+"""From outcomes to tables: proportions with their Clopper-Pearson intervals, in JSON and in Markdown, and one picture."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from explicitfe.blind import outcome as words
+
+Row = Mapping[str, Any]  # a case: its truth, its report, its outcome
+OTHER = ("several", "ambiguous", "unexplained", "none", "failed")  # columns of the confusion matrix beside effects
+
+
+def proportion(count: int, of: int) -> dict[str, Any]:
+    """A count, its share and the 95 % interval of that share (Clopper & Pearson 1934)."""
+    if of == 0:
+        return {"count": 0, "of": 0, "share": None, "ci95": None}
+    interval = binomtest(count, of).proportion_ci(confidence_level=0.95, method="exact")
+    return {"count": count, "of": of, "share": count / of, "ci95": [float(interval.low), float(interval.high)]}
+
+
+def tables(rows: Sequence[Row]) -> dict[str, Any]:
+    """All tables of a scored set."""
+    kinds = {kind: [row for row in rows if row["truth"]["kind"] == kind] for kind in words.WORDS}
+    singles = kinds["single"]
+    clear = [row for row in singles if row["truth"]["identifiable"]]
+    unclear = [row for row in singles if not row["truth"]["identifiable"]]
+    alarms = [row for row in kinds["control"] if row["outcome"] in words.ALARMS]
+    wrong = "confidently wrong"
+    return {
+        "headline": {
+            "false alarms in controls": proportion(len(alarms), len(kinds["control"])),
+            "right, identifiable singles": _count(clear, "right"),
+            "confidently wrong, identifiable singles": _count(clear, wrong),
+            "confidently wrong, other singles": _count(unclear, wrong),
+            "confidently wrong, all with an effect": _count([*singles, *kinds["double"], *kinds["outside"]], wrong),
+        },
+        "controls": _by(kinds["control"], lambda row: row["truth"]["sub"], words.CONTROL),
+        "identifiable singles": _by(clear, _effect, words.SINGLE),
+        "other singles": _by(unclear, _effect, words.SINGLE),
+        "identifiable singles, by noise": _by(clear, _level, words.SINGLE),
+        "controls, by noise": _by(kinds["control"], _level, words.CONTROL),
+        "identifiable singles, noise stated or not": _by(clear, _stated, words.SINGLE),
+        "doubles": _by(kinds["double"], _clear, words.DOUBLE),
+        "outside the library": _by(kinds["outside"], lambda row: f"{row['truth']['sub']}, {_clear(row)}", words.OUTSIDE),
+        "confusion": confusion(rows),
+        "held-out error": {kind: _held_out(mine) for kind, mine in kinds.items() if mine},
+        "intervals": _coverage(rows),
+        "seconds": _seconds(rows),
+    }
+
+
+def _effect(row: Row) -> str:
+    return next(iter(row["truth"]["effects"]))
+
+
+def _level(row: Row) -> str:
+    return f"{100.0 * row['truth']['noise']['level']:g} %"
+
+
+def _stated(row: Row) -> str:
+    return "stated" if row["truth"]["noise"]["stated"] else "not stated"
+
+
+def _clear(row: Row) -> str:
+    return "identifiable" if row["truth"]["identifiable"] else "not identifiable"
+
+
+def _count(rows: Sequence[Row], word: str) -> dict[str, Any]:
+    return proportion(sum(row["outcome"] == word for row in rows), len(rows))
+
+
+def _by(rows: Sequence[Row], key: Callable[[Row], str], possible: Sequence[str]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Key of the cases -> word -> proportion; a last line for all of them."""
+    found = {}
+    for name in sorted({key(row) for row in rows}):
+        mine = [row for row in rows if key(row) == name]
+        found[name] = {word: _count(mine, word) for word in possible}
+    return found | {"all": {word: _count(rows, word) for word in possible}}
+
+
+def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
+    """What was in the data -> what was found -> number of cases; of controls, identifiable singles, and what is outside."""
+    found: dict[str, Counter[str]] = {}
+    for row in rows:
+        truth = row["truth"]
+        if truth["kind"] == "control":
+            name = "none (control)"
+        elif truth["kind"] == "single" and truth["identifiable"]:
+            name = _effect(row)
+        elif truth["kind"] == "outside":
+            name = f"outside: {truth['sub']}"
+        else:
+            continue
+        found.setdefault(name, Counter())[_found(row["report"])] += 1
+    order = sorted(found, key=lambda name: (name.startswith("outside"), name.startswith("none"), name))
+    return {name: dict(found[name]) for name in order}
+
+
+def _found(report: Mapping[str, Any]) -> str:
+    verdict = report.get("verdict", "failed")
+    if verdict != "effect-found":
+        return {"no-missing-effect": "none"}.get(verdict, verdict)
+    effects = list(report["effects"])
+    return effects[0] if len(effects) == 1 else "several"
+
+
+def _held_out(rows: Sequence[Row]) -> dict[str, Any]:
+    """Median nrmse of the held-out curves before and after, of the cases that have both."""
+    pairs = []
+    for row in rows:
+        ends = [row["report"].get(end, {}).get("error", {}).get("holdout") or {} for end in ("baseline", "final")]
+        values = [end.get("nrmse") for end in ends]
+        if None not in values:
+            pairs.append(values)
+    before, after = np.median(pairs, axis=0).tolist() if pairs else (None, None)
+    return {"cases": len(pairs), "before": before, "after": after}
+
+
+def _coverage(rows: Sequence[Row]) -> dict[str, Any]:
+    """Parameter -> how often its interval covers the truth, and the median relative width; recovered models only."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for row in rows:
+        if words.recovered(row["report"], row["truth"]):
+            for interval in words.intervals(row["report"], row["truth"]):
+                found.setdefault(interval["name"], []).append(interval)
+    entries = {}
+    for name in sorted(found, key=lambda name: (name not in ("C10_Pa", "C20_Pa"), name)):
+        widths = [interval["width"] for interval in found[name] if interval["width"] is not None]
+        covered = proportion(sum(interval["covers"] for interval in found[name]), len(found[name]))
+        entries[name] = covered | {"median_width": float(np.median(widths)) if widths else None}
+    return entries
+
+
+def _seconds(rows: Sequence[Row]) -> dict[str, float | None]:
+    times = [row["wall_s"] for row in rows if row["wall_s"] is not None]
+    if not times:
+        return {"median": None, "largest": None, "sum": None}
+    return {"median": float(np.median(times)), "largest": max(times), "sum": sum(times)}
+
+
+# ---- for people ----
+
+
+def markdown(found: Mapping[str, Any]) -> str:
+    """The tables as text."""
+    parts = ["# Blind study", ""]
+    parts += _table(["", "share", "95 % interval", "cases"], ([name, *_cells(p)] for name, p in found["headline"].items()))
+    for name in (
+        "controls",
+        "controls, by noise",
+        "identifiable singles",
+        "other singles",
+        "identifiable singles, by noise",
+        "identifiable singles, noise stated or not",
+        "doubles",
+        "outside the library",
+    ):
+        table = found[name]
+        if table["all"] and next(iter(table["all"].values()))["of"] == 0:
+            continue
+        heads = list(table["all"])
+        parts += ["", f"## {name[0].upper()}{name[1:]}", ""]
+        parts += _table(
+            ["", "cases", *heads],
+            ([key, str(next(iter(row.values()))["of"]), *(_short(p) for p in row.values())] for key, row in table.items()),
+        )
+    parts += ["", "## Confusion matrix", "", "Controls, identifiable singles, and what is outside the library.", ""]
+    columns = _columns(found["confusion"])
+    parts += _table(
+        ["in the data", *columns],
+        ([name, *(str(row.get(c, "")) for c in columns)] for name, row in found["confusion"].items()),
+    )
+    parts += ["", "## Held-out error", "", "Median nrmse of the held-out curves, in % of their peak.", ""]
+    parts += _table(
+        ["", "cases", "before", "after"],
+        (
+            [kind, str(e["cases"]), _percent(e["before"], 2), _percent(e["after"], 2)]
+            for kind, e in found["held-out error"].items()
+        ),
+    )
+    parts += ["", "## 95 % intervals", "", "Of the models that have the effects of the truth.", ""]
+    parts += _table(
+        ["parameter", "covers", "95 % interval", "cases", "median width, of the value"],
+        ([name, *_cells(entry), _percent(entry["median_width"], 1)] for name, entry in found["intervals"].items()),
+    )
+    seconds = found["seconds"]
+    if seconds["median"] is not None:
+        line = f"Seconds a case: median {seconds['median']:.0f}, largest {seconds['largest']:.0f}; all {seconds['sum']:.0f}."
+        parts += ["", line]
+    return "\n".join(parts) + "\n"
+
+
+def _columns(matrix: Mapping[str, Mapping[str, int]]) -> list[str]:
+    """Effects that were in the data or were found, and the other answers."""
+    effects = [name for name in matrix if not name.startswith(("none (", "outside: "))]
+    more = sorted({c for row in matrix.values() for c in row} - set(effects) - set(OTHER))
+    return [*effects, *more, *OTHER]
+
+
+def _table(heads: Sequence[str], rows: Iterable[Iterable[str]]) -> list[str]:
+    lines = [f"| {' | '.join(cells)} |" for cells in (heads, *rows)]
+    return [lines[0], "|" + "---|" * len(heads), *lines[1:]]
+
+
+def _percent(value: float | None, digits: int = 0) -> str:
+    return "-" if value is None else f"{100.0 * value:.{digits}f} %"
+
+
+def _cells(p: Mapping[str, Any]) -> list[str]:
+    if p["share"] is None:
+        return ["-", "-", "0"]
+    low, high = p["ci95"]
+    return [_percent(p["share"], 1), f"{100.0 * low:.1f} to {100.0 * high:.1f} %", str(p["of"])]
+
+
+def _short(p: Mapping[str, Any]) -> str:
+    if p["share"] is None or p["count"] == 0:
+        return "0"
+    low, high = p["ci95"]
+    return f"{p['count']} ({100.0 * p['share']:.0f} %, {100.0 * low:.0f} to {100.0 * high:.0f})"
+
+
+def picture(matrix: Mapping[str, Mapping[str, int]], path: Path) -> None:
+    """The confusion matrix, shaded by the share of its row."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = _columns(matrix)
+    counts = np.array([[row.get(c, 0) for c in columns] for row in matrix.values()], dtype=float).reshape(-1, len(columns))
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    figure = Figure(figsize=(2.6 + 0.55 * len(columns), 2.2 + 0.42 * len(matrix)), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+    for (i, j), count in np.ndenumerate(counts):
+        if count > 0:
+            colour = "white" if shares[i, j] > 0.6 else "black"
+            axes.text(j, i, f"{count:.0f}", ha="center", va="center", fontsize=9, color=colour)
+    axes.set_xticks(range(len(columns)), columns, rotation=45, ha="right", fontsize=9)
+    axes.set_yticks(range(len(matrix)), list(matrix), fontsize=9)
+    axes.axvline(len(columns) - len(OTHER) - 0.5, color="0.6", lw=0.8)
+    axes.set_xlabel("found")
+    axes.set_ylabel("in the data")
+    axes.set_title("Cases by what was in the data and what was found", loc="left", fontsize=10)
+    figure.savefig(path, dpi=150)

@@ -1,0 +1,274 @@
+"""The loop: fit, residual, candidates, refit, again; from a system to a verdict, with nothing of files in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from explicitfe.discrepancy.covariance import Covariance, stacked
+from explicitfe.discrepancy.fingerprints import (
+    DISTINCT,
+    LEVEL,
+    SIGNIFICANT,
+    LackOfFit,
+    Score,
+    fingerprints,
+    lack_of_fit,
+    outside,
+    scores,
+)
+from explicitfe.discrepancy.noise import RowNoise, Scatter, row_noise, scatter
+from explicitfe.discrepancy.refit import Fitted, cross_validated, refit
+from explicitfe.discrepancy.system import Hypothesis, System
+from explicitfe.errors import RunError
+
+Verdict = Literal["failed", "no-missing-effect", "unexplained", "ambiguous", "effect-found"]
+Remainder = Literal["at-floor", "unexplained", "ambiguous"]
+MOST_REFITTED, MOST_REFITTED_ROUGH = 8, 4
+NEAR = 60.0  # of chi2: candidates this near to the best are refitted too, for they may be mistaken for it
+WORTH, WORTH_A_MESH = 0.25, 0.6  # of the best drop: a candidate is refitted
+FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
+HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
+NOISE_SHARE = 0.5  # of the noise, that numerics may reach
+
+Watch = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One turn of the loop.
+
+    Attributes
+    ----------
+    fit : the model of this turn, at its best; ``covariance`` that it was judged with.
+    lack, p : lack of fit, and the p-value of the residual: of it and of the best candidate together.
+    scores : of all candidates.
+    refits : effect -> model with it, at its best; ``cv`` effect -> cross-validated error of each test, "" is without any.
+    chosen : the effect that was added; None if none was.
+    ambiguous_with : effects that these data cannot tell from the best.
+    best : the one that they cannot be told from, or that was chosen.
+    separations : (a, b, |y_a - y_b|^2).
+    """
+
+    fit: Fitted
+    covariance: Covariance
+    lack: LackOfFit
+    p: float
+    scores: list[Score]
+    refits: dict[str, Fitted] = field(default_factory=dict)
+    failures: dict[str, str] = field(default_factory=dict)
+    cv: dict[str, dict[str, float]] = field(default_factory=dict)
+    chosen: str | None = None
+    best: str | None = None
+    ambiguous_with: tuple[str, ...] = ()
+    separations: tuple[tuple[str, str, float], ...] = ()
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether nothing is left but noise."""
+        return self.p > LEVEL
+
+
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """Where the loop ended.
+
+    Attributes
+    ----------
+    steps : the last one is that of the final model.
+    effects : found, in order.
+    nearest : effects that help without explaining what is missing.
+    message : why a fit failed.
+    """
+
+    verdict: Verdict
+    remainder: Remainder
+    steps: list[Step]
+    effects: tuple[str, ...]
+    nearest: tuple[str, ...] = ()
+    message: str = ""
+
+
+def covariance_of(
+    system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: dict[str, np.ndarray]
+) -> Covariance:
+    """Sigma at a model: rows, repeats, numerics, what is assumed. The rough part of what numerics change is noise of rows."""
+    (now,) = system.answers([model])
+    assert now is not None
+    base = stacked(now)
+    floors = {name: stacked(answer) - base for name, answer in system.checks(model).items()}
+    return Covariance(system.series, rows, spread, floors | assumed)
+
+
+def numerical_share(covariance: Covariance, fit: Fitted, names: Sequence[str]) -> dict[str, float]:
+    """Rms of what numerics change, outside what the constants can imitate, over the noise of the rows."""
+    found = {}
+    for name in names:
+        d = covariance.floors[name]
+        rows = covariance.by_rows(np.column_stack([d, fit.slopes]))
+        rest = outside(rows[:, 1:], rows[:, :1])
+        found[name] = float(np.sqrt(np.mean(rest**2)))
+    return found
+
+
+def close(
+    system: System,
+    *,
+    max_effects: int,
+    start: Hypothesis | None = None,
+    rows: Sequence[RowNoise] | None = None,
+    single: bool = False,
+    seed: int = 0,
+    watch: Watch = lambda what, share: None,
+) -> Closed:
+    """Run the loop.
+
+    Parameters
+    ----------
+    start : the baseline with constants to begin with; the system's own if left out.
+    single : there is one curve only, so that nothing can be confirmed by another.
+    watch : called with what is done now and the share of the whole that is done.
+
+    Raises
+    ------
+    RunError : the baseline cannot be computed.
+    """
+    rows = row_noise(system.series) if rows is None else rows
+    spread = scatter(system.series)
+    watch("fit the baseline", 0.02)
+    baseline = refit(system, start or system.start(), Covariance(system.series, rows, spread))
+    watch("floors", 0.06)
+    assumed = {
+        f"assumed {name}": stacked(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()
+    }
+    covariance = covariance_of(system, baseline.model, rows, spread, assumed)
+    fit = refit(system, baseline.model, covariance)
+    steps: list[Step] = []
+    while True:
+        watch("trace the residual", 0.1 + 0.8 * len(steps) / (max_effects + 1))
+        step = _step(system, fit, covariance, seed, last=len(steps) >= max_effects, first=not steps, single=single)
+        steps.append(step)
+        if not fit.converged:
+            return Closed("failed", "unexplained", steps, (), message="the search for the best parameters gave up.")
+        if step.chosen is None:
+            break
+        watch("add an effect", 0.1 + 0.8 * len(steps) / (max_effects + 1))
+        fit = step.refits[step.chosen]
+        covariance = covariance_of(system, fit.model, rows, spread, assumed)
+        fit = refit(system, fit.model, covariance)
+    return _verdict(steps, single)
+
+
+def _verdict(steps: list[Step], single: bool) -> Closed:
+    """By the first line that applies."""
+    first, last = steps[0], steps[-1]
+    found = last.fit.model.effects
+    remainder: Remainder = "at-floor" if last.at_floor else "ambiguous" if last.ambiguous_with else "unexplained"
+    if first.at_floor:
+        return Closed("no-missing-effect", "at-floor", steps, ())
+    if first.best is None:
+        return Closed("unexplained", "unexplained", steps, ())
+    if not found:
+        return (
+            Closed("ambiguous", "ambiguous", steps, ())
+            if first.ambiguous_with
+            else Closed("unexplained", "unexplained", steps, ())
+        )
+    # Of two that cannot be told apart either one counts.
+    more = last.fit.chi2 - last.refits[last.best].chi2 if last.ambiguous_with and last.best else 0.0
+    if not last.at_floor and last.lack.excess - more > HALF * first.lack.excess:
+        return Closed("unexplained", "unexplained", steps, (), nearest=found)
+    if single:
+        return Closed("ambiguous", remainder, steps, found)
+    return Closed("effect-found", remainder, steps, found)
+
+
+def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, last: bool, first: bool, single: bool) -> Step:
+    lack = lack_of_fit(fit, covariance)
+    candidates = system.candidates(fit.model)
+    prints = fingerprints(system, fit, covariance, candidates)
+    scored = scores(fit, prints, candidates, seed)
+    # Two looks at one residual: as any smooth curve, and as what the candidates would do.
+    p = min(1.0, 2.0 * min([lack.p, *(s.p_holm for s in scored)]))
+    step = Step(fit, covariance, lack, p, scored)
+    significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
+    if step.at_floor or not significant or last:
+        return step
+    refits, failures, by_effect = {}, {}, {}
+    most = MOST_REFITTED if system.exact else MOST_REFITTED_ROUGH
+    # A fit finds more than the best trial, but not several times as much; one on a mesh costs more than all others together.
+    top = significant[0].drop
+    worth = [s for s in significant if s.drop > (WORTH_A_MESH if s.candidate.reference else WORTH) * top or s.drop > top - NEAR]
+    near = [s for s in scored if s.status != SIGNIFICANT and s.values and s.drop > top - NEAR]
+    for score in worth[:most] + sorted(near, key=lambda s: -s.drop)[:most]:
+        name = score.candidate.effect
+        by_effect[name] = score
+        try:
+            refits[name] = refit(system, fit.model.plus(score.candidate.term, score.values), covariance)
+        except RunError as error:
+            failures[name] = str(error)
+    allowed = {s.candidate.effect for s in significant}
+    best, cv = _select(system, fit, refits, allowed, covariance)
+    step = Step(fit, covariance, lack, p, scored, refits, failures, cv)
+    if best is None:
+        return step
+    chosen = refits[best]
+    separations = []
+    for name, rival in refits.items():
+        if name == best:
+            continue
+        worse = rival.chi2 - chosen.chi2
+        # what the data themselves tell apart needs no prediction
+        apart = worse if worse > FAR else refit(system, rival.model, covariance, target=chosen.answer).chi2
+        separations.append((best, name, apart))
+    unsure = tuple(b for _, b, apart in separations if apart < DISTINCT)
+    return Step(
+        fit,
+        covariance,
+        lack,
+        p,
+        scored,
+        refits,
+        failures,
+        cv,
+        chosen=None if unsure else best,
+        best=best,
+        ambiguous_with=unsure,
+        separations=tuple(separations),
+    )
+
+
+def _select(
+    system: System, fit: Fitted, refits: dict[str, Fitted], allowed: set[str], covariance: Covariance
+) -> tuple[str | None, dict[str, dict[str, float]]]:
+    """The effect to add: of the models about as good in cross-validation as the best the one with the least chi2 for its size.
+
+    None where leaving curves out speaks against all of them.
+    """
+    cv = {"": cross_validated(system, fit, covariance)}
+    cv |= {name: cross_validated(system, found, covariance) for name, found in refits.items()}
+    size = np.log(max(covariance.effective, 2.0))
+    worth = {name: refits[name].chi2 + size * len(refits[name].model.x) for name in refits if name in allowed}
+    if not worth:
+        return None, cv
+    if not cv[""]:
+        return min(worth, key=worth.__getitem__), cv
+    mean = {name: float(np.mean(list(cv[name].values()))) for name in worth}
+    first = min(mean, key=mean.__getitem__)
+    near = [name for name in worth if _worse(cv[name], cv[first]) <= 1.0]
+    best = min(near, key=worth.__getitem__)
+    return (None if _worse(cv[best], cv[""]) > 1.0 else best), cv
+
+
+def _worse(one: dict[str, float], other: dict[str, float]) -> float:
+    """By how many standard errors the errors of one model exceed those of another, test by test."""
+    gap = np.array([one[test] - other[test] for test in one if test in other])
+    if len(gap) < 2:
+        return 0.0 if not len(gap) or gap[0] <= 0.0 else np.inf
+    error = float(np.std(gap, ddof=1) / np.sqrt(len(gap)))
+    if error == 0.0:
+        return 0.0 if gap.mean() <= 0.0 else np.inf
+    return float(gap.mean()) / error

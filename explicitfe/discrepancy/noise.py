@@ -1,0 +1,210 @@
+"""What a measured curve scatters without any physics: noise of its rows, their correlation, scatter between repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+from explicitfe.discrepancy.system import Series
+
+DEGREE = 5  # of the polynomial between two bends
+ROWS_A_TERM = 6  # so many rows carry one coefficient
+MEDIAN = 0.6745  # of |z| for a standard normal z
+DOUBTED = 1.6  # a stated noise is believed until rows differ by so many times what it allows
+HIGHEST = 0.98  # correlation of neighbouring rows
+CAUTIOUS = 0.3  # scatter from few repeats is taken at this quantile of chi2: more than the estimate
+TREND_FROM = 3  # repeats, of which a trend can be told from scatter
+SMALLEST = 1e-6  # of the largest value: below, a column is without noise
+
+
+@dataclass(frozen=True)
+class RowNoise:
+    """Noise of the rows of one series.
+
+    Attributes
+    ----------
+    sd : (k,) standard deviation of each row, SI.
+    correlation : of neighbouring rows.
+    stated : whether the dataset says the sd, and it was believed.
+    """
+
+    sd: np.ndarray
+    correlation: float
+    stated: bool
+
+    @property
+    def effective(self) -> float:
+        """How many independent rows say as much about a mean."""
+        return len(self.sd) * (1.0 - self.correlation) / (1.0 + self.correlation)
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Differences between nominally equal tests.
+
+    Attributes
+    ----------
+    scale : sd of the relative size of a curve; ``offset`` : sd of a constant, in units of the curve's largest value.
+    source : "stated", "repeats" or "unknown".
+    repeats : how many differences it rests on.
+    """
+
+    scale: float
+    offset: float
+    source: str
+    repeats: int
+
+
+def smooth_basis(series: Series, degree: int = DEGREE) -> np.ndarray:
+    """Functions (k, m) that any smooth curve is made of: polynomials between the bends of the programme, orthonormal.
+
+    Where nothing moves, time runs logarithmically.
+    """
+    columns = []
+    rows = np.arange(len(series.measured))
+    for first, last in zip(series.bends[:-1], series.bends[1:], strict=True):
+        inside = rows[(rows >= first) & ((rows < last) | (last == rows[-1]))]
+        if not len(inside):
+            continue
+        t = series.time_s[inside] - series.time_s[inside[0]]
+        if series.phase[inside[len(inside) // 2]] == "hold" and len(inside) > 2:
+            t = np.log1p(t / max(t[1], 1e-3 * t[-1]))
+        x = 2.0 * t / t[-1] - 1.0 if t[-1] > 0.0 else t
+        count = int(np.clip(len(inside) // ROWS_A_TERM, 0, degree))
+        for column in np.polynomial.legendre.legvander(x, count).T:
+            whole = np.zeros(len(rows))
+            whole[inside] = column
+            columns.append(whole)
+    basis, triangle = np.linalg.qr(np.array(columns).T)
+    return basis[:, np.abs(np.diag(triangle)) > 1e-8]
+
+
+def row_noise(series: Sequence[Series]) -> list[RowNoise]:
+    """Noise of each series.
+
+    A stated sd is that of a row by itself. How much neighbouring rows differ then says how they are correlated: second
+    differences of AR(1) noise have the variance 2 (1 - r) (3 - r) sd^2. They are taken from what a smooth curve leaves, and by
+    the median, so that a kink does not count. Where no sd is stated, both are those of what a smooth curve leaves, by restricted
+    maximum likelihood. All series share one correlation: they come from one machine.
+    """
+    rough, weights = [], []
+    for one in series:
+        rest = _rest(one)
+        second = rest[2:] - 2.0 * rest[1:-1] + rest[:-2]
+        rough.append(float(np.median(np.abs(second)) / MEDIAN) if len(second) else 0.0)
+        weights.append(max(len(second), 1))
+    stated = [np.hypot(one.noise_sd or 0.0, float(np.sqrt(np.mean(one.imposed_sd**2)))) for one in series]
+    known = [
+        one.noise_sd is not None and sd > SMALLEST * np.abs(one.measured).max() for one, sd in zip(series, stated, strict=True)
+    ]
+    ratios = [
+        (rough[k] / stated[k]) ** 2 for k in range(len(series)) if known[k] and rough[k] <= DOUBTED * np.sqrt(6.0) * stated[k]
+    ]
+    parts = [weights[k] for k in range(len(series)) if known[k] and rough[k] <= DOUBTED * np.sqrt(6.0) * stated[k]]
+    shared = _correlation(float(np.average(ratios, weights=parts))) if ratios else None
+    unknown = [k for k in range(len(series)) if not known[k]]
+    estimated = _likely([series[k] for k in unknown], shared) if unknown else ([], 0.0)
+    found = []
+    for k, one in enumerate(series):
+        floor = SMALLEST * float(np.abs(one.measured).max())
+        if not known[k]:
+            sd = max(estimated[0][unknown.index(k)], floor)
+            found.append(RowNoise(np.full(len(one.measured), sd), estimated[1], False))
+        elif rough[k] <= DOUBTED * np.sqrt(6.0) * stated[k]:
+            each = np.hypot(one.noise_sd or 0.0, one.imposed_sd)
+            found.append(RowNoise(np.maximum(each, max(floor, 0.1 * stated[k])), shared or 0.0, True))
+        else:  # rows differ by more than the dataset says
+            found.append(RowNoise(np.full(len(one.measured), rough[k] / np.sqrt(6.0)), 0.0, False))
+    return found
+
+
+def _rest(series: Series) -> np.ndarray:
+    basis = smooth_basis(series)
+    rest = series.measured - basis @ (basis.T @ series.measured)
+    free = max(len(rest) - basis.shape[1], 1)
+    return rest * np.sqrt(len(rest) / free)
+
+
+def _correlation(ratio: float) -> float:
+    """r of 2 (1 - r) (3 - r) = ratio, between 0 and the highest."""
+    return float(np.clip(2.0 - np.sqrt(1.0 + 0.5 * max(ratio, 0.0)), 0.0, HIGHEST))
+
+
+def _likely(series: Sequence[Series], shared: float | None) -> tuple[list[float], float]:
+    """The sd of each series, and the correlation they share, by restricted maximum likelihood."""
+    bases = [smooth_basis(one) for one in series]
+
+    def terms(r: float) -> tuple[float, list[float]]:
+        total, sds = 0.0, []
+        for one, basis in zip(series, bases, strict=True):
+            y, X = whitened_rows(one.measured, r), whitened_rows(basis, r)
+            Q, R = np.linalg.qr(X)
+            rest = y - Q @ (Q.T @ y)
+            free = max(len(y) - X.shape[1], 1)
+            variance = max(float(rest @ rest) / free, 1e-300)
+            size = (len(y) - 1) * np.log(1.0 - r * r)  # log of the determinant of the rows' correlation
+            total += free * np.log(variance) + size + 2.0 * float(np.log(np.abs(np.diag(R))).sum())
+            sds.append(float(np.sqrt(variance)))
+        return total, sds
+
+    if shared is None:
+        best = minimize_scalar(lambda r: terms(r)[0], bounds=(0.0, HIGHEST), method="bounded")
+        shared = float(best.x) if best.fun < terms(0.0)[0] - 2.0 else 0.0
+    return terms(shared)[1], shared
+
+
+def whitened_rows(columns: np.ndarray, correlation: float) -> np.ndarray:
+    """Columns (k, ...) of unit-variance AR(1) rows made independent, of unit variance."""
+    if correlation == 0.0:
+        return columns.copy()
+    out = columns.copy()
+    out[1:] = (columns[1:] - correlation * columns[:-1]) / np.sqrt(1.0 - correlation**2)
+    return out
+
+
+def scatter(series: Sequence[Series]) -> Scatter:
+    """Scatter between nominally equal tests: as stated, or from the repeats there are."""
+    stated = [one.scatter for one in series if one.scatter is not None]
+    sets: dict[str, list[Series]] = {}
+    for one in series:
+        if one.peers:
+            sets.setdefault(one.peers, []).append(one)
+    scales, offsets, free = 0.0, 0.0, 0
+    for peers in sets.values():
+        if len({one.test for one in peers}) < 2:
+            continue
+        factors, shifts = _compared(peers)
+        order = np.array([one.trend for one in peers])
+        lost = 1
+        # One specimen, again and again: a trend is a drift and not scatter.
+        if len(peers) >= TREND_FROM and len(set(order)) == len(order) and len({one.specimen for one in peers}) == 1:
+            line = np.polynomial.Polynomial.fit(order, factors, 1)
+            factors = factors - line(order)
+            lost = 2
+        else:
+            factors = factors - factors.mean()
+        scales += float((factors**2).sum())
+        offsets += float(((shifts - shifts.mean()) ** 2).sum()) * (len(peers) - lost) / max(len(peers) - 1, 1)
+        free += len(peers) - lost
+    if free:
+        by = 1.0 / chi2.ppf(CAUTIOUS, free)
+        scale, offset = float(np.sqrt(by * scales)), float(np.sqrt(by * offsets))
+        if stated:
+            return Scatter(max(stated), min(offset, max(stated)), "stated", free)
+        return Scatter(scale, offset, "repeats", free)
+    return Scatter(max(stated), 0.0, "stated", 0) if stated else Scatter(0.0, 0.0, "unknown", 0)
+
+
+def _compared(peers: Sequence[Series]) -> tuple[np.ndarray, np.ndarray]:
+    """Size of each curve relative to their mean, and its shift in units of the largest value."""
+    end = min(one.time_s[-1] for one in peers)
+    grid = np.unique(np.concatenate([one.time_s[one.time_s <= end] for one in peers]))
+    rows = np.array([np.interp(grid, one.time_s, one.measured) for one in peers])
+    mean = rows.mean(axis=0)
+    design = np.column_stack([mean, np.full(len(grid), np.abs(mean).max())])
+    found = np.linalg.lstsq(design, rows.T, rcond=None)[0]
+    return found[0], found[1]

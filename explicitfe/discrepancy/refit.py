@@ -1,0 +1,206 @@
+"""Weighted least squares with bounds, intervals, and cross-validation by whole curves.
+
+Every evaluation may be a finite-element run, so derivatives are taken once, all at a time, and then kept up to date from the
+steps themselves (Broyden 1965).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+from scipy.stats import norm
+
+from explicitfe.discrepancy.covariance import Covariance, measured, stacked
+from explicitfe.discrepancy.system import Hypothesis, System
+from explicitfe.errors import RunError
+
+STEP, ROUGH_STEP = 1e-3, 0.04  # of a parameter's typical way; the second where answers are rough
+ENOUGH, RELATIVE = 0.02, 1e-5  # what another step would gain in chi2, and relative to it
+ROUGH_ENOUGH, ROUGH_RELATIVE = 0.5, 3e-3  # the same where answers are rough
+TURNS, ROUGH_TURNS = 40, 12
+POOR = 0.25  # of the gain that was hoped for: derivatives are taken anew
+STALLED = 1e-2
+FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
+EDGE = 1e-6  # of a parameter's range: it is at its bound
+Z95 = float(norm.ppf(0.975))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A model at its best.
+
+    Attributes
+    ----------
+    model : with the best parameters.
+    answer : (n,) SI of all rows.
+    slopes : (n, p) SI, its derivatives by the coordinates.
+    residual, jacobian : (n,) target - answer and (n, p) slopes, whitened.
+    at_bound : names of parameters at a bound.
+    converged : False where the search gave up: that says nothing about the model.
+    """
+
+    model: Hypothesis
+    answer: np.ndarray
+    slopes: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+    at_bound: tuple[str, ...]
+    converged: bool
+
+    @property
+    def chi2(self) -> float:
+        """Whitened sum of squares."""
+        return float(self.residual @ self.residual)
+
+
+def refit(system: System, start: Hypothesis, covariance: Covariance, target: np.ndarray | None = None) -> Fitted:
+    """The best parameters of a model (Levenberg & Marquardt, inside the bounds).
+
+    Parameters
+    ----------
+    target : (n,) SI; what is to be met, the measured rows if left out.
+
+    Raises
+    ------
+    RunError : the model cannot be computed where the search begins.
+    """
+    y = measured(system.series) if target is None else target
+    enough, relative = (ENOUGH, RELATIVE) if system.exact else (ROUGH_ENOUGH, ROUGH_RELATIVE)
+    low = np.array([p.low for p in start.parameters])
+    high = np.array([p.high for p in start.parameters])
+    model = start.at(np.clip(start.x, low, high))
+    answer = _one(system, model)
+    if answer is None:
+        raise RunError("the model cannot be computed where the fit begins.")
+    r = covariance.whiten(y - answer)
+    slopes = derivatives(system, model, answer)
+    fresh, damping, converged = True, FIRST_DAMPING, False
+    for _ in range(TURNS if system.exact else ROUGH_TURNS):
+        J = covariance.whiten(slopes)
+        size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
+        step = _step(J / size, r, size * (low - model.x), size * (high - model.x), damping) / size
+        gain = float(r @ r - (r - J @ step) @ (r - J @ step))
+        if gain < enough + relative * float(r @ r):
+            if fresh or not system.exact:
+                converged = True
+                break
+            slopes, fresh = derivatives(system, model, answer), True
+            continue
+        there = model.at(np.clip(model.x + step, low, high))
+        new = _one(system, there)
+        rest = None if new is None else covariance.whiten(y - new)
+        better = rest is not None and float(rest @ rest) < float(r @ r)
+        if better:
+            way = there.x - model.x
+            slopes = slopes + np.outer((new - answer) - slopes @ way, way) / float(way @ way)
+            poor = float(r @ r - rest @ rest) < POOR * gain
+            model, answer, r, fresh = there, new, rest, False
+            damping *= 1.0 if poor else 0.1
+        if better and not poor:
+            continue
+        if not fresh:
+            slopes, fresh = derivatives(system, model, answer), True
+        elif not better:
+            damping *= 10.0
+            if damping > LARGEST_DAMPING:
+                break  # nothing is downhill
+    # rough answers have no exact minimum; near it is enough
+    converged = converged or gain < STALLED * float(r @ r)
+    edge = EDGE * (high - low)
+    at_bound = tuple(
+        p.name for p, x, a, b, e in zip(model.parameters, model.x, low, high, edge, strict=True) if x <= a + e or x >= b - e
+    )
+    return Fitted(model, answer, slopes, r, covariance.whiten(slopes), at_bound, converged)
+
+
+def derivatives(system: System, model: Hypothesis, answer: np.ndarray) -> np.ndarray:
+    """Derivatives (n, p) SI of the answer by the coordinates, one-sided, away from the nearer bound.
+
+    A parameter by which the model cannot be computed has the derivative 0: it is left where it is.
+    """
+    step = STEP if system.exact else ROUGH_STEP
+    shifted, ways = [], []
+    for k, p in enumerate(model.parameters):
+        way = step * max(p.typical, 0.1 * abs(model.x[k]))
+        if model.x[k] + way > p.high:
+            way = -way
+        x = model.x.copy()
+        x[k] += way
+        shifted.append(model.at(x))
+        ways.append(way)
+    columns = []
+    for found, way in zip(system.answers(shifted), ways, strict=True):
+        columns.append(np.zeros(len(answer)) if found is None else (stacked(found) - answer) / way)
+    return np.array(columns).reshape(len(columns), len(answer)).T  # (n, 0) where nothing is fitted
+
+
+def intervals(fit: Fitted, worse: float = 1.0) -> list[tuple[float, float]]:
+    """95 % intervals of the values, from the curvature at the optimum; ``worse`` multiplies chi2's unit."""
+    covariance = worse * np.linalg.pinv(fit.jacobian.T @ fit.jacobian)
+    found = []
+    for k, p in enumerate(fit.model.parameters):
+        half = Z95 * float(np.sqrt(max(covariance[k, k], 0.0)))
+        ends = np.clip([fit.model.x[k] - half, fit.model.x[k] + half], p.low, p.high)
+        low, high = (p.sought.value(float(x)) for x in ends)
+        found.append((min(low, high), max(low, high)))
+    return found
+
+
+def cross_validated(system: System, fit: Fitted, covariance: Covariance) -> dict[str, float]:
+    """Test -> rms deviation over its largest value where the parameters come from the other tests only.
+
+    From the derivatives at the optimum: what leaving a test out moves is small where the model is any good. A test whose
+    constants no other one shares cannot be predicted, and is not among them.
+    """
+    tests = list(dict.fromkeys(one.test for one in system.series))
+    slices = covariance.slices()
+    y = measured(system.series)
+    sd = np.concatenate([row.sd for row in covariance.rows])
+    r = (y - fit.answer) / sd
+    J = fit.slopes / sd[:, None]
+    found = {}
+    for test in tests:
+        mine = np.zeros(len(y), dtype=bool)
+        groups, others = set(), set()
+        for one, part in zip(system.series, slices, strict=True):
+            mine[part] = one.test == test
+            (groups if one.test == test else others).add(one.constants)
+        if not groups <= others:
+            continue
+        free = np.linalg.norm(J[~mine], axis=0) > 1e-9 * np.linalg.norm(J, axis=0)
+        step = np.zeros(J.shape[1])
+        step[free] = _bounded(J[~mine][:, free], r[~mine], fit.model, free)
+        rest = (r - J @ step) * sd
+        errors = [
+            np.sqrt(np.mean(rest[part] ** 2)) / np.abs(one.measured).max()
+            for one, part in zip(system.series, slices, strict=True)
+            if one.test == test
+        ]
+        found[test] = float(np.mean(errors))
+    return found
+
+
+def _bounded(J: np.ndarray, r: np.ndarray, model: Hypothesis, free: np.ndarray) -> np.ndarray:
+    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    low = np.array([p.low for p in model.parameters])[free] - model.x[free]
+    high = np.array([p.high for p in model.parameters])[free] - model.x[free]
+    return _step(J / size, r, size * low, size * high, 1e-9) / size
+
+
+def _step(J: np.ndarray, r: np.ndarray, low: np.ndarray, high: np.ndarray, damping: float) -> np.ndarray:
+    """min |J p - r|^2 + damping |p|^2 between bounds; the columns of J are of unit length."""
+    Q, R = np.linalg.qr(J)
+    top = np.concatenate([R, np.sqrt(damping) * np.eye(J.shape[1])])
+    right = np.concatenate([Q.T @ r, np.zeros(J.shape[1])])
+    gap = 1e-12 + 1e-9 * np.abs(high - low)
+    return lsq_linear(top, right, bounds=(np.minimum(low, 0.0) - gap, np.maximum(high, 0.0) + gap), method="bvls").x
+
+
+def _one(system: System, model: Hypothesis) -> np.ndarray | None:
+    (found,) = system.answers([model])
+    if found is None:
+        return None
+    rows = stacked(found)
+    return rows if np.isfinite(rows).all() else None

@@ -137,7 +137,7 @@ def free_parameters(name: str, size: Scales, C10_Pa: float) -> list[Free]:
         "third-yeoh": [Free("C30_Pa", TINY, 1e5, (0.1 * C10_Pa, 0.001 * C10_Pa))],
         "fibres": [
             Free("k1_Pa", TINY, 1e5, (0.5 * C10_Pa, 0.05 * C10_Pa)),
-            Free("k2", 0.01, 50.0, (0.5, 5.0)),
+            Free("k2", 0.01, 10.0, (0.5, 5.0)),
         ],
         "compressible": [Free("poisson", 0.2, 0.49999, (0.45, 0.3), log=False)],
         "drainage": [Free("share", 0.5, 0.999, (0.99, 0.998), log=False), Free("tau_s", short, 10.0 * long, (middle, long))],

@@ -17,6 +17,7 @@ from explicitfe.discrepancy import words
 from explicitfe.discrepancy.fingerprints import DISTINCT, LEVEL, lack_of_fit
 from explicitfe.discrepancy.loop import NOISE_SHARE, Closed, Step, close, numerical_share
 from explicitfe.discrepancy.nextexperiment import next_experiment
+from explicitfe.discrepancy.noise import row_noise
 from explicitfe.discrepancy.refit import Fitted, intervals, refit
 from explicitfe.discrepancy.specimens import COARSE, FINE, Simulator, Specimens
 from explicitfe.discrepancy.split import Split, split
@@ -144,9 +145,9 @@ class _Work:
         if not self.system.exact:
             self.report("decide", 0.0)
             self.system = replace(self.system, numerics=FINE)
-            before = refit(self.system, before.model, last.covariance)
+            before = refit(self.system, before.model, last.covariance, slopes=before.slopes)
             self.report("decide", 0.4)
-            after = refit(self.system, after.model, last.covariance) if with_effects else before
+            after = refit(self.system, after.model, last.covariance, slopes=after.slopes) if with_effects else before
             self.report("decide", 1.0)
         self.report("predict", 0.0)
         found = self._told(closed, before, after, last)
@@ -283,7 +284,9 @@ class _Work:
         answers = self.simulator.run([(test, model.text) for model in models for test in tests])
         shown: dict[str, dict[str, Any]] = {}
         floors = {one.id: last.covariance.floor_of(k) for k, one in enumerate(last.covariance.series)}
-        relative = float(np.median([floors[c.id] / np.abs(c.columns[c.predicted]).max() for c in self.system.curves]))
+        if self.sides.holdout:
+            others = replace(self.system, curves=self.sides.holdout).series
+            floors |= {one.id: float(np.sqrt(np.mean(row.sd**2))) for one, row in zip(others, row_noise(others), strict=True)}
         for side, part in (("baseline", answers[: len(tests)]), ("final", answers[len(tests) :])):
             rows: dict[str, dict[str, Any]] = {}
             for test, answer in zip(tests, part, strict=True):
@@ -297,7 +300,7 @@ class _Work:
                         continue
                     values = factor * answer[number]
                     rmse = float(np.sqrt(np.mean((values - measured) ** 2)))
-                    floor = factor * floors[curve.id] if curve.id in floors else relative * largest
+                    floor = factor * floors[curve.id]
                     share = max(largest, 1e-300)
                     rows[curve.id] = row | {"rmse": rmse, "nrmse": rmse / share, "floor": floor / share}
                     here = shown.setdefault(curve.id, _shown(curve, measured, floor))
@@ -317,8 +320,9 @@ class _Work:
                 table, _, key = name.partition(".")
                 row: dict[str, Any] = {"value": float(getattr(getattr(curves[0], table), key))}
                 try:
-                    one = refit(changed, closed.steps[0].fit.model, plain)
-                    other = refit(changed, last.fit.model, plain) if after is not before else one
+                    first = closed.steps[0].fit
+                    one = refit(changed, first.model, plain, slopes=first.slopes)
+                    other = refit(changed, last.fit.model, plain, slopes=last.fit.slopes) if after is not before else one
                 except RunError as error:
                     found.setdefault(name, []).append(row | {"verdict": "failed", "message": str(error)})
                     continue
@@ -339,7 +343,7 @@ class _Work:
         if not step.ambiguous_with or step.best is None:
             return None
         found = []
-        for rival in step.ambiguous_with:
+        for rival in (name for name in step.ambiguous_with if name in step.refits):
             pair = step.refits[step.best], step.refits[rival]
             tool = replace(self.system, numerics=COARSE)
             found.append(next_experiment(tool, *pair, step.covariance, (step.best, rival)))

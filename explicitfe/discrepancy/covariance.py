@@ -32,7 +32,7 @@ class Covariance:
     floors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        columns = [self._by_rows(d[:, None])[:, 0] for d in (*self._tests(), *self.floors.values())]
+        columns = [self.by_rows(d[:, None])[:, 0] for d in (*self._tests(), *self.floors.values())]
         V = np.array(columns).T if columns else np.zeros((sum(len(s.measured) for s in self.series), 0))
         A, s, _ = np.linalg.svd(V, full_matrices=False) if V.size else (V, np.zeros(0), None)
         object.__setattr__(self, "_axes", A)
@@ -41,13 +41,9 @@ class Covariance:
     def whiten(self, columns: np.ndarray) -> np.ndarray:
         """Sigma^(-1/2) of columns (n,) or (n, k): of unit variance and independent if they have the covariance Sigma."""
         flat = columns.ndim == 1
-        y = self._by_rows(columns[:, None] if flat else columns)
+        y = self.by_rows(columns[:, None] if flat else columns)
         y = y - self._axes @ (self._shrink[:, None] * (self._axes.T @ y))
         return y[:, 0] if flat else y
-
-    def by_rows(self, columns: np.ndarray) -> np.ndarray:
-        """Whitened by the noise of the rows alone (n,): what a curve by itself does not explain."""
-        return self._by_rows(columns[:, None])[:, 0]
 
     @property
     def effective(self) -> float:
@@ -65,7 +61,8 @@ class Covariance:
         part = self.slices()[number]
         return float(np.sqrt(np.mean(rows**2) + sum(np.mean(d[part] ** 2) for d in self.floors.values())))
 
-    def _by_rows(self, columns: np.ndarray) -> np.ndarray:
+    def by_rows(self, columns: np.ndarray) -> np.ndarray:
+        """Columns (n, k) whitened by the noise of the rows alone."""
         return np.concatenate(
             [
                 whitened_rows(columns[part] / row.sd[:, None], row.correlation)

@@ -12,6 +12,7 @@ from explicitfe.discrepancy.covariance import Covariance, stacked
 from explicitfe.discrepancy.fingerprints import (
     DISTINCT,
     LEVEL,
+    NOT_SIGNIFICANT,
     SIGNIFICANT,
     LackOfFit,
     Score,
@@ -27,7 +28,8 @@ from explicitfe.errors import RunError
 
 Verdict = Literal["failed", "no-missing-effect", "unexplained", "ambiguous", "effect-found"]
 Remainder = Literal["at-floor", "unexplained", "ambiguous"]
-MOST_REFITTED, MOST_REFITTED_ROUGH = 8, 4
+MOST_REFITTED, MOST_REFITTED_ROUGH = 8, 3
+QUIET = 0.2  # p of the lack of fit: where runs are dear, candidates are not tried on what is left
 NEAR = 60.0  # of chi2: candidates this near to the best are refitted too, for they may be mistaken for it
 WORTH, WORTH_A_MESH = 0.25, 0.6  # of the best drop: a candidate is refitted
 FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
@@ -145,11 +147,11 @@ def close(
         f"assumed {name}": stacked(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()
     }
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
-    fit = refit(system, baseline.model, covariance)
+    fit = refit(system, baseline.model, covariance, slopes=baseline.slopes)
     steps: list[Step] = []
     while True:
         watch("trace the residual", 0.1 + 0.8 * len(steps) / (max_effects + 1))
-        step = _step(system, fit, covariance, seed, last=len(steps) >= max_effects, first=not steps, single=single)
+        step = _step(system, fit, covariance, seed, last=len(steps) >= max_effects, first=not steps)
         steps.append(step)
         if not fit.converged:
             return Closed("failed", "unexplained", steps, (), message="the search for the best parameters gave up.")
@@ -158,7 +160,7 @@ def close(
         watch("add an effect", 0.1 + 0.8 * len(steps) / (max_effects + 1))
         fit = step.refits[step.chosen]
         covariance = covariance_of(system, fit.model, rows, spread, assumed)
-        fit = refit(system, fit.model, covariance)
+        fit = refit(system, fit.model, covariance, slopes=fit.slopes)
     return _verdict(steps, single)
 
 
@@ -186,9 +188,12 @@ def _verdict(steps: list[Step], single: bool) -> Closed:
     return Closed("effect-found", remainder, steps, found)
 
 
-def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, last: bool, first: bool, single: bool) -> Step:
+def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, last: bool, first: bool) -> Step:
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
+    if not first and not system.exact and lack.p > QUIET:
+        why = "not tried: no smooth curve would explain anything of what is left"
+        return Step(fit, covariance, lack, lack.p, [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates])
     prints = fingerprints(system, fit, covariance, candidates)
     scored = scores(fit, prints, candidates, seed)
     # Two looks at one residual: as any smooth curve, and as what the candidates would do.
@@ -197,15 +202,14 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
     significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
     if step.at_floor or not significant or last:
         return step
-    refits, failures, by_effect = {}, {}, {}
+    refits, failures = {}, {}
     most = MOST_REFITTED if system.exact else MOST_REFITTED_ROUGH
     # A fit finds more than the best trial, but not several times as much; one on a mesh costs more than all others together.
     top = significant[0].drop
     worth = [s for s in significant if s.drop > (WORTH_A_MESH if s.candidate.reference else WORTH) * top or s.drop > top - NEAR]
-    near = [s for s in scored if s.status != SIGNIFICANT and s.values and s.drop > top - NEAR]
-    for score in worth[:most] + sorted(near, key=lambda s: -s.drop)[:most]:
+    near = [s for s in scored if s not in worth and s.values and s.drop > top - NEAR]
+    for score in worth[:most] + sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)[:most]:
         name = score.candidate.effect
-        by_effect[name] = score
         try:
             refits[name] = refit(system, fit.model.plus(score.candidate.term, score.values), covariance)
         except RunError as error:
@@ -222,9 +226,12 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
             continue
         worse = rival.chi2 - chosen.chi2
         # what the data themselves tell apart needs no prediction
-        apart = worse if worse > FAR else refit(system, rival.model, covariance, target=chosen.answer).chi2
+        apart = worse if worse > FAR else refit(system, rival.model, covariance, chosen.answer, rival.slopes).chi2
         separations.append((best, name, apart))
-    unsure = tuple(b for _, b, apart in separations if apart < DISTINCT)
+    unsure = [b for _, b, apart in separations if apart < DISTINCT]
+    # One that was not fitted cannot be told from the best if it explains about as much.
+    drop = fit.chi2 - chosen.chi2
+    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > drop - DISTINCT]
     return Step(
         fit,
         covariance,
@@ -236,7 +243,7 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
         cv,
         chosen=None if unsure else best,
         best=best,
-        ambiguous_with=unsure,
+        ambiguous_with=tuple(unsure),
         separations=tuple(separations),
     )
 

@@ -6,16 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 from explicitfe.discrepancy.system import Series
 
 DEGREE = 5  # of the polynomial between two bends
-ROWS_A_TERM = 6  # so many rows carry one coefficient
+ROWS_A_TERM = 4  # so many rows carry one coefficient
 MEDIAN = 0.6745  # of |z| for a standard normal z
 DOUBTED = 1.6  # a stated noise is believed until rows differ by so many times what it allows
 HIGHEST = 0.98  # correlation of neighbouring rows
+CORRELATIONS = tuple(float(r) for r in np.linspace(0.0, 0.96, 49))
+AS_LIKELY = 1.0  # of -2 log likelihood
 CAUTIOUS = 0.3  # scatter from few repeats is taken at this quantile of chi2: more than the estimate
 TREND_FROM = 3  # repeats, of which a trend can be told from scatter
 SMALLEST = 1e-6  # of the largest value: below, a column is without noise
@@ -152,8 +153,9 @@ def _likely(series: Sequence[Series], shared: float | None) -> tuple[list[float]
         return total, sds
 
     if shared is None:
-        best = minimize_scalar(lambda r: terms(r)[0], bounds=(0.0, HIGHEST), method="bounded")
-        shared = float(best.x) if best.fun < terms(0.0)[0] - 2.0 else 0.0
+        # The highest that is about as likely as the best: noise that is taken for white is taken for physics.
+        tried = [terms(r)[0] for r in CORRELATIONS]
+        shared = max(r for r, value in zip(CORRELATIONS, tried, strict=True) if value <= min(tried) + AS_LIKELY)
     return terms(shared)[1], shared
 
 

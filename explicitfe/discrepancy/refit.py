@@ -19,7 +19,7 @@ from explicitfe.errors import RunError
 STEP, ROUGH_STEP = 1e-3, 0.04  # of a parameter's typical way; the second where answers are rough
 ENOUGH, RELATIVE = 0.02, 1e-5  # what another step would gain in chi2, and relative to it
 ROUGH_ENOUGH, ROUGH_RELATIVE = 0.5, 3e-3  # the same where answers are rough
-TURNS, ROUGH_TURNS = 40, 12
+TURNS, ROUGH_TURNS, ROUGH_ANEW = 40, 8, 1  # steps, and how often derivatives are taken anew
 POOR = 0.25  # of the gain that was hoped for: derivatives are taken anew
 STALLED = 1e-2
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
@@ -55,12 +55,19 @@ class Fitted:
         return float(self.residual @ self.residual)
 
 
-def refit(system: System, start: Hypothesis, covariance: Covariance, target: np.ndarray | None = None) -> Fitted:
+def refit(
+    system: System,
+    start: Hypothesis,
+    covariance: Covariance,
+    target: np.ndarray | None = None,
+    slopes: np.ndarray | None = None,
+) -> Fitted:
     """The best parameters of a model (Levenberg & Marquardt, inside the bounds).
 
     Parameters
     ----------
     target : (n,) SI; what is to be met, the measured rows if left out.
+    slopes : (n, p) SI; derivatives about there, to begin with. Where answers are rough they are worth the runs they save.
 
     Raises
     ------
@@ -75,8 +82,10 @@ def refit(system: System, start: Hypothesis, covariance: Covariance, target: np.
     if answer is None:
         raise RunError("the model cannot be computed where the fit begins.")
     r = covariance.whiten(y - answer)
-    slopes = derivatives(system, model, answer)
-    fresh, damping, converged = True, FIRST_DAMPING, False
+    fresh, damping, converged = slopes is None or system.exact, FIRST_DAMPING, False
+    if fresh or slopes is None:
+        slopes = derivatives(system, model, answer)
+    anew = TURNS if system.exact else ROUGH_ANEW
     for _ in range(TURNS if system.exact else ROUGH_TURNS):
         J = covariance.whiten(slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
@@ -100,8 +109,8 @@ def refit(system: System, start: Hypothesis, covariance: Covariance, target: np.
             damping *= 1.0 if poor else 0.1
         if better and not poor:
             continue
-        if not fresh:
-            slopes, fresh = derivatives(system, model, answer), True
+        if not fresh and anew > 0:
+            slopes, fresh, anew = derivatives(system, model, answer), True, anew - 1
         elif not better:
             damping *= 10.0
             if damping > LARGEST_DAMPING:
@@ -160,6 +169,9 @@ def cross_validated(system: System, fit: Fitted, covariance: Covariance) -> dict
     sd = np.concatenate([row.sd for row in covariance.rows])
     r = (y - fit.answer) / sd
     J = fit.slopes / sd[:, None]
+    largest: dict[str, float] = {}
+    for one in system.series:
+        largest[one.curve] = max(largest.get(one.curve, 0.0), float(np.abs(one.measured).max()))
     found = {}
     for test in tests:
         mine = np.zeros(len(y), dtype=bool)
@@ -174,7 +186,7 @@ def cross_validated(system: System, fit: Fitted, covariance: Covariance) -> dict
         step[free] = _bounded(J[~mine][:, free], r[~mine], fit.model, free)
         rest = (r - J @ step) * sd
         errors = [
-            np.sqrt(np.mean(rest[part] ** 2)) / np.abs(one.measured).max()
+            np.sqrt(np.mean(rest[part] ** 2)) / largest[one.curve]
             for one, part in zip(system.series, slices, strict=True)
             if one.test == test
         ]

@@ -265,9 +265,11 @@ class Specimens:
                 made = replace(
                     made, trials=(), reason=f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"
                 )
-            elif not self.exact or (meshed := not issubclass(effect, POINTWISE)):
+            elif not self.exact or not issubclass(effect, POINTWISE):
                 made = replace(made, trials=tuple((row[len(row) // 2],) for row in made.trials))
-                if self.exact and meshed:
+                # tried in an elastic model: on a mesh where that is no mesh, by one ramp where it would be a whole history
+                still = not issubclass(effect, Measurement | Friction | Adhesion) and not _remembers(name)
+                if self.exact or (still and any(_remembers(term.effect) for term in model.terms)):
                     none = made.term.parameters[0].sought.none
                     made = replace(made, reference=tuple((none, *row[0][1:]) for row in made.trials))
             found.append(made)
@@ -327,21 +329,27 @@ class Specimens:
     def _plan(self, model: ModelFile, test: tuple[Curve, ...], curves: Sequence[Curve]) -> _Plan:
         """How a test is computed: where the answer depends on the way only, by one ramp for all tests of its kind."""
         first = test[0]
+        if first.tool is None:
+            return _Plan((test, model.text), test)
         effects = model.effects.chosen
+        readings = tuple(e for e in effects if isinstance(e, Measurement))
+        by_force = first.tool.control == "force"
         by_point = self.exact and all(isinstance(e, POINTWISE) for e in effects)
         # What a mesh changes in a state that is homogeneous without it is small: there a ramp does for friction too.
         by_ramp = _depends_on_way_only(first, effects) or (self.exact and not any(map(_has_memory, effects)))
-        if first.tool is None or by_point or not by_ramp:
-            return _Plan((test, model.text), test)
-        readings = tuple(e for e in effects if isinstance(e, Measurement))
-        by_force = first.tool.control == "force"
+        plain = model.model_copy(update={"effects": model.effects.without(readings)})
+        if by_point or not by_ramp:
+            same_way = all(np.array_equal(true_way(imposed(c), c, readings, by_force), imposed(c)) for c in test)
+            if not readings or not same_way:
+                return _Plan((test, model.text), test)
+            # what is read only is read off the run without it
+            return _Plan((test, plain.text), test, readings, by_force)
         alike = [c for c in curves if _kind_of(c) == _kind_of(first)]
         top = max(float(true_way(imposed(c), c, readings, by_force).max()) for c in alike)
         share = np.linspace(0.0, 1.0, RAMP)
         guess = max(float(np.abs(c.columns[first.predicted]).max()) for c in alike)
         columns = {first.imposed: share * top, first.predicted: share * guess}
         ramp = replace(first, time_s=share, columns={name: columns[name] for name in first.columns})
-        plain = model.model_copy(update={"effects": model.effects.without(readings)})
         return _Plan(((ramp,), plain.text), test, readings, by_force)
 
     def _first_models(self) -> list[ModelFile]:
@@ -425,7 +433,7 @@ class _Plan:
         """Curve -> what it would measure, SI."""
         (run, *_), _ = self.job
         if run is self.test[0]:
-            return {c.id: values for c, values in zip(self.test, answer, strict=True)}
+            return {c.id: reading(values, c, self.readings, self.by_force) for c, values in zip(self.test, answer, strict=True)}
         line = PchipInterpolator(imposed(run), answer[0])
         found = {}
         for curve in self.test:

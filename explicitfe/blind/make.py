@@ -101,6 +101,7 @@ def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> 
 
 def plan(seed: int, kinds: Mapping[str, int], family: str) -> list[Wanted]:
     """What each case is to be: evenly over effects and noise levels, in an order that tells nothing."""
+    levels = LEVELS[family]
     rng = np.random.default_rng([seed, PLAN])
     wanted = []
     for kind, number in kinds.items():
@@ -108,7 +109,7 @@ def plan(seed: int, kinds: Mapping[str, int], family: str) -> list[Wanted]:
         start = int(rng.integers(len(choices))) if kind == "double" else 0
         for k in range(number):
             turn = k // len(choices)
-            wanted.append(Wanted(kind, choices[(start + k) % len(choices)], LEVELS[(k + turn) % len(LEVELS)]))
+            wanted.append(Wanted(kind, choices[(start + k) % len(choices)], levels[(k + turn) % len(levels)]))
     return [wanted[k] for k in rng.permutation(len(wanted))]
 
 

@@ -32,6 +32,7 @@ MOST_REFITTED, MOST_REFITTED_ROUGH = 8, 3
 QUIET = 0.2  # p of the lack of fit: where runs are dear, candidates are not tried on what is left
 NEAR = 60.0  # of chi2: candidates this near to the best are refitted too, for they may be mistaken for it
 WORTH, WORTH_A_MESH = 0.25, 0.6  # of the best drop: a candidate is refitted
+GROWS = 1.5  # times: so much more than its best trial a candidate may explain when it is fitted
 FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
 HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
 NOISE_SHARE = 0.5  # of the noise, that numerics may reach
@@ -210,6 +211,9 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
     near = [s for s in scored if s not in worth and s.values and s.drop > top - NEAR]
     for score in worth[:most] + sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)[:most]:
         name = score.candidate.effect
+        least = min((found.chi2 for found in refits.values()), default=np.inf)
+        if not system.exact and fit.chi2 - GROWS * score.drop > least + FAR:
+            continue  # a fit would not bring it near the best
         try:
             refits[name] = refit(system, fit.model.plus(score.candidate.term, score.values), covariance)
         except RunError as error:

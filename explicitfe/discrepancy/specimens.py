@@ -43,7 +43,7 @@ PULLS = 0.01  # of the largest force: below zero by so much, a tool is pulled
 BACK = 0.05  # of the range: a way back
 SLACK, QUIET_SD = 5e-3, 3.0  # of the range, and of the imposed column's noise: no bend
 EXACT = Numerics()
-COARSE = Numerics(refinement=0.4, density=0.5, tolerance=1e-3)  # finds
+COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # finds
 FINE = Numerics(refinement=0.6, density=0.7, tolerance=5e-4)  # decides
 RAMP = 49  # rows of a ramp that stands for all courses
 FINER, DENSER, STRICTER = 1.5, 2.0, 0.25

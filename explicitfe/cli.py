@@ -241,7 +241,7 @@ def design_test(
 ) -> None:
     """Say which effects a planned test can find and tell apart, before anything is measured.
 
-    Example: [bold]explicitfe design-test scenarios/protocol-gerard-2005.toml[/bold]
+    Example: [bold]explicitfe design-test scenarios/protocols/gerard-2005.toml[/bold]
     """
     from explicitfe.discrepancy.design import design_test as design
 

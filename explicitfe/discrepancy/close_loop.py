@@ -35,6 +35,7 @@ Report = Callable[[str, float], None]
 SUMMARY, MODEL, BASELINE = "report.json", "model.toml", "baseline.toml"
 MAX_EFFECTS = 3
 VARIED = (0.9, 1.1)  # factors of an assumed length in the table of what it moves
+FEW_DATA = 10.0
 MISSED = 2.0  # times the worst error of a fitted curve: a held-out curve is missed
 AXES = {
     "displacement_m": ("displacement (mm)", 1e3),
@@ -362,6 +363,15 @@ class _Work:
                 notes.append(f"{when}: the search for the best parameters stopped before it settled.")
         if not self.sides.holdout:
             notes.append("no curve is held out: errors are those of curves that were fitted.")
+        doubted = [r["curve"] for r in found["noise"]["rows"] if not r["stated"]]
+        if doubted:
+            notes.append(f"noise not stated, or rows rougher than stated: estimated from the rows of {', '.join(doubted)}.")
+        if found["n_eff"] < FEW_DATA:
+            notes.append(f"n_eff is {found['n_eff']:.1f}: so few independent rows show only what is very strong.")
+        if len({c.group for c in self.system.curves}) > 1 and found["noise"]["scatter_source"] == "unknown":
+            notes.append(
+                "several specimens, no repeats and no repeat_sd_fraction: scatter between them would count as an effect."
+            )
         if len(self.system.tests) == 1:
             notes.append("one test only: nothing that it shows can be confirmed by another, so no effect is claimed.")
         for entry in found["noise"]["numerical"]:

@@ -1,18 +1,18 @@
 """The covariance of what is not physics, and the whitening by it.
 
-Sigma = rows (white or AR(1)) + a scale and an offset of each test + sum of d d^T, d being what the numerics or an assumed
-dimension change. The first part is banded, the rest is of low rank, so nothing of the size rows x rows is ever formed.
+Sigma = rows + a scale and an offset of each test + sum of d d^T, d being what the numerics or an assumed dimension change. The
+first part is diagonal, the rest is of low rank, so nothing of the size rows x rows is ever formed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from explicitfe.discrepancy.noise import RowNoise, Scatter, whitened_rows
+from explicitfe.discrepancy.noise import RowNoise, Scatter
 from explicitfe.discrepancy.system import Answer, Series
 
 
@@ -24,15 +24,42 @@ class Covariance:
     ----------
     series, rows, scatter : see :mod:`explicitfe.discrepancy.noise`.
     floors : name -> change (n,) SI of all rows, one standard deviation of it.
+    shape : (n,) SI, what a test's scale multiplies: an answer. Were it the measured rows, a model that answers nothing at all
+        would be off by a scale only (Peelle's puzzle, D'Agostini 1994).
     """
 
     series: Sequence[Series]
     rows: Sequence[RowNoise]
     scatter: Scatter
     floors: Mapping[str, np.ndarray] = field(default_factory=dict)
+    shape: np.ndarray | None = None
+
+    def at(self, answer: np.ndarray) -> Covariance:
+        """The covariance where a model answers (n,)."""
+        return replace(self, shape=answer) if self.scatter.scale > 0.0 else self
+
+    def of_rows(self) -> Covariance:
+        """The part of the rows; itself if there is no other."""
+        if not self.floors and self.scatter.scale == self.scatter.offset == 0.0:
+            return self
+        return Covariance(self.series, self.rows, replace(self.scatter, scale=0.0, offset=0.0))
+
+    def factors(self, residual: np.ndarray) -> np.ndarray:
+        """Likely scale (n,) of each row's test, given measured - answer (n,)."""
+        columns = self._tests()
+        scales = [k for k, (kind, _) in enumerate(columns) if kind == "scale"]
+        if not scales:
+            return np.ones(len(residual))
+        V = self.by_rows(np.array([d for _, d in columns] + list(self.floors.values())).T)
+        size = np.linalg.solve(V.T @ V + np.eye(V.shape[1]), V.T @ self.by_rows(residual[:, None])[:, 0])
+        found = np.ones(len(residual))
+        for k in scales:
+            mine = columns[k][1] != 0.0
+            found[mine] += self.scatter.scale * size[k]
+        return found
 
     def __post_init__(self) -> None:
-        columns = [self.by_rows(d[:, None])[:, 0] for d in (*self._tests(), *self.floors.values())]
+        columns = [self.by_rows(d[:, None])[:, 0] for d in (*(d for _, d in self._tests()), *self.floors.values())]
         V = np.array(columns).T if columns else np.zeros((sum(len(s.measured) for s in self.series), 0))
         A, s, _ = np.linalg.svd(V, full_matrices=False) if V.size else (V, np.zeros(0), None)
         object.__setattr__(self, "_axes", A)
@@ -63,26 +90,19 @@ class Covariance:
 
     def by_rows(self, columns: np.ndarray) -> np.ndarray:
         """Columns (n, k) whitened by the noise of the rows alone."""
-        return np.concatenate(
-            [
-                whitened_rows(columns[part] / row.sd[:, None], row.correlation)
-                for part, row in zip(self.slices(), self.rows, strict=True)
-            ]
-        )
+        return columns / np.concatenate([row.weight_sd for row in self.rows])[:, None]
 
-    def _tests(self) -> list[np.ndarray]:
+    def _tests(self) -> list[tuple[str, np.ndarray]]:
         """A scale and an offset of each test, one standard deviation."""
         found: dict[tuple[str, str], np.ndarray] = {}
-        total = sum(len(s.measured) for s in self.series)
+        shape = measured(self.series) if self.shape is None else self.shape
         for one, part in zip(self.series, self.slices(), strict=True):
             largest = float(np.abs(one.measured).max())
-            for kind, sd, shape in (
-                ("scale", self.scatter.scale, one.measured),
-                ("offset", self.scatter.offset, np.full(len(one.measured), largest)),
-            ):
+            constant = np.full(len(one.measured), largest)
+            for kind, sd, column in (("scale", self.scatter.scale, shape[part]), ("offset", self.scatter.offset, constant)):
                 if sd > 0.0:
-                    found.setdefault((kind, one.test), np.zeros(total))[part] = sd * shape
-        return list(found.values())
+                    found.setdefault((kind, one.test), np.zeros(len(shape)))[part] = sd * column
+        return [(kind, column) for (kind, _), column in found.items()]
 
 
 def stacked(answer: Answer) -> np.ndarray:

@@ -179,6 +179,7 @@ def _elastic(system: Specimens, protocol: ProtocolFile) -> tuple[Fitted, Covaria
     spread = Scatter(max((one.scatter or 0.0 for one in system.series), default=0.0), 0.0, "stated", 0)
     assumed = {name: stacked(found) - stacked(answer) for name, found in system.assumptions(model).items()}
     covariance = covariance_of(system, model, rows, spread, assumed)
+    covariance = covariance.at(stacked(answer))
     slopes = derivatives(system, model, stacked(answer))
     fit = Fitted(model, stacked(answer), slopes, np.zeros(len(slopes)), covariance.whiten(slopes), (), True)
     return fit, covariance
@@ -226,6 +227,8 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
             t, x = np.array(curve.programme).T
             if np.any(np.diff(t) <= 0.0) or t[0] != 0.0:
                 raise InputError(f'{path}: the programme of curve "{curve.id}" must begin at 0 s, and time must increase.')
+            if np.ptp(x) == 0.0 and x[0] == (1.0 if kind == "uniaxial" else 0.0):
+                raise InputError(f'{path}: the programme of curve "{curve.id}" never leaves the state at rest.')
             rows = t if curve.rows is None else np.linspace(0.0, t[-1], curve.rows)
             way = np.interp(rows, t, x)
             guess = _guess(protocol, curve, kind, way, by_force)
@@ -247,10 +250,12 @@ def _guess(protocol: ProtocolFile, curve: PlannedCurve, kind: str, way: np.ndarr
         return modulus * (way - 1.0)
     table = (protocol.tool or {}) | curve.tool
     body = protocol.specimen | curve.specimen
-    height = body["size_mm"][2] if "size_mm" in body else body.get("height_mm", 20.0)
-    radius = table.get("radius_mm", body.get("radius_mm", height))
+    # The tables are not checked yet: that is for whoever reads them as a dataset.
+    size = [*body["size_mm"], 20.0, 20.0, 20.0][2] if isinstance(body.get("size_mm"), list) else None
+    lengths = [size, body.get("height_mm"), table.get("radius_mm"), body.get("radius_mm")]
+    radius = min((x for x in lengths if isinstance(x, int | float) and x > 0.0), default=20.0)
     if by_force:
-        return 0.2 * min(height, radius) * way / np.abs(way).max()  # mm
+        return 0.2 * radius * way / max(float(np.abs(way).max()), 1e-300)  # mm
     return modulus * 1e-3 * radius * 1e-3 * way  # N
 
 

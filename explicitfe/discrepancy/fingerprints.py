@@ -16,6 +16,7 @@ from explicitfe.discrepancy.system import Candidate, System
 
 DRAWS = 20_000  # of the bootstrap
 LEVEL = 0.01  # below, a p-value is significant
+IMITATED = 0.3  # sine of the angle between a smooth function and what the constants can do: below, it is theirs
 DISTINCT = 25.0  # |y_A - y_B|^2 in the metric of Sigma^-1 from which on two models are told apart
 SIGNIFICANT, NOT_SIGNIFICANT, NOT_TESTABLE, FAILED = "significant", "not-significant", "not-testable", "failed"
 
@@ -100,7 +101,7 @@ def fingerprints(system: System, fit: Fitted, covariance: Covariance, candidates
             plausible.append(usual)
         secants = np.array(columns).T if columns else np.zeros((len(fit.answer), 0))
         if columns:
-            secants = outside(fit.jacobian, covariance.whiten(secants))
+            secants = outside(fit.movable, covariance.whiten(secants))
         found.append(Fingerprint(candidate, secants, tuple(kept), np.array(limits), np.array(plausible)))
     return found
 
@@ -138,7 +139,7 @@ def scores(
     """Each candidate's best drop of chi2 and its p-value, by a parametric bootstrap of the search over its trials (the shape
     exists only where the effect does), then by Holm (1979) over the candidates.
     """
-    rest = outside(fit.jacobian, fit.residual)
+    rest = outside(fit.movable, fit.residual)
     testable = [p for p in prints if p.visible >= DISTINCT]
     drops, best, chance = [], [], []
     if testable:
@@ -225,14 +226,17 @@ def lack_of_fit(fit: Fitted, covariance: Covariance) -> LackOfFit:
         block[part] = basis
         blocks.append(block)
     directions = covariance.whiten(np.concatenate(blocks, axis=1))
-    directions /= np.linalg.norm(directions, axis=0)
-    U, s, _ = np.linalg.svd(outside(fit.jacobian, directions), full_matrices=False)
-    U = U[:, s > 1e-6]
-    along = U.T @ outside(fit.jacobian, fit.residual)
+    directions, _ = np.linalg.qr(directions / np.linalg.norm(directions, axis=0))
+    U, s, _ = np.linalg.svd(outside(fit.movable, directions), full_matrices=False)
+    # What is left of a direction that the constants imitate nearly is the noise of the imposed column in their derivatives.
+    U = U[:, s > IMITATED]
+    along = U.T @ outside(fit.movable, fit.residual)
     free, size = U.shape[1], float(along @ along)
-    if all(row.stated for row in covariance.rows):
+    if not free:
+        p = 1.0
+    elif all(row.stated for row in covariance.rows):
         p = float(chi2_distribution.sf(size, free))
     else:
         left = max(covariance.effective - free, 5.0)
-        p = float(f_distribution.sf(size / max(free, 1), max(free, 1), left))
+        p = float(f_distribution.sf(size / free, free, left))
     return LackOfFit(size, free, p)

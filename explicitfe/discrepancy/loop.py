@@ -35,6 +35,7 @@ WORTH, WORTH_A_MESH = 0.25, 0.6  # of the best drop: a candidate is refitted
 GROWS = 1.5  # times: so much more than its best trial a candidate may explain when it is fitted
 FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
 HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
+FEW_TESTS = 3  # left out in turn
 NOISE_SHARE = 0.5  # of the noise, that numerics may reach
 
 Watch = Callable[[str, float], None]
@@ -151,10 +152,11 @@ def close(
     fit = refit(system, baseline.model, covariance, slopes=baseline.slopes)
     steps: list[Step] = []
     while True:
+        covariance = covariance.at(fit.answer)
         watch("trace the residual", 0.1 + 0.8 * len(steps) / (max_effects + 1))
         step = _step(system, fit, covariance, seed, last=len(steps) >= max_effects, first=not steps)
         steps.append(step)
-        if not fit.converged:
+        if not fit.converged and len(steps) == 1:
             return Closed("failed", "unexplained", steps, (), message="the search for the best parameters gave up.")
         if step.chosen is None:
             break
@@ -205,9 +207,13 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
         return step
     refits, failures = {}, {}
     most = MOST_REFITTED if system.exact else MOST_REFITTED_ROUGH
-    # A fit finds more than the best trial, but not several times as much; one on a mesh costs more than all others together.
+    # A fit finds more than the best trial, but not several times as much. One on a mesh costs more than all others together,
+    # and most where the model remembers.
     top = significant[0].drop
-    worth = [s for s in significant if s.drop > (WORTH_A_MESH if s.candidate.reference else WORTH) * top or s.drop > top - NEAR]
+    dear = WORTH_A_MESH if len(system.sketch(fit.model).terms) == len(fit.model.terms) else 1.0
+    worth = [
+        s for s in significant if (s.drop >= dear * top if s.candidate.reference else s.drop > WORTH * top or s.drop > top - NEAR)
+    ]
     near = [s for s in scored if s not in worth and s.values and s.drop > top - NEAR]
     for score in worth[:most] + sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)[:most]:
         name = score.candidate.effect
@@ -271,14 +277,17 @@ def _select(
     first = min(mean, key=mean.__getitem__)
     near = [name for name in worth if _worse(cv[name], cv[first]) <= 1.0]
     best = min(near, key=worth.__getitem__)
-    return (None if _worse(cv[best], cv[""]) > 1.0 else best), cv
+    helps = worth[best] < fit.chi2 + size * len(fit.model.x)
+    if fit.model.terms and len(cv[""]) >= FEW_TESTS:
+        helps = helps and _worse(cv[""], cv[best]) > 1.0  # one effect more must be worth it to a test that it was not fitted to
+    return (best if helps and _worse(cv[best], cv[""]) <= 1.0 else None), cv
 
 
 def _worse(one: dict[str, float], other: dict[str, float]) -> float:
     """By how many standard errors the errors of one model exceed those of another, test by test."""
     gap = np.array([one[test] - other[test] for test in one if test in other])
-    if len(gap) < 2:
-        return 0.0 if not len(gap) or gap[0] <= 0.0 else np.inf
+    if len(gap) < FEW_TESTS:
+        return 0.0  # one of two rates does not say what the other will be: neither for a model nor against it
     error = float(np.std(gap, ddof=1) / np.sqrt(len(gap)))
     if error == 0.0:
         return 0.0 if gap.mean() <= 0.0 else np.inf

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from scipy.stats import chi2
@@ -17,6 +18,7 @@ DOUBTED = 1.6  # a stated noise is believed until rows differ by so many times w
 HIGHEST = 0.98  # correlation of neighbouring rows
 CORRELATIONS = tuple(float(r) for r in np.linspace(0.0, 0.96, 49))
 AS_LIKELY = 1.0  # of -2 log likelihood
+ORDERS = (2, 3, 4)  # of differences: what is left of a curve's own bend falls with the order, noise does not
 CAUTIOUS = 0.3  # scatter from few repeats is taken at this quantile of chi2: more than the estimate
 TREND_FROM = 3  # repeats, of which a trend can be told from scatter
 SMALLEST = 1e-6  # of the largest value: below, a column is without noise
@@ -36,6 +38,15 @@ class RowNoise:
     sd: np.ndarray
     correlation: float
     stated: bool
+
+    @property
+    def weight_sd(self) -> np.ndarray:
+        """(k,) sd of independent rows that would say as much about anything smooth: sd^2 times the sum of the correlations.
+
+        Rows whitened by their correlation would count differences of neighbours, and a model that is wrong would be fitted to
+        its slopes.
+        """
+        return self.sd * np.sqrt((1.0 + self.correlation) / (1.0 - self.correlation))
 
     @property
     def effective(self) -> float:
@@ -95,9 +106,9 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     rough, weights = [], []
     for one in series:
         rest = _rest(one)
-        second = rest[2:] - 2.0 * rest[1:-1] + rest[:-2]
-        rough.append(float(np.median(np.abs(second)) / MEDIAN) if len(second) else 0.0)
-        weights.append(max(len(second), 1))
+        sizes = [np.median(np.abs(np.diff(rest, k))) / np.sqrt(comb(2 * k, k)) for k in ORDERS if len(rest) > k]
+        rough.append(float(np.sqrt(6.0) * min(sizes) / MEDIAN))
+        weights.append(max(len(rest) - 2, 1))
     stated = [np.hypot(one.noise_sd or 0.0, float(np.sqrt(np.mean(one.imposed_sd**2)))) for one in series]
     known = [
         one.noise_sd is not None and sd > SMALLEST * np.abs(one.measured).max() for one, sd in zip(series, stated, strict=True)
@@ -125,9 +136,7 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
 
 def _rest(series: Series) -> np.ndarray:
     basis = smooth_basis(series)
-    rest = series.measured - basis @ (basis.T @ series.measured)
-    free = max(len(rest) - basis.shape[1], 1)
-    return rest * np.sqrt(len(rest) / free)
+    return series.measured - basis @ (basis.T @ series.measured)
 
 
 def _correlation(ratio: float) -> float:

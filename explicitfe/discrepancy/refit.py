@@ -20,8 +20,9 @@ STEP, ROUGH_STEP = 1e-3, 0.04  # of a parameter's typical way; the second where 
 ENOUGH, RELATIVE = 0.02, 1e-5  # what another step would gain in chi2, and relative to it
 ROUGH_ENOUGH, ROUGH_RELATIVE = 0.5, 3e-3  # the same where answers are rough
 TURNS, ROUGH_TURNS, ROUGH_ANEW = 40, 8, 1  # steps, and how often derivatives are taken anew
+GROSS = 9.0  # mean square of the rows: so far off, a model is not judged by its nuisances
 POOR = 0.25  # of the gain that was hoped for: derivatives are taken anew
-STALLED = 1e-2
+STALLED, ROUGH_STALLED = 1e-2, 1e-1
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
 EDGE = 1e-6  # of a parameter's range: it is at its bound
 Z95 = float(norm.ppf(0.975))
@@ -54,6 +55,15 @@ class Fitted:
         """Whitened sum of squares."""
         return float(self.residual @ self.residual)
 
+    @property
+    def movable(self) -> np.ndarray:
+        """The whitened derivatives (n, q) by the parameters that can follow: one that is pressed against its bound cannot."""
+        low, high = (np.array([getattr(p, end) for p in self.model.parameters]) for end in ("low", "high"))
+        edge = EDGE * (high - low)
+        push = self.jacobian.T @ self.residual
+        stuck = ((self.model.x <= low + edge) & (push < 0.0)) | ((self.model.x >= high - edge) & (push > 0.0))
+        return self.jacobian[:, ~stuck]
+
 
 def refit(
     system: System,
@@ -74,24 +84,59 @@ def refit(
     RunError : the model cannot be computed where the search begins.
     """
     y = measured(system.series) if target is None else target
-    enough, relative = (ENOUGH, RELATIVE) if system.exact else (ROUGH_ENOUGH, ROUGH_RELATIVE)
     low = np.array([p.low for p in start.parameters])
     high = np.array([p.high for p in start.parameters])
     model = start.at(np.clip(start.x, low, high))
     answer = _one(system, model)
     if answer is None:
         raise RunError("the model cannot be computed where the fit begins.")
-    r = covariance.whiten(y - answer)
-    fresh, damping, converged = slopes is None or system.exact, FIRST_DAMPING, False
-    if fresh or slopes is None:
-        slopes = derivatives(system, model, answer)
+    fresh = slopes is None or system.exact
+    found = _Place(model, answer, derivatives(system, model, answer) if fresh else slopes, fresh, False)
+    # First by the rows alone. Against a gross misfit no scale of a test and no assumed length is unlikely enough: they would
+    # be spent on it, and the constants would go anywhere.
+    rows = covariance.of_rows()
+    found = _descend(system, found, rows, y)
+    if rows is not covariance and float(np.mean(rows.whiten(y - found.answer) ** 2)) < GROSS:
+        found = _descend(system, found, covariance, y)
+    edge = EDGE * (high - low)
+    at_bound = tuple(
+        p.name
+        for p, x, a, b, e in zip(found.model.parameters, found.model.x, low, high, edge, strict=True)
+        if x <= a + e or x >= b - e
+    )
+    residual = covariance.at(found.answer).whiten(y - found.answer)
+    J = _jacobian(covariance, y, found.answer, found.slopes)
+    return Fitted(found.model, found.answer, found.slopes, residual, J, at_bound, found.converged)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where a search is: derivatives are ``fresh`` if they were taken just there."""
+
+    model: Hypothesis
+    answer: np.ndarray
+    slopes: np.ndarray
+    fresh: bool
+    converged: bool
+
+
+def _descend(system: System, place: _Place, covariance: Covariance, y: np.ndarray) -> _Place:
+    """The least chi2 downhill from a place."""
+    model, answer, slopes, fresh = place.model, place.answer, place.slopes, place.fresh
+    enough, relative = (ENOUGH, RELATIVE) if system.exact else (ROUGH_ENOUGH, ROUGH_RELATIVE)
+    low = np.array([p.low for p in model.parameters])
+    high = np.array([p.high for p in model.parameters])
+    r = covariance.at(answer).whiten(y - answer)
+    damping, converged = FIRST_DAMPING, False
     anew = TURNS if system.exact else ROUGH_ANEW
     for _ in range(TURNS if system.exact else ROUGH_TURNS):
-        J = covariance.whiten(slopes)
+        J = _jacobian(covariance, y, answer, slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
         step = _step(J / size, r, size * (low - model.x), size * (high - model.x), damping) / size
         gain = float(r @ r - (r - J @ step) @ (r - J @ step))
         if gain < enough + relative * float(r @ r):
+            if damping > FIRST_DAMPING:
+                break  # a small step, for no larger one was any better or could be computed: that may be no optimum
             if fresh or not system.exact:
                 converged = True
                 break
@@ -99,7 +144,7 @@ def refit(
             continue
         there = model.at(np.clip(model.x + step, low, high))
         new = _one(system, there)
-        rest = None if new is None else covariance.whiten(y - new)
+        rest = None if new is None else covariance.at(new).whiten(y - new)
         better = rest is not None and float(rest @ rest) < float(r @ r)
         if better:
             way = there.x - model.x
@@ -116,41 +161,55 @@ def refit(
             if damping > LARGEST_DAMPING:
                 break  # nothing is downhill
     # rough answers have no exact minimum; near it is enough
-    converged = converged or gain < STALLED * float(r @ r)
-    edge = EDGE * (high - low)
-    at_bound = tuple(
-        p.name for p, x, a, b, e in zip(model.parameters, model.x, low, high, edge, strict=True) if x <= a + e or x >= b - e
-    )
-    return Fitted(model, answer, slopes, r, covariance.whiten(slopes), at_bound, converged)
+    if not converged:
+        J = _jacobian(covariance, y, answer, slopes)
+        size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
+        step = _step(J / size, r, size * (low - model.x), size * (high - model.x), FIRST_DAMPING) / size
+        gain = float(r @ r - (r - J @ step) @ (r - J @ step))
+        converged = gain < max(enough, (STALLED if system.exact else ROUGH_STALLED) * float(r @ r))
+    return _Place(model, answer, slopes, fresh, converged)
 
 
-def derivatives(system: System, model: Hypothesis, answer: np.ndarray) -> np.ndarray:
-    """Derivatives (n, p) SI of the answer by the coordinates, one-sided, away from the nearer bound.
+def _jacobian(covariance: Covariance, y: np.ndarray, answer: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Slopes whitened where the model is; the scale that a test is likely to have multiplies them as it does the answer."""
+    here = covariance.at(answer)
+    return here.whiten(here.factors(y - answer)[:, None] * slopes)
 
-    A parameter by which the model cannot be computed has the derivative 0: it is left where it is.
+
+def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarray:
+    """Derivatives (n, p) SI of the answer ``now`` by the coordinates, one-sided: inside the bounds, where it can be computed.
+
+    A parameter by which the model can be computed on neither side has the derivative 0: it is left where it is.
     """
     step = STEP if system.exact else ROUGH_STEP
-    shifted, ways = [], []
-    for k, p in enumerate(model.parameters):
-        way = step * max(p.typical, 0.1 * abs(model.x[k]))
-        if model.x[k] + way > p.high:
-            way = -way
+    ways = [step * max(p.typical, 0.1 * abs(x)) for p, x in zip(model.parameters, model.x, strict=True)]
+    ways = [-way if x + way > p.high else way for p, x, way in zip(model.parameters, model.x, ways, strict=True)]
+
+    def shifted(k: int, way: float) -> Hypothesis:
         x = model.x.copy()
         x[k] += way
-        shifted.append(model.at(x))
-        ways.append(way)
+        return model.at(x)
+
+    found = system.answers([shifted(k, way) for k, way in enumerate(ways)])
+    back = [k for k, answer in enumerate(found) if answer is None and model.parameters[k].low <= model.x[k] - ways[k]]
+    for k, answer in zip(back, system.answers([shifted(k, -ways[k]) for k in back]), strict=True):
+        found[k], ways[k] = answer, -ways[k]
     columns = []
-    for found, way in zip(system.answers(shifted), ways, strict=True):
-        columns.append(np.zeros(len(answer)) if found is None else (stacked(found) - answer) / way)
-    return np.array(columns).reshape(len(columns), len(answer)).T  # (n, 0) where nothing is fitted
+    for answer, way in zip(found, ways, strict=True):
+        columns.append(np.zeros(len(now)) if answer is None else (stacked(answer) - now) / way)
+    return np.array(columns).reshape(len(columns), len(now)).T  # (n, 0) where nothing is fitted
 
 
 def intervals(fit: Fitted, worse: float = 1.0) -> list[tuple[float, float]]:
     """95 % intervals of the values, from the curvature at the optimum; ``worse`` multiplies chi2's unit."""
-    covariance = worse * np.linalg.pinv(fit.jacobian.T @ fit.jacobian)
+    size = np.linalg.norm(fit.jacobian, axis=0)
+    shown = size > 0.0
+    unit = fit.jacobian[:, shown] / size[shown]
+    variance = np.full(len(size), np.inf)  # of what the data do not depend on
+    variance[shown] = worse * np.diag(np.linalg.pinv(unit.T @ unit, rcond=1e-12)) / size[shown] ** 2
     found = []
     for k, p in enumerate(fit.model.parameters):
-        half = Z95 * float(np.sqrt(max(covariance[k, k], 0.0)))
+        half = Z95 * float(np.sqrt(variance[k]))
         ends = np.clip([fit.model.x[k] - half, fit.model.x[k] + half], p.low, p.high)
         low, high = (p.sought.value(float(x)) for x in ends)
         found.append((min(low, high), max(low, high)))

@@ -15,6 +15,7 @@ from zlib import crc32
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from explicitfe.discrepancy.noise import MEDIAN
 from explicitfe.discrepancy.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.effects.adhesion import Adhesion
@@ -27,7 +28,7 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.identify.course import bends
 from explicitfe.identify.dataset import Curve, Dataset
 from explicitfe.identify.modelfile import EVERY, Constants, ModelFile, Numerics, parse_model
-from explicitfe.identify.predict import UNITS, experiments, predict_test, reading, true_way
+from explicitfe.identify.predict import UNITS, cycle_of, experiments, predict_test, reading, true_way
 from explicitfe.identify.selection import imposed, sd_of
 
 POISSON = 0.499
@@ -300,9 +301,7 @@ class Specimens:
             if share > HOLD:
                 has.add("time")
             rates.setdefault(curve.constants, []).append(_pace(curve))
-            numbers.setdefault(curve.constants, set()).add(
-                float(curve.conditions.get("repeat", curve.conditions.get("cycle", 1)))
-            )
+            numbers.setdefault(curve.constants, set()).add(cycle_of(curve))
             directions.setdefault(curve.constants, set()).add(str(curve.conditions.get("direction")))
         if any(max(r) > RATE * min(r) for r in rates.values()):
             has.add("time")
@@ -519,14 +518,17 @@ def _way_back(curve: Curve) -> float:
 def _series(curve: Curve, test: str, peers: str) -> Series:
     way, y = imposed(curve), curve.columns[curve.predicted]
     span = max(float(np.ptp(way)), 1e-300)
-    sd = sd_of(curve, curve.imposed) or 0.0
+    sd = sd_of(curve, curve.imposed)
+    if sd is None:  # as rough as it is
+        fourth = np.abs(np.diff(way, 4))
+        sd = float(np.median(fourth)) / (MEDIAN * np.sqrt(70.0)) if len(fourth) else 0.0
     corners = bends(curve.time_s, way, max(SLACK * span, QUIET_SD * sd))
     moved = np.abs(np.interp(curve.time_s, curve.time_s[corners], way[corners]) - (1.0 if curve.imposed == "stretch" else 0.0))
     pace = np.gradient(moved, curve.time_s)
     # of all paces the fastest is one step of a coarse table; a tenth of the rows moves faster than a pace that counts
     still = STILL * max(float(np.quantile(np.abs(pace), 0.9)), 1e-2 * float(np.abs(pace).max()))
     phase = np.where(pace > still, "loading", np.where(pace < -still, "unloading", "hold"))
-    slope = np.full(len(y), float(np.ptp(y)) / span)
+    slope = _slope(way, y, span)
     unit, factor = UNITS[curve.predicted]
     number = curve.conditions.get("repeat", curve.conditions.get("order", 0))
     return Series(
@@ -547,6 +549,13 @@ def _series(curve: Curve, test: str, peers: str) -> Series:
         unit=unit,
         factor=factor,
     )
+
+
+def _slope(way: np.ndarray, y: np.ndarray, span: float) -> np.ndarray:
+    """How much the predicted column changes with the imposed one, at each row: a stiffening curve is steep at its end."""
+    degree = min(3, len(np.unique(way)) // 4)
+    line = np.polynomial.Polynomial.fit(way, y, degree) if degree and span > 1e-300 else None
+    return np.full(len(y), float(np.ptp(y)) / span) if line is None else np.abs(line.deriv()(way))
 
 
 def _peers(curve: Curve, curves: Sequence[Curve]) -> str:

@@ -17,6 +17,11 @@ def title(effect: str) -> str:
     return EFFECTS[effect].about.title if effect in EFFECTS else effect.replace("-", " ")
 
 
+def sentence_case(text: str) -> str:
+    """With a capital first letter, names inside left as they are."""
+    return text[:1].upper() + text[1:]
+
+
 def listed(names: list[str] | tuple[str, ...]) -> str:
     """a, b and c."""
     words = [title(name) for name in names]
@@ -30,13 +35,13 @@ def sentence(closed: Closed) -> str:
     if closed.verdict == "no-missing-effect":
         return "Nothing is missing that these data can show: the elastic model leaves no more than noise."
     if closed.verdict == "unexplained":
-        helps = f" {listed(closed.nearest).capitalize()} would help, and leaves most of it." if closed.nearest else ""
-        return f"Something is missing, and none of the known effects explains it.{helps}"
+        helps = f" {sentence_case(listed(closed.nearest))} would help, and leaves most of it." if closed.nearest else ""
+        return f"Something is missing, and none of the effects that were considered explains it.{helps}"
     if closed.verdict == "ambiguous":
         first = closed.steps[0]
         if first.ambiguous_with:
             return f"These data cannot tell {title(first.best or '')} from {listed(first.ambiguous_with)}."
-        return f"{listed(closed.effects).capitalize()} explains it, but one test alone cannot confirm it."
+        return f"{sentence_case(listed(closed.effects))} explains it, but one test alone cannot confirm it."
     rest = {
         "at-floor": "what is left is no more than noise",
         "unexplained": "something else is left that no known effect explains",
@@ -50,7 +55,7 @@ def where(step: Step) -> str:
     if step.at_floor:
         return ""
     # by rows and not by Sigma: a reader looks for it in the curves
-    rest = outside(step.fit.jacobian, step.fit.residual) ** 2
+    rest = outside(step.fit.movable, step.fit.residual) ** 2
     parts: dict[str, np.ndarray] = {}
     for one, part in zip(step.covariance.series, step.covariance.slices(), strict=True):
         rows = np.zeros(len(rest), dtype=bool)

@@ -228,7 +228,8 @@ def _starts(test: Sequence[Curve]) -> list[float]:
     return starts
 
 
-def _cycle(curve: Curve) -> float:
+def cycle_of(curve: Curve) -> float:
+    """Number of a repeat or cycle; 1 where the dataset gives none."""
     number = curve.conditions.get("repeat", curve.conditions.get("cycle", 1))
     return float(number) if isinstance(number, int | float) else 1.0
 
@@ -262,7 +263,7 @@ def _homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) ->
     for curve in test:
         values, answers = answers[: len(curve.time_s)], answers[len(curve.time_s) :]
         for effect in readings:
-            values = effect.read_force(values, curve.time_s, _cycle(curve))
+            values = effect.read_force(values, curve.time_s, cycle_of(curve))
         found.append(Predicted(values, count, 0, seconds))
     return found
 
@@ -378,7 +379,9 @@ def _driven(
         if lifts and number > max(1, cut) and _leaves(answers, course, number):
             course, cut = course.split(number, CAREFUL), number + CAREFUL
         t, x = course.time_s[number], course.imposed[number]
-        reached = push(float(x), at_s=float(t - course.time_s[0])) if answers or x != 0.0 else rest
+        # until a tool that does not stick touches, the body is at rest
+        idle = not any(answers) and (x <= 0.0 if lifts else x == 0.0 and not answers)
+        reached = rest if idle else push(float(x), at_s=float(t - course.time_s[0]))
         if isinstance(reached, Stuck):
             unit, factor = ("N", 1.0) if by_force else ("mm", 1e3)
             place = ", ".join(f"{1e3 * c:.3g}" for c in reached.place_m)
@@ -405,7 +408,7 @@ def true_way(read: np.ndarray, curve: Curve, readings: Sequence[Measurement], by
     for effect in reversed(readings):
         if by_force:
             # what is read is linear in the force
-            zero, one = (effect.read_force(np.full(len(read), x), curve.time_s, _cycle(curve)) for x in (0.0, 1.0))
+            zero, one = (effect.read_force(np.full(len(read), x), curve.time_s, cycle_of(curve)) for x in (0.0, 1.0))
             read = (read - zero) / (one - zero)
         else:
             read = effect.true_displacement(read)
@@ -420,7 +423,7 @@ def reading(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_
         if by_force:
             true = true - (effect.true_displacement(true) - true)  # a shift
         else:
-            true = effect.read_force(true, curve.time_s, _cycle(curve))
+            true = effect.read_force(true, curve.time_s, cycle_of(curve))
     return true
 
 

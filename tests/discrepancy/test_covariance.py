@@ -30,9 +30,9 @@ def dense(covariance: Covariance) -> np.ndarray:
     largest = np.concatenate([np.full(n, np.abs(one.measured).max()) for one, n in zip(covariance.series, SIZES, strict=True)])
     start = 0
     for row, n in zip(covariance.rows, SIZES, strict=True):
-        place = np.arange(n)
-        r = row.correlation ** np.abs(place[:, None] - place)
-        sigma[start : start + n, start : start + n] = row.sd[:, None] * r * row.sd
+        # independent rows that say as much about anything smooth: times 1 + 2 r + 2 r^2 + ... = (1 + r) / (1 - r)
+        more = (1.0 + row.correlation) / (1.0 - row.correlation)
+        sigma[start : start + n, start : start + n] = np.diag(more * row.sd**2)
         start += n
     same = tests[:, None] == tests
     sigma += same * covariance.scatter.scale**2 * sizes[:, None] * sizes
@@ -81,3 +81,23 @@ def test_numbers_for_reports():
     alone = made(scale=0.0, offset=0.0, floors=False)
     column = np.random.default_rng(13).standard_normal(sum(SIZES))
     np.testing.assert_allclose(covariance.by_rows(column[:, None])[:, 0], alone.whiten(column), atol=1e-12)
+
+
+def test_correlated_rows_weigh_as_much_as_they_say_about_something_smooth():
+    """The variance of the mean of n AR(1) rows is sd^2 (1 + r) / (1 - r) / n, but for ends that count as 2 r / (n (1 - r^2))."""
+    n, r = 400, 0.8
+    place = np.arange(n)
+    truth = (r ** np.abs(place[:, None] - place)).mean()
+    assert RowNoise(np.ones(n), r, True).weight_sd[0] ** 2 / n == pytest.approx(truth, rel=2.5 * r / (n * (1.0 - r**2)) + 1e-12)
+
+
+def test_the_scale_of_a_test_multiplies_what_a_model_answers():
+    """A model that answers nothing is off by all there is, however large the scale may be."""
+    covariance = made(scale=0.5, offset=0.0, floors=False)
+    y = np.concatenate([one.measured for one in covariance.series])
+    rows = np.concatenate([row.weight_sd for row in covariance.rows])
+    nothing = covariance.at(np.zeros(len(y))).whiten(y)
+    np.testing.assert_allclose(nothing @ nothing, ((y / rows) ** 2).sum(), rtol=1e-12)
+    tenth = covariance.at(y / 1.1)
+    assert tenth.whiten(y - y / 1.1) @ tenth.whiten(y - y / 1.1) < 0.1
+    np.testing.assert_allclose(tenth.factors(y - y / 1.1), 1.1, atol=0.01)

@@ -116,14 +116,14 @@ def test_what_none_of_them_explains():
     """A corner and a steep end, of ten times the noise, which no candidate has."""
     found = closed(extra=0.1 * np.abs(D - 0.6) - 0.3 * D**6)
     assert (found.verdict, found.effects) == ("unexplained", ())
-    assert "none of the known effects" in words.sentence(found) or "would help" in words.sentence(found)
+    assert "none of the effects that were considered" in words.sentence(found) or "would help" in words.sentence(found)
 
 
 def test_a_candidate_that_helps_a_little_is_not_what_is_missing():
     """Waves of 0.5, of which "bump" takes up some, significantly, and leaves more than half."""
     found = closed(effects={"bump": EFFECTS["bump"]}, extra=0.5 * np.sin(9.0 * D) + 0.05 * BUMP)
     assert (found.verdict, found.effects) == ("unexplained", ())
-    assert "none of the known effects" in words.sentence(found)
+    assert "none of the effects that were considered" in words.sentence(found)
 
 
 def test_a_single_test_is_ambiguous_at_most():

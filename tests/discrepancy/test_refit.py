@@ -23,7 +23,7 @@ def correlated(system: Linear) -> Covariance:
     rows = [RowNoise(np.full(len(one.measured), SD), 0.4, True) for one in system.series]
     rng = np.random.default_rng(9)
     floor = {"mesh": 0.01 * rng.standard_normal(sum(len(one.measured) for one in system.series))}
-    return Covariance(system.series, rows, Scatter(0.02, 0.01, "stated", 0), floor)
+    return Covariance(system.series, rows, Scatter(0.0, 0.01, "stated", 0), floor)
 
 
 def test_a_linear_fit_solves_the_normal_equations():

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,26 +10,27 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.discrepancy import words
+from explicitfe.discrepancy.close_trajectories import close_trajectories
 from explicitfe.discrepancy.fingerprints import DISTINCT, LEVEL, lack_of_fit
-from explicitfe.discrepancy.loop import NOISE_SHARE, Closed, Step, close, numerical_share
+from explicitfe.discrepancy.loop import NOISE_SHARE, Closed, Step, close
 from explicitfe.discrepancy.nextexperiment import next_experiment
 from explicitfe.discrepancy.noise import row_noise
-from explicitfe.discrepancy.refit import Fitted, intervals, refit
+from explicitfe.discrepancy.refit import Fitted, refit
+from explicitfe.discrepancy.report import SUMMARY, failed, mean_errors, told, write
 from explicitfe.discrepancy.specimens import COARSE, FINE, Simulator, Specimens
 from explicitfe.discrepancy.split import Split, split
 from explicitfe.discrepancy.system import described
+from explicitfe.discrepancy.trajectories import LEVERS
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, RunError, nearest
 from explicitfe.identify.dataset import Curve, Dataset, read_dataset
-from explicitfe.identify.modelfile import ModelFile
 from explicitfe.identify.predict import UNITS, experiments
 from explicitfe.identify.selection import imposed
 from explicitfe.identify.writing import checked_target
 from explicitfe.results import provenance
 
 Report = Callable[[str, float], None]
-SUMMARY, MODEL, BASELINE = "report.json", "model.toml", "baseline.toml"
+MODEL, BASELINE = "model.toml", "baseline.toml"
 MAX_EFFECTS = 3
 VARIED = (0.9, 1.1)  # factors of an assumed length in the table of what it moves
 FEW_DATA = 10.0
@@ -86,24 +84,33 @@ def close_loop(
     """
     begin = time.perf_counter()
     dataset = read_dataset(dataset_path)
+    known = LEVERS if dataset.test == "trajectory" else EFFECTS
     for name in effects:
-        if name not in EFFECTS:
-            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, EFFECTS)}")
+        if name not in known:
+            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, known)}")
     if max_effects < 0:
         raise InputError(f"--max-effects {max_effects}: it must be 0 or more.")
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
+    if dataset.test == "trajectory" and constants_by is not None:
+        raise InputError(f"{dataset.path}: a trajectory has no constants to group; leave --constants-by out.")
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)
     sides = split(dataset, holdout)
+    if dataset.test == "trajectory":
+        found, curves, files = close_trajectories(dataset, sides, effects, max_effects, processes, report)
+        found["provenance"] |= {"wall_s": time.perf_counter() - begin}
+        if target is not None:
+            write(target, found, curves, files)
+        return found
     simulator = Simulator(processes)
     try:
         work = _Work(dataset, sides, simulator, constants_by, tuple(effects), max_effects, report)
-        found, curves, models = work.done()
+        found, curves, files = work.done()
     finally:
         simulator.close()
     found["provenance"] |= {"wall_s": time.perf_counter() - begin, "runs": simulator.runs}
     if target is not None:
-        _write(target, found, curves, models)
+        write(target, found, curves, files)
     return found
 
 
@@ -126,8 +133,8 @@ class _Work:
         self.left_out = dict(sides.left_out)
         self.warnings: list[str] = []
 
-    def done(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, ModelFile]]:
-        """The report, curves for its pictures, and the model files."""
+    def done(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, str]]:
+        """The report, curves for its pictures, and texts of the model files."""
         self.report("trace", 0.0)
         try:
             self._leave_out_what_fails()
@@ -138,7 +145,7 @@ class _Work:
                 watch=lambda what, share: self.report("trace", share),
             )
         except RunError as error:
-            return self._failed(str(error)), [], {}
+            return self._head() | failed(str(error)), [], {}
         self.report("trace", 1.0)
         with_effects = closed.verdict in ("effect-found", "ambiguous") and bool(closed.effects)
         last = closed.steps[-1] if with_effects else closed.steps[0]
@@ -151,15 +158,15 @@ class _Work:
             after = refit(self.system, after.model, last.covariance, slopes=after.slopes) if with_effects else before
             self.report("decide", 1.0)
         self.report("predict", 0.0)
-        found = self._told(closed, before, after, last)
+        found = self._head() | told(closed, before, after, last)
         curves = self._errors(found, before, after, last)
         found["sensitivity_to_assumed"] = self._sensitivity(closed, before, after, last)
         self.report("predict", 0.8)
         found["next_experiment"] = self._next(closed)
         found["warnings"] = self._warnings(closed, before, after, found)
         self.report("predict", 1.0)
-        models = {BASELINE: self._file(before, "baseline"), MODEL: self._file(after, closed.verdict)}
-        return found, curves, models
+        files = {BASELINE: self._file(before, "baseline"), MODEL: self._file(after, closed.verdict)}
+        return found, curves, files
 
     def _leave_out_what_fails(self) -> None:
         """Curves that the simulator cannot follow, with the reason."""
@@ -170,31 +177,11 @@ class _Work:
             raise RunError(f"the simulator can follow none of the curves: {next(iter(why.values()))}")
         self.system = replace(self.system, curves=kept)
 
-    def _file(self, fit: Fitted, verdict: str) -> ModelFile:
+    def _file(self, fit: Fitted, verdict: str) -> str:
         model = self.system.model(fit.model)
-        return model.model_copy(update={"title": f"{self.dataset.name}: {verdict}"})
+        return model.model_copy(update={"title": f"{self.dataset.name}: {verdict}"}).text
 
     # ---- the report ----
-
-    def _failed(self, message: str) -> dict[str, Any]:
-        return self._head() | {
-            "verdict": "failed",
-            "remainder": "unexplained",
-            "remainder_where": "",
-            "sentence": f"The fit failed: {message} This says nothing about what the model lacks.",
-            "message": message,
-            "effects": [],
-            "effect_titles": {},
-            "n_eff": 0.0,
-            "baseline": {"parameters": {}, "error": {}},
-            "final": {"parameters": {}, "error": {}},
-            "steps": [],
-            "ambiguous_with": [],
-            "separations": [],
-            "next_experiment": None,
-            "sensitivity_to_assumed": {},
-            "warnings": [],
-        }
 
     def _head(self) -> dict[str, Any]:
         unit, _ = UNITS[self.system.curves[0].predicted]
@@ -217,65 +204,6 @@ class _Work:
                 "max_effects": self.max_effects,
             },
         }
-
-    def _told(self, closed: Closed, before: Fitted, after: Fitted, last: Step) -> dict[str, Any]:
-        covariance, first = last.covariance, closed.steps[0]
-        numerical = numerical_share(covariance, last.fit, list(covariance.floors))
-        rows = [
-            {
-                "curve": one.id,
-                "sd": one.factor * float(np.sqrt(np.mean(row.sd**2))),
-                "rho": row.correlation,
-                "stated": row.stated,
-                "n": len(row.sd),
-                "n_eff": row.effective,
-            }
-            for one, row in zip(covariance.series, covariance.rows, strict=True)
-        ]
-        ambiguous = closed.steps[-1].ambiguous_with if closed.verdict in ("ambiguous", "effect-found") else ()
-        best = closed.steps[-1].best
-        effects = list(closed.effects) or ([first.best] if ambiguous and first.best else [])
-        names = [*effects, *ambiguous, *closed.nearest, *([best] if best else [])]
-        return self._head() | {
-            "verdict": closed.verdict,
-            "remainder": closed.remainder,
-            "remainder_where": words.where(last),
-            "sentence": words.sentence(closed),
-            "message": closed.message,
-            "effects": effects,
-            "effect_titles": {name: words.title(name) for name in names},
-            "nearest": list(closed.nearest),
-            "n_eff": covariance.effective,
-            "noise": {
-                "rows": rows,
-                "scale_sd": covariance.scatter.scale,
-                "offset_sd": covariance.scatter.offset,
-                "scatter_source": covariance.scatter.source,
-                "numerical": [{"what": name, "share_of_noise": share} for name, share in numerical.items()],
-            },
-            "baseline": {"parameters": self._parameters(before, first)},
-            "final": {"parameters": self._parameters(after, last)},
-            "steps": [_told_step(step) for step in closed.steps],
-            "ambiguous_with": list(ambiguous),
-            "separations": [{"a": a, "b": b, "separation": apart} for step in closed.steps for a, b, apart in step.separations],
-        }
-
-    def _parameters(self, fit: Fitted, step: Step) -> dict[str, Any]:
-        """Values with 95 % intervals; those of a series as the model file states them."""
-        # What is left unexplained is no noise: it widens the intervals.
-        worse = 1.0 if step.at_floor else max(step.lack.chi2 / max(step.lack.free, 1), 1.0)
-        found: dict[str, Any] = {}
-        left = 1.0
-        for p, value, (low, high) in zip(fit.model.parameters, fit.model.values, intervals(fit, worse), strict=True):
-            by = 1.0
-            if p.name.startswith("viscoelastic.") and p.name.endswith(".g"):
-                by, left = left, left * (1.0 - value)
-            entry = {"value": by * value, "ci95": [by * low, by * high]}
-            if len(found) < 2 * len(self.system.groups) and p.name in ("C10_Pa", "C20_Pa"):
-                found.setdefault(p.name, {})[p.group or "all"] = entry
-            else:
-                found[p.name] = entry
-        return found
 
     def _errors(self, found: dict[str, Any], before: Fitted, after: Fitted, last: Step) -> list[dict[str, Any]]:
         """Errors of all curves before and after, put into the report; the curves for its pictures."""
@@ -306,7 +234,7 @@ class _Work:
                     rows[curve.id] = row | {"rmse": rmse, "nrmse": rmse / share, "floor": floor / share}
                     here = shown.setdefault(curve.id, _shown(curve, measured, floor))
                     here["before" if side == "baseline" else "after"] = values
-            found[side]["error"] = {name: _mean(rows, name) for name in ("fit", "holdout")} | {"curves": rows}
+            found[side]["error"] = {name: mean_errors(rows, name) for name in ("fit", "holdout")} | {"curves": rows}
         return [shown[c.id] for c in every if len(shown.get(c.id, {})) and {"before", "after"} <= set(shown[c.id])]
 
     def _sensitivity(self, closed: Closed, before: Fitted, after: Fitted, last: Step) -> dict[str, Any]:
@@ -395,44 +323,6 @@ class _Work:
         return notes
 
 
-def _told_step(step: Step) -> dict[str, Any]:
-    rows = []
-    for score in sorted(step.scores, key=lambda s: (-s.drop, s.status)):
-        name = score.candidate.effect
-        fit = step.refits.get(name)
-        names = [p.name.rpartition(".")[2] for p in score.candidate.term.parameters]
-        values = score.values if fit is None else fit.model.values[len(fit.model.x) - len(names) :]
-        errors = step.cv.get(name)
-        rows.append(
-            {
-                "effect": name,
-                "status": "failed" if name in step.failures else score.status,
-                "chi2_drop": score.drop,
-                "chi2_drop_refitted": None if fit is None else step.fit.chi2 - fit.chi2,
-                "p_holm": score.p_holm,
-                "cv_nrmse": float(np.mean(list(errors.values()))) if errors else None,
-                "parameters": dict(zip(names, values, strict=False)),
-                "reason": step.failures.get(name, score.reason),
-            }
-        )
-    without = step.cv.get("")
-    return {
-        "p_residual": step.p,
-        "chi2": step.fit.chi2,
-        "lack_of_fit": {"chi2": step.lack.chi2, "free": step.lack.free, "p": step.lack.p},
-        "cv_nrmse": float(np.mean(list(without.values()))) if without else None,
-        "candidates": rows,
-        "chosen": step.chosen,
-    }
-
-
-def _mean(rows: dict[str, dict[str, Any]], side: str) -> dict[str, float] | None:
-    mine = [row for row in rows.values() if row["split"] == side and row["rmse"] is not None]
-    if not mine:
-        return None
-    return {key: float(np.mean([row[key] for row in mine if row[key] is not None])) for key in ("nrmse", "rmse")}
-
-
 def _errors_of(system: Specimens, fit: Fitted) -> list[float]:
     ends = np.cumsum([len(one.measured) for one in system.series])[:-1]
     parts = np.split(fit.answer, ends)
@@ -454,33 +344,3 @@ def _shown(curve: Curve, measured: np.ndarray, floor: float) -> dict[str, Any]:
         "measured": measured,
         "sd": np.full(len(measured), floor),
     }
-
-
-def _write(target: Path, found: dict[str, Any], curves: list[dict[str, Any]], models: dict[str, ModelFile]) -> None:
-    """A whole folder or nothing: written beside, then moved."""
-    from explicitfe.view import loopreport
-
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
-    try:
-        beside.chmod(0o755)
-        names = [SUMMARY, *loopreport.write(beside, found, curves), *models]
-        for name, model in models.items():
-            (beside / name).write_text(model.text, encoding="utf-8")
-        found["files"] = [str(target / name) for name in names]
-        (beside / SUMMARY).write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        old = None
-        if target.exists():
-            old = target.with_name(f".{target.name}-old-{beside.name[-8:]}")
-            target.rename(old)
-        beside.rename(target)
-        if old is not None:
-            shutil.rmtree(old)
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
-    finally:
-        if beside.exists():
-            shutil.rmtree(beside)

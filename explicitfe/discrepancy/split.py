@@ -61,6 +61,12 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
         held, rule = set(holdout), "the curves named by --holdout are held out"
     elif any(c.split is not None for c in usable):
         held, rule = {c.id for c in usable if c.split == "holdout"}, "as the dataset says"
+    elif dataset.test == "trajectory":
+        count = round(SHARE * len(usable)) if len(usable) > 2 else 0
+        held, rule = (
+            {c.id for c in usable[len(usable) - count :]},
+            "the last third of the curves is held out, where there are three",
+        )
     else:
         held, rule = _chosen(usable)
     sides = ([c for c in usable if c.id not in held], [c for c in usable if c.id in held])

@@ -72,7 +72,7 @@ def close_trajectories(
     finally:
         system.runs.close()
     report("predict", 1.0)
-    found["effect_titles"] |= {name: LEVERS[name].title for name in found["effect_titles"] if name in LEVERS}
+    found["effect_titles"] |= {name: LEVERS[name].title.partition(" [")[0] for name in found["effect_titles"] if name in LEVERS}
     found |= {"next_experiment": None, "sensitivity_to_assumed": {}, "warnings": _warnings(sides, before, after)}
     texts = {"scenario.toml": system.scenario_text(after.model), "baseline.toml": system.scenario_text(before.model)}
     return found, curves, texts

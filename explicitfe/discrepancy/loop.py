@@ -183,7 +183,7 @@ def _verdict(steps: list[Step], single: bool) -> Closed:
             else Closed("unexplained", "unexplained", steps, ())
         )
     # Of two that cannot be told apart either one counts.
-    more = last.fit.chi2 - last.refits[last.best].chi2 if last.ambiguous_with and last.best else 0.0
+    more = last.fit.whitened - last.refits[last.best].whitened if last.ambiguous_with and last.best else 0.0
     if not last.at_floor and last.lack.excess - more > HALF * first.lack.excess:
         return Closed("unexplained", "unexplained", steps, (), nearest=found)
     if single:
@@ -217,8 +217,8 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
     near = [s for s in scored if s not in worth and s.values and s.drop > top - NEAR]
     for score in worth[:most] + sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)[:most]:
         name = score.candidate.effect
-        least = min((found.chi2 for found in refits.values()), default=np.inf)
-        if not system.exact and fit.chi2 - GROWS * score.drop > least + FAR:
+        least = min((found.whitened for found in refits.values()), default=np.inf)
+        if not system.exact and fit.whitened - GROWS * score.drop > least + FAR:
             continue  # a fit would not bring it near the best
         try:
             refits[name] = refit(system, fit.model.plus(score.candidate.term, score.values), covariance)
@@ -240,7 +240,7 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
         separations.append((best, name, apart))
     unsure = [b for _, b, apart in separations if apart < DISTINCT]
     # One that was not fitted cannot be told from the best if it explains about as much.
-    drop = fit.chi2 - chosen.chi2
+    drop = fit.whitened - chosen.whitened
     unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > drop - DISTINCT]
     return Step(
         fit,

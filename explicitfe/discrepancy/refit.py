@@ -40,6 +40,7 @@ class Fitted:
     residual, jacobian : (n,) target - answer and (n, p) slopes, whitened.
     at_bound : names of parameters at a bound.
     converged : False where the search gave up: that says nothing about the model.
+    by_rows : sum of squares whitened by the rows alone, where the misfit is gross; else None.
     """
 
     model: Hypothesis
@@ -49,10 +50,16 @@ class Fitted:
     jacobian: np.ndarray
     at_bound: tuple[str, ...]
     converged: bool
+    by_rows: float | None = None
 
     @property
     def chi2(self) -> float:
-        """Whitened sum of squares."""
+        """Whitened sum of squares, that which was made small: by the rows alone where the misfit is gross."""
+        return self.whitened if self.by_rows is None else self.by_rows
+
+    @property
+    def whitened(self) -> float:
+        """Whitened sum of squares, in which fingerprints are counted."""
         return float(self.residual @ self.residual)
 
     @property
@@ -96,8 +103,10 @@ def refit(
     # be spent on it, and the constants would go anywhere.
     rows = covariance.of_rows()
     found = _descend(system, found, rows, y)
-    if rows is not covariance and float(np.mean(rows.whiten(y - found.answer) ** 2)) < GROSS:
-        found = _descend(system, found, covariance, y)
+    gross = float(np.sum(rows.whiten(y - found.answer) ** 2))
+    by_rows = gross if gross >= GROSS * len(y) else None
+    if by_rows is None:
+        found = found if rows is covariance else _descend(system, found, covariance, y)
     edge = EDGE * (high - low)
     at_bound = tuple(
         p.name
@@ -106,7 +115,7 @@ def refit(
     )
     residual = covariance.at(found.answer).whiten(y - found.answer)
     J = _jacobian(covariance, y, found.answer, found.slopes)
-    return Fitted(found.model, found.answer, found.slopes, residual, J, at_bound, found.converged)
+    return Fitted(found.model, found.answer, found.slopes, residual, J, at_bound, found.converged, by_rows)
 
 
 @dataclass(frozen=True, eq=False)

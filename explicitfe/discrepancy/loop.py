@@ -36,6 +36,7 @@ GROWS = 1.5  # times: so much more than its best trial a candidate may explain w
 FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
 HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
 FEW_TESTS = 3  # left out in turn
+WORTH_IT = 0.02  # of the cross-validated error, by which an effect more must lower it
 NOISE_SHARE = 0.5  # of the noise, that numerics may reach
 
 Watch = Callable[[str, float], None]
@@ -279,7 +280,10 @@ def _select(
     best = min(near, key=worth.__getitem__)
     helps = worth[best] < fit.chi2 + size * len(fit.model.x)
     if fit.model.terms and len(cv[""]) >= FEW_TESTS:
-        helps = helps and _worse(cv[""], cv[best]) > 1.0  # one effect more must be worth it to a test that it was not fitted to
+        # One effect more must not harm tests that it was not fitted to; far above the noise, where everything is significant, it
+        # must be worth it to them.
+        most = 1.0 if fit.by_rows is None else 1.0 - WORTH_IT
+        helps = helps and mean[best] < most * float(np.mean(list(cv[""].values())))
     return (best if helps and _worse(cv[best], cv[""]) <= 1.0 else None), cv
 
 

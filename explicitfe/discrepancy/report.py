@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,7 @@ import numpy as np
 from explicitfe.discrepancy import words
 from explicitfe.discrepancy.loop import Closed, Step, numerical_share
 from explicitfe.discrepancy.refit import Fitted, intervals
-from explicitfe.errors import InputError
+from explicitfe.identify.writing import whole_folder
 
 SUMMARY = "report.json"
 
@@ -142,30 +140,17 @@ def mean_errors(rows: dict[str, dict[str, Any]], side: str) -> dict[str, float] 
 
 
 def write(target: Path, found: dict[str, Any], curves: list[dict[str, Any]], files: dict[str, str]) -> None:
-    """A whole folder or nothing: written beside, then moved."""
+    """A whole folder or nothing; ``files`` are texts by name.
+
+    Raises
+    ------
+    InputError : the folder cannot be written.
+    """
     from explicitfe.view import loopreport
 
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
-    try:
-        beside.chmod(0o755)
-        names = [SUMMARY, *loopreport.write(beside, found, curves), *files]
+    with whole_folder(target) as folder:
+        names = [SUMMARY, *loopreport.write(folder, found, curves), *files]
         for name, text in files.items():
-            (beside / name).write_text(text, encoding="utf-8")
+            (folder / name).write_text(text, encoding="utf-8")
         found["files"] = [str(target / name) for name in names]
-        (beside / SUMMARY).write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        old = None
-        if target.exists():
-            old = target.with_name(f".{target.name}-old-{beside.name[-8:]}")
-            target.rename(old)
-        beside.rename(target)
-        if old is not None:
-            shutil.rmtree(old)
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
-    finally:
-        if beside.exists():
-            shutil.rmtree(beside)
+        (folder / SUMMARY).write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")

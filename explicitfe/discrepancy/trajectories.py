@@ -31,7 +31,7 @@ from explicitfe.mesh.fibres import locate_in_mesh
 from explicitfe.mesh.hexmesh import shape_functions
 from explicitfe.model import catalogue
 from explicitfe.model.assemble import anatomy_of
-from explicitfe.model.muscles import _profile
+from explicitfe.model.muscles import profile_of
 from explicitfe.model.scenario import Scenario, read_scenario
 from explicitfe.prepared import prepare
 from explicitfe.transient import Transient
@@ -481,7 +481,7 @@ class Trajectories:
         ]
 
     def _series(self, curve: Curve, sensor: str, axis: int) -> Series:
-        profiles = [_profile(muscle) for muscle in _scenario(self.runs.path, _own_settings(curve)).muscle]
+        profiles = [profile_of(muscle) for muscle in _scenario(self.runs.path, _own_settings(curve)).muscle]
         time_s = curve.time_s
         edges = np.concatenate([np.unique(p.time_s) for p in profiles] or [np.zeros(0)])
         rows = np.searchsorted(time_s, edges[(edges > 0.0) & (edges < time_s[-1])])

@@ -7,6 +7,8 @@ import math
 import re
 import shutil
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -61,8 +63,9 @@ def checked_target(out: Path, overwrite: bool, *, summary: str = SUMMARY, what: 
     return out
 
 
-def write(target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, Any]]) -> None:
-    """Write all files, beside the target first; ``summary["files"]`` lists them afterwards.
+@contextmanager
+def whole_folder(target: Path) -> Iterator[Path]:
+    """A folder to fill, beside the target; it takes its place at the end, or nothing of it is left.
 
     Raises
     ------
@@ -75,7 +78,7 @@ def write(target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, A
         raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
     try:
         beside.chmod(0o755)
-        _fill(beside, target, summary, pictures)
+        yield beside
         old = None
         if target.exists():
             old = target.with_name(f".{target.name}-old-{beside.name[-8:]}")
@@ -88,6 +91,17 @@ def write(target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, A
     finally:
         if beside.exists():
             shutil.rmtree(beside)
+
+
+def write(target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, Any]]) -> None:
+    """Write all files or none; ``summary["files"]`` lists them afterwards.
+
+    Raises
+    ------
+    InputError : the folder cannot be written.
+    """
+    with whole_folder(target) as folder:
+        _fill(folder, target, summary, pictures)
 
 
 def _fill(folder: Path, target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, Any]]) -> None:

@@ -47,13 +47,13 @@ def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | Fibre
         tension = _volume_tensions(mesh, fibres, share)
     else:
         tension = tuple(np.full(len(chain) - 1, share) for chain in points)
-    profile = _profile(table)
+    profile = profile_of(table)
     if table.direction == "following":
         return FibrePull(muscle.name, points, tension, profile)
     return _reference_load(mesh, muscle.name, points, tension, profile)
 
 
-def _profile(table: MuscleTable) -> Profile:
+def profile_of(table: MuscleTable) -> Profile:
     if table.profile == "table":
         time_ms, scale = np.array(table.table, dtype=float).T
         return Profile(1e-3 * time_ms, scale)

@@ -215,7 +215,9 @@ class _Work:
         floors = {one.id: last.covariance.floor_of(k) for k, one in enumerate(last.covariance.series)}
         if self.sides.holdout:
             others = replace(self.system, curves=self.sides.holdout).series
-            floors |= {one.id: float(np.sqrt(np.mean(row.sd**2))) for one, row in zip(others, row_noise(others), strict=True)}
+            spread = last.covariance.scatter.scale  # equal tests differ by it: no model foretells which way
+            for one, row in zip(others, row_noise(others), strict=True):
+                floors[one.id] = float(np.sqrt(np.mean(row.sd**2) + spread**2 * np.mean(one.measured**2)))
         for side, part in (("baseline", answers[: len(tests)]), ("final", answers[len(tests) :])):
             rows: dict[str, dict[str, Any]] = {}
             for test, answer in zip(tests, part, strict=True):

@@ -33,7 +33,7 @@ Report = Callable[[str, float], None]
 MODEL, BASELINE = "model.toml", "baseline.toml"
 MAX_EFFECTS = 3
 VARIED = (0.9, 1.1)  # factors of an assumed length in the table of what it moves
-FEW_DATA = 10.0
+FEW_DATA = 10.0  # independent rows: fewer come with a warning
 MISSED = 2.0  # times the worst error of a fitted curve: a held-out curve is missed
 AXES = {
     "displacement_m": ("displacement (mm)", 1e3),
@@ -131,7 +131,6 @@ class _Work:
         self.max_effects, self.report = max_effects, report
         self.system = Specimens(dataset, sides.fit, simulator, COARSE, constants_by, effects)
         self.left_out = dict(sides.left_out)
-        self.warnings: list[str] = []
 
     def done(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, str]]:
         """The report, curves for its pictures, and texts of the model files."""

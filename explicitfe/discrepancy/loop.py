@@ -100,7 +100,7 @@ class Closed:
 def covariance_of(
     system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: dict[str, np.ndarray]
 ) -> Covariance:
-    """Sigma at a model: rows, repeats, numerics, what is assumed. The rough part of what numerics change is noise of rows."""
+    """Sigma at a model: rows, repeats, numerics, what is assumed."""
     (now,) = system.answers([model])
     assert now is not None
     base = stacked(now)

@@ -289,7 +289,7 @@ class Specimens:
             if first.specimen is not None and first.specimen.base not in loose:
                 has.add("bonded base")
         rates: dict[str, list[float]] = {}
-        numbers: dict[str, set[str]] = {}
+        numbers: dict[str, set[float]] = {}
         directions: dict[str, set[str]] = {}
         for curve, one in zip(self.curves, self.series, strict=True):
             share = np.diff(one.time_s) @ (one.phase[1:] == "hold") / one.time_s[-1]

@@ -101,7 +101,8 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     A stated sd is that of a row by itself. How much neighbouring rows differ then says how they are correlated: second
     differences of AR(1) noise have the variance 2 (1 - r) (3 - r) sd^2. They are taken from what a smooth curve leaves, by the
     median, so that a kink does not count, and no larger than third and fourth ones would make them, so that a bend does not.
-    Where no sd is stated, both are those of what a smooth curve leaves, by restricted maximum likelihood. All series share one correlation: they come from one machine.
+    Where no sd is stated, both are those of what a smooth curve leaves, by restricted maximum likelihood. All series share one
+    correlation: they come from one machine.
     """
     rough, weights = [], []
     for one in series:

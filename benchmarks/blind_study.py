@@ -19,7 +19,7 @@ from explicitfe.blind.make import MANIFEST, make
 from explicitfe.blind.score import score
 
 STUDY = {
-    "homogeneous": {"control": 100, "single": 230, "double": 30, "outside": 24},
+    "homogeneous": {"control": 100, "single": 300, "double": 30, "outside": 24},
     "indentation": {"control": 16, "single": 26},
 }
 SMALL = 10  # a small study has so many times fewer cases

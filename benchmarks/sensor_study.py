@@ -166,7 +166,9 @@ def row(name: str, noise_mm: float, system: Trajectories, found: Closed, seconds
     fit = found.steps[-1].fit
     ranges = [
         f"{p.name} {value:.4g} [{low:.4g}, {high:.4g}]"
-        for p, value, (low, high) in zip(fit.model.parameters, fit.model.values, intervals(fit), strict=True)
+        for p, value, (low, high) in zip(
+            fit.model.parameters, fit.model.values, intervals(fit, found.steps[-1].covariance), strict=True
+        )
         if "." in p.name
     ]
     first = found.steps[0]

@@ -149,7 +149,7 @@ class _Work:
         with_effects = closed.verdict in ("effect-found", "ambiguous") and bool(closed.effects)
         last = closed.steps[-1] if with_effects else closed.steps[0]
         before, after = closed.steps[0].fit, last.fit
-        if not self.system.exact:
+        if not self.system.exact(after.model):
             self.report("decide", 0.0)
             self.system = replace(self.system, numerics=FINE)
             before = refit(self.system, before.model, last.covariance, slopes=before.slopes)

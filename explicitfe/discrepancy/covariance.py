@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -44,13 +45,20 @@ class Covariance:
             return self
         return Covariance(self.series, self.rows, replace(self.scatter, scale=0.0, offset=0.0))
 
+    @cached_property
+    def shared(self) -> np.ndarray:
+        """(n, m), whitened by the rows: what many rows have in common. Sigma is that of the rows and this times its transpose."""
+        columns = [*(d for _, d in self._tests()), *self.floors.values()]
+        count = sum(len(one.measured) for one in self.series)
+        return self.by_rows(np.array(columns).reshape(len(columns), count).T)
+
     def factors(self, residual: np.ndarray) -> np.ndarray:
         """Likely scale (n,) of each row's test, given measured - answer (n,)."""
         columns = self._tests()
         scales = [k for k, (kind, _) in enumerate(columns) if kind == "scale"]
         if not scales:
             return np.ones(len(residual))
-        V = self.by_rows(np.array([d for _, d in columns] + list(self.floors.values())).T)
+        V = self.shared
         size = np.linalg.solve(V.T @ V + np.eye(V.shape[1]), V.T @ self.by_rows(residual[:, None])[:, 0])
         found = np.ones(len(residual))
         for k in scales:
@@ -59,8 +67,7 @@ class Covariance:
         return found
 
     def __post_init__(self) -> None:
-        columns = [self.by_rows(d[:, None])[:, 0] for d in (*(d for _, d in self._tests()), *self.floors.values())]
-        V = np.array(columns).T if columns else np.zeros((sum(len(s.measured) for s in self.series), 0))
+        V = self.shared
         A, s, _ = np.linalg.svd(V, full_matrices=False) if V.size else (V, np.zeros(0), None)
         object.__setattr__(self, "_axes", A)
         object.__setattr__(self, "_shrink", 1.0 - 1.0 / np.sqrt(1.0 + s**2))

@@ -37,6 +37,7 @@ FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told ap
 HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
 FEW_TESTS = 3  # left out in turn
 WORTH_IT = 0.02  # of the cross-validated error, by which an effect more must lower it
+ASSUMED = "assumed "
 NOISE_SHARE = 0.5  # of the noise, that numerics may reach
 
 Watch = Callable[[str, float], None]
@@ -119,6 +120,14 @@ def numerical_share(covariance: Covariance, fit: Fitted, names: Sequence[str]) -
     return found
 
 
+def _numerical(covariance: Covariance, fit: Fitted) -> float:
+    """Chi2 of what numerics change where the misfit is gross, that is where chi2 is of rows alone; else it is in Sigma."""
+    if fit.by_rows is None:
+        return 0.0
+    shares = numerical_share(covariance, fit, [name for name in covariance.floors if not name.startswith(ASSUMED)])
+    return len(fit.answer) * sum(share**2 for share in shares.values())
+
+
 def close(
     system: System,
     *,
@@ -147,7 +156,7 @@ def close(
     baseline = refit(system, start or system.start(), Covariance(system.series, rows, spread))
     watch("floors", 0.06)
     assumed = {
-        f"assumed {name}": stacked(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()
+        f"{ASSUMED}{name}": stacked(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()
     }
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
     fit = refit(system, baseline.model, covariance, slopes=baseline.slopes)
@@ -195,7 +204,7 @@ def _verdict(steps: list[Step], single: bool) -> Closed:
 def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, last: bool, first: bool) -> Step:
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
-    if not first and not system.exact and lack.p > QUIET:
+    if not first and not system.exact(fit.model) and lack.p > QUIET:
         why = "not tried: no smooth curve would explain anything of what is left"
         return Step(fit, covariance, lack, lack.p, [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates])
     prints = fingerprints(system, fit, covariance, candidates)
@@ -207,7 +216,7 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
     if step.at_floor or not significant or last:
         return step
     refits, failures = {}, {}
-    most = MOST_REFITTED if system.exact else MOST_REFITTED_ROUGH
+    most = MOST_REFITTED if system.exact(fit.model) else MOST_REFITTED_ROUGH
     # A fit finds more than the best trial, but not several times as much. One on a mesh costs more than all others together,
     # and most where the model remembers.
     top = significant[0].drop
@@ -218,15 +227,18 @@ def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, las
     near = [s for s in scored if s not in worth and s.values and s.drop > top - NEAR]
     for score in worth[:most] + sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)[:most]:
         name = score.candidate.effect
+        more = fit.model.plus(score.candidate.term, score.values)
         least = min((found.whitened for found in refits.values()), default=np.inf)
-        if not system.exact and fit.whitened - GROWS * score.drop > least + FAR:
+        if not system.exact(more) and fit.whitened - GROWS * score.drop > least + FAR:
             continue  # a fit would not bring it near the best
         try:
-            refits[name] = refit(system, fit.model.plus(score.candidate.term, score.values), covariance)
+            refits[name] = refit(system, more, covariance)
         except RunError as error:
             failures[name] = str(error)
     allowed = {s.candidate.effect for s in significant}
     best, cv = _select(system, fit, refits, allowed, covariance)
+    if best is not None and fit.chi2 - refits[best].chi2 <= _numerical(covariance, fit):
+        best = None  # numerics may change as much
     step = Step(fit, covariance, lack, p, scored, refits, failures, cv)
     if best is None:
         return step

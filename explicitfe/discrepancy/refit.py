@@ -1,7 +1,7 @@
 """Weighted least squares with bounds, intervals, and cross-validation by whole curves.
 
 Every evaluation may be a finite-element run, so derivatives are taken once, all at a time, and then kept up to date from the
-steps themselves (Broyden 1965).
+steps themselves (Broyden 1965, Schubert 1970).
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def refit(
     answer = _one(system, model)
     if answer is None:
         raise RunError("the model cannot be computed where the fit begins.")
-    fresh = slopes is None or system.exact
+    fresh = slopes is None or system.exact(start)
     found = _Place(model, answer, derivatives(system, model, answer) if fresh else slopes, fresh, False)
     # First by the rows alone. Against a gross misfit no scale of a test and no assumed length is unlikely enough: they would
     # be spent on it, and the constants would go anywhere.
@@ -132,13 +132,14 @@ class _Place:
 def _descend(system: System, place: _Place, covariance: Covariance, y: np.ndarray) -> _Place:
     """The least chi2 downhill from a place."""
     model, answer, slopes, fresh = place.model, place.answer, place.slopes, place.fresh
-    enough, relative = (ENOUGH, RELATIVE) if system.exact else (ROUGH_ENOUGH, ROUGH_RELATIVE)
+    exact = system.exact(place.model)
+    enough, relative = (ENOUGH, RELATIVE) if exact else (ROUGH_ENOUGH, ROUGH_RELATIVE)
     low = np.array([p.low for p in model.parameters])
     high = np.array([p.high for p in model.parameters])
     r = covariance.at(answer).whiten(y - answer)
     damping, converged = FIRST_DAMPING, False
-    anew = TURNS if system.exact else ROUGH_ANEW
-    for _ in range(TURNS if system.exact else ROUGH_TURNS):
+    anew = TURNS if exact else ROUGH_ANEW
+    for _ in range(TURNS if exact else ROUGH_TURNS):
         J = _jacobian(covariance, y, answer, slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
         step = _step(J / size, r, size * (low - model.x), size * (high - model.x), damping) / size
@@ -146,7 +147,7 @@ def _descend(system: System, place: _Place, covariance: Covariance, y: np.ndarra
         if gain < enough + relative * float(r @ r):
             if damping > FIRST_DAMPING:
                 break  # a small step, for no larger one was any better or could be computed: that may be no optimum
-            if fresh or not system.exact:
+            if fresh or not exact:
                 converged = True
                 break
             slopes, fresh = derivatives(system, model, answer), True
@@ -157,7 +158,7 @@ def _descend(system: System, place: _Place, covariance: Covariance, y: np.ndarra
         better = rest is not None and float(rest @ rest) < float(r @ r)
         if better:
             way = there.x - model.x
-            slopes = slopes + np.outer((new - answer) - slopes @ way, way) / float(way @ way)
+            slopes = _updated(slopes, new - answer, way)
             poor = float(r @ r - rest @ rest) < POOR * gain
             model, answer, r, fresh = there, new, rest, False
             damping *= 1.0 if poor else 0.1
@@ -175,8 +176,18 @@ def _descend(system: System, place: _Place, covariance: Covariance, y: np.ndarra
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
         step = _step(J / size, r, size * (low - model.x), size * (high - model.x), FIRST_DAMPING) / size
         gain = float(r @ r - (r - J @ step) @ (r - J @ step))
-        converged = gain < max(enough, (STALLED if system.exact else ROUGH_STALLED) * float(r @ r))
+        converged = gain < max(enough, (STALLED if exact else ROUGH_STALLED) * float(r @ r))
     return _Place(model, answer, slopes, fresh, converged)
+
+
+def _updated(slopes: np.ndarray, change: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Derivatives (n, p) that give the change (n,) along a way (p,); where there is none, none comes (Schubert 1970).
+
+    So a test learns nothing from what constants of others did.
+    """
+    ways = np.where(slopes != 0.0, way, 0.0)
+    length = np.maximum(ways @ way, 1e-300)
+    return slopes + ((change - slopes @ way) / length)[:, None] * ways
 
 
 def _jacobian(covariance: Covariance, y: np.ndarray, answer: np.ndarray, slopes: np.ndarray) -> np.ndarray:
@@ -190,7 +201,7 @@ def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarra
 
     A parameter by which the model can be computed on neither side has the derivative 0: it is left where it is.
     """
-    step = STEP if system.exact else ROUGH_STEP
+    step = STEP if system.exact(model) else ROUGH_STEP
     ways = [step * max(p.typical, 0.1 * abs(x)) for p, x in zip(model.parameters, model.x, strict=True)]
     ways = [-way if x + way > p.high else way for p, x, way in zip(model.parameters, model.x, ways, strict=True)]
 
@@ -209,13 +220,27 @@ def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarra
     return np.array(columns).reshape(len(columns), len(now)).T  # (n, 0) where nothing is fitted
 
 
-def intervals(fit: Fitted, worse: float = 1.0) -> list[tuple[float, float]]:
-    """95 % intervals of the values, from the curvature at the optimum; ``worse`` multiplies chi2's unit."""
-    size = np.linalg.norm(fit.jacobian, axis=0)
+def intervals(fit: Fitted, covariance: Covariance, worse: float = 1.0) -> list[tuple[float, float]]:
+    """95 % intervals of the values, from the curvature at the optimum.
+
+    Where the misfit is gross the rows alone were fitted, and what they have in common moves the parameters that they give.
+
+    Parameters
+    ----------
+    covariance : that the model was fitted with.
+    worse : multiplies the unit of chi2.
+    """
+    gross = fit.by_rows is not None
+    J = covariance.by_rows(fit.slopes) if gross else fit.jacobian
+    size = np.linalg.norm(J, axis=0)
     shown = size > 0.0
-    unit = fit.jacobian[:, shown] / size[shown]
+    unit = J[:, shown] / size[shown]
+    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
+    each = worse * np.diag(inverse)
+    if gross:
+        each = each + np.sum((inverse @ (unit.T @ covariance.at(fit.answer).shared)) ** 2, axis=1)
     variance = np.full(len(size), np.inf)  # of what the data do not depend on
-    variance[shown] = worse * np.diag(np.linalg.pinv(unit.T @ unit, rcond=1e-12)) / size[shown] ** 2
+    variance[shown] = each / size[shown] ** 2
     found = []
     for k, p in enumerate(fit.model.parameters):
         half = Z95 * float(np.sqrt(variance[k]))

@@ -63,10 +63,11 @@ def told(closed: Closed, before: Fitted, after: Fitted, last: Step) -> dict[str,
 def parameters(fit: Fitted, step: Step) -> dict[str, Any]:
     """Values with 95 % intervals; those of a series as the model file states them."""
     # What is left unexplained is no noise: it widens the intervals.
-    worse = 1.0 if step.at_floor else max(step.lack.chi2 / max(step.lack.free, 1), 1.0)
+    left_over = step.lack.chi2 if fit.by_rows is None else fit.by_rows
+    worse = 1.0 if step.at_floor else max(left_over / max(step.lack.free, 1), 1.0)
     found: dict[str, Any] = {}
     left = 1.0
-    for p, value, (low, high) in zip(fit.model.parameters, fit.model.values, intervals(fit, worse), strict=True):
+    for p, value, (low, high) in zip(fit.model.parameters, fit.model.values, intervals(fit, step.covariance, worse), strict=True):
         by = 1.0
         if p.name.startswith("viscoelastic.") and p.name.endswith(".g"):
             by, left = left, left * (1.0 - value)

@@ -94,8 +94,7 @@ class Simulator:
         if todo and (self._pool is None or len(todo) == 1 or self.processes == 1):
             self._keep(*todo[0])
             todo = todo[1:]
-        slow = bool(todo) and todo[0][1][0][0].tool is not None and todo[0][1][0][0].tool.shape != "platen"
-        if slow and self.processes > 1 and len(todo) > 1:
+        if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
             try:
                 self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
                 for (key, _), found in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
@@ -144,8 +143,8 @@ class Specimens:
         return experiments(self.curves)
 
     @cached_property
-    def exact(self) -> bool:
-        """Whether all tests are homogeneous states."""
+    def homogeneous(self) -> bool:
+        """Whether all tests are homogeneous states where no effect speaks against it."""
         return all(_homogeneous(c) for c in self.curves)
 
     @cached_property
@@ -176,6 +175,9 @@ class Specimens:
             found.append(Parameter("C20_Pa", Sought((0.3 * C10,), 0.0, LARGEST_RATIO * C10), C20, label))
         return tuple(found)
 
+    def exact(self, model: Hypothesis) -> bool:
+        return self.homogeneous and all(issubclass(EFFECTS[name], POINTWISE) for name in model.effects)
+
     def start(self) -> Hypothesis:
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))
 
@@ -186,9 +188,10 @@ class Specimens:
         for number, group in enumerate(self.groups):
             C10, C20 = values[2 * number], values[2 * number + 1]
             constants[group if len(self.groups) > 1 else EVERY] = Constants(C10_Pa=C10, C20_Pa=max(C20, 0.0))
-        model = ModelFile(
-            poisson=self.poisson, constants_by=self.constants_by, constants=constants, numerics=numerics or self.numerics
-        )
+        # Between platens a mesh may change less than a coarse one is off; without a memory one ramp is all that it costs.
+        by_ramp = self.homogeneous and not self.exact(hypothesis) and not any(map(_remembers, hypothesis.effects))
+        usual = FINE if by_ramp else self.numerics
+        model = ModelFile(poisson=self.poisson, constants_by=self.constants_by, constants=constants, numerics=numerics or usual)
         for effect in self.known:
             model = model.with_effect(effect)
         terms: dict[str, list[dict[str, float]]] = {}
@@ -225,10 +228,11 @@ class Specimens:
         """See :class:`System`."""
         remembers = any(map(_has_memory, self.model(model).effects.chosen))
         ways: dict[str, Numerics] = {}
-        now = self.numerics
-        if not self.exact:
+        now = self.model(model).numerics
+        exact = self.exact(model)
+        if not exact:
             ways["a finer mesh"] = now.model_copy(update={"refinement": FINER * now.refinement})
-        if remembers or not self.exact:
+        if remembers or not exact:
             finer = {"density": DENSER * now.density, "tolerance": max(STRICTER * now.tolerance, 1e-5)}
             ways["smaller steps"] = now.model_copy(update=finer)
         found = self._answers([self.model(model, way) for way in ways.values()], self.curves)
@@ -266,11 +270,11 @@ class Specimens:
                 made = replace(
                     made, trials=(), reason=f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"
                 )
-            elif not self.exact or not issubclass(effect, POINTWISE):
+            elif not self.homogeneous or not issubclass(effect, POINTWISE):
                 made = replace(made, trials=tuple((row[len(row) // 2],) for row in made.trials))
                 # tried in an elastic model: on a mesh where that is no mesh, by one ramp where it would be a whole history
                 still = not issubclass(effect, Measurement | Friction | Adhesion) and not _remembers(name)
-                if self.exact or (still and any(_remembers(term.effect) for term in model.terms)):
+                if self.homogeneous or (still and any(_remembers(term.effect) for term in model.terms)):
                     none = made.term.parameters[0].sought.none
                     made = replace(made, reference=tuple((none, *row[0][1:]) for row in made.trials))
             found.append(made)
@@ -333,9 +337,9 @@ class Specimens:
         effects = model.effects.chosen
         readings = tuple(e for e in effects if isinstance(e, Measurement))
         by_force = first.tool.control == "force"
-        by_point = self.exact and all(isinstance(e, POINTWISE) for e in effects)
+        by_point = self.homogeneous and all(isinstance(e, POINTWISE) for e in effects)
         # What a mesh changes in a state that is homogeneous without it is small: there a ramp does for friction too.
-        by_ramp = _depends_on_way_only(first, effects) or (self.exact and not any(map(_has_memory, effects)))
+        by_ramp = _depends_on_way_only(first, effects) or (self.homogeneous and not any(map(_has_memory, effects)))
         plain = model.model_copy(update={"effects": model.effects.without(readings)})
         if by_point or not by_ramp:
             same_way = all(np.array_equal(true_way(imposed(c), c, readings, by_force), imposed(c)) for c in test)
@@ -439,6 +443,17 @@ class _Plan:
             way = np.clip(true_way(imposed(curve), curve, self.readings, self.by_force), 0.0, imposed(run)[-1])
             found[curve.id] = reading(line(way), curve, self.readings, self.by_force)
         return found
+
+
+def _on_a_mesh(job: Job) -> bool:
+    """Whether a run is that of a mesh, and not of one homogeneous state."""
+    (first, *_), text = job
+    return first.tool is not None and (first.tool.shape != "platen" or _bends(text))
+
+
+@lru_cache(maxsize=10_000)
+def _bends(text: str) -> bool:
+    return not all(isinstance(effect, POINTWISE) for effect in parse_model(text).effects.chosen)
 
 
 def _has_memory(effect: Effect) -> bool:

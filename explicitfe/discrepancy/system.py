@@ -170,10 +170,12 @@ class System(Protocol):
 
     series: Sequence[Series]
     base: tuple[Parameter, ...]
-    exact: bool  # whether answers are free of numerical roughness, so that small differences of them mean something
 
     def start(self) -> Hypothesis:
         """The baseline, at constants to begin with."""
+
+    def exact(self, model: Hypothesis) -> bool:
+        """Whether a model's answers are free of numerical roughness, so that small differences of them mean something."""
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
         """What may be missing in a model."""

@@ -313,8 +313,6 @@ class Trajectories:
     only: tuple[str, ...] = ()
     placement_mm: float = 0.0
 
-    exact = True
-
     @cached_property
     def rows(self) -> list[RowNoise]:
         """Noise of the rows of each series: what is stated, and what of the numerics the checks do not foresee.
@@ -356,6 +354,9 @@ class Trajectories:
             s = self.first.scale
             found.append(Parameter("scale", Sought((s,), 0.5 * s, 2.0 * s, kind="log", none=s), s))
         return tuple(found)
+
+    def exact(self, model: Hypothesis) -> bool:
+        return True
 
     def start(self) -> Hypothesis:
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))

@@ -53,11 +53,14 @@ class Linear:
     fails: Callable[[Hypothesis], bool] = lambda model: False
     checked: Mapping[str, np.ndarray] = field(default_factory=dict)
     assumed: Mapping[str, np.ndarray] = field(default_factory=dict)
-    exact: bool = True
+    smooth: bool = True
 
     def __post_init__(self) -> None:
         limits = self.bounds or [(-WIDE, WIDE)] * self.X.shape[1]
         self.base = tuple(Parameter(f"x{k}", Sought((1.0,), *limit), 0.0) for k, limit in enumerate(limits))
+
+    def exact(self, model: Hypothesis) -> bool:
+        return self.smooth
 
     def start(self) -> Hypothesis:
         return Hypothesis(self.base, (), np.clip(np.zeros(len(self.base)), *np.array([(p.low, p.high) for p in self.base]).T))

@@ -168,6 +168,17 @@ def test_numerics_are_a_floor():
     assert share == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-3) and share > 0.5
 
 
+def test_against_a_gross_misfit_an_effect_must_bring_more_than_numerics_change():
+    """Something that no candidate knows leaves 4 noises of 0.01 a row, so that chi2 is one of rows alone. A wave of 0.03 explains
+    0.03^2 / 2 / 1e-4 = 4.5 a row; numerics that change 0.05 are worth 12.5.
+    """
+    unknown = 0.06 * np.cos(9.0 * np.pi * D)
+    numerics = {"mesh": 0.05 * np.cos(11.0 * np.pi * D)}
+    without, behind = (closed(hidden={"wave": 0.03}, extra=unknown, checked=c).steps[0] for c in ({}, numerics))
+    assert without.fit.by_rows is not None and behind.fit.by_rows is not None
+    assert (without.chosen, behind.chosen) == ("wave", None)
+
+
 def test_what_is_assumed_is_a_floor():
     assert closed(hidden={"wave": 0.05}, assumed={"height_mm": 0.05 * WAVE}).verdict == "no-missing-effect"
 

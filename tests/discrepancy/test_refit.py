@@ -11,7 +11,7 @@ from synthetic import WIDE, Linear, Planted, autoregressive, elastic, programme,
 
 from explicitfe.discrepancy.covariance import Covariance, measured
 from explicitfe.discrepancy.noise import RowNoise, Scatter
-from explicitfe.discrepancy.refit import cross_validated, derivatives, intervals, refit
+from explicitfe.discrepancy.refit import _updated, cross_validated, derivatives, intervals, refit
 from explicitfe.discrepancy.system import Hypothesis
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
@@ -60,7 +60,7 @@ def test_bounds_hold_and_are_named():
     wanted = lsq_linear(system.X, measured(system.series), bounds=([0.0, -WIDE], [1.5, WIDE])).x
     assert fit.converged and fit.at_bound == ("x0",)
     np.testing.assert_allclose(fit.model.x, wanted, atol=1e-3)
-    low, high = intervals(fit)[0]
+    low, high = intervals(fit, white(system))[0]
     assert low < high == pytest.approx(1.5)
 
 
@@ -70,12 +70,12 @@ def test_intervals_are_the_analytic_ones_and_cover():
     for seed in range(200):
         system = elastic(np.random.default_rng(seed))
         fit = refit(system, system.start(), white(system))
-        found = intervals(fit)
+        found = intervals(fit, white(system))
         inside += [low <= truth <= high for truth, (low, high) in zip((2.0, 1.0), found, strict=True)]
     half = 1.959964 * SD * np.sqrt(np.diag(np.linalg.inv(system.X.T @ system.X)))
     for k, (low, high) in enumerate(found):
         np.testing.assert_allclose([low, high], fit.model.x[k] + half[k] * np.array([-1.0, 1.0]), rtol=1e-5)
-    np.testing.assert_allclose(np.diff(intervals(fit, 4.0)), 2.0 * np.diff(found), rtol=1e-9)
+    np.testing.assert_allclose(np.diff(intervals(fit, white(system), 4.0)), 2.0 * np.diff(found), rtol=1e-9)
     assert np.abs(inside / 200 - 0.95).max() < 0.05
 
 
@@ -87,7 +87,7 @@ def test_intervals_do_not_depend_on_units(by):
     other.X = system.X * [1.0, by]
     fit = refit(system, system.start(), white(system))
     scaled = refit(other, Hypothesis(other.base, (), fit.model.x / [1.0, by]), white(other))
-    wanted, found = intervals(fit)[1], intervals(scaled)[1]
+    wanted, found = intervals(fit, white(system))[1], intervals(scaled, white(other))[1]
     assert by * (found[1] - found[0]) == pytest.approx(wanted[1] - wanted[0], rel=1e-4)
 
 
@@ -96,7 +96,22 @@ def test_of_what_the_data_do_not_depend_on_nothing_is_known():
     system = elastic(np.random.default_rng(5), bounds=[(-WIDE, WIDE), (0.0, 7.0)])
     system.X = system.X * [1.0, 0.0]
     fit = refit(system, system.start(), white(system))
-    assert intervals(fit)[1] == (0.0, 7.0)
+    assert intervals(fit, white(system))[1] == (0.0, 7.0)
+
+
+def test_intervals_of_a_gross_misfit_are_those_of_the_rows_and_what_they_share():
+    """Fitted by the rows alone, x = (J^T J)^-1 J^T y; with y off by worse x sd^2 a row and by an offset b of each test, its
+    variance is worse sd^2 (J^T J)^-1 + (G b) (G b)^T, G = (J^T J)^-1 J^T. The whitened curvature would say 0 of b.
+    """
+    system = elastic(np.random.default_rng(6), extra=0.1 * np.cos(9.0 * np.pi * programme(3)))
+    b = 0.02 * np.ones(len(system.X))
+    covariance = replace(white(system), floors={"offset": b})
+    fit = refit(system, system.start(), covariance)
+    assert fit.by_rows is not None
+    G = np.linalg.pinv(system.X)
+    sd = np.sqrt(30.0 * SD**2 * np.diag(G @ G.T) + (G @ b) ** 2)
+    for k, (low, high) in enumerate(intervals(fit, covariance, 30.0)):
+        assert high - low == pytest.approx(2.0 * 1.959964 * sd[k], rel=1e-4)
 
 
 def test_a_model_that_is_not_linear_is_fitted_too():
@@ -136,6 +151,17 @@ def test_derivatives_stay_inside_the_bounds():
     found = derivatives(system, model, system.rows(model))
     np.testing.assert_allclose(found, system.X, atol=1e-11)
     assert max(x[0] for x in seen) <= 2.0 and max(x[1] for x in seen) <= 1.0
+
+
+def test_derivatives_are_kept_up_to_date_test_by_test():
+    """Two tests with a constant each, and one in common: y = a + c and b + c. From derivatives that are off, a step along all of
+    them mends both tests, and no test takes up the constant of the other.
+    """
+    true = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    off, way = 1.3 * true, np.array([1.0, -2.0, 0.5])
+    found = _updated(off, true @ way, way)
+    assert found @ way == pytest.approx(true @ way, rel=1e-14)
+    assert found[0, 1] == found[1, 0] == 0.0
 
 
 # ---- leaving tests out ----

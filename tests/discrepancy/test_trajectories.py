@@ -40,7 +40,7 @@ def test_a_hidden_lag_is_found(closed: tuple[Trajectories, Closed]) -> None:
     _, found = closed
     assert (found.verdict, found.effects) == ("effect-found", ("activation-lag",))
     fit = found.steps[-1].fit
-    low, high = intervals(fit)[-1]
+    low, high = intervals(fit, found.steps[-1].covariance)[-1]
     # the 95 % interval is of 1.96 standard deviations; three of them miss in 0.3 % of all data
     assert abs(fit.model.values[-1] - LAG_MS) < 3.0 / 1.96 * 0.5 * (high - low)
     assert high - low < 5.0

@@ -34,6 +34,23 @@ class Blocks(NamedTuple):
     new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
 
 
+class Part(NamedTuple):
+    """What one thread computes: a run of blocks, and the node rows from their lowest one to that of the next part.
+
+    Rows further up, which the next part's elements have in common with these, get forces in both parts; the next part adds them.
+    """
+
+    number: int
+    count: int  # of parts
+    gate: np.ndarray  # where the threads meet, see threads.py
+    first: int  # its first node row
+    own: int  # how many rows it updates
+    u: np.ndarray  # displacements of its rows and of those further up that its elements touch [m], a view
+    force: np.ndarray  # minus the internal force of its elements at those rows [N]
+    lower: np.ndarray  # the same of the part before, from this part's first row on; none in the first part
+    blocks: Blocks  # with node numbers counted from ``first``
+
+
 class Nodes(NamedTuple):
     """Lumped masses; a component that is held has a mass and no inverse mass, so it never gets a velocity."""
 

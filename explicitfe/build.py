@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
@@ -20,6 +21,7 @@ from explicitfe.arrays import (
     FollowerFibres,
     Motion,
     Nodes,
+    Part,
     State,
     in_blocks,
     node_rows,
@@ -34,7 +36,8 @@ from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.simd import WIDTH
+from explicitfe.simd import ROW, WIDTH
+from explicitfe.threads import cores, gate, together
 from explicitfe.timestep import HighestFrequency, fastest_element
 
 
@@ -51,6 +54,8 @@ class Kernels:
     press: object
     touch: object
 
+
+ELEMENTS_A_THREAD = 2000  # below twice as many, two threads gain little and lose much where the other core is busy
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
 ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
@@ -110,6 +115,35 @@ def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.nda
         old[:, place] = value
     numbers = sum(effect.numbers for effect in effects)
     return {"effects": np.zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": old.copy()}
+
+
+def usual_threads(elements: int) -> int:
+    """How many threads pay for so many elements."""
+    return max(1, min(cores(), elements // ELEMENTS_A_THREAD))
+
+
+def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
+    """The blocks in ``count`` runs of equal length, or in fewer where a run would share nodes with more than the next one."""
+    total = len(blocks.nodes)
+    meeting = gate()
+    if count < 2:
+        return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks)]
+    bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
+    idle = len(state.u) - 1  # lanes without an element have their nodes there or before; no element has
+    runs = [blocks.nodes[a:b] for a, b in pairwise(bounds)]
+    first = [0, *(int(run.min()) // 2 * 2 for run in runs[1:])]
+    after = [min(int(run.max()) // 2 * 2 + 2, idle + 1) for run in runs[:-1]] + [len(state.u)]
+    owned = np.diff([*first, len(state.u)])
+    if any(owned <= 0) or any(after[k] > ([*first, len(state.u)])[k + 2] for k in range(len(runs) - 1)):
+        return parts_of(state, blocks, count - 1)
+    forces = [np.zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
+    found = []
+    for k, (a, b) in enumerate(pairwise(bounds)):
+        mine = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
+        lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
+        rows = slice(first[k], after[k])
+        found.append(Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[rows], forces[k], lower, mine))
+    return found
 
 
 @dataclass(frozen=True)
@@ -253,9 +287,17 @@ class Simulation(Body):
     ----------
     model : the physics.
     displacement, velocity : (n, 3) m, m/s at time 0; zero if left out.
+    threads : that share a step; as many as it pays for a mesh of this size, if left out. One for prescribed motion.
     """
 
-    def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        *,
+        displacement: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
+        threads: int | None = None,
+    ) -> None:
         super().__init__(model, displacement=displacement, velocity=velocity)
         self._highest = HighestFrequency(
             lambda u, force: self.kernels.forces(u, force, self.blocks),
@@ -276,6 +318,8 @@ class Simulation(Body):
         self._origin_s, self._index = 0.0, 0
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         self._running = self.blocks._replace(new=self.blocks.old)
+        self.parts = parts_of(self.state, self._running, 1 if model.motion else threads or usual_threads(len(self.hexes)))
+        self._ledgers = np.zeros((len(self.parts), LEDGER))
 
     # ---- the stable step ----
 
@@ -357,10 +401,7 @@ class Simulation(Body):
             self._origin_s, self._index = self.time_s, 0
         self.set_increment(dt_s)
         instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
-        done = self.kernels.advance(
-            self.state,
-            self._external,
-            self._running,
+        rest = (
             self.nodes,
             self.loads,
             self.fibres,
@@ -371,13 +412,32 @@ class Simulation(Body):
             float(self.dt_s),
             float(dt_s),
             int(steps),
-            self.ledger,
         )
+        if len(self.parts) == 1:
+            done = self.kernels.advance(self.state, self._external, self.parts[0], *rest, self.ledger)
+        else:
+            done = self._advance_together(rest)
         self.steps += done
         self._index += done
         self.time_s = float(instants[done])
         self.dt_s = float(dt_s)
         return bool(self.ledger[SMALLEST_J] > 0.0)
+
+    def _advance_together(self, rest: tuple) -> int:
+        """Let each part have its thread; give the number of steps done."""
+        self._ledgers[:] = 0.0
+        self._ledgers[:, SMALLEST_J] = self.ledger[SMALLEST_J]
+        gate = self.parts[0].gate
+        gate[:] = 0
+        waiting = [
+            lambda part=part, ledger=ledger: self.kernels.advance(self.state, self._external, part, *rest, ledger)
+            for part, ledger in zip(self.parts, self._ledgers, strict=True)
+        ]
+        done = together(waiting, gate)
+        self.ledger[:SMALLEST_J] += self._ledgers[:, :SMALLEST_J].sum(axis=0)
+        smallest = self._ledgers[:, SMALLEST_J]
+        self.ledger[SMALLEST_J] = smallest.min() if not np.isnan(smallest).any() else np.nan
+        return done[0]
 
     def snapshot(self) -> Snapshot:
         """Energies and fields at the present time."""

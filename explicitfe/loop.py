@@ -37,7 +37,8 @@ from explicitfe.forces.contact import add_contact, clearance, find_depth, fricti
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.forces.springs import add_springs
-from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
+from explicitfe.simd import ROW, WIDTH, load, splat, store, sum_lanes
+from explicitfe.threads import ask_to_stop, asked_to_stop, wait
 
 # Placeholders, bound in build.py.
 internal_force = internal_energy = None
@@ -53,39 +54,61 @@ def forces(u, force, blocks):
     return internal_force(u, force, blocks)
 
 
-def advance(state, external, blocks, nodes, loads, fibres, activation, motion, planned, alpha, dt_before, dt, steps, ledger):
-    """Advance the state by up to ``steps`` steps of length dt; give the number of steps done.
+def advance(state, external, part, nodes, loads, fibres, activation, motion, planned, alpha, dt_before, dt, steps, ledger):
+    """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
+
+    The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
+    all nodes have moved. One part is the whole, and meets nobody.
 
     Parameters
     ----------
     state : State, changed in place.
     external : (N, 4) N. Work array for the external force.
+    part : Part.
     activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
     motion : Motion, with the displacements of the prescribed nodes at the same instants; ``planned`` (k, 3) is a work array.
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
-    ledger : (LEDGER,). Sums of work [J] and the smallest J, changed in place.
+    ledger : (LEDGER,). Sums of work [J] and the smallest J of this part, changed in place.
 
-    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number).
+    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number). Prescribed motion is
+    for one part only.
     """
-    u, v, force = state
+    u, v, whole = state
+    force, shift, own = part.force, part.first * ROW, part.own * ROW
+    if part.count > 1:
+        for here in range(0, own, WIDTH):
+            store(force, here, load(whole, here + shift))
+        force[part.own :] = 0.0
+    if part.number == 0:
+        external[:] = 0.0
+    done = steps
     for step in range(steps):
         h = 0.5 * (dt_before + dt)
         keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
         gain = h / (1.0 + 0.5 * alpha * h)
-        external[:] = 0.0
-        add_dead_loads(external, loads, activation, step)
-        add_follower_fibres(external, u, fibres, activation, step)
-        driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
+        driven_work, driven_loss = 0.0, 0.0
+        if part.number == 0:
+            add_dead_loads(external, loads, activation, step)
+            add_follower_fibres(external, u, fibres, activation, step)
+            driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
+        wait(part.gate, part.count)
+        if part.count > 1 and asked_to_stop(part.gate):
+            done = step
+            break
+        for here in range(0, part.lower.size, WIDTH):
+            store(force, here, load(force, here) + load(part.lower, here))
         work = splat(0.0)
         loss = splat(0.0)
-        for at in range(0, u.size, WIDTH):
+        for here in range(0, own, WIDTH):
+            at = here + shift
             old = load(v, at)
             push = load(external, at)
-            new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, at) + push)
+            new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, here) + push)
             store(v, at, new)
             store(u, at, load(u, at) + dt * new)
-            store(force, at, splat(0.0))
+            store(force, here, splat(0.0))
+            store(external, at, splat(0.0))
             moved = 0.5 * (dt_before * old + dt * new)
             work = work + push * moved
             loss = loss + load(nodes.mass, at) * (old + new) * moved
@@ -93,12 +116,23 @@ def advance(state, external, blocks, nodes, loads, fibres, activation, motion, p
         ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work
         ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
         dt_before = dt
-        smallest = internal_force(u, force, blocks)
+        wait(part.gate, part.count)
+        force[part.own :] = 0.0
+        smallest = internal_force(part.u, force, part.blocks)
         if not (smallest >= ledger[SMALLEST_J]):
             ledger[SMALLEST_J] = smallest
             if not (smallest > 0.0):
-                return step + 1
-    return steps
+                ask_to_stop(part.gate)
+                if part.count == 1:
+                    done = step + 1
+                    break
+    if part.count > 1:
+        wait(part.gate, part.count)
+        for here in range(0, part.lower.size, WIDTH):
+            store(force, here, load(force, here) + load(part.lower, here))
+        for here in range(0, own, WIDTH):
+            store(whole, here + shift, load(force, here))
+    return done
 
 
 def snapshot(

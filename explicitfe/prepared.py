@@ -71,7 +71,7 @@ def prepare(path: Path | str, settings: Sequence[str] = ()) -> Prepared:
         model, anatomy = assemble(scenario, path.parent)
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
-    return Prepared(path, scenario, text, model, anatomy.name, Simulation(model))
+    return Prepared(path, scenario, text, model, anatomy.name, Simulation(model, threads=scenario.analysis.threads))
 
 
 def describe(prepared: Prepared) -> dict[str, Any]:

@@ -240,6 +240,7 @@ def _summary(
         "hexes": prepared.model.mesh.element_count,
         "simulated_s": simulation.time_s,
         "steps": simulation.steps,
+        "threads": len(simulation.parts),
         "dt_s": float(transient.smallest_dt_s),
         "dt_fraction_of_limit": float(transient.largest_fraction),
         "limiting_element": simulation.limiting_element() if finite else None,

@@ -150,6 +150,9 @@ class AnalysisTable(_Table):
     step_us: float | None = Field(
         default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable one if left out"
     )
+    threads: int | None = Field(
+        default=None, ge=1, le=256, description="that share a step; as many as pay for a mesh of this size if left out"
+    )
 
 
 class RecordTable(_Table):

@@ -1,0 +1,141 @@
+"""Threads that compute one step together: each stays inside compiled code for many steps, and they wait for one another there.
+
+A barrier of Python, or one thread pool task a step, would cost more than a step of a small mesh. So the threads meet at a
+counter in memory: they spin for a while, and then give their core away, for where there are more threads than free cores a
+spinning thread would keep the one that it waits for from running.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
+from typing import Any
+
+import llvmlite.ir as ir
+import numpy as np
+from numba.core import types
+from numba.core.extending import intrinsic
+
+from explicitfe.jit import leaf
+
+# Entries of a gate, int64, on cache lines of their own.
+WAITING, GENERATION, STOP, ABANDONED, GATE = 0, 8, 16, 24, 32
+
+PATIENCE = 2000  # turns of waiting, about ten microseconds, before a core is given away
+
+_I32 = ir.IntType(32)
+_I64 = ir.IntType(64)
+
+
+def gate() -> np.ndarray:
+    """A meeting point for the threads of one run."""
+    return np.zeros(GATE, dtype=np.int64)
+
+
+def _entry(context, builder, ty, value, index):
+    return builder.gep(context.make_array(ty)(context, builder, value).data, [index])
+
+
+@intrinsic
+def atomic_add(typingctx, array, index, value):
+    """Add to an entry of an int64 array, indivisibly; give what was there."""
+
+    def lower(context, builder, sig, args):
+        return builder.atomic_rmw("add", _entry(context, builder, sig.args[0], args[0], args[1]), args[2], "seq_cst")
+
+    return types.int64(array, types.intp, types.int64), lower
+
+
+@intrinsic
+def atomic_load(typingctx, array, index):
+    """An entry of an int64 array as it is now; nothing before or after moves across."""
+
+    def lower(context, builder, sig, args):
+        return builder.load_atomic(_entry(context, builder, sig.args[0], args[0], args[1]), "seq_cst", 8)
+
+    return types.int64(array, types.intp), lower
+
+
+@intrinsic
+def atomic_store(typingctx, array, index, value):
+    """Write an entry of an int64 array; nothing before or after moves across."""
+
+    def lower(context, builder, sig, args):
+        builder.store_atomic(args[2], _entry(context, builder, sig.args[0], args[0], args[1]), "seq_cst", 8)
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, types.int64), lower
+
+
+@intrinsic
+def give_way(typingctx):
+    """Let another thread have the core."""
+
+    def lower(context, builder, sig, args):
+        name = "SwitchToThread" if os.name == "nt" else "sched_yield"
+        function = builder.module.globals.get(name) or ir.Function(builder.module, ir.FunctionType(_I32, []), name)
+        builder.call(function, [])
+        return context.get_dummy_value()
+
+    return types.none(), lower
+
+
+@leaf
+def wait(gate, count):
+    """Go on when all ``count`` threads are here, or when one of them never will be."""
+    if count > 1:
+        generation = atomic_load(gate, GENERATION)
+        if atomic_add(gate, WAITING, 1) == count - 1:
+            atomic_store(gate, WAITING, 0)
+            atomic_add(gate, GENERATION, 1)
+        else:
+            turns = 0
+            while atomic_load(gate, GENERATION) == generation and atomic_load(gate, ABANDONED) == 0:
+                turns += 1
+                if turns > PATIENCE:
+                    give_way()
+
+
+@leaf
+def ask_to_stop(gate):
+    """Let all threads stop after the step that they are in."""
+    atomic_store(gate, STOP, 1)
+
+
+@leaf
+def asked_to_stop(gate):
+    """Whether one of them has asked for it."""
+    return atomic_load(gate, STOP) != 0
+
+
+def cores() -> int:
+    """Cores that this process may use, or as many as the environment variable EXPLICITFE_THREADS says."""
+    asked = os.environ.get("EXPLICITFE_THREADS", "")
+    if asked.isdigit() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def together(tasks: Sequence[Callable[[], Any]], gate: np.ndarray) -> list[Any]:
+    """Run tasks that meet at a gate, each in a thread of its own, and give what they return.
+
+    All of them run beside the caller's thread, so that an interrupt by hand finds that one waiting in Python.
+    """
+    pool = _pool(len(tasks))
+    futures: list[Future] = []
+    try:
+        futures.extend(pool.submit(task) for task in tasks)
+        return [future.result() for future in futures]
+    except BaseException:
+        if len(futures) < len(tasks):
+            gate[ABANDONED] = 1  # the others would wait for ever
+        for future in futures:
+            future.exception()
+        raise
+
+
+@cache
+def _pool(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count, thread_name_prefix="explicitfe")

@@ -1,0 +1,142 @@
+"""Threads that share a step: the answer of one thread, to rounding, and no thread left waiting.
+
+Two sums are taken in another order: the forces on nodes that two parts touch, and the ledger.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from support import ELEMENTS, YEOH, block_mesh, model_of
+
+from explicitfe import threads
+from explicitfe.build import Simulation, parts_of, usual_threads
+from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.model.model import Model
+from explicitfe.timestep import FRACTION
+
+STEPS = 60
+ROUNDING = 1e-12  # of the largest displacement: STEPS sums of a few 1e-16 each, grown by a stable system at most STEPS-fold
+
+
+def moving(element: str, count: int, *, effects=(), speed: float = 0.1, cells=(6, 7, 8)) -> Simulation:
+    """A block held at its bottom, set in motion at random."""
+    mesh = block_mesh(cells)
+    held = np.zeros((mesh.node_count, 3), dtype=bool)
+    held[mesh.points[:, 2] < 1e-9] = True
+    model = Model(mesh, YEOH, held, alpha_per_s=40.0, element=element, effects=effects)
+    velocity = speed * np.random.default_rng(3).standard_normal((mesh.node_count, 3))
+    return Simulation(model, velocity=velocity, threads=count)
+
+
+def run(simulation: Simulation, dt: float) -> None:
+    """In chunks of several lengths."""
+    simulation.start(dt)
+    for steps in (1, 7, STEPS - 8):
+        assert simulation.advance(steps, dt)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_several_threads_give_the_answer_of_one(element, count):
+    alone, shared = moving(element, 1), moving(element, count)
+    assert len(alone.parts) == 1 and len(shared.parts) > 1
+    dt = FRACTION * alone.stable_limit(40)
+    for simulation in (alone, shared):
+        run(simulation, dt)
+    size = np.abs(alone.displacement).max()
+    assert size > 1e-4 and np.abs(shared.displacement - alone.displacement).max() < ROUNDING * size
+    one, other = alone.snapshot(), shared.snapshot()
+    np.testing.assert_allclose(other.velocity, one.velocity, atol=ROUNDING * np.abs(one.velocity).max())
+    np.testing.assert_allclose(other.energies, one.energies, atol=ROUNDING * one.energies.max())
+    assert shared.steps == alone.steps == STEPS and other.smallest_J == pytest.approx(one.smallest_J, rel=1e-12)
+    force = np.abs(alone.state.force).max()
+    np.testing.assert_allclose(shared.state.force, alone.state.force, atol=1e3 * ROUNDING * force)
+
+
+def test_what_the_material_remembers_is_shared_too():
+    effects = (Viscoelastic(g=[0.4], tau_s=[0.01]),)
+    alone, shared = moving("hex8", 1, effects=effects), moving("hex8", 3, effects=effects)
+    dt = FRACTION * alone.stable_limit(40)
+    for simulation in (alone, shared):
+        run(simulation, dt)
+    scale = np.abs(alone.blocks.old).max(axis=(0, 2), keepdims=True)
+    assert np.abs((shared.blocks.old - alone.blocks.old) / np.maximum(scale, 1e-300)).max() < 1e-9
+    assert np.abs(shared.displacement - alone.displacement).max() < ROUNDING * np.abs(alone.displacement).max()
+
+
+def test_the_same_threads_give_the_same_bits():
+    """No sum depends on who comes first."""
+    found = []
+    for _ in range(3):
+        simulation = moving("hex8", 4)
+        run(simulation, 2e-5)
+        found.append((simulation.displacement, simulation.ledger.copy()))
+    for displacement, ledger in found[1:]:
+        assert np.array_equal(displacement, found[0][0]) and np.array_equal(ledger, found[0][1])
+
+
+def test_all_end_with_the_step_in_which_an_element_turns_inside_out():
+    alone, shared = moving("hex8", 1, speed=30.0), moving("hex8", 3, speed=30.0)
+    dt = FRACTION * alone.stable_limit(40)
+    for simulation in (alone, shared):
+        simulation.start(dt)
+        assert not simulation.advance(400, dt)
+    assert 0 < shared.steps == alone.steps < 400
+    assert not shared.ledger[2] > 0.0
+
+
+def test_parts_cover_everything_once():
+    simulation = moving("hex8", 4)
+    parts = simulation.parts
+    assert sum(part.own for part in parts) == len(simulation.state.u)
+    assert sum(len(part.blocks.nodes) for part in parts) == len(simulation.blocks.nodes)
+    for part in parts:
+        assert part.first % 2 == 0 and part.blocks.nodes.max() < len(part.u) == len(part.force)
+        assert len(part.lower) <= part.own
+
+
+def test_as_many_parts_as_share_nodes_with_the_next_one_only():
+    """A row of four blocks of lanes in a mesh whose layers are larger than a part."""
+    simulation = moving("hex8", 1, cells=(8, 8, 2))
+    assert len(parts_of(simulation.state, simulation.blocks, 100)) < 6
+
+
+def test_small_meshes_have_one_thread(monkeypatch):
+    monkeypatch.setenv("EXPLICITFE_THREADS", "8")
+    assert usual_threads(1000) == 1
+    assert usual_threads(1_000_000) == 8
+
+
+def test_a_thread_that_cannot_be_started_leaves_none_waiting(monkeypatch):
+    simulation = moving("hex8", 2)
+    simulation.start(1e-5)
+    real = threads._pool(2)
+
+    class Broken:
+        started = 0
+
+        def submit(self, task):
+            self.started += 1
+            if self.started == 2:
+                raise RuntimeError("can't start new thread")
+            return real.submit(task)
+
+    monkeypatch.setattr(threads, "_pool", lambda count: Broken())
+    begin = time.perf_counter()
+    with pytest.raises(RuntimeError, match="new thread"):
+        simulation.advance(10, 1e-5)
+    assert time.perf_counter() - begin < 60.0
+
+
+def test_prescribed_motion_has_one_thread():
+    from explicitfe.model.model import PrescribedMotion
+
+    mesh = block_mesh((4, 4, 4))
+    top = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
+    motion = PrescribedMotion(top, lambda t: np.zeros((len(t), len(top), 3)))
+    model = model_of(mesh)
+    model = Model(mesh, YEOH, model.held, motion=motion)
+    assert len(Simulation(model, threads=4).parts) == 1

@@ -2,8 +2,8 @@
 
     python benchmarks/kernel.py [--json FILE]
 
-Blocks of distorted 4 mm hexes (15 % at random) of Yeoh tissue at Poisson's ratio 0.499, one thread, float64: the whole step
-with forces, update and energy ledger, best of several runs of the compiled loop. Then the scenario vowel-i: simulated time
+Blocks of distorted 4 mm hexes (15 % at random) of Yeoh tissue at Poisson's ratio 0.499, one and two threads, float64: the whole
+step with forces, update and energy ledger, best of several runs of the compiled loop. Then the scenario vowel-i: simulated time
 over wall time of the compiled loop alone, and of the whole run with samples and looks at the stable step.
 """
 
@@ -13,46 +13,13 @@ import argparse
 import json
 import platform
 import tempfile
-import time
 from pathlib import Path
 
-import numpy as np
-
-from explicitfe.build import Simulation
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Model
 from explicitfe.runner import prepare, run
 from explicitfe.simd import WIDTH
-from explicitfe.timestep import FRACTION
+from explicitfe.speed import ELEMENTS, SIZES, nanoseconds, problem
 
 ROOT = Path(__file__).resolve().parents[1]
-SIZES = {1000: (10, 10, 10), 30_000: (30, 40, 25), 250_000: (50, 100, 50)}
-
-
-def block(cells: tuple[int, int, int], edge_m: float = 0.004) -> HexMesh:
-    """A block of hexes with every node moved at random by up to 15 % of the edge."""
-    grid = np.stack(np.meshgrid(*(np.arange(n + 1) for n in cells), indexing="ij"), -1).reshape(-1, 3)
-    number = np.arange(len(grid)).reshape([n + 1 for n in cells])
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    nx, ny, nz = cells
-    hexes = np.stack([number[i : i + nx, j : j + ny, k : k + nz].ravel() for i, j, k in corners], axis=1)
-    return HexMesh((grid + np.random.default_rng(0).uniform(-0.15, 0.15, grid.shape)) * edge_m, hexes)
-
-
-def nanoseconds_per_element_step(simulation: Simulation, seconds: float = 1.0) -> float:
-    """Best of five runs of the compiled loop, each about a fifth of ``seconds`` long."""
-    elements = simulation.model.mesh.element_count
-    dt = FRACTION * simulation.stable_limit(20)
-    simulation.start(dt)
-    simulation.advance(2, dt)
-    steps = max(3, int(seconds / 5 / (60e-9 * elements)))
-    best = np.inf
-    for _ in range(5):
-        begin = time.perf_counter()
-        simulation.advance(steps, dt)
-        best = min(best, time.perf_counter() - begin)
-    return 1e9 * best / steps / elements
 
 
 def main() -> None:
@@ -61,23 +28,20 @@ def main() -> None:
     arguments = parser.parse_args()
 
     figures: dict[str, object] = {"machine": platform.processor() or platform.machine(), "lanes": WIDTH}
-    print(f"{figures['machine']}, {WIDTH} lanes, one thread, float64")
-    for name, cells in SIZES.items():
-        mesh = block(cells)
-        tissue = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
-        simulation = Simulation(
-            Model(mesh, tissue, np.zeros((mesh.node_count, 3), dtype=bool), alpha_per_s=40.0),
-            velocity=np.random.default_rng(1).standard_normal((mesh.node_count, 3)) * 1e-3,
-        )
-        simulation.compile()
-        figures[f"ns_{name}"] = nanoseconds_per_element_step(simulation)
-        print(f"{name:>8} elements: {figures[f'ns_{name}']:6.1f} ns per element and step")
+    print(f"{figures['machine']}, {WIDTH} lanes, float64")
+    for size in SIZES:
+        for element in ELEMENTS:
+            for threads in (1, 2):
+                simulation = problem(size, element, threads)
+                simulation.compile()
+                ns = figures[f"ns_{element}_{size}_{threads}"] = nanoseconds(simulation)
+                print(f"{size:>8} elements, {element:<14}, {threads} thread(s): {ns:6.1f} ns per element and step")
 
     for resolution in ("coarse", "medium"):
         settings = [f"model.resolution={resolution}"]
         prepared = prepare(ROOT / "scenarios" / "vowel-i.toml", settings)
         prepared.simulation.compile()
-        kernel_ns = nanoseconds_per_element_step(prepared.simulation, seconds=0.1)
+        kernel_ns = nanoseconds(prepared.simulation, seconds=0.1)
         with tempfile.TemporaryDirectory() as folder:
             runs = [run(ROOT / "scenarios" / "vowel-i.toml", folder, settings=settings, overwrite=True) for _ in range(3)]
         summary = min(runs, key=lambda one: one["wall_s"])

@@ -331,6 +331,47 @@ def schema() -> None:
     _print_json(json_schema())
 
 
+@app.command()
+def warmup(
+    everything: Annotated[bool, typer.Option("--all", help="Also other elements, and tissue that relaxes.")] = False,
+    as_json: _Json = False,
+) -> None:
+    """Make the machine code that runs need, now: the first run then need not wait for it.
+
+    Example: [bold]explicitfe warmup[/bold]
+    """
+    from explicitfe.speed import warm
+
+    with _progress() as report:
+        found = warm(everything, report)
+    if as_json:
+        _print_json({"seconds": found})
+    else:
+        Console().print(show.warm(found))
+
+
+@app.command()
+def bench(
+    sizes: Annotated[
+        list[int] | None, typer.Option("--elements", help="Size of the block: 1000 | 30000 | 250000; repeat for more.")
+    ] = None,
+    as_json: _Json = False,
+) -> None:
+    """Time this machine: nanoseconds per element and step, beside what was measured for the documentation.
+
+    Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
+    """
+    from explicitfe.speed import SIZES
+    from explicitfe.speed import bench as time_it
+
+    with _progress() as report:
+        found = time_it(sizes or tuple(SIZES), report)
+    if as_json:
+        _print_json(found)
+    else:
+        Console().print(show.bench(found))
+
+
 def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list[str], list[str]]:
     """Settings that put the tissue of a model file into a scenario, and notes of what it has and the run does not."""
     if model is None:
@@ -414,6 +455,8 @@ _STAGES = {
     "vary": "varying what is assumed",
     "design": "designing",
     "make": "making cases",
+    "warm": "making machine code",
+    "bench": "timing",
     "score": "closing the loop on cases",
 }
 

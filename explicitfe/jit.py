@@ -22,7 +22,13 @@ from explicitfe.simd import WIDTH
 
 # contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
 # meaning). error_model numpy: a division by zero gives inf, not a branch.
-OPTIONS: dict[str, Any] = {"nopython": True, "error_model": "numpy", "fastmath": {"contract"}, "boundscheck": False, "nogil": True}
+OPTIONS: dict[str, Any] = {
+    "nopython": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "boundscheck": False,
+    "nogil": True,
+}
 
 _PACKAGE = Path(__file__).parent
 _KERNEL_SOURCES = (

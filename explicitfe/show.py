@@ -237,6 +237,42 @@ def check(title: str, found: dict[str, Any]) -> Table:
     return table
 
 
+def warm(found: dict[str, float]) -> Table:
+    """What machine code was made for, and how long it took."""
+    table = Table(title="machine code", title_justify="left")
+    table.add_column("for", no_wrap=True)
+    table.add_column("seconds", justify="right")
+    for name, seconds in found.items():
+        table.add_row(name, f"{seconds:.1f}")
+    return table
+
+
+def bench(found: dict[str, Any]) -> Group:
+    """How fast this machine is."""
+    lanes = f"{found['lanes']} lanes, {found['cores']} cores"
+    table = Table(title=f"ns per element and step, float64, {lanes}", title_justify="left")
+    for column in ("elements", "element", "one thread", "documented", "ratio", "threads", "together", "times faster"):
+        table.add_column(column, justify="left" if column == "element" else "right", no_wrap=True)
+    for row in found["rows"]:
+        known, shared = row["reference_ns"], row["ns_threads"]
+        table.add_row(
+            str(row["elements"]),
+            row["element"],
+            f"{row['ns']:.1f}",
+            "" if known is None else f"{known:.0f}",
+            "" if known is None else f"{row['ns'] / known:.2f}",
+            "" if shared is None else str(row["threads"]),
+            "" if shared is None else f"{shared:.1f}",
+            "" if shared is None else f"{row['ns'] / shared:.2f}",
+        )
+    spoken = found["scenario"]
+    line = (
+        f"{spoken['name']}: {spoken['hexes']} hexes, {spoken['steps']} steps in {1e3 * spoken['loop_s']:.0f} ms of the loop, "
+        f"{spoken['real_time_factor']:.2f} times real time"
+    )
+    return Group(table, line)
+
+
 def result(found: dict[str, Any]) -> Table:
     """What a result file holds."""
     table = _pairs(found["path"])

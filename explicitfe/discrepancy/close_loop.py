@@ -34,6 +34,7 @@ MODEL, BASELINE = "model.toml", "baseline.toml"
 MAX_EFFECTS = 3
 VARIED = (0.9, 1.1)  # factors of an assumed length in the table of what it moves
 FEW_DATA = 10.0  # independent rows: fewer come with a warning
+USUAL_RUNS = 20  # of each test in one turn of the loop; by how many there are, a waiting person sees that it goes on
 MISSED = 2.0  # times the worst error of a fitted curve: a held-out curve is missed
 AXES = {
     "displacement_m": ("displacement (mm)", 1e3),
@@ -131,39 +132,58 @@ class _Work:
         self.max_effects, self.report = max_effects, report
         self.system = Specimens(dataset, sides.fit, simulator, COARSE, constants_by, effects)
         self.left_out = dict(sides.left_out)
+        self._stage, self._since = ("trace", 0.0, 0.0), 0
+        self._said: dict[str, float] = {}
+        simulator.watch = self._ran
+
+    def _at(self, stage: str, share: float, until: float) -> None:
+        """Say that a stage has come to a share; runs from now on lead towards ``until``."""
+        self._stage, self._since = (stage, share, until), self.simulator.runs
+        self._say(stage, share)
+
+    def _ran(self) -> None:
+        stage, share, until = self._stage
+        runs = (self.simulator.runs - self._since) / (USUAL_RUNS * len(self.system.tests))
+        self._say(stage, share + (until - share) * float(-np.expm1(-runs)))
+
+    def _say(self, stage: str, share: float) -> None:
+        """Never less than before: a turn that took many runs may have been thought further than it was."""
+        self._said[stage] = max(self._said.get(stage, 0.0), share)
+        self.report(stage, self._said[stage])
 
     def done(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, str]]:
         """The report, curves for its pictures, and texts of the model files."""
-        self.report("trace", 0.0)
+        self._at("trace", 0.0, 0.02)
+        turn = 0.8 / (self.max_effects + 1)
         try:
             self._leave_out_what_fails()
             closed = close(
                 self.system,
                 max_effects=self.max_effects,
                 single=len(self.system.tests) == 1,
-                watch=lambda what, share: self.report("trace", share),
+                watch=lambda what, share: self._at("trace", share, min(share + turn, 1.0)),
             )
         except RunError as error:
             return self._head() | failed(str(error)), [], {}
-        self.report("trace", 1.0)
+        self._at("trace", 1.0, 1.0)
         with_effects = closed.verdict in ("effect-found", "ambiguous") and bool(closed.effects)
         last = closed.steps[-1] if with_effects else closed.steps[0]
         before, after = closed.steps[0].fit, last.fit
         if not self.system.exact(after.model):
-            self.report("decide", 0.0)
+            self._at("decide", 0.0, 0.4)
             self.system = replace(self.system, numerics=FINE)
             before = refit(self.system, before.model, last.covariance, slopes=before.slopes)
-            self.report("decide", 0.4)
+            self._at("decide", 0.4, 1.0)
             after = refit(self.system, after.model, last.covariance, slopes=after.slopes) if with_effects else before
-            self.report("decide", 1.0)
-        self.report("predict", 0.0)
+            self._at("decide", 1.0, 1.0)
+        self._at("predict", 0.0, 0.8)
         found = self._head() | told(closed, before, after, last)
         curves = self._errors(found, before, after, last)
         found["sensitivity_to_assumed"] = self._sensitivity(closed, before, after, last)
-        self.report("predict", 0.8)
+        self._at("predict", 0.8, 1.0)
         found["next_experiment"] = self._next(closed)
         found["warnings"] = self._warnings(closed, before, after, found)
-        self.report("predict", 1.0)
+        self._at("predict", 1.0, 1.0)
         files = {BASELINE: self._file(before, "baseline"), MODEL: self._file(after, closed.verdict)}
         return found, curves, files
 
@@ -306,7 +326,7 @@ class _Work:
         for entry in found["noise"]["numerical"]:
             if entry["share_of_noise"] > NOISE_SHARE and "assumed" not in entry["what"]:
                 share = f"{entry['share_of_noise']:.2g}"
-                notes.append(f"{entry['what']} changes the answer by {share} of the noise, beyond the constants: a floor.")
+                notes.append(f"with {entry['what']} the answer changes by {share} of the noise, beyond the constants: a floor.")
         held = [
             name
             for name, row in found["final"]["error"]["curves"].items()

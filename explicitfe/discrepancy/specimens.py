@@ -183,11 +183,13 @@ class Specimens:
 
     def model(self, hypothesis: Hypothesis, numerics: Numerics | None = None) -> ModelFile:
         """The model file of a hypothesis."""
-        values = hypothesis.values
+        known = {(p.name, p.group): value for p, value in zip(hypothesis.base, hypothesis.values, strict=False)}
+        # the hypothesis may be of more groups than this system has: a planned test has the constants of its own
+        several = any(p.group for p in hypothesis.base)
         constants = {}
-        for number, group in enumerate(self.groups):
-            C10, C20 = values[2 * number], values[2 * number + 1]
-            constants[group if len(self.groups) > 1 else EVERY] = Constants(C10_Pa=C10, C20_Pa=max(C20, 0.0))
+        for group in self.groups if several else [EVERY]:
+            label = group if several else ""
+            constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=max(known["C20_Pa", label], 0.0))
         # Between platens a mesh may change less than a coarse one is off; without a memory one ramp is all that it costs.
         by_ramp = self.homogeneous and not self.exact(hypothesis) and not any(map(_remembers, hypothesis.effects))
         usual = FINE if by_ramp else self.numerics

@@ -44,7 +44,7 @@ def sentence(closed: Closed) -> str:
         return f"{sentence_case(listed(closed.effects))} explains it, but one test alone cannot confirm it."
     rest = {
         "at-floor": "what is left is no more than noise",
-        "unexplained": "something else is left that no known effect explains",
+        "unexplained": "something else is left that none of the effects considered explains",
         "ambiguous": "something else is left that could be more than one effect",
     }[closed.remainder]
     return f"The model lacks {listed(closed.effects)}; {rest}."

@@ -222,7 +222,12 @@ def _changed(report: Mapping[str, Any]) -> bool:
 def _labels(report: Mapping[str, Any]) -> tuple[str, str]:
     """What the model is before and after."""
     effects = _effects(report)[0]
-    return "elastic model", f"with {_joined(effects)}" if effects else "with the best candidate"
+    return _base(report), f"with {_joined(effects)}" if effects else "with the best candidate"
+
+
+def _base(report: Mapping[str, Any]) -> str:
+    """What the baseline is: the law of a specimen, or the scenario of sensors that moved."""
+    return "elastic model" if "C10_Pa" in (_at(report, "baseline", "parameters") or {}) else "model as it was"
 
 
 def _parameters(parameters: Mapping[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
@@ -528,7 +533,7 @@ def _tried(report: Mapping[str, Any], pictures: dict[str, Html]) -> Html:
     before = None
     for number, step in enumerate(_list(report, "steps"), 1):
         chosen = _at(step, "chosen")
-        model = f"the elastic model{f' with {_joined(added)}' if added else ''}"
+        model = f"the {_base(report)}{f' with {_joined(added)}' if added else ''}"
         end = f"Added: {_title(report, chosen)}." if chosen else "Nothing was added."
         p = _at(step, "p_residual")
         said = f"What {model} leaves would come from noise alone with p {_chance(p, '= ')}. " if _finite(p) else f"To {model}: "

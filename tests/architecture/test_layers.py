@@ -35,7 +35,7 @@ RANKS = [
     {"runner", "identify"},
     {"discrepancy"},
     {"blind"},
-    {"check", "show"},
+    {"check", "show", "speed"},
     {"__init__"},
     {"cli"},
     {"__main__"},

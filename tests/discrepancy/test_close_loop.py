@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import pytest
 from command import command
 
 from explicitfe.discrepancy.close_loop import close_loop
+from explicitfe.discrepancy.specimens import Simulator, Specimens
+from explicitfe.identify.dataset import read_dataset
 from explicitfe.identify.predict import predict
 
 C10, C20, G, TAU_S = 300.0, 150.0, 0.4, 1.0
@@ -157,6 +160,26 @@ def test_constants_of_two_groups(tmp_path):
     rows = predict(data, tmp_path / "out" / "model.toml", processes=1)["curves"]
     for curve, row in rows.items():
         assert row["rmse"] == pytest.approx(found["final"]["error"]["curves"][curve]["rmse"], rel=1e-6)
+
+
+def test_a_planned_test_has_the_constants_of_its_own_group(tmp_path):
+    """One curve of group B, computed with what was found for both."""
+    data = written(tmp_path / "data", rates=(0.02, 0.5, 0.02, 0.5), lines=lambda k: f'constants = "{"AB"[k // 2]}"')
+    curves = tuple(read_dataset(data).curves)
+    system = Specimens(read_dataset(data), curves, Simulator(1))
+    both = system.start().at(system.start().x + [0.0, 0.0, 0.3, 0.0])
+    C10 = both.values[2]
+    assert both.values[0] != C10
+    alone = replace(system, curves=curves[3:]).model(both)
+    assert {name: c.C10_Pa for name, c in alone.constants.items()} == {"B": pytest.approx(C10)}
+
+
+def test_progress_moves_while_a_stage_goes_on(tmp_path):
+    """The bar of a turn in the loop moves with the runs, and never goes back within a stage."""
+    seen: list[tuple[str, float]] = []
+    close_loop(written(tmp_path / "data"), processes=1, report=lambda stage, share: seen.append((stage, share)))
+    shares = [share for stage, share in seen if stage == "trace"]
+    assert len(set(shares)) > 20 and shares == sorted(shares) and shares[-1] == 1.0
 
 
 @pytest.mark.parametrize("conditions", ['repeat = "first"', 'cycle = "a"', "repeat = [1, 2]", "order = true"])

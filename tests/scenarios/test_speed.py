@@ -1,0 +1,50 @@
+"""The commands that time this machine and make its code ahead of time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from command import command
+from support import YEOH, block_mesh
+
+from explicitfe import speed
+from explicitfe.build import MANY_ELEMENTS, Simulation
+from explicitfe.errors import InputError
+from explicitfe.model.model import Model
+
+
+def test_bench_says_what_a_step_costs(capsys):
+    assert command(["bench", "--elements", "1000", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [(row["elements"], row["element"]) for row in found["rows"]] == [(1000, "hex8"), (1000, "hex8-stiffness")]
+    for row in found["rows"]:
+        assert 5.0 < row["ns"] < 5000.0  # a nanosecond or a microsecond would be another program
+    spoken = found["scenario"]
+    assert spoken["hexes"] == 1280 and spoken["real_time_factor"] == pytest.approx(0.12 / spoken["loop_s"])
+
+
+def test_a_size_that_is_not_there():
+    with pytest.raises(InputError, match="no block of 17 elements"):
+        speed.bench([17])
+
+
+def test_after_warmup_nothing_is_compiled():
+    """The second time all is there: loading it takes a fraction of a second each, compiling five and more."""
+    speed.warm()
+    found = speed.warm()
+    assert list(found) == [*speed.USUAL, "homogeneous states"]
+    assert max(found.values()) < 2.0
+
+
+def test_in_a_large_mesh_the_limiting_element_is_sought_where_it_vibrates():
+    """34 x 32 x 32 elements, one of them a third as high: that one, and the bound of the whole mesh says the same."""
+    mesh = block_mesh((34, 32, 32), distort=0.0)
+    assert mesh.element_count > MANY_ELEMENTS
+    flat = mesh.element_count // 2 + 7
+    lower, upper = mesh.hexes[flat, :4], mesh.hexes[flat, 4:]
+    mesh.points[upper] = mesh.points[lower] + (mesh.points[upper] - mesh.points[lower]) / 3.0
+    simulation = Simulation(Model(mesh, YEOH, np.zeros((mesh.node_count, 3), dtype=bool)))
+    simulation.stable_limit(40)
+    assert simulation.limiting_element() == flat == simulation.stable_bound()[1]

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from scipy.stats import chi2
 
 from explicitfe.discrepancy.system import Series
 
@@ -19,7 +18,7 @@ HIGHEST = 0.98  # correlation of neighbouring rows
 CORRELATIONS = tuple(float(r) for r in np.linspace(0.0, 0.96, 49))
 AS_LIKELY = 1.0  # of -2 log likelihood
 ORDERS = (2, 3, 4)  # of differences: what is left of a curve's own bend falls with the order, noise does not
-CAUTIOUS = 0.3  # scatter from few repeats is taken at this quantile of chi2: more than the estimate
+TRIED = 150  # sizes of a scatter, 5 % apart
 TREND_FROM = 3  # repeats, of which a trend can be told from scatter
 SMALLEST = 1e-6  # of the largest value: below, a column is without noise
 
@@ -178,45 +177,69 @@ def whitened_rows(columns: np.ndarray, correlation: float) -> np.ndarray:
     return out
 
 
-def scatter(series: Sequence[Series]) -> Scatter:
-    """Scatter between nominally equal tests: as stated, or from the repeats there are."""
+def scatter(series: Sequence[Series], rows: Sequence[RowNoise]) -> Scatter:
+    """Scatter between nominally equal tests: as stated, or from the repeats there are.
+
+    Each repeat is a scale and an offset of their mean, known as well as the noise of its rows allows; the variances of both come
+    from restricted maximum likelihood. From few repeats they are taken with caution: the largest that are about as likely as
+    the best.
+    """
     stated = [one.scatter for one in series if one.scatter is not None]
-    sets: dict[str, list[Series]] = {}
-    for one in series:
+    sets: dict[str, list[int]] = {}
+    for number, one in enumerate(series):
         if one.peers:
-            sets.setdefault(one.peers, []).append(one)
-    scales, offsets, free = 0.0, 0.0, 0
-    for peers in sets.values():
+            sets.setdefault(one.peers, []).append(number)
+    found = []
+    for numbers in sets.values():
+        peers = [series[k] for k in numbers]
         if len({one.test for one in peers}) < 2:
             continue
-        factors, shifts = _compared(peers)
+        pairs, noise = _compared(peers, [rows[k] for k in numbers])
         order = np.array([one.trend for one in peers])
-        lost = 1
+        regular = np.ones((len(peers), 1))
         # One specimen, again and again: a trend is a drift and not scatter.
         if len(peers) >= TREND_FROM and len(set(order)) == len(order) and len({one.specimen for one in peers}) == 1:
-            line = np.polynomial.Polynomial.fit(order, factors, 1)
-            factors = factors - line(order)
-            lost = 2
-        else:
-            factors = factors - factors.mean()
-        scales += float((factors**2).sum())
-        offsets += float(((shifts - shifts.mean()) ** 2).sum()) * (len(peers) - lost) / max(len(peers) - 1, 1)
-        free += len(peers) - lost
-    if free:
-        by = 1.0 / chi2.ppf(CAUTIOUS, free)
-        scale, offset = float(np.sqrt(by * scales)), float(np.sqrt(by * offsets))
-        if stated:
-            return Scatter(max(stated), min(offset, max(stated)), "stated", free)
-        return Scatter(scale, offset, "repeats", free)
-    return Scatter(max(stated), 0.0, "stated", 0) if stated else Scatter(0.0, 0.0, "unknown", 0)
+            regular = np.column_stack([regular, order])
+        rest = pairs - regular @ np.linalg.lstsq(regular, pairs, rcond=None)[0]
+        found.append((len(peers) - regular.shape[1], rest.T @ rest, noise))
+    free = sum(entry[0] for entry in found)
+    if not free:
+        return Scatter(max(stated), 0.0, "stated", 0) if stated else Scatter(0.0, 0.0, "unknown", 0)
+    scale, offset = _variances(found)
+    if stated:
+        return Scatter(max(stated), min(offset, max(stated)), "stated", free)
+    return Scatter(scale, offset, "repeats", free)
 
 
-def _compared(peers: Sequence[Series]) -> tuple[np.ndarray, np.ndarray]:
-    """Size of each curve relative to their mean, and its shift in units of the largest value."""
+def _variances(sets: Sequence[tuple[int, np.ndarray, np.ndarray]]) -> tuple[float, float]:
+    """Largest likely sd of scale and of offset, from (degrees of freedom, sums of squares (2, 2), noise (2, 2)) of each set."""
+    squares = sum(np.diag(entry[1]) for entry in sets)
+    tried = [np.concatenate([[0.0], np.sqrt(total) * np.geomspace(1e-2, 10.0, TRIED)]) for total in squares]
+    s, o = np.meshgrid(*tried, indexing="ij")
+    value = np.zeros(s.shape)  # -2 log likelihood
+    for count, square, noise in sets:
+        a, b, c = s**2 + noise[0, 0], o**2 + noise[1, 1], noise[0, 1]
+        determinant = np.maximum(a * b - c * c, 1e-300)
+        value += count * np.log(determinant)
+        value += (b * square[0, 0] - 2.0 * c * square[0, 1] + a * square[1, 1]) / determinant
+    likely = value <= value.min() + AS_LIKELY
+    return float(s[likely].max()), float(o[likely].max())
+
+
+def _compared(peers: Sequence[Series], rows: Sequence[RowNoise]) -> tuple[np.ndarray, np.ndarray]:
+    """Size of each curve relative to their mean and its shift in units of the largest value, (k, 2); covariance (2, 2) of their
+    noise."""
     end = min(one.time_s[-1] for one in peers)
     grid = np.unique(np.concatenate([one.time_s[one.time_s <= end] for one in peers]))
-    rows = np.array([np.interp(grid, one.time_s, one.measured) for one in peers])
-    mean = rows.mean(axis=0)
-    design = np.column_stack([mean, np.full(len(grid), np.abs(mean).max())])
-    found = np.linalg.lstsq(design, rows.T, rcond=None)[0]
-    return found[0], found[1]
+    values = np.array([np.interp(grid, one.time_s, one.measured) for one in peers])
+    mean = values.mean(axis=0)
+    top = float(np.abs(mean).max())
+    design = np.column_stack([mean, np.full(len(grid), top)])
+    pairs = np.linalg.lstsq(design, values.T, rcond=None)[0].T
+    information = np.zeros((2, 2))
+    for one, row in zip(peers, rows, strict=True):
+        here = one.time_s <= end
+        own = np.column_stack([np.interp(one.time_s[here], grid, mean), np.full(int(here.sum()), top)])
+        own /= row.weight_sd[here, None]
+        information += own.T @ own / len(peers)
+    return pairs, np.linalg.pinv(information)

@@ -24,6 +24,7 @@ from explicitfe.effects.compressible import Compressible
 from explicitfe.effects.effect import MaterialEffect, Measurement, Sought
 from explicitfe.effects.friction import Friction
 from explicitfe.effects.preload import Preload
+from explicitfe.effects.tilt import Tilt
 from explicitfe.errors import InputError, RunError
 from explicitfe.identify.course import bends
 from explicitfe.identify.dataset import Curve, Dataset
@@ -190,8 +191,10 @@ class Specimens:
         for group in self.groups if several else [EVERY]:
             label = group if several else ""
             constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=max(known["C20_Pa", label], 0.0))
-        # Between platens a mesh may change less than a coarse one is off; without a memory one ramp is all that it costs.
-        by_ramp = self.homogeneous and not self.exact(hypothesis) and not any(map(_remembers, hypothesis.effects))
+        # Between platens a mesh may change less than a coarse one is off; without a memory one ramp is all that it costs, and
+        # unless a tilt takes the symmetry away, one of few elements.
+        dear = any(_remembers(name) or issubclass(EFFECTS[name], Tilt) for name in hypothesis.effects)
+        by_ramp = self.homogeneous and not self.exact(hypothesis) and not dear
         usual = FINE if by_ramp else self.numerics
         model = ModelFile(poisson=self.poisson, constants_by=self.constants_by, constants=constants, numerics=numerics or usual)
         for effect in self.known:

@@ -7,6 +7,7 @@ brick, 0 for a flat corner, negative for an inverted one (Knupp 2000, Int. J. Nu
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +25,22 @@ _EDGES = np.array([(a, b) for a in range(8) for b in _NEIGHBOURS[a] if a < b])
 # A corner whose scaled Jacobian is below this counts as flat: far below any usable element, far above rounding.
 _FLAT = 1e-9
 
+_BATCH = 4096  # elements that are looked at together, in the cache
+
 # Gauss points of the 2 x 2 x 2 rule, exact for the volume of a trilinear hex.
 _GAUSS = CORNERS / np.sqrt(3.0)
 
 
-def _corner_edges(points: np.ndarray, hexes: np.ndarray, corner: int) -> np.ndarray:
-    """The three edges that leave one corner of every hex, (m, 3 edges, 3), m; not turned."""
-    return points[hexes[:, _NEIGHBOURS[corner]]] - points[hexes[:, corner]][:, None, :]
+def _corner_edges(points: np.ndarray, hexes: np.ndarray) -> Iterator[tuple[slice, int, np.ndarray]]:
+    """Part of the elements, corner, and the three edges (k, 3 edges, 3) m that leave it in each; not turned.
+
+    Part after part: a million elements then need megabytes, not half a gigabyte.
+    """
+    for first in range(0, len(hexes), _BATCH):
+        part = slice(first, first + _BATCH)
+        places = points[hexes[part]]
+        for corner in range(8):
+            yield part, corner, places[:, _NEIGHBOURS[corner]] - places[:, corner, None]
 
 
 def _determinant(a: np.ndarray) -> np.ndarray:
@@ -47,17 +57,18 @@ def corner_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     points : (n, 3) node positions, m.
     hexes : (m, 8) node numbers, VTK order.
     """
-    # One corner at a time: a million elements then need tens of megabytes, not half a gigabyte.
-    return np.stack([_SIGNS[a] * _determinant(_corner_edges(points, hexes, a)) for a in range(8)], axis=1)
+    found = np.empty(hexes.shape)
+    for part, corner, edges in _corner_edges(points, hexes):
+        found[part, corner] = _SIGNS[corner] * _determinant(edges)
+    return found
 
 
 def scaled_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     """Scaled Jacobian at every corner, (m, 8), between -1 and 1; 0 where an edge has no length."""
     scaled = np.zeros(hexes.shape)
-    for a in range(8):
-        edges = _corner_edges(points, hexes, a)
+    for part, corner, edges in _corner_edges(points, hexes):
         lengths = np.prod(np.linalg.norm(edges, axis=-1), axis=-1)
-        np.divide(_SIGNS[a] * _determinant(edges), lengths, out=scaled[:, a], where=lengths > 0.0)
+        np.divide(_SIGNS[corner] * _determinant(edges), lengths, out=scaled[part, corner], where=lengths > 0.0)
     return scaled
 
 

@@ -9,8 +9,7 @@ import pytest
 from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme
 
 from explicitfe.discrepancy import words
-from explicitfe.discrepancy.fingerprints import DISTINCT
-from explicitfe.discrepancy.loop import Closed, close, numerical_share
+from explicitfe.discrepancy.loop import APART, Closed, close, numerical_share
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
 
@@ -109,7 +108,7 @@ def test_a_separation_is_the_least_misfit_of_the_rival():
     white = first.covariance.whiten(np.column_stack([best.answer, rival]))
     rest = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)[0]
     assert row[2] == pytest.approx(float(rest @ rest), abs=0.05, rel=1e-3)
-    assert (first.chosen is None) == (row[2] < DISTINCT)
+    assert (first.chosen is None) == (row[2] < APART)
 
 
 def test_what_none_of_them_explains():

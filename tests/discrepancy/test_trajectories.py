@@ -64,7 +64,7 @@ def test_the_registration_is_recovered(tmp_path: Path) -> None:
     assert np.abs(np.array(table.translation) - 1e3 * SHIFT_M).max() < 0.1
     # the search from elsewhere leads to the same place
     far = system.start().at(np.array([0.05, -0.05, 0.05, 2.0, -2.0, 2.0]))
-    again = refit(system, far, Covariance(system.series, system.rows, scatter(system.series)))
+    again = refit(system, far, Covariance(system.series, system.rows, scatter(system.series, system.rows)))
     assert np.abs(again.model.x).max() < 1e-2
 
 

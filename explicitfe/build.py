@@ -318,9 +318,13 @@ class Simulation(Body):
         # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
         self._origin_s, self._index = 0.0, 0
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
-        self._running = self.blocks._replace(new=self.blocks.old)
-        self.parts = parts_of(self.state, self._running, 1 if model.motion else threads or usual_threads(len(self.hexes)))
+        running = self.blocks._replace(new=self.blocks.old)
+        self.parts = parts_of(self.state, running, 1 if model.motion else threads or usual_threads(len(self.hexes)))
         self._ledgers = np.zeros((len(self.parts), LEDGER))
+        # The same to look at a state without accepting it.
+        ends = np.cumsum([len(part.blocks.nodes) for part in self.parts])
+        memories = np.split(self.blocks.new, ends[:-1])
+        self._seen = [part.blocks._replace(new=memory) for part, memory in zip(self.parts, memories, strict=True)]
 
     # ---- the stable step ----
 
@@ -399,8 +403,8 @@ class Simulation(Body):
 
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
-        u, v, force = self.state
-        self.ledger[SMALLEST_J] = self.kernels.forces(u, force, self._running)
+        _, v, force = self.state
+        self.ledger[SMALLEST_J] = self._evaluate([part.blocks for part in self.parts])
         self.dt_s = dt_s
         self._snapshot()  # fills the external force at time 0
         acceleration = self.nodes.inverse_mass * (force + self._external) - self.model.alpha_per_s * v
@@ -491,15 +495,27 @@ class Simulation(Body):
         self.blocks.old[:] = state["memory"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
-        self.set_increment(0.0)
-        self.kernels.forces(self.state.u, self.state.force, self.blocks)
+        self._present_force()
 
     # ---- inside ----
 
     def _present_force(self) -> np.ndarray:
         self.set_increment(0.0)  # of this instant: a look must not let time pass
-        self.kernels.forces(self.state.u, self.state.force, self.blocks)
+        self._evaluate(self._seen)
         return self.state.force
+
+    def _evaluate(self, blocks: Sequence[Blocks]) -> float:
+        """Minus the internal force now, summed in the order of ``advance``; the smallest J."""
+        forces = self.kernels.forces
+        tasks = [
+            lambda part=part, some=some: forces(part.u, part.force, some) for part, some in zip(self.parts, blocks, strict=True)
+        ]
+        smallest = [tasks[0]()] if len(tasks) == 1 else together(tasks, self.parts[0].gate)
+        if len(tasks) > 1:
+            for part in self.parts:
+                part.force[: len(part.lower)] += part.lower
+                self.state.force[part.first : part.first + part.own] = part.force[: part.own]
+        return float(np.min(smallest))
 
     def _activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
         return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in self._profiles]).reshape(-1, len(instants))

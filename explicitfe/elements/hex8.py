@@ -39,19 +39,16 @@ def mean_gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     V B_aj = integral of (cofactor of dX/dxi)_jk dN_a/dxi_k is a polynomial of degree 2 or less in each natural
     coordinate, so the 2 x 2 x 2 Gauss rule used here integrates it exactly.
     """
-    total = np.empty(corners.shape)
+    total = np.zeros(corners.shape)
     for first in range(0, len(corners), BATCH):
         part = slice(first, first + BATCH)
-        # (elements x components, corners): one product of matrices for all of them
-        places = np.ascontiguousarray(corners[part].transpose(0, 2, 1)).reshape(-1, 8)
-        sums = np.zeros_like(places)
         for natural in np.stack(np.meshgrid(_GAUSS, _GAUSS, _GAUSS, indexing="ij"), -1).reshape(-1, 3):
             factors = 1.0 + natural * CORNERS  # (8, 3)
             dn = np.stack([CORNERS[:, k] * factors[:, (k + 1) % 3] * factors[:, (k + 2) % 3] / 8.0 for k in range(3)], axis=1)
-            jacobian = (places @ dn).reshape(-1, 3, 3)
+            # element by element, not as one large product, whose sums would depend on how many elements there are
+            jacobian = corners[part].transpose(0, 2, 1) @ dn
             cofactor = np.stack([np.cross(jacobian[:, :, (k + 1) % 3], jacobian[:, :, (k + 2) % 3]) for k in range(3)], -1)
-            sums += cofactor.reshape(-1, 3) @ dn.T
-        total[part] = sums.reshape(-1, 3, 8).transpose(0, 2, 1)
+            total[part] += dn @ cofactor.transpose(0, 2, 1)
     volumes = np.sum(corners * total, axis=(1, 2)) / 3.0
     return total / volumes[:, None, None], volumes
 
@@ -59,8 +56,8 @@ def mean_gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def geometry(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
     """What the kernels read of each element, (m, GEOMETRY): b [1/m], hX [m], volume [m^3]."""
     count = len(corners)
-    b = np.tensordot(gradients, MODES / 8.0, (1, 1)).transpose(0, 2, 1)
-    h_x = np.tensordot(corners, MODES[3:], (1, 1)).transpose(0, 2, 1)
+    b = MODES @ gradients / 8.0
+    h_x = MODES[3:] @ corners
     return np.concatenate([b.reshape(count, 21), h_x.reshape(count, 12), volumes[:, None]], axis=1)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -431,6 +432,10 @@ def blind_score(folder: _Cases, as_json: _Json = False) -> None:
 
 def main() -> None:
     """Entry point of the command: errors become one sentence and an exit code."""
+    # Products of matrices are small here: more threads would only wait for cores that are busy. In time, for nothing has
+    # imported numpy yet, and for the processes that are started too.
+    for library in ("OPENBLAS", "MKL", "OMP"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     try:
         app()
     except InputError as error:

@@ -130,12 +130,13 @@ def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
     if count < 2:
         return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks)]
     bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
-    idle = len(state.u) - 1  # lanes without an element have their nodes there or before; no element has
     runs = [blocks.nodes[a:b] for a, b in pairwise(bounds)]
     first = [0, *(int(run.min()) // 2 * 2 for run in runs[1:])]
-    after = [min(int(run.max()) // 2 * 2 + 2, idle + 1) for run in runs[:-1]] + [len(state.u)]
-    owned = np.diff([*first, len(state.u)])
-    if any(owned <= 0) or any(after[k] > ([*first, len(state.u)])[k + 2] for k in range(len(runs) - 1)):
+    begins = [*first, len(state.u)]
+    # idle lanes are in the last run; a row that no element touches is of the part before it
+    after = [max(int(run.max()) // 2 * 2 + 2, begin) for run, begin in zip(runs[:-1], first[1:], strict=True)] + [len(state.u)]
+    owned = np.diff(begins)
+    if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
         return parts_of(state, blocks, count - 1)
     forces = [np.zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
     found = []

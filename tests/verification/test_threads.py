@@ -14,6 +14,7 @@ from support import ELEMENTS, YEOH, block_mesh, model_of
 from explicitfe import threads
 from explicitfe.build import Simulation, parts_of, usual_threads
 from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model
 from explicitfe.timestep import FRACTION
 
@@ -116,6 +117,23 @@ def test_as_many_parts_as_share_nodes_with_the_next_one_only():
     """A row of four blocks of lanes in a mesh whose layers are larger than a part."""
     simulation = moving("hex8", 1, cells=(8, 8, 2))
     assert len(parts_of(simulation.state, simulation.blocks, 100)) < 6
+
+
+def test_bodies_that_share_no_node():
+    """Separate elements, and a node between them that belongs to none."""
+    cells = [block_mesh((1, 1, 1), distort=0.2, seed=k) for k in range(40)]
+    points = np.concatenate([*(cell.points + [0.02 * k, 0.0, 0.0] for k, cell in enumerate(cells)), [[-1.0, 0.0, 0.0]]])
+    hexes = np.concatenate([cell.hexes + 8 * k for k, cell in enumerate(cells)])
+    velocity = 0.1 * np.random.default_rng(2).standard_normal(points.shape)
+    velocity[-1] = 0.0
+    found = []
+    for count in (1, 3):
+        model = Model(HexMesh(points, hexes, {}), YEOH, np.zeros(points.shape, dtype=bool))
+        simulation = Simulation(model, velocity=velocity, threads=count)
+        simulation.start(1e-5)
+        assert simulation.advance(50, 1e-5)
+        found.append(simulation.displacement)
+    assert np.abs(found[1] - found[0]).max() < ROUNDING * np.abs(found[0]).max()
 
 
 def test_small_meshes_have_one_thread(monkeypatch):

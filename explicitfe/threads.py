@@ -23,7 +23,7 @@ from explicitfe.jit import leaf
 # Entries of a gate, int64, on cache lines of their own.
 WAITING, GENERATION, STOP, ABANDONED, GATE = 0, 8, 16, 24, 32
 
-PATIENCE = 2000  # turns of waiting, about ten microseconds, before a core is given away
+PATIENCE = 2000  # turns of waiting before a core is given away
 
 _I32 = ir.IntType(32)
 _I64 = ir.IntType(64)

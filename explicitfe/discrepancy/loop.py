@@ -34,7 +34,7 @@ WORTH, WORTH_A_MESH = 0.25, 0.6  # of the best drop: a candidate is refitted
 GROWS = 1.5  # times: so much more than its best trial a candidate may explain when it is fitted
 FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
 # |y_A - y_B|^2 from which on data that are there tell two models apart. Sigma is cautious, so this asks for less than a plan does
-# (DISTINCT): in 300 tuning cases no rival between 16 and 25 was ever the true cause.
+# (DISTINCT): of the 309 tuning cases it decided 11 singles more, all of them rightly.
 APART = 16.0
 HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
 FEW_TESTS = 3  # left out in turn

@@ -9,13 +9,13 @@ import time
 
 import numpy as np
 import pytest
-from support import ELEMENTS, YEOH, block_mesh, model_of
+from support import ELEMENTS, YEOH, block_mesh
 
 from explicitfe import threads
 from explicitfe.build import Simulation, parts_of, usual_threads
 from explicitfe.effects.viscoelastic import Viscoelastic
 from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Model
+from explicitfe.model.model import Model, PrescribedMotion
 from explicitfe.timestep import FRACTION
 
 STEPS = 60
@@ -114,7 +114,7 @@ def test_parts_cover_everything_once():
 
 
 def test_as_many_parts_as_share_nodes_with_the_next_one_only():
-    """A row of four blocks of lanes in a mesh whose layers are larger than a part."""
+    """128 elements in a hundred parts would be one or two each, which share nodes with parts further on."""
     simulation = moving("hex8", 1, cells=(8, 8, 2))
     assert len(parts_of(simulation.state, simulation.blocks, 100)) < 6
 
@@ -164,11 +164,8 @@ def test_a_thread_that_cannot_be_started_leaves_none_waiting(monkeypatch):
 
 
 def test_prescribed_motion_has_one_thread():
-    from explicitfe.model.model import PrescribedMotion
-
     mesh = block_mesh((4, 4, 4))
     top = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
     motion = PrescribedMotion(top, lambda t: np.zeros((len(t), len(top), 3)))
-    model = model_of(mesh)
-    model = Model(mesh, YEOH, model.held, motion=motion)
+    model = Model(mesh, YEOH, np.zeros((mesh.node_count, 3), dtype=bool), motion=motion)
     assert len(Simulation(model, threads=4).parts) == 1

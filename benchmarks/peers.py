@@ -93,7 +93,7 @@ def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
         J = determinant(F, cof)
         delta = added(F, qx, qy, qz, h)
         P = stress(F, cof, J, delta, c)
-        v = g[33]
+        v = g[hex8.VOLUME]
         *r, Q = held(F, qx, qy, qz, h, v * slope(invariant(F, J) + delta, c))
         S = tuple(v * p + q for p, q in zip(P, Q, strict=True))
         return tuple(corner_forces(S[3 * i], S[3 * i + 1], S[3 * i + 2], r[i], g) for i in range(3))
@@ -289,9 +289,9 @@ class InWarp:
         u, v, force = self._state
         elements = [
             array(element_rows(simulation.blocks.nodes, count).astype(np.int32), wp.int32),
-            array(g[:, :21].reshape(-1, 7, 3), wp.vec3d),
-            array(g[:, 21:33].reshape(-1, 4, 3), wp.vec3d),
-            array(g[:, 33], wp.float64),
+            array(g[:, :18].reshape(-1, 6, 3), wp.vec3d),
+            array(g[:, 18 : hex8.VOLUME].reshape(-1, 4, 3), wp.vec3d),
+            array(g[:, hex8.VOLUME], wp.float64),
             array(element_rows(simulation.blocks.constants, count), wp.vec3d),
             array(element_rows(simulation.blocks.hourglass, count), wp.float64),
         ]
@@ -425,12 +425,12 @@ def warp_kernels(wp: ModuleType, element: str) -> tuple[Any, Any]:
         s_top, e_top, d_top, de_top = s76 + s45, s76 - s45, d76 + d45, d76 - d45
         m0, m1, m2, m3 = d_top + d_low, e_top + e_low, s_top - s_low, e_top - e_low
         m4, m5, m6 = d_top - d_low, de_top + de_low, de_top - de_low
-        b0, b1, b2, b3, b4, b5, b6 = b[e, 0], b[e, 1], b[e, 2], b[e, 3], b[e, 4], b[e, 5], b[e, 6]
+        b0, b1, b2, b3, b4, b5 = b[e, 0], b[e, 1], b[e, 2], b[e, 3], b[e, 4], b[e, 5]
         h0, h1, h2, h3 = hX[e, 0], hX[e, 1], hX[e, 2], hX[e, 3]
 
-        G0 = b0[0] * m0 + b1[0] * m1 + b2[0] * m2 + b3[0] * m3 + b4[0] * m4 + b5[0] * m5 + b6[0] * m6
-        G1 = b0[1] * m0 + b1[1] * m1 + b2[1] * m2 + b3[1] * m3 + b4[1] * m4 + b5[1] * m5 + b6[1] * m6
-        G2 = b0[2] * m0 + b1[2] * m1 + b2[2] * m2 + b3[2] * m3 + b4[2] * m4 + b5[2] * m5 + b6[2] * m6
+        G0 = b0[0] * m0 + b1[0] * m1 + b2[0] * m2 + b3[0] * m3 + b4[0] * m4 + b5[0] * m5
+        G1 = b0[1] * m0 + b1[1] * m1 + b2[1] * m2 + b3[1] * m3 + b4[1] * m4 + b5[1] * m5
+        G2 = b0[2] * m0 + b1[2] * m1 + b2[2] * m2 + b3[2] * m3 + b4[2] * m4 + b5[2] * m5
         q0 = m3 - h0[0] * G0 - h0[1] * G1 - h0[2] * G2
         q1 = m4 - h1[0] * G0 - h1[1] * G1 - h1[2] * G2
         q2 = m5 - h2[0] * G0 - h2[1] * G1 - h2[2] * G2
@@ -461,7 +461,7 @@ def warp_kernels(wp: ModuleType, element: str) -> tuple[Any, Any]:
         ez = b3[0] * S0 + b3[1] * S1 + b3[2] * S2 + r0
         zx = b4[0] * S0 + b4[1] * S1 + b4[2] * S2 + r1
         xe = b5[0] * S0 + b5[1] * S1 + b5[2] * S2 + r2
-        xez = b6[0] * S0 + b6[1] * S1 + b6[2] * S2 + r3
+        xez = r3
 
         xi_low, xi_top, eta_low, eta_top = xi - zx, xi + zx, eta - ez, eta + ez
         p_low, m_low, p_top, m_top = xi_low + eta_low, xi_low - eta_low, xi_top + eta_top, xi_top - eta_top

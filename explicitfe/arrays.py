@@ -7,6 +7,7 @@ have a node to read and write, which has no mass and never moves; an even number
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -131,10 +132,21 @@ EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
 INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, ENERGIES = 0, 1, 2, 3, 4, 5, 6
 
 
+LINE = 64  # bytes of a line of the cache
+
+
+def zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarray:
+    """An array of zeros that starts where a line of the cache starts: no vector of a kernel then lies across two of them."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = np.zeros(size + LINE, dtype=np.uint8)
+    start = -memory.ctypes.data % LINE
+    return memory[start : start + size].view(dtype).reshape(shape)
+
+
 def node_rows(values: np.ndarray) -> np.ndarray:
     """(n, 3) values as (N, 4) node rows, zero in the padding; N is the even number after n."""
     count = len(values)
-    rows = np.zeros((count + 2 - count % 2, ROW))
+    rows = zeros((count + 2 - count % 2, ROW))
     rows[:count, :3] = values
     return rows
 
@@ -146,8 +158,10 @@ def in_blocks(values: np.ndarray, idle: int | None = None) -> np.ndarray:
     moves, so that what they compute is zero.
     """
     count, width = values.shape
-    blocks = -(-count // WIDTH)
-    padded = np.empty((blocks * WIDTH, width), dtype=values.dtype)
-    padded[:count] = values
-    padded[count:] = values[-1] if idle is None else idle
-    return np.ascontiguousarray(padded.reshape(blocks, WIDTH, width).transpose(0, 2, 1))
+    full, left = divmod(count, WIDTH)
+    blocks = zeros((full + (left > 0), width, WIDTH), values.dtype)
+    blocks[:full] = values[: full * WIDTH].reshape(full, WIDTH, width).transpose(0, 2, 1)
+    if left:
+        blocks[full, :, :left] = values[full * WIDTH :].T
+        blocks[full, :, left:] = values[-1, :, None] if idle is None else idle
+    return blocks

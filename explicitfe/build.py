@@ -25,6 +25,7 @@ from explicitfe.arrays import (
     State,
     in_blocks,
     node_rows,
+    zeros,
 )
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import assumed_strain, full, hex8, stiffness
@@ -56,7 +57,7 @@ class Kernels:
 
 
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
-ELEMENTS_A_THREAD = 2000  # a tenth of a millisecond a step: much longer than meeting takes where the cores are free
+ELEMENTS_A_THREAD = 500  # measured: with fewer, two threads cost more where another program has one of two cores
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
 ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
@@ -111,11 +112,11 @@ def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.nda
     """Arrays of ``Blocks`` for the effects of so many elements: their numbers, and what they remember at rest."""
     blocks = -(-count // WIDTH)
     memory = sum(effect.memory for effect in effects) + (response.WORK_MEMORY if effects else 0)
-    old = np.zeros((blocks, max(memory, 1), WIDTH))
+    old, new = (zeros((blocks, max(memory, 1), WIDTH)) for _ in range(2))
     for place, value in response.AT_REST.items() if effects else ():
-        old[:, place] = value
+        old[:, place] = new[:, place] = value
     numbers = sum(effect.numbers for effect in effects)
-    return {"effects": np.zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": old.copy()}
+    return {"effects": zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": new}
 
 
 def usual_threads(elements: int) -> int:
@@ -138,7 +139,7 @@ def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
     owned = np.diff(begins)
     if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
         return parts_of(state, blocks, count - 1)
-    forces = [np.zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
+    forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
     found = []
     for k, (a, b) in enumerate(pairwise(bounds)):
         mine = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
@@ -197,13 +198,13 @@ class Body:
             self.constants = law.scaled(self.constants, model.stiffness[self.element_order])
         self.density = np.full(count, law.density_kg_m3)
         corners = self.points[self.hexes]
-        gradients, self.volumes = hex8.mean_gradients(corners)
-        reference = (corners, gradients, self.volumes)
+        geometry = hex8.geometry(corners)
+        self.volumes = np.ascontiguousarray(geometry[:, hex8.VOLUME])
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
-            geometry=in_blocks(hex8.geometry(*reference)),
+            geometry=in_blocks(geometry),
             constants=in_blocks(self.constants),
-            hourglass=in_blocks(ELEMENTS[model.element][1].constants(*reference)),
+            hourglass=in_blocks(ELEMENTS[model.element][1].constants(corners, geometry)),
             **memory_of(model.effects, count),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
@@ -235,7 +236,7 @@ class Body:
     def with_masses(self, rows: np.ndarray, held: np.ndarray) -> Nodes:
         """Nodes with masses (N, 4) kg, of which (n, 3) components, in the user's numbering, are held."""
         free = node_rows(~held[self.node_order])
-        return Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=np.zeros_like(rows), where=rows > 0.0))
+        return Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=zeros(rows.shape), where=rows > 0.0))
 
     # ---- in the user's numbering ----
 
@@ -301,21 +302,18 @@ class Simulation(Body):
         threads: int | None = None,
     ) -> None:
         super().__init__(model, displacement=displacement, velocity=velocity)
-        self._highest = HighestFrequency(
-            lambda u, force: self.kernels.forces(u, force, self.blocks),
-            self.nodes.inverse_mass,
-            float(np.cbrt(self.volumes.min())),
-        )
+        self._highest = self._highest_frequency()
         self._profiles: list[Profile] = []
         self.loads = self._dead_loads(model.loads)
         self.fibres = self._follower_fibres(model.pulls)
-        self._external = np.zeros_like(self.state.u)
+        self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self._velocity = np.zeros_like(self.state.u)
         self.ledger = np.zeros(LEDGER)
         self.time_s = 0.0
         self.dt_s = 0.0  # the step that led to time_s
         self.steps = 0
+        self.loop_s = 0.0  # spent inside the compiled loop
         # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
         self._origin_s, self._index = 0.0, 0
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
@@ -392,13 +390,14 @@ class Simulation(Body):
         """
         begin = time.perf_counter()
         report(0.0)
-        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.blocks)
+        self._highest_frequency()(self.state.u, self.state.force, 1)
         report(0.5)
         self._snapshot()
         report(0.75)
         self.largest_strain_rate()
         report(0.85)
         self.advance(0, 0.0)
+        self.loop_s = 0.0
         report(1.0)
         return time.perf_counter() - begin
 
@@ -434,10 +433,12 @@ class Simulation(Body):
             float(dt_s),
             int(steps),
         )
+        begin = time.perf_counter()
         if len(self.parts) == 1:
             done = self.kernels.advance(self.state, self._external, self.parts[0], *rest, self.ledger)
         else:
             done = self._advance_together(rest)
+        self.loop_s += time.perf_counter() - begin
         self.steps += done
         self._index += done
         self.time_s = float(instants[done])
@@ -500,6 +501,13 @@ class Simulation(Body):
 
     # ---- inside ----
 
+    def _highest_frequency(self) -> HighestFrequency:
+        return HighestFrequency(
+            lambda u, force: self.kernels.forces(u, force, self.blocks),
+            self.nodes.inverse_mass,
+            float(np.cbrt(self.volumes.min())),
+        )
+
     def _present_force(self) -> np.ndarray:
         self.set_increment(0.0)  # of this instant: a look must not let time pass
         self._evaluate(self._seen)
@@ -511,7 +519,7 @@ class Simulation(Body):
         tasks = [
             lambda part=part, some=some: forces(part.u, part.force, some) for part, some in zip(self.parts, blocks, strict=True)
         ]
-        smallest = [tasks[0]()] if len(tasks) == 1 else together(tasks, self.parts[0].gate)
+        smallest = together(tasks, self.parts[0].gate)
         if len(tasks) > 1:
             for part in self.parts:
                 part.force[: len(part.lower)] += part.lower

@@ -39,6 +39,7 @@ from explicitfe.arrays import (
     Nodes,
     Springs,
     Turned,
+    zeros,
 )
 from explicitfe.build import Body
 from explicitfe.loop import RESTLESS
@@ -142,7 +143,7 @@ class Relaxation(Body):
             np.zeros((0, 3)) if support is None else np.array(support.stiffness, dtype=float),
         )
         self._external = self._dead_forces()
-        self._inner = np.zeros_like(self.state.u)
+        self._inner = zeros(self.state.u.shape)
         self._monitor = np.zeros(MONITOR)
         self._monitor[REST_J] = 1.0
         self._largest_load = self._largest_work = self._deepest = 0.0
@@ -452,7 +453,7 @@ class Relaxation(Body):
         )
         if not np.isfinite(rows).all():
             return False
-        mass = np.zeros_like(self.state.u)
+        mass = zeros(self.state.u.shape)
         for k in range(3):
             mass[: len(self.points), k] = 0.25 * SAFETY * np.bincount(own.ravel(), rows[..., k].ravel(), len(self.points))
         contact = self.contact
@@ -462,7 +463,7 @@ class Relaxation(Body):
         mass[: len(self.points), :3] += np.bincount(contact.node.ravel(), springs.ravel(), len(self.points))[:, None]
         np.add.at(mass, (self.springs.node, slice(0, 3)), 0.25 * SAFETY * self.springs.stiffness)
         mass[: len(self.points), :3] *= self._free
-        self.nodes = Nodes(mass, np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0))
+        self.nodes = Nodes(mass, np.divide(1.0, mass, out=zeros(mass.shape), where=mass > 0.0))
         return True
 
     # ---- inside ----

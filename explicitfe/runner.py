@@ -245,6 +245,7 @@ def _summary(
         "dt_fraction_of_limit": float(transient.largest_fraction),
         "limiting_element": simulation.limiting_element() if finite else None,
         "wall_s": wall_s,
+        "loop_s": simulation.loop_s,
         "compile_s": compile_s,
         "real_time_factor": simulation.time_s / wall_s,
         "energy_balance_error": ledger.balance_error,

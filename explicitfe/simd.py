@@ -157,6 +157,11 @@ def load_many(typingctx, array, index, count):
     return result(array, types.intp, count), lower
 
 
+# Shuffles of two rows that x86 has single instructions for: within halves of a register, and of whole halves.
+_EVEN, _ODD = [0, 4, 2, 6], [1, 5, 3, 7]
+_LOWER, _UPPER = [0, 1, 4, 5], [2, 3, 6, 7]
+
+
 def _shuffle(builder, a, b, mask):
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_I32, len(mask)), mask))
 
@@ -177,13 +182,11 @@ def gather_rows(typingctx, rows, index, start):
         parts = [[], [], []]
         for first in range(0, WIDTH, ROW):  # transpose 4 rows at a time
             r0, r1, r2, r3 = loaded[first : first + ROW]
-            xy01 = _shuffle(builder, r0, r1, [0, 4, 1, 5])
-            xy23 = _shuffle(builder, r2, r3, [0, 4, 1, 5])
-            parts[0].append(_shuffle(builder, xy01, xy23, [0, 1, 4, 5]))
-            parts[1].append(_shuffle(builder, xy01, xy23, [2, 3, 6, 7]))
-            z01 = _shuffle(builder, r0, r1, [2, 6, 3, 7])
-            z23 = _shuffle(builder, r2, r3, [2, 6, 3, 7])
-            parts[2].append(_shuffle(builder, z01, z23, [0, 1, 4, 5]))
+            xz01, xz23 = _shuffle(builder, r0, r1, _EVEN), _shuffle(builder, r2, r3, _EVEN)
+            y01, y23 = _shuffle(builder, r0, r1, _ODD), _shuffle(builder, r2, r3, _ODD)
+            parts[0].append(_shuffle(builder, xz01, xz23, _LOWER))
+            parts[1].append(_shuffle(builder, y01, y23, _LOWER))
+            parts[2].append(_shuffle(builder, xz01, xz23, _UPPER))
         values = [p[0] if len(p) == 1 else _shuffle(builder, p[0], p[1], list(range(WIDTH))) for p in parts]
         return context.make_tuple(builder, result, values)
 
@@ -199,15 +202,13 @@ def scatter_rows(typingctx, rows, index, start, x, y, z):
         zero = ir.Constant(_HALF, [0.0] * ROW)
         for first in range(0, WIDTH, ROW):
             x, y, z = (_shuffle(builder, c, c, list(range(first, first + ROW))) for c in components)
-            xy01 = _shuffle(builder, x, y, [0, 4, 1, 5])  # x0 y0 x1 y1
-            xy23 = _shuffle(builder, x, y, [2, 6, 3, 7])
-            z01 = _shuffle(builder, z, zero, [0, 4, 1, 5])  # z0 0 z1 0
-            z23 = _shuffle(builder, z, zero, [2, 6, 3, 7])
+            xy02, xy13 = _shuffle(builder, x, y, _EVEN), _shuffle(builder, x, y, _ODD)
+            z02, z13 = _shuffle(builder, z, zero, _EVEN), _shuffle(builder, z, zero, _ODD)
             lanes = [
-                _shuffle(builder, xy01, z01, [0, 1, 4, 5]),
-                _shuffle(builder, xy01, z01, [2, 3, 6, 7]),
-                _shuffle(builder, xy23, z23, [0, 1, 4, 5]),
-                _shuffle(builder, xy23, z23, [2, 3, 6, 7]),
+                _shuffle(builder, xy02, z02, _LOWER),
+                _shuffle(builder, xy13, z13, _LOWER),
+                _shuffle(builder, xy02, z02, _UPPER),
+                _shuffle(builder, xy13, z13, _UPPER),
             ]
             for k, row_value in enumerate(lanes):
                 at = builder.add(start, ir.Constant(_I64, first + k))
@@ -371,7 +372,7 @@ def _inverse_cube_root(value):
             y = _cbrt_guess(value)
             third = value * (1.0 / 3.0)
             for _ in range(4):
-                y = y * (4.0 / 3.0 - third * (y * y * y))
+                y = y * (4.0 / 3.0 - (third * y) * (y * y))
             return y
 
         return by_newton

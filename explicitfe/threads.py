@@ -119,17 +119,18 @@ def cores() -> int:
 
 
 def together(tasks: Sequence[Callable[[], Any]], gate: np.ndarray) -> list[Any]:
-    """Run tasks that meet at a gate, each in a thread of its own, and give what they return.
-
-    All of them run beside the caller's thread, so that an interrupt by hand finds that one waiting in Python.
-    """
-    pool = _pool(len(tasks))
+    """Run tasks that meet at a gate, the first in the caller's thread and each other one in its own; give what they return."""
+    if len(tasks) == 1:
+        return [tasks[0]()]
+    pool = _pool(len(tasks) - 1)
     futures: list[Future] = []
+    mine = None
     try:
-        futures.extend(pool.submit(task) for task in tasks)
-        return [future.result() for future in futures]
+        futures.extend(pool.submit(task) for task in tasks[1:])
+        mine = [tasks[0]()]
+        return mine + [future.result() for future in futures]
     except BaseException:
-        if len(futures) < len(tasks):
+        if mine is None:
             gate[ABANDONED] = 1  # the others would wait for ever
         for future in futures:
             future.exception()

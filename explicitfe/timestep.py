@@ -7,16 +7,17 @@ used stays a stated fraction under it (``FRACTION``).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 
-from explicitfe.arrays import Blocks, in_blocks, node_rows
-from explicitfe.simd import WIDTH
+from explicitfe.arrays import Blocks, in_blocks, node_rows, zeros
+from explicitfe.jit import kernel
+from explicitfe.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
 
 FRACTION = 0.9  # of the limit that the iteration gives
-APART = 4096  # blocks of elements that are taken apart at once: 24 x 24 numbers an element would fill the memory
+APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
 BATCH = 256  # elements whose eigenvalues are solved for at once
 
 
@@ -144,8 +145,10 @@ class HighestFrequency:
         self, minus_force: Callable[[np.ndarray, np.ndarray], object], inverse_mass: np.ndarray, length_m: float
     ) -> None:
         self._minus_force = minus_force
-        self._root = np.sqrt(inverse_mass)
-        self._length = length_m
+        self._root = zeros(inverse_mass.shape)
+        self._root[:] = np.sqrt(inverse_mass)
+        self._step = 1e-6 * length_m
+        self._shifted, self._response = zeros(inverse_mass.shape), zeros(inverse_mass.shape)
         # Fixed seeds: a run repeated is the same run.
         self._noise = self._unit(np.random.default_rng(20051).standard_normal(inverse_mass.shape))
         self.vector = self._unit(np.random.default_rng(20052).standard_normal(inverse_mass.shape))
@@ -156,38 +159,64 @@ class HighestFrequency:
         The estimate comes from below and grows with the number of turns, one force evaluation each. NaN where the force is
         not finite.
         """
-        basis = [self._unit(self.vector + self.NOISE * self._noise)]
-        diagonal: list[float] = []
-        beside: list[float] = []
-        for _ in range(turns):
-            response = self._apply(basis[-1], u, force)
-            diagonal.append(_dot(basis[-1], response))
-            response -= diagonal[-1] * basis[-1]
-            if beside:
-                response -= beside[-1] * basis[-2]
-            beside.append(float(np.sqrt(_dot(response, response))))
-            if not np.isfinite(beside[-1]):
+        basis = zeros((turns + 1, *u.shape))
+        basis[0] = self._unit(self.vector + self.NOISE * self._noise)
+        diagonal, beside = np.zeros(turns), np.zeros(turns)
+        done = 0
+        for turn in range(turns):
+            step = _shift(u, self._root, basis, turn, self._step, self._shifted)
+            self._minus_force(self._shifted, self._response)
+            _orthogonalise(self._root, force, self._response, 1.0 / step, basis, turn, diagonal, beside)
+            if not np.isfinite(beside[turn]):
                 return float("nan")
-            if beside[-1] <= 1e-12 * abs(diagonal[0]):  # the basis spans an invariant space
+            done += 1
+            if beside[turn] <= 1e-12 * abs(diagonal[0]):  # the basis spans an invariant space
                 break
-            basis.append(response / beside[-1])
-        last = len(diagonal) - 1
-        values, vectors = eigh_tridiagonal(diagonal, beside[:last], select="i", select_range=(last, last))
-        self.vector = self._unit(sum(weight * v for weight, v in zip(vectors[:, 0], basis, strict=False)))
-        return float(np.sqrt(values[0]))
-
-    def _apply(self, vector: np.ndarray, u: np.ndarray, force: np.ndarray) -> np.ndarray:
-        direction = self._root * vector
-        step = 1e-6 * self._length / np.abs(direction).max()
-        response = np.empty_like(u)
-        self._minus_force(u + step * direction, response)
-        return self._root * (force - response) / step
+        couplings = beside[: done - 1]
+        values, vectors = np.linalg.eigh(np.diag(diagonal[:done]) + np.diag(couplings, 1) + np.diag(couplings, -1))
+        weights = vectors[:, -1] * (1.0 if vectors[0, -1] > 0.0 else -1.0)  # either sign is as good; the noise tells them apart
+        self.vector = self._unit(np.einsum("k,kij->ij", weights, basis[:done]))
+        return float(np.sqrt(values[-1]))
 
     def _unit(self, vector: np.ndarray) -> np.ndarray:
         free = vector * (self._root > 0.0)
-        return free / max(np.sqrt(_dot(free, free)), 1e-300)
+        # einsum, not BLAS, which would wake all cores for it, and wait for those that are busy
+        return free / max(np.sqrt(np.einsum("ij,ij->", free, free)), 1e-300)
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> float:
-    """Sum of products, in this thread: BLAS would wake all cores for it, and wait for those that are busy."""
-    return float(np.einsum("ij,ij->", a, b))
+def shift(u, root, basis, turn, length, shifted):
+    """u moved along M^-1/2 times a vector of the basis, by ``length`` at most, into ``shifted``; give the factor."""
+    first = turn * u.size
+    largest = splat(0.0)
+    for at in range(0, u.size, WIDTH):
+        along = load(root, at) * load(basis, first + at)
+        store(shifted, at, along)
+        largest = minimum(largest, minimum(along, -along))
+    step = length / -min_lanes(largest)
+    for at in range(0, u.size, WIDTH):
+        store(shifted, at, load(u, at) + step * load(shifted, at))
+    return step
+
+
+def orthogonalise(root, force, response, scale, basis, turn, diagonal, beside):
+    """One turn of Lanczos: A times the last vector, from the change of the force, less the last two is the next vector."""
+    here = turn * force.size
+    last, coupling = (here - force.size, beside[turn - 1]) if turn > 0 else (here, 0.0)
+    along = splat(0.0)
+    for at in range(0, force.size, WIDTH):
+        change = scale * (load(root, at) * (load(force, at) - load(response, at)))
+        store(response, at, change)
+        along = along + change * load(basis, here + at)
+    diagonal[turn] = sum_lanes(along)
+    square = splat(0.0)
+    for at in range(0, force.size, WIDTH):
+        rest = load(response, at) - diagonal[turn] * load(basis, here + at) - coupling * load(basis, last + at)
+        store(response, at, rest)
+        square = square + rest * rest
+    beside[turn] = math.sqrt(sum_lanes(square))
+    if beside[turn] > 0.0:
+        for at in range(0, force.size, WIDTH):
+            store(basis, here + force.size + at, (1.0 / beside[turn]) * load(response, at))
+
+
+_shift, _orthogonalise = kernel(shift), kernel(orthogonalise)

@@ -25,7 +25,7 @@ from explicitfe.jit import leaf
 CONSTANTS = 9  # numbers an element: the frame e_1, e_2, e_3
 
 
-def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
     """What the kernels read of each element, (m, CONSTANTS): e_1, e_2, e_3 [m]."""
     return (MODES[:3] @ corners / 8.0).reshape(-1, 9)
 

@@ -18,7 +18,7 @@ PER_POINT = 25  # numbers a Gauss point: its volume w_g, and dN_a/dX_j
 CONSTANTS = POINTS * PER_POINT
 
 
-def constants(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
     """What the kernels read of each element, (m, CONSTANTS): at each Gauss point w_g [m^3] and dN_a/dX_j [1/m]."""
     numbers = []
     for natural in CORNERS / np.sqrt(3.0):

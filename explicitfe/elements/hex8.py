@@ -3,7 +3,13 @@
 The mean gradient B_aj = (1/V) integral of dN_a/dX_j over the element (Flanagan & Belytschko 1981, eq. 16) passes the
 patch test on distorted hexes; the gradient at the centroid does not. The nodal values of each displacement component are
 first turned into seven modes, U_m = sum_a W_ma u_a, three linear (xi, eta, zeta) and four hourglass (eta zeta, zeta xi,
-xi eta, xi eta zeta): then grad u = sum_m U_m b_m with b_m = (1/8) sum_a W_ma B_a, and 33 numbers describe an element.
+xi eta, xi eta zeta): then grad u = sum_m U_m b_m with b_m = (1/8) sum_a W_ma B_a.
+
+With the modes of the shape, c_m = (1/8) sum_a W_ma X_a, the integrals are products of two of them (and so on around):
+
+    V b_xi = c_eta x c_zeta + (1/3) c_xieta x c_zetaxi,   V b_etazeta = (1/3) (c_zeta x c_zetaxi + c_xieta x c_eta),
+
+and b_xietazeta is zero on every hex: the mode xi eta zeta has no mean gradient. So 31 numbers describe an element.
 """
 
 from __future__ import annotations
@@ -17,9 +23,42 @@ from explicitfe.mesh.hexmesh import CORNERS
 _XI, _ETA, _ZETA = CORNERS.T
 MODES = np.stack([_XI, _ETA, _ZETA, _ETA * _ZETA, _ZETA * _XI, _XI * _ETA, _XI * _ETA * _ZETA])
 
-GEOMETRY = 34  # numbers an element: b (7 x 3), hX (4 x 3), volume
-BATCH = 4096  # elements that are worked on at once, in the cache
-_GAUSS = np.array([-1.0, 1.0]) / np.sqrt(3.0)
+# Numbers of an element: b (6 x 3), hX (4 x 3), volume.
+VOLUME = 30
+GEOMETRY = 31
+_BATCH = 2048  # elements that are worked on at once, in the cache
+
+
+def geometry(corners: np.ndarray) -> np.ndarray:
+    """What the kernels read of each element, (m, GEOMETRY): b [1/m], hX [m], volume [m^3].
+
+    Parameters
+    ----------
+    corners : (m, 8, 3), m. Reference positions of the corners in VTK order.
+    """
+    numbers = np.empty((GEOMETRY, len(corners)))
+    for first in range(0, len(corners), _BATCH):
+        part = slice(first, first + _BATCH)
+        modes = to_modes.py_func(np.ascontiguousarray(corners[part].transpose(1, 2, 0)))
+        xi, eta, zeta, ez, zx, xe, _ = c = [mode / 8.0 for mode in modes]
+        b = np.stack([
+            _cross(eta, zeta) + _cross(xe, zx) / 3.0,
+            _cross(zeta, xi) + _cross(ez, xe) / 3.0,
+            _cross(xi, eta) + _cross(zx, ez) / 3.0,
+            (_cross(zeta, zx) + _cross(xe, eta)) / 3.0,
+            (_cross(xi, xe) + _cross(ez, zeta)) / 3.0,
+            (_cross(eta, ez) + _cross(zx, xi)) / 3.0,
+        ])  # fmt: skip
+        volume = (8.0 / 3.0) * sum(c[m][j] * b[m, j] for m in range(6) for j in range(3))
+        numbers[:18, part] = (b / volume).reshape(18, -1)
+        numbers[18:VOLUME, part] = np.stack(modes[3:]).reshape(12, -1)
+        numbers[VOLUME, part] = volume
+    return numbers.T
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b of (3, k) vectors."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def mean_gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -33,32 +72,9 @@ def mean_gradients(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     -------
     gradients : (m, 8, 3), 1/m. B_aj; sum_a B_aj = 0 and sum_a X_ai B_aj = 1 for i = j, else 0, on any hex.
     volumes : (m,), m^3.
-
-    Notes
-    -----
-    V B_aj = integral of (cofactor of dX/dxi)_jk dN_a/dxi_k is a polynomial of degree 2 or less in each natural
-    coordinate, so the 2 x 2 x 2 Gauss rule used here integrates it exactly.
     """
-    total = np.zeros(corners.shape)
-    for first in range(0, len(corners), BATCH):
-        part = slice(first, first + BATCH)
-        for natural in np.stack(np.meshgrid(_GAUSS, _GAUSS, _GAUSS, indexing="ij"), -1).reshape(-1, 3):
-            factors = 1.0 + natural * CORNERS  # (8, 3)
-            dn = np.stack([CORNERS[:, k] * factors[:, (k + 1) % 3] * factors[:, (k + 2) % 3] / 8.0 for k in range(3)], axis=1)
-            # element by element, not as one large product, whose sums would depend on how many elements there are
-            jacobian = corners[part].transpose(0, 2, 1) @ dn
-            cofactor = np.stack([np.cross(jacobian[:, :, (k + 1) % 3], jacobian[:, :, (k + 2) % 3]) for k in range(3)], -1)
-            total[part] += dn @ cofactor.transpose(0, 2, 1)
-    volumes = np.sum(corners * total, axis=(1, 2)) / 3.0
-    return total / volumes[:, None, None], volumes
-
-
-def geometry(corners: np.ndarray, gradients: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-    """What the kernels read of each element, (m, GEOMETRY): b [1/m], hX [m], volume [m^3]."""
-    count = len(corners)
-    b = MODES @ gradients / 8.0
-    h_x = MODES[3:] @ corners
-    return np.concatenate([b.reshape(count, 21), h_x.reshape(count, 12), volumes[:, None]], axis=1)
+    numbers = geometry(corners)
+    return MODES[:6].T @ numbers[:, :18].reshape(-1, 6, 3), numbers[:, VOLUME]
 
 
 def lumped_mass(hexes: np.ndarray, element_mass: np.ndarray, node_count: int) -> np.ndarray:
@@ -119,7 +135,6 @@ def gradient(modes, g, j):
         + modes[3] * g[9 + j]
         + modes[4] * g[12 + j]
         + modes[5] * g[15 + j]
-        + modes[6] * g[18 + j]
     )
 
 
@@ -127,19 +142,19 @@ def gradient(modes, g, j):
 def hourglass_modes(modes, g, hx, hy, hz):
     """q_k of one component, k = 0..3: what is left of the hourglass modes without the affine field; zero on any affine field."""
     return (
-        modes[3] - hx * g[21] - hy * g[22] - hz * g[23],
-        modes[4] - hx * g[24] - hy * g[25] - hz * g[26],
-        modes[5] - hx * g[27] - hy * g[28] - hz * g[29],
-        modes[6] - hx * g[30] - hy * g[31] - hz * g[32],
+        modes[3] - hx * g[18] - hy * g[19] - hz * g[20],
+        modes[4] - hx * g[21] - hy * g[22] - hz * g[23],
+        modes[5] - hx * g[24] - hy * g[25] - hz * g[26],
+        modes[6] - hx * g[27] - hy * g[28] - hz * g[29],
     )
 
 
 @leaf
 def corner_forces(px, py, pz, r, g):
     """Corner values of one component of B S + sum_k r_k g_k, with S = (px, py, pz) [N m] and r_k its hourglass forces."""
-    sx = px - (r[0] * g[21] + r[1] * g[24] + r[2] * g[27] + r[3] * g[30])
-    sy = py - (r[0] * g[22] + r[1] * g[25] + r[2] * g[28] + r[3] * g[31])
-    sz = pz - (r[0] * g[23] + r[1] * g[26] + r[2] * g[29] + r[3] * g[32])
+    sx = px - (r[0] * g[18] + r[1] * g[21] + r[2] * g[24] + r[3] * g[27])
+    sy = py - (r[0] * g[19] + r[1] * g[22] + r[2] * g[25] + r[3] * g[28])
+    sz = pz - (r[0] * g[20] + r[1] * g[23] + r[2] * g[26] + r[3] * g[29])
     return from_modes(
         (
             sx * g[0] + sy * g[1] + sz * g[2],
@@ -148,6 +163,6 @@ def corner_forces(px, py, pz, r, g):
             sx * g[9] + sy * g[10] + sz * g[11] + r[0],
             sx * g[12] + sy * g[13] + sz * g[14] + r[1],
             sx * g[15] + sy * g[16] + sz * g[17] + r[2],
-            sx * g[18] + sy * g[19] + sz * g[20] + r[3],
+            r[3],
         )
     )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
-from explicitfe.elements.hex8 import GEOMETRY, corner_forces, gradient, hourglass_modes, to_modes
+from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, gradient, hourglass_modes, to_modes
 from explicitfe.forces import response
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.jit import Dispatcher, bind, leaf
@@ -80,7 +80,7 @@ def internal_force(u, force, blocks):
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
         delta = hourglass_invariant(F, qx, qy, qz, h)
         P, slope = respond(F, cof, J, delta, c, blocks, block)
-        v = g[33]
+        v = g[VOLUME]
         rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h, v * slope)
         fx = corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
         fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
@@ -109,12 +109,12 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         h = load_many(blocks.hourglass, block * (HOURGLASS_CONSTANTS * WIDTH), HOURGLASS_CONSTANTS)
         delta = hourglass_invariant(F, qx, qy, qz, h)
         alone, e, gone = energies(F, cof, J, delta, c, blocks, block)
-        internal = internal + g[33] * alone
-        hourglass = hourglass + g[33] * e
-        lost = lost + g[33] * gone
+        internal = internal + g[VOLUME] * alone
+        hourglass = hourglass + g[VOLUME] * e
+        lost = lost + g[VOLUME] * gone
         store(element_J, block * WIDTH, J)
-        store(element_energy, block * WIDTH, g[33] * alone)
-        store(element_hourglass, block * WIDTH, g[33] * e)
+        store(element_energy, block * WIDTH, g[VOLUME] * alone)
+        store(element_hourglass, block * WIDTH, g[VOLUME] * e)
     return sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost)
 
 

@@ -15,7 +15,6 @@ from explicitfe.elements import hex8
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
 from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.quality import check
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.model import FibrePull, Model, NodalLoad
@@ -44,7 +43,6 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
     table = scenario.model
     anatomy = anatomy_of(table, folder)
     mesh = anatomy.mesh
-    check(mesh, f"model {anatomy.name}")
     material = catalogue.material(table.material)
 
     held = np.zeros((mesh.node_count, 3), dtype=bool)
@@ -97,6 +95,6 @@ def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
 
 
 def _gravity(mesh: HexMesh, material: Law, acceleration: tuple[float, float, float]) -> NodalLoad:
-    _, volumes = hex8.mean_gradients(mesh.points[mesh.hexes])
+    volumes = hex8.geometry(mesh.points[mesh.hexes])[:, hex8.VOLUME]
     mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
     return NodalLoad("gravity", np.arange(mesh.node_count), mass[:, None] * np.array(acceleration), Profile.constant())

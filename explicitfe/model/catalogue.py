@@ -10,6 +10,7 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.materials import LAWS, Law
 from explicitfe.mesh.contour import ContourMap
 from explicitfe.mesh.fibres import read_muscles
+from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -88,4 +89,6 @@ def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, in
     shape = contour(name)
     grid = cells_of(name, resolution, cells)
     muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
-    return Anatomy(name=name, mesh=shape.mesh(grid), muscles=muscles, fixed=shape.fixed)
+    mesh = shape.mesh(grid)
+    check(mesh, f"model {name}")
+    return Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed)

@@ -56,7 +56,7 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[E
     held, sector = _held(specimen, mesh)
     loads = ()
     if any(specimen.gravity_m_s2):
-        _, volumes = hex8.mean_gradients(mesh.points[mesh.hexes])
+        volumes = hex8.geometry(mesh.points[mesh.hexes])[:, hex8.VOLUME]
         mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
         force = mass[:, None] * np.array(specimen.gravity_m_s2)
         loads = (NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant()),)

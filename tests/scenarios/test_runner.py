@@ -36,6 +36,7 @@ KEYS = [
     "dt_s",
     "dt_fraction_of_limit",
     "wall_s",
+    "loop_s",
     "compile_s",
     "real_time_factor",
     "energy_balance_error",
@@ -265,7 +266,8 @@ def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert found["status"] == "finished"
     for word in ("displacement", "hourglass_energy", "kinetic_energy", "tip", "explicitfe"):
         assert word in text
-    assert found["last"]["probe_tip_displacement"] == [1e-3 * x for x in summary["probes"]["tip"]["displacement_mm"]]
+    tip_m = [1e-3 * x for x in summary["probes"]["tip"]["displacement_mm"]]
+    assert found["last"]["probe_tip_displacement"] == pytest.approx(tip_m, rel=1e-12)
     monkeypatch.setenv("COLUMNS", "80")
     assert command(["inspect", summary["result"]]) == 0
     shown = capsys.readouterr().out

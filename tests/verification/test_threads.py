@@ -138,12 +138,14 @@ def test_bodies_that_share_no_node():
 
 def test_small_meshes_have_one_thread(monkeypatch):
     monkeypatch.setenv("EXPLICITFE_THREADS", "8")
-    assert usual_threads(1000) == 1
+    assert usual_threads(900) == 1
+    assert usual_threads(1280) == 2
     assert usual_threads(1_000_000) == 8
 
 
 def test_a_thread_that_cannot_be_started_leaves_none_waiting(monkeypatch):
-    simulation = moving("hex8", 2)
+    simulation = moving("hex8", 3, cells=(6, 7, 30))
+    assert len(simulation.parts) == 3
     simulation.start(1e-5)
     real = threads._pool(2)
 

@@ -125,6 +125,10 @@ DEPTH, LOAD, FREE, GOAL, PACE, COMPLIANCE, DRIVE, TOOL = range(8)
 # Entries of what a relaxation tells of itself.
 RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, LOADS, WORK, MONITOR = range(9)
 
+# Entries of what each part adds to the sums of a relaxation, and its smallest J; a line of the cache more keeps parts apart.
+SUM_J, PRESSED, UNBALANCED, PUSHED, DEAD_WORK, SUM_POWER, MOVED_POWER, MOVED_MOMENT = range(8)
+SUMS = 16
+
 # Entries of the ledger, float64.
 EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
 

@@ -206,6 +206,7 @@ def _summary(
         ],
         "tolerance": prepared.relaxation.tolerance,
         "iterations": prepared.relaxation.iterations,
+        "threads": len(prepared.relaxation.parts),
         "wall_s": wall_s,
         "compile_s": compile_s,
         "touch_mm": 1e3 * prepared.relaxation.touch_m,

@@ -16,6 +16,7 @@ import math
 from explicitfe.arrays import (
     COMPLIANCE,
     DAMPING_LOSS,
+    DEAD_WORK,
     DEPTH,
     DRIVE,
     EXTERNAL_WORK,
@@ -24,12 +25,19 @@ from explicitfe.arrays import (
     KINETIC_RATIO,
     LOADS,
     MOMENT,
+    MOVED_MOMENT,
+    MOVED_POWER,
     PACE,
     POWER,
+    PRESSED,
+    PUSHED,
     RESIDUAL,
     REST_J,
     SMALLEST_J,
     STIFFNESS,
+    SUM_J,
+    SUM_POWER,
+    UNBALANCED,
     WORK,
 )
 from explicitfe.boundary import correct, drive, place, turn, turn_back
@@ -37,6 +45,7 @@ from explicitfe.forces.contact import add_contact, clearance, find_depth, fricti
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.forces.springs import add_springs
+from explicitfe.jit import leaf
 from explicitfe.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.threads import ask_to_stop, asked_to_stop, wait
 
@@ -189,7 +198,21 @@ def snapshot(
 
 
 def relax(
-    state, external, inner, blocks, nodes, turned, springs, contact, tool, tolerance, least_load, least_work, iterations, monitor
+    state,
+    external,
+    inner,
+    part,
+    nodes,
+    turned,
+    springs,
+    contact,
+    tool,
+    sums,
+    tolerance,
+    least_load,
+    least_work,
+    iterations,
+    monitor,
 ):
     """Relax towards equilibrium by up to so many iterations; give the number done.
 
@@ -198,43 +221,63 @@ def relax(
     It is done when the nodal forces that nothing balances are below ``tolerance`` times those of the tool and the loads
     (2-norms), and the kinetic energy is below its square times the work: near the end both go as the square of the distance.
 
+    The threads of all parts call this at the same time. Each has its elements and its node rows; what is sought at the surface,
+    by the tool, springs and symmetry, is the first one's. All see the same sums, so all decide alike.
+
     Parameters
     ----------
     state : State, changed in place; v is the increment of the last iteration, force all forces but the external ones.
     external : (N, 4) N. Dead loads. ``inner`` (N, 4) is a work array.
+    part : Part.
     nodes : Nodes with fictitious masses.
     least_load, least_work : N, J. What residual and kinetic energy are compared to at least, where a load has all but gone.
-    turned, springs, contact : rotational symmetry, nodes on springs, contact points, each of which may be empty.
+    turned, springs, contact : rotational symmetry (for one part only), nodes on springs, contact points, each maybe empty.
     tool : (TOOL,). Its state, changed in place.
+    sums : (parts, SUMS). Work array, what each part adds to sums over all.
     monitor : (MONITOR,). What the last look saw, changed in place.
     """
     u, v, force = state
+    begin, end = part.first * ROW, (part.first + part.own) * ROW
+    mine = sums[part.number]
+    first = part.number == 0
     before = monitor[POWER]
     inertia = monitor[MOMENT]
     stiffness = monitor[STIFFNESS]
+    rest_J = monitor[REST_J]
     done = 0
     while done < iterations:
-        turn(u, turned)
-        force[:] = 0.0
-        monitor[REST_J] = internal_force(u, force, blocks)
-        if not (monitor[REST_J] > 0.0):
+        if first:
+            turn(u, turned)
+        part.force[:] = 0.0
+        mine[SUM_J] = internal_force(part.u, part.force, part.blocks)
+        wait(part.gate, part.count)
+        rest_J = smallest(sums)
+        if not (rest_J > 0.0):
             break
-        add_springs(u, force, springs)
-        turn_back(force, turned)
+        if part.count > 1:
+            for here in range(0, part.lower.size, WIDTH):
+                store(part.force, here, load(part.force, here) + load(part.lower, here))
+            for at in range(begin, end, WIDTH):
+                store(force, at, load(part.force, at - begin))
+            wait(part.gate, part.count)
         looks = done % LOOK_EVERY == 0
-        if looks:
-            inner[:] = force
-        if not tool[FREE] > 0.0:
-            tool[DRIVE] += min(max(tool[GOAL] - tool[DRIVE], -tool[PACE]), tool[PACE])
-            if tool[COMPLIANCE] == 0.0:
-                tool[DEPTH] = tool[DRIVE]
-        find_depth(u, contact, tool)
-        pressed = add_contact(u, force, contact, tool)
+        if first:
+            add_springs(u, force, springs)
+            turn_back(force, turned)
+            if looks:
+                inner[:] = force
+            if not tool[FREE] > 0.0:
+                tool[DRIVE] += min(max(tool[GOAL] - tool[DRIVE], -tool[PACE]), tool[PACE])
+                if tool[COMPLIANCE] == 0.0:
+                    tool[DEPTH] = tool[DRIVE]
+            find_depth(u, contact, tool)
+            mine[PRESSED] = add_contact(u, force, contact, tool)
+        wait(part.gate, part.count)
         if looks:
             residual = splat(0.0)
             loads = splat(0.0)
             work = splat(0.0)
-            for at in range(0, u.size, WIDTH):
+            for at in range(begin, end, WIDTH):
                 free = load(nodes.inverse_mass, at) * load(nodes.mass, at)
                 dead = load(external, at)
                 unbalanced = free * (load(force, at) + dead)
@@ -242,20 +285,25 @@ def relax(
                 residual = residual + unbalanced * unbalanced
                 loads = loads + pushed * pushed
                 work = work + dead * load(u, at)
-            done_work = 0.5 * (abs(pressed * tool[DEPTH]) + abs(sum_lanes(work)))
-            monitor[LOADS] = math.sqrt(sum_lanes(loads))
-            monitor[WORK] = done_work
+            mine[UNBALANCED], mine[PUSHED], mine[DEAD_WORK] = sum_lanes(residual), sum_lanes(loads), sum_lanes(work)
+            wait(part.gate, part.count)
+            done_work = 0.5 * (abs(sums[0, PRESSED] * tool[DEPTH]) + abs(total(sums, DEAD_WORK)))
+            pushed_by = math.sqrt(total(sums, PUSHED))
             # a body without any load is at rest where it is
-            monitor[RESIDUAL] = math.sqrt(sum_lanes(residual)) / max(monitor[LOADS], least_load, 1e-150)
-            monitor[KINETIC_RATIO] = 0.5 * inertia / max(done_work, least_work, 1e-300)
+            off = math.sqrt(total(sums, UNBALANCED)) / max(pushed_by, least_load, 1e-150)
+            kinetic = 0.5 * inertia / max(done_work, least_work, 1e-300)
+            if first:
+                monitor[LOADS], monitor[WORK], monitor[RESIDUAL], monitor[KINETIC_RATIO] = pushed_by, done_work, off, kinetic
             there = tool[FREE] > 0.0 or tool[DRIVE] == tool[GOAL]
-            if there and monitor[RESIDUAL] <= tolerance and monitor[KINETIC_RATIO] <= tolerance * tolerance:
+            if there and off <= tolerance and kinetic <= tolerance * tolerance:
                 break
         power = splat(0.0)
-        for at in range(0, u.size, WIDTH):
+        for at in range(begin, end, WIDTH):
             power = power + load(v, at) * (load(force, at) + load(external, at))
+        mine[SUM_POWER] = sum_lanes(power)
+        wait(part.gate, part.count)
         if inertia > 0.0:
-            quotient = (before - sum_lanes(power)) / inertia
+            quotient = (before - total(sums, SUM_POWER)) / inertia
             if quotient > 0.0:
                 stiffness = (1.0 - FRESH) * stiffness + FRESH * min(quotient, 4.0)
                 if stiffness > RESTLESS:
@@ -265,18 +313,40 @@ def relax(
         gain = 2.0 / (2.0 + c)
         power = splat(0.0)
         moment = splat(0.0)
-        for at in range(0, u.size, WIDTH):
+        for at in range(begin, end, WIDTH):
             push = load(force, at) + load(external, at)
             new = keep * load(v, at) + gain * load(nodes.inverse_mass, at) * push
             store(v, at, new)
             store(u, at, load(u, at) + new)
             power = power + new * push
             moment = moment + new * new * load(nodes.mass, at)
-        before = sum_lanes(power)
-        inertia = sum_lanes(moment)
+        mine[MOVED_POWER], mine[MOVED_MOMENT] = sum_lanes(power), sum_lanes(moment)
+        wait(part.gate, part.count)
+        before = total(sums, MOVED_POWER)
+        inertia = total(sums, MOVED_MOMENT)
         done += 1
-    monitor[POWER], monitor[MOMENT], monitor[STIFFNESS] = before, inertia, stiffness
+    if first:
+        monitor[POWER], monitor[MOMENT], monitor[STIFFNESS], monitor[REST_J] = before, inertia, stiffness, rest_J
     return done
+
+
+@leaf
+def total(sums, entry):
+    """Sum over the parts, always in the same order."""
+    value = 0.0
+    for number in range(len(sums)):
+        value += sums[number, entry]
+    return value
+
+
+@leaf
+def smallest(sums):
+    """The smallest J of all parts; NaN if one is."""
+    value = sums[0, SUM_J]
+    for number in range(1, len(sums)):
+        if value == value and not (sums[number, SUM_J] >= value):
+            value = sums[number, SUM_J]
+    return value
 
 
 def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):

@@ -67,7 +67,8 @@ def prepare(path: Path | str, settings: Sequence[str] = ()) -> Prepared:
     try:
         if isinstance(scenario, Indentation):
             model = specimen_model(scenario.model, scenario.tool, scenario.effects.chosen)
-            return Prepared(path, scenario, text, model, scenario.model.name, Relaxation(model, scenario.analysis.tolerance))
+            body = Relaxation(model, scenario.analysis.tolerance, scenario.analysis.threads)
+            return Prepared(path, scenario, text, model, scenario.model.name, body)
         model, anatomy = assemble(scenario, path.parent)
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None

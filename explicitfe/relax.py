@@ -31,6 +31,7 @@ from explicitfe.arrays import (
     REST_J,
     SHAPE,
     STIFFNESS,
+    SUMS,
     TIED,
     TILT,
     TOOL,
@@ -41,9 +42,10 @@ from explicitfe.arrays import (
     Turned,
     zeros,
 )
-from explicitfe.build import Body
+from explicitfe.build import Body, parts_of, usual_threads
 from explicitfe.loop import RESTLESS
 from explicitfe.model.model import Model
+from explicitfe.threads import together
 from explicitfe.timestep import stiffness_rows
 
 TOLERANCE = 1e-4
@@ -126,9 +128,10 @@ class Relaxation(Body):
     ----------
     model : the physics; ``model.tool`` may be None.
     tolerance : relative residual at which a load has converged.
+    threads : that share an iteration; as many as it pays for a mesh of this size, if left out. One for a sector.
     """
 
-    def __init__(self, model: Model, tolerance: float = TOLERANCE) -> None:
+    def __init__(self, model: Model, tolerance: float = TOLERANCE, threads: int | None = None) -> None:
         super().__init__(model)
         self.tolerance = tolerance
         self.iterations = 0
@@ -144,6 +147,9 @@ class Relaxation(Body):
         )
         self._external = self._dead_forces()
         self._inner = zeros(self.state.u.shape)
+        count = 1 if len(self.turned.node) else threads or usual_threads(len(self.hexes))
+        self.parts = parts_of(self.state, self.blocks, count)
+        self._sums = zeros((len(self.parts), SUMS))
         self._monitor = np.zeros(MONITOR)
         self._monitor[REST_J] = 1.0
         self._largest_load = self._largest_work = self._deepest = 0.0
@@ -369,22 +375,25 @@ class Relaxation(Body):
         self._monitor[[POWER, MOMENT, STIFFNESS]] = 0.0
 
     def _relax(self, iterations: int) -> int:
-        return self.kernels.relax(
-            self.state,
-            self._external,
-            self._inner,
-            self.blocks,
+        rest = (
             self.nodes,
             self.turned,
             self.springs,
             self.contact,
             self.tool,
+            self._sums,
             float(self.tolerance),
             LEAST * self._largest_load,
             LEAST * self._largest_work,
             int(iterations),
             self._monitor,
         )
+        gate = self.parts[0].gate
+        gate[:] = 0
+        tasks = [
+            lambda part=part: self.kernels.relax(self.state, self._external, self._inner, part, *rest) for part in self.parts
+        ]
+        return together(tasks, gate)[0]
 
     def _stiffen(self) -> bool:
         """Double the contact springs where the tool has sunk in too far; whether that was needed."""

@@ -1,8 +1,8 @@
 """Threads that compute one step together: each stays inside compiled code for many steps, and they wait for one another there.
 
 A barrier of Python, or one thread pool task a step, would cost more than a step of a small mesh. So the threads meet at a
-counter in memory: they spin for a while, and then give their core away, for where there are more threads than free cores a
-spinning thread would keep the one that it waits for from running.
+counter in memory: they spin for a while, then give their core away, and then sleep a little at a time, for where there are more
+threads than free cores a spinning thread would keep the one that it waits for from running.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ from explicitfe.jit import leaf
 # Entries of a gate, int64, on cache lines of their own.
 WAITING, GENERATION, STOP, ABANDONED, GATE = 0, 8, 16, 24, 32
 
-PATIENCE = 2000  # turns of waiting before a core is given away
+# Turns of waiting before a core is given away to whoever wants it, and before a thread lies down: where it has to share a core
+# with the one that it waits for, the system may go on giving the core back to it for milliseconds.
+PATIENCE, EXHAUSTION = 2000, 2100
+NAP_us = 20
 
 _I32 = ir.IntType(32)
 _I64 = ir.IntType(64)
@@ -82,6 +85,20 @@ def give_way(typingctx):
     return types.none(), lower
 
 
+@intrinsic
+def nap(typingctx, microseconds):
+    """Sleep for about so long, a millisecond at least on Windows."""
+
+    def lower(context, builder, sig, args):
+        windows = os.name == "nt"
+        name, kind = ("Sleep", ir.VoidType()) if windows else ("usleep", _I32)
+        function = builder.module.globals.get(name) or ir.Function(builder.module, ir.FunctionType(kind, [_I32]), name)
+        builder.call(function, [ir.Constant(_I32, 1) if windows else builder.trunc(args[0], _I32)])
+        return context.get_dummy_value()
+
+    return types.none(types.int64), lower
+
+
 @leaf
 def wait(gate, count):
     """Go on when all ``count`` threads are here, or when one of them never will be."""
@@ -94,7 +111,9 @@ def wait(gate, count):
             turns = 0
             while atomic_load(gate, GENERATION) == generation and atomic_load(gate, ABANDONED) == 0:
                 turns += 1
-                if turns > PATIENCE:
+                if turns > EXHAUSTION:
+                    nap(NAP_us)
+                elif turns > PATIENCE:
                     give_way()
 
 

@@ -127,7 +127,7 @@ def _body(curve: Indentation, constants: tuple[float, float], physics: Sequence[
         material=material | {"poisson": POISSON, "density_kg_m3": DENSITY_KG_M3},
         **curve.specimen,
     )
-    body = Relaxation(specimen_model(specimen, ToolTable(**curve.tool), physics), numerics.tolerance)
+    body = Relaxation(specimen_model(specimen, ToolTable(**curve.tool), physics), numerics.tolerance, threads=1)
     body.compile()
     if isinstance(body.settle(), Stuck):
         raise RunError("the specimen does not come to rest.")

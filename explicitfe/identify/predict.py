@@ -351,7 +351,8 @@ def _under_a_tool(
         if data["symmetry"] == "sector" and any(isinstance(e, Fibres) and any(e.direction[:2]) for e in physics):
             data["symmetry"] = "quarter"
         specimen = SpecimenTable(**data, material=law.model_dump())
-        body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), numerics.tolerance)
+        # One thread: tests are shared out among processes, and what is predicted does not depend on the machine's cores.
+        body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), numerics.tolerance, threads=1)
         body.compile()
         course, answers, iterations = _driven(body, course, by_force, lifts is not None, first.id, report)
     values = course.at(answers, time_s, lifts)

@@ -142,6 +142,11 @@ class MuscleTable(_Table):
         return self
 
 
+Threads = Annotated[
+    int | None, Field(ge=1, le=256, description="that share a step; as many as pay for a mesh of this size if left out")
+]
+
+
 class AnalysisTable(_Table):
     """How it is computed."""
 
@@ -150,9 +155,7 @@ class AnalysisTable(_Table):
     step_us: float | None = Field(
         default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable one if left out"
     )
-    threads: int | None = Field(
-        default=None, ge=1, le=256, description="that share a step; as many as pay for a mesh of this size if left out"
-    )
+    threads: Threads = None
 
 
 class RecordTable(_Table):
@@ -306,6 +309,7 @@ class RelaxationTable(_Table):
     )
     times_s: list[float] | None = Field(default=None, description="when; 1 s a load if left out")
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual")
+    threads: Threads = None
 
     @model_validator(mode="after")
     def _one_course(self) -> RelaxationTable:

@@ -16,6 +16,9 @@ from explicitfe.build import Simulation, parts_of, usual_threads
 from explicitfe.effects.viscoelastic import Viscoelastic
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
+from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.model.specimen import specimen_model
+from explicitfe.relax import Equilibrium, Relaxation
 from explicitfe.timestep import FRACTION
 
 STEPS = 60
@@ -134,6 +137,48 @@ def test_bodies_that_share_no_node():
         assert simulation.advance(50, 1e-5)
         found.append(simulation.displacement)
     assert np.abs(found[1] - found[0]).max() < ROUNDING * np.abs(found[0]).max()
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("tool", [{"shape": "flat-cylinder", "radius_mm": 8.0, "friction": 0.3}, {"shape": "platen"}])
+def test_a_relaxation_by_several_threads(tool, count, record_property):
+    """The equilibrium of one thread, as near as the tolerance lets both be to the true one; the same bits when repeated.
+
+    The residual is below 1e-6 of the load. What a force residual r moves is r times the compliance: as a share of the
+    displacement, 1e-6, and more for modes softer than that of the tool, up to some ten times.
+    """
+    specimen = SpecimenTable(symmetry="quarter", radius_mm=20.0, height_mm=10.0, edge_size_mm=2.0)
+    found = []
+    for threads_asked in (1, count, count):
+        body = Relaxation(specimen_model(specimen, ToolTable(**tool)), 1e-6, threads=threads_asked)
+        assert len(body.parts) == threads_asked
+        curve = [body.press(force) for force in (0.1, 0.3, 0.2)]
+        assert all(isinstance(point, Equilibrium) for point in curve), curve
+        found.append((np.array([point.displacement_m for point in curve]), body.displacement))
+    (alone, u), (shared, w), (again, _) = found
+    worst = max(np.abs(shared / alone - 1.0).max(), np.abs(w - u).max() / np.abs(u).max())
+    record_property("off by", worst)
+    assert worst < 1e-5
+    assert np.array_equal(shared, again)
+
+
+def test_a_tissue_that_remembers_relaxes_in_several_threads():
+    effects = (Viscoelastic(g=(0.4,), tau_s=(1.0,)),)
+    specimen = SpecimenTable(symmetry="quarter", radius_mm=20.0, height_mm=10.0, edge_size_mm=2.0)
+    ends = []
+    for count in (1, 2):
+        body = Relaxation(specimen_model(specimen, ToolTable(shape="platen"), effects), 1e-6, threads=count)
+        body.press(0.3, at_s=1.0)
+        found = body.press(0.3, at_s=3.0)
+        assert isinstance(found, Equilibrium), found
+        ends.append(found.displacement_m)
+    assert ends[1] == pytest.approx(ends[0], rel=1e-5)
+
+
+def test_a_sector_has_one_thread():
+    specimen = SpecimenTable(symmetry="sector", radius_mm=20.0, height_mm=10.0, edge_size_mm=2.5)
+    body = Relaxation(specimen_model(specimen, ToolTable(shape="flat-cylinder", radius_mm=8.0)), threads=4)
+    assert len(body.parts) == 1
 
 
 def test_small_meshes_have_one_thread(monkeypatch):

@@ -97,7 +97,7 @@ class Turned(NamedTuple):
 class Contact(NamedTuple):
     """Points of the surface that a rigid tool of revolution about the z axis may touch."""
 
-    node: np.ndarray  # nodes of the face that each point lies in, int64, (k, 4)
+    node: np.ndarray  # nodes of the face that each point lies in, uint32, (k, 4)
     weight: np.ndarray  # their shape functions there, (k, 4)
     position: np.ndarray  # reference position [m], (k, 3)
     spring: np.ndarray  # contact stiffness of the area that the point stands for [N/m], (k,)
@@ -105,6 +105,7 @@ class Contact(NamedTuple):
     grip: np.ndarray  # tangential stiffness while it sticks [N/m], (k,)
     anchor: np.ndarray  # displacement relative to the tool at which friction has no force [m], (k, 3)
     shape: np.ndarray  # what the tool looks like, (SHAPE,)
+    moved: np.ndarray  # displacement of each point as last looked at [m], (k, 3)
 
 
 class Springs(NamedTuple):

@@ -41,7 +41,7 @@ from explicitfe.arrays import (
     WORK,
 )
 from explicitfe.boundary import correct, drive, place, turn, turn_back
-from explicitfe.forces.contact import add_contact, clearance, find_depth, friction, moved, push_at
+from explicitfe.forces.contact import add_contact, clearance, find_depth, follow, friction, moved, push_at
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.forces.springs import add_springs
@@ -250,6 +250,7 @@ def relax(
             turn(u, turned)
         part.force[:] = 0.0
         mine[SUM_J] = internal_force(part.u, part.force, part.blocks)
+        follow(u, contact, part.number, part.count)
         wait(part.gate, part.count)
         rest_J = smallest(sums)
         if not (rest_J > 0.0):
@@ -270,8 +271,8 @@ def relax(
                 tool[DRIVE] += min(max(tool[GOAL] - tool[DRIVE], -tool[PACE]), tool[PACE])
                 if tool[COMPLIANCE] == 0.0:
                     tool[DEPTH] = tool[DRIVE]
-            find_depth(u, contact, tool)
-            mine[PRESSED] = add_contact(u, force, contact, tool)
+            find_depth(contact, tool)
+            mine[PRESSED] = add_contact(force, contact, tool)
         wait(part.gate, part.count)
         if looks:
             residual = splat(0.0)
@@ -356,13 +357,15 @@ def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
 
 def press(u, force, contact, tool):
     """Add the forces of the tool to the node rows; give its own, along -z [N]."""
-    return add_contact(u, force, contact, tool)
+    follow(u, contact, 0, 1)
+    return add_contact(force, contact, tool)
 
 
 def touch(u, contact, tool, gap, push, traction):
     """Distance [m], normal force [N] and friction force [N] of each contact point: (k,), (k,), (k, 3)."""
+    follow(u, contact, 0, 1)
     for point in range(len(contact.spring)):
-        ux, uy, uz = moved(u, contact, point)
+        ux, uy, uz = moved(contact, point)
         x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
         gap[point], nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
         push[point], _ = push_at(gap[point], contact, point)

@@ -520,7 +520,7 @@ class Relaxation(Body):
             self.tool[COMPLIANCE] = tool.compliance_m_N * self.model.copies
         grips = 1.0 if shape[TIED] else GRIP * (tool is not None and tool.friction > 0.0)
         self.contact = Contact(
-            node=np.ascontiguousarray(nodes),
+            node=np.ascontiguousarray(nodes, dtype=np.uint32),
             weight=np.array(weights),
             position=np.einsum("kc,kci->ki", weights, self.points[nodes]),
             spring=stiffness * areas,
@@ -528,6 +528,7 @@ class Relaxation(Body):
             grip=grips * stiffness * areas,
             anchor=np.zeros((len(areas), 3)),
             shape=shape,
+            moved=np.zeros((len(areas), 3)),
         )
 
     def _dead_forces(self) -> np.ndarray:

@@ -25,7 +25,7 @@ WAITING, GENERATION, STOP, ABANDONED, GATE = 0, 8, 16, 24, 32
 
 # Turns of waiting before a core is given away to whoever wants it, and before a thread lies down: where it has to share a core
 # with the one that it waits for, the system may go on giving the core back to it for milliseconds.
-PATIENCE, EXHAUSTION = 2000, 2100
+PATIENCE, EXHAUSTION = 2000, 2500
 NAP_us = 20
 
 _I32 = ir.IntType(32)

@@ -75,19 +75,27 @@ def push_at(gap, contact, point):
 
 
 @leaf
-def moved(u, contact, point):
-    """Displacement of a point of the surface."""
-    x = y = z = 0.0
-    for corner in range(4):
-        node, weight = contact.node[point, corner], contact.weight[point, corner]
-        x += weight * u[node, 0]
-        y += weight * u[node, 1]
-        z += weight * u[node, 2]
-    return x, y, z
+def follow(u, contact, number, count):
+    """Note the displacements of the contact points, of share ``number`` of ``count`` shares: what else is here reads them."""
+    points = len(contact.spring)
+    for point in range(number * points // count, (number + 1) * points // count):
+        x = y = z = 0.0
+        for corner in range(4):
+            node, weight = contact.node[point, corner], contact.weight[point, corner]
+            x += weight * u[node, 0]
+            y += weight * u[node, 1]
+            z += weight * u[node, 2]
+        contact.moved[point, 0], contact.moved[point, 1], contact.moved[point, 2] = x, y, z
 
 
 @leaf
-def find_depth(u, contact, tool):
+def moved(contact, point):
+    """Displacement of a point of the surface."""
+    return contact.moved[point, 0], contact.moved[point, 1], contact.moved[point, 2]
+
+
+@leaf
+def find_depth(contact, tool):
     """Move a tool under a force to where the springs balance it; one in a rig that gives way, to where that does."""
     soft = tool[COMPLIANCE] > 0.0
     if tool[FREE] > 0.0 or soft:
@@ -96,7 +104,7 @@ def find_depth(u, contact, tool):
             slope = 0.0
             nearest = math.inf
             for point in range(len(contact.spring)):
-                ux, uy, uz = moved(u, contact, point)
+                ux, uy, uz = moved(contact, point)
                 x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
                 gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
                 push, stiff = push_at(gap, contact, point)
@@ -119,11 +127,11 @@ def find_depth(u, contact, tool):
 
 
 @leaf
-def add_contact(u, force, contact, tool):
+def add_contact(force, contact, tool):
     """Add the forces of the tool to the node rows; give the tool's own, along -z [N]."""
     total = 0.0
     for point in range(len(contact.spring)):
-        ux, uy, uz = moved(u, contact, point)
+        ux, uy, uz = moved(contact, point)
         x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
         gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
         push, stiff = push_at(gap, contact, point)

@@ -41,7 +41,7 @@ from explicitfe.arrays import (
     WORK,
 )
 from explicitfe.boundary import correct, drive, place, turn, turn_back
-from explicitfe.forces.contact import add_contact, clearance, find_depth, follow, friction, moved, push_at
+from explicitfe.forces.contact import add_contact, clearance, find_depth, follow, friction, push_at, shape_of
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.forces.springs import add_springs
@@ -364,9 +364,11 @@ def press(u, force, contact, tool):
 def touch(u, contact, tool, gap, push, traction):
     """Distance [m], normal force [N] and friction force [N] of each contact point: (k,), (k,), (k, 3)."""
     follow(u, contact, 0, 1)
+    shape, depth = shape_of(contact), tool[DEPTH]
+    moved, position, anchor = contact.moved, contact.position, contact.anchor
     for point in range(len(contact.spring)):
-        ux, uy, uz = moved(contact, point)
-        x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
-        gap[point], nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
-        push[point], _ = push_at(gap[point], contact, point)
-        traction[point] = friction(ux, uy, uz, nx, ny, nz, push[point], contact, tool, point)
+        x, y, z = moved[point, 0], moved[point, 1], moved[point, 2]
+        gap[point], nx, ny, nz = clearance(x + position[point, 0], y + position[point, 1], z + position[point, 2], shape, depth)
+        push[point], _ = push_at(gap[point], contact.spring[point], contact.area[point], shape)
+        sx, sy, sz = x - anchor[point, 0], y - anchor[point, 1], z + depth - anchor[point, 2]
+        traction[point] = friction(sx, sy, sz, nx, ny, nz, push[point], contact.grip[point], shape)

@@ -63,13 +63,19 @@ def upright(x, y, above, shape):
 
 
 @leaf
-def push_at(gap, contact, point):
-    """Normal force of the tool on a point [N], negative where it sticks to it, and its slope [N/m]."""
+def shape_of(contact):
+    """The tool's shape as plain numbers: references to an array that is handed on are counted, which costs more than the rest."""
     shape = contact.shape
+    return shape[0], shape[1], shape[2], shape[3], shape[4], shape[5], shape[6], shape[7], shape[8]
+
+
+@leaf
+def push_at(gap, spring, area, shape):
+    """Normal force of the tool on a point [N], negative where it sticks to it, and its slope [N/m]."""
     if gap < 0.0 or shape[TIED] > 0.0:
-        return -contact.spring[point] * gap - shape[ADHESION] * contact.area[point], contact.spring[point]
+        return -spring * gap - shape[ADHESION] * area, spring
     if gap < shape[REACH]:
-        hold = shape[ADHESION] * contact.area[point]
+        hold = shape[ADHESION] * area
         return -hold * (1.0 - gap / shape[REACH]), -hold / shape[REACH]
     return 0.0, 0.0
 
@@ -89,55 +95,57 @@ def follow(u, contact, number, count):
 
 
 @leaf
-def moved(contact, point):
-    """Displacement of a point of the surface."""
-    return contact.moved[point, 0], contact.moved[point, 1], contact.moved[point, 2]
-
-
-@leaf
 def find_depth(contact, tool):
     """Move a tool under a force to where the springs balance it; one in a rig that gives way, to where that does."""
     soft = tool[COMPLIANCE] > 0.0
+    shape = shape_of(contact)
+    moved, position, anchor = contact.moved, contact.position, contact.anchor
     if tool[FREE] > 0.0 or soft:
+        depth = tool[DEPTH]
         for _ in range(TURNS):
             force = 0.0
             slope = 0.0
             nearest = math.inf
             for point in range(len(contact.spring)):
-                ux, uy, uz = moved(contact, point)
-                x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
-                gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
-                push, stiff = push_at(gap, contact, point)
+                x, y, z = moved[point, 0], moved[point, 1], moved[point, 2]
+                gap, nx, ny, nz = clearance(x + position[point, 0], y + position[point, 1], z + position[point, 2], shape, depth)
+                push, stiff = push_at(gap, contact.spring[point], contact.area[point], shape)
                 if stiff != 0.0:
-                    _, _, rubbing = friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point)
+                    grip = contact.grip[point]
+                    sx, sy, sz = x - anchor[point, 0], y - anchor[point, 1], z + depth - anchor[point, 2]
+                    _, _, rubbing = friction(sx, sy, sz, nx, ny, nz, push, grip, shape)
                     force -= push * nz + rubbing
-                    slope += max(stiff, 0.0) * nz * nz + contact.grip[point] * (1.0 - nz * nz)
+                    slope += max(stiff, 0.0) * nz * nz + grip * (1.0 - nz * nz)
                 elif nz < 0.0:
                     nearest = min(nearest, gap)
             load = tool[LOAD]
             if soft and not tool[FREE] > 0.0:
-                load = (tool[DRIVE] - tool[DEPTH]) / tool[COMPLIANCE]
+                load = (tool[DRIVE] - depth) / tool[COMPLIANCE]
                 slope += 1.0 / tool[COMPLIANCE]
             if slope == 0.0:  # nothing is touched: go to where something is
-                tool[DEPTH] += nearest + 1e-12
+                depth += nearest + 1e-12
                 continue
-            tool[DEPTH] += (load - force) / slope
+            depth += (load - force) / slope
             if abs(load - force) <= CLOSE * max(abs(load), abs(force)):
                 break
+        tool[DEPTH] = depth
 
 
 @leaf
 def add_contact(force, contact, tool):
     """Add the forces of the tool to the node rows; give the tool's own, along -z [N]."""
     total = 0.0
+    depth = tool[DEPTH]
+    shape = shape_of(contact)
+    moved, position, anchor = contact.moved, contact.position, contact.anchor
     for point in range(len(contact.spring)):
-        ux, uy, uz = moved(contact, point)
-        x, y, z = ux + contact.position[point, 0], uy + contact.position[point, 1], uz + contact.position[point, 2]
-        gap, nx, ny, nz = clearance(x, y, z, contact.shape, tool[DEPTH])
-        push, stiff = push_at(gap, contact, point)
+        x, y, z = moved[point, 0], moved[point, 1], moved[point, 2]
+        gap, nx, ny, nz = clearance(x + position[point, 0], y + position[point, 1], z + position[point, 2], shape, depth)
+        push, stiff = push_at(gap, contact.spring[point], contact.area[point], shape)
         if stiff == 0.0:
             continue
-        tx, ty, tz = friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point)
+        sx, sy, sz = x - anchor[point, 0], y - anchor[point, 1], z + depth - anchor[point, 2]
+        tx, ty, tz = friction(sx, sy, sz, nx, ny, nz, push, contact.grip[point], shape)
         fx, fy, fz = push * nx + tx, push * ny + ty, push * nz + tz
         total -= fz
         for corner in range(4):
@@ -149,17 +157,13 @@ def add_contact(force, contact, tool):
 
 
 @leaf
-def friction(ux, uy, uz, nx, ny, nz, push, contact, tool, point):
-    """Friction force on a point: -grip x slip since the anchor, along the surface, at most the coefficient times the push."""
-    grip = contact.grip[point]
+def friction(sx, sy, sz, nx, ny, nz, push, grip, shape):
+    """Friction force on a point that has slipped by s since its anchor: -grip s along the surface, at most its share of push."""
     if grip == 0.0:
         return 0.0, 0.0, 0.0
-    sx = ux - contact.anchor[point, 0]
-    sy = uy - contact.anchor[point, 1]
-    sz = uz + tool[DEPTH] - contact.anchor[point, 2]
     along = sx * nx + sy * ny + sz * nz
     sx, sy, sz = sx - along * nx, sy - along * ny, sz - along * nz
     size = grip * math.sqrt(sx * sx + sy * sy + sz * sz)
-    most = contact.shape[FRICTION] * max(push, 0.0)
-    pull = -grip if size <= most or contact.shape[TIED] > 0.0 else -grip * most / size
+    most = shape[FRICTION] * max(push, 0.0)
+    pull = -grip if size <= most or shape[TIED] > 0.0 else -grip * most / size
     return pull * sx, pull * sy, pull * sz

@@ -361,6 +361,12 @@ def one_point(coefficient: float, grip: float, anchor=(0.0, 0.0, 0.0), tied: boo
     )
 
 
+def rubbing(moved, depth: float, normal, push: float, contact: Contact) -> tuple[float, float, float]:
+    """Friction force on the one point, displaced so far, under a tool that has come down by ``depth``."""
+    slip = np.asarray(moved) + [0.0, 0.0, depth] - contact.anchor[0]
+    return friction(*slip, *normal, push, contact.grip[0], tuple(contact.shape))
+
+
 def random_slips(count: int):
     """Slip, depth, normal and push of one point, and the slip along the surface."""
     rng = np.random.default_rng(7)
@@ -381,7 +387,7 @@ def test_friction_law():
     contact = one_point(mu, grip)
     slipped = 0
     for slip, depth, normal, push, s in random_slips(500):
-        t = np.array(friction(*slip, *normal, push, contact, tool_at(depth), 0))
+        t = np.array(rubbing(slip, depth, normal, push, contact))
         size = np.linalg.norm(s)
         wanted = -min(grip, mu * push / size) * s
         slipped += mu * push < grip * size
@@ -397,11 +403,11 @@ def test_friction_is_measured_from_the_anchor():
     """Moving the anchor and the point together changes nothing; at the anchor there is no force. 1e-14 of grip x 1 mm."""
     shift = np.array([3e-4, -2e-4, 1e-4])
     for slip, depth, normal, push, _ in random_slips(50):
-        t = np.array(friction(*slip, *normal, push, one_point(0.6, 5.0), tool_at(depth), 0))
-        again = np.array(friction(*(slip + shift), *normal, push, one_point(0.6, 5.0, shift), tool_at(depth), 0))
+        t = np.array(rubbing(slip, depth, normal, push, one_point(0.6, 5.0)))
+        again = np.array(rubbing(slip + shift, depth, normal, push, one_point(0.6, 5.0, shift)))
         assert np.abs(t - again).max() < 1e-14 * 5.0 * 2e-3
         anchor = slip + [0.0, 0.0, depth]
-        assert np.abs(friction(*slip, *normal, push, one_point(0.6, 5.0, anchor), tool_at(depth), 0)).max() < 1e-16
+        assert np.abs(rubbing(slip, depth, normal, push, one_point(0.6, 5.0, anchor))).max() < 1e-16
 
 
 def test_friction_is_continuous_from_sticking_to_slipping():
@@ -411,19 +417,19 @@ def test_friction_is_continuous_from_sticking_to_slipping():
     edge = mu * push / grip
     sizes = np.linspace(0.5 * edge, 1.5 * edge, 1001)
     near = edge * (1.0 + np.array([-1e-9, 0.0, 1e-9]))
-    forces = [friction(s, 0.0, 0.0, 0.0, 0.0, -1.0, push, contact, tool_at(0.0), 0)[0] for s in near]
+    forces = [rubbing((s, 0.0, 0.0), 0.0, (0.0, 0.0, -1.0), push, contact)[0] for s in near]
     assert np.abs(np.array(forces) + mu * push).max() <= 1.001e-9 * mu * push
-    course = np.array([friction(s, 0.0, 0.0, 0.0, 0.0, -1.0, push, contact, tool_at(0.0), 0)[0] for s in sizes])
+    course = np.array([rubbing((s, 0.0, 0.0), 0.0, (0.0, 0.0, -1.0), push, contact)[0] for s in sizes])
     assert np.abs(np.diff(course)).max() <= 1.001 * grip * (sizes[1] - sizes[0])
     # as the push fades so does the friction
-    fading = [abs(friction(edge, 0.0, 0.0, 0.0, 0.0, -1.0, p, contact, tool_at(0.0), 0)[0]) for p in (1e-6, 1e-9, 0.0)]
+    fading = [abs(rubbing((edge, 0.0, 0.0), 0.0, (0.0, 0.0, -1.0), p, contact)[0]) for p in (1e-6, 1e-9, 0.0)]
     assert fading == pytest.approx([mu * 1e-6, mu * 1e-9, 0.0], rel=1e-12)
 
 
 def test_bonded_disc_never_slips():
     """Tied, the force is -grip s however large it is, also under a pull."""
     contact = one_point(0.0, 5.0, tied=True)
-    t = friction(3e-3, -4e-3, 0.0, 0.0, 0.0, -1.0, -0.01, contact, tool_at(0.0), 0)
+    t = rubbing((3e-3, -4e-3, 0.0), 0.0, (0.0, 0.0, -1.0), -0.01, contact)
     assert t == pytest.approx((-0.015, 0.02, 0.0), rel=1e-14)
 
 

@@ -374,7 +374,18 @@ class Course:
     @property
     def percent(self) -> np.ndarray:
         """The same in % of the size; NaN for a quantity too small for that."""
-        return 100.0 * self.errors_mm / (self.size_mm if self.size_mm >= SHARE_FROM_mm else np.nan)
+        return self.share(self.errors_mm)
+
+    @cached_property
+    def apart_mm(self) -> np.ndarray:
+        """Distance of each mesh but the finest from the finest."""
+        if not self.factors:
+            return np.empty(0)
+        return np.linalg.norm(self.values_mm[:-1] - self.values_mm[-1:], axis=1)
+
+    def share(self, distance_mm: np.ndarray) -> np.ndarray:
+        """In % of the size; NaN for a quantity too small for that."""
+        return 100.0 * distance_mm / (self.size_mm if self.size_mm >= SHARE_FROM_mm else np.nan)
 
     @property
     def changes_percent(self) -> np.ndarray:
@@ -420,10 +431,15 @@ def over_meshes(factors: Sequence[float], cells: Sequence[str]) -> list[str]:
 
 
 def errors(course: Course) -> list[str]:
+    """Distances from the limit; without one, from the finest mesh, marked by a ~."""
+    known = course.limit.value is not None
+    distances = course.errors_mm if known else np.append(course.apart_mm, np.nan)
+    mark = "" if known else "~"
     cells = []
-    for mm, percent in zip(course.errors_mm, course.percent, strict=True):
-        cells.append("–" if np.isnan(mm) else f"{mm:.2f}" if np.isnan(percent) else f"{mm:.2f} ({percent:.1f} %)")
-    return over_meshes(course.factors, cells)
+    for mm, percent in zip(distances, course.share(distances), strict=False):
+        number = f"{mm:.2f}" if np.isnan(percent) else f"{mm:.2f} ({percent:.1f} %)"
+        cells.append("–" if np.isnan(mm) else mark + number)
+    return over_meshes(course.factors, cells[: len(course.factors)])
 
 
 def hexes_head(tongue: bool = True) -> list[str]:
@@ -470,7 +486,7 @@ def groups() -> dict[tuple[str, str, str], list[Case]]:
 
 def answer_part(found: dict[Run, dict[str, Any]]) -> str:
     """All probes of all gestures in one row: errors where there is a limit, and changes from mesh to mesh, which need none."""
-    off, changed = [], []
+    off, apart, changed = [], [], []
     for (element, tissue, pull), some in groups().items():
         courses = [(case.scenario, course(case, probe, found)) for case, probe in product(some, PROBES)]
         judged = [(name, one) for name, one in courses if len(one.h_mm) >= FEWEST]
@@ -479,10 +495,12 @@ def answer_part(found: dict[Run, dict[str, Any]]) -> str:
         lost = f"{len(without)} of {len(judged)}" + (f": {words}" if words else "")
         labels = [element, TISSUES[tissue], pull]
         off.append([*labels, *spread([(one.factors, one.percent) for _, one in courses]), lost])
+        apart.append([*labels, *spread([(one.factors[:-1], one.share(one.apart_mm)) for _, one in courses])])
         changed.append([*labels, *spread([(one.factors[1:], one.changes_percent) for _, one in courses])])
     head = ("element", "tissue", "distribution", *hexes_head())
     return (
         f"Error in % of the probe's path, median / largest:\n\n{table((*head, 'no limit'), off)}\n\n"
+        f"Distance from the finest mesh in % of the path, median / largest, with and without a limit:\n\n{table(head, apart)}\n\n"
         f"Change from the mesh before in % of the path, median / largest, with and without a limit:\n\n{table(head, changed)}"
     )
 
@@ -581,8 +599,9 @@ def draw_errors(axes: plt.Axes, one: Course, label: str, colour: str, marker: st
     if one.limit.value is not None:
         axes.plot(one.h_mm, one.errors_mm, "-", marker=marker, color=colour, label=f"{label}: {one.limit.how}")
         return
-    apart = np.linalg.norm(one.values_mm[:-1] - one.values_mm[-1], axis=1)
-    axes.plot(one.h_mm[:-1], apart, ":", marker=marker, mfc="white", color=colour, label=f"{label}: {one.limit.how.strip('*')}")
+    axes.plot(
+        one.h_mm[:-1], one.apart_mm, ":", marker=marker, mfc="white", color=colour, label=f"{label}: {one.limit.how.strip('*')}"
+    )
 
 
 def finish(panels: np.ndarray, titles: Sequence[str], heading: str) -> None:

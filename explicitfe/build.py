@@ -57,7 +57,8 @@ class Kernels:
 
 
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
-ELEMENTS_A_THREAD = 500  # measured: with fewer, two threads cost more where another program has one of two cores
+# Measured: waking a thread costs some steps of a small mesh, and every sample and every look at the stable step does that.
+ELEMENTS_A_THREAD = 2000
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
 ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
@@ -119,9 +120,9 @@ def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.nda
     return {"effects": zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": new}
 
 
-def usual_threads(elements: int) -> int:
-    """How many threads pay for so many elements."""
-    return max(1, min(cores(), elements // ELEMENTS_A_THREAD))
+def usual_threads(elements: int, each: int = ELEMENTS_A_THREAD) -> int:
+    """How many threads pay for so many elements, if it takes ``each`` of them to keep one busy."""
+    return max(1, min(cores(), elements // each))
 
 
 def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
@@ -404,7 +405,7 @@ class Simulation(Body):
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
         _, v, force = self.state
-        self.ledger[SMALLEST_J] = self._evaluate([part.blocks for part in self.parts])
+        self.ledger[SMALLEST_J] = self._evaluate(self.state.u, self.state.force, [part.blocks for part in self.parts])
         self.dt_s = dt_s
         self._snapshot()  # fills the external force at time 0
         acceleration = self.nodes.inverse_mass * (force + self._external) - self.model.alpha_per_s * v
@@ -503,27 +504,28 @@ class Simulation(Body):
 
     def _highest_frequency(self) -> HighestFrequency:
         return HighestFrequency(
-            lambda u, force: self.kernels.forces(u, force, self.blocks),
+            lambda u, force: self._evaluate(u, force, self._seen),
             self.nodes.inverse_mass,
             float(np.cbrt(self.volumes.min())),
         )
 
     def _present_force(self) -> np.ndarray:
         self.set_increment(0.0)  # of this instant: a look must not let time pass
-        self._evaluate(self._seen)
+        self._evaluate(self.state.u, self.state.force, self._seen)
         return self.state.force
 
-    def _evaluate(self, blocks: Sequence[Blocks]) -> float:
-        """Minus the internal force now, summed in the order of ``advance``; the smallest J."""
-        forces = self.kernels.forces
+    def _evaluate(self, u: np.ndarray, force: np.ndarray, blocks: Sequence[Blocks]) -> float:
+        """Minus the internal force at u into ``force``, summed in the order of ``advance``; the smallest J."""
+        if len(self.parts) == 1:
+            return self.kernels.forces(u, force, blocks[0])
         tasks = [
-            lambda part=part, some=some: forces(part.u, part.force, some) for part, some in zip(self.parts, blocks, strict=True)
+            lambda part=part, some=some: self.kernels.forces(u[part.first : part.first + len(part.u)], part.force, some)
+            for part, some in zip(self.parts, blocks, strict=True)
         ]
         smallest = together(tasks, self.parts[0].gate)
-        if len(tasks) > 1:
-            for part in self.parts:
-                part.force[: len(part.lower)] += part.lower
-                self.state.force[part.first : part.first + part.own] = part.force[: part.own]
+        for part in self.parts:
+            part.force[: len(part.lower)] += part.lower
+            force[part.first : part.first + part.own] = part.force[: part.own]
         return float(np.min(smallest))
 
     def _activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:

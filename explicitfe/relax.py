@@ -51,6 +51,7 @@ from explicitfe.timestep import stiffness_rows
 TOLERANCE = 1e-4
 SAFETY = 1.1  # on the masses: what the tissue may stiffen by on the way to the next load
 CHUNK = 400  # iterations between two looks from outside
+ELEMENTS_A_THREAD = 500  # measured: threads stay together for so many iterations that waking them costs nothing
 PATIENCE = 8000  # iterations without progress, the residual falling by a tenth, before a load is approached in halves
 PROGRESS = 0.9
 HALVINGS = 8
@@ -147,7 +148,7 @@ class Relaxation(Body):
         )
         self._external = self._dead_forces()
         self._inner = zeros(self.state.u.shape)
-        count = 1 if len(self.turned.node) else threads or usual_threads(len(self.hexes))
+        count = 1 if len(self.turned.node) else threads or usual_threads(len(self.hexes), ELEMENTS_A_THREAD)
         self.parts = parts_of(self.state, self.blocks, count)
         self._sums = zeros((len(self.parts), SUMS))
         self._monitor = np.zeros(MONITOR)

@@ -183,8 +183,8 @@ def test_a_sector_has_one_thread():
 
 def test_small_meshes_have_one_thread(monkeypatch):
     monkeypatch.setenv("EXPLICITFE_THREADS", "8")
-    assert usual_threads(900) == 1
-    assert usual_threads(1280) == 2
+    assert usual_threads(1280) == 1
+    assert usual_threads(1280, each=500) == 2
     assert usual_threads(1_000_000) == 8
 
 

@@ -4,7 +4,7 @@
 
 Blocks of distorted 4 mm hexes (15 % at random) of Yeoh tissue at Poisson's ratio 0.499, one and two threads, float64: the whole
 step with forces, update and energy ledger, best of several runs of the compiled loop. Then the scenario vowel-i: simulated time
-over wall time of the steps alone, and of the whole run with samples and looks at the stable step.
+over wall time of the steps, many at a time and as the run cuts them, and of the run with samples and looks at the stable step.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import platform
 import tempfile
 from pathlib import Path
 
-from explicitfe.runner import run
+from explicitfe.runner import prepare, run
 from explicitfe.simd import WIDTH
 from explicitfe.speed import ELEMENTS, SIZES, nanoseconds, problem
 
@@ -44,15 +44,23 @@ def main() -> None:
     for mesh in MESHES:
         for threads in (1, 2):
             settings = [mesh, f"analysis.threads={threads}"]
+            simulation = prepare(ROOT / "scenarios" / "vowel-i.toml", settings).simulation
+            simulation.compile()
+            ns = nanoseconds(simulation)
             with tempfile.TemporaryDirectory() as folder:
                 runs = [run(ROOT / "scenarios" / "vowel-i.toml", folder, settings=settings, overwrite=True) for _ in range(5)]
             found = min(runs, key=lambda one: one["loop_s"])
             wall_s = min(one["wall_s"] for one in runs)
+            kernel_s = 1e-9 * ns * found["steps"] * found["hexes"]
             names = ("hexes", "steps", "threads", "loop_s", "total_s")
-            figures[f"vowel-i {mesh} {threads}"] = {name: found[name] for name in names} | {"wall_s": wall_s}
+            figures[f"vowel-i {mesh} {threads}"] = {name: found[name] for name in names} | {
+                "wall_s": wall_s,
+                "kernel_s": kernel_s,
+            }
             print(
-                f"vowel-i, {mesh}: {found['hexes']} hexes, {found['steps']} steps, {found['threads']} thread(s): steps alone "
-                f"{1e3 * found['loop_s']:.0f} ms ({found['simulated_s'] / found['loop_s']:.2f} x real time), "
+                f"vowel-i, {mesh}: {found['hexes']} hexes, {found['steps']} steps, {found['threads']} thread(s): steps without "
+                f"interruption {1e3 * kernel_s:.0f} ms ({found['simulated_s'] / kernel_s:.2f} x real time), in the run "
+                f"{1e3 * found['loop_s']:.0f} ms ({found['simulated_s'] / found['loop_s']:.2f} x), "
                 f"with samples {1e3 * wall_s:.0f} ms, with building {found['total_s']:.2f} s"
             )
     if arguments.json:

@@ -28,8 +28,8 @@ ELEMENTS = ("hex8", "hex8-stiffness")
 # Nanoseconds per element and step, one thread: docs/performance.md says where and when.
 REFERENCE: dict[str, dict[str, dict[int, float]]] = {
     "AVX2, 4 lanes": {
-        "hex8": {1000: 61.0, 30_000: 64.0, 250_000: 66.0},
-        "hex8-stiffness": {1000: 53.0, 30_000: 58.0, 250_000: 58.0},
+        "hex8": {1000: 48.0, 30_000: 52.0, 250_000: 56.0},
+        "hex8-stiffness": {1000: 38.0, 30_000: 40.0, 250_000: 45.0},
     },
     "AVX-512, 8 lanes": {
         "hex8": {1000: 36.0, 30_000: 41.0, 250_000: 63.0},

@@ -145,7 +145,7 @@ def together(tasks: Sequence[Callable[[], Any]], gate: np.ndarray) -> list[Any]:
     futures: list[Future] = []
     mine = None
     try:
-        futures.extend(pool.submit(task) for task in tasks[1:])
+        futures.extend(pool.submit(_guarded, task, gate) for task in tasks[1:])
         mine = [tasks[0]()]
         return mine + [future.result() for future in futures]
     except BaseException:
@@ -153,6 +153,15 @@ def together(tasks: Sequence[Callable[[], Any]], gate: np.ndarray) -> list[Any]:
             gate[ABANDONED] = 1  # the others would wait for ever
         for future in futures:
             future.exception()
+        raise
+
+
+def _guarded(task: Callable[[], Any], gate: np.ndarray) -> Any:
+    """Do a task; if it fails, nobody waits for it."""
+    try:
+        return task()
+    except BaseException:
+        gate[ABANDONED] = 1
         raise
 
 

@@ -83,7 +83,8 @@ class Setup:
         ------
         RunError : it does not come to rest.
         """
-        body = Relaxation(specimen_model(*self.tables(C10_Pa, C20_Pa)), tolerance)
+        # One thread: the constants that are found do not depend on the machine's cores.
+        body = Relaxation(specimen_model(*self.tables(C10_Pa, C20_Pa)), tolerance, threads=1)
         body.compile()
         # Without gravity the body is at rest as it is, and the tool touches at 0.
         if any(self.specimen.get("gravity_m_s2", ())) and not isinstance(body.settle(), Equilibrium):

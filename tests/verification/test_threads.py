@@ -14,15 +14,23 @@ from support import ELEMENTS, YEOH, block_mesh
 from explicitfe import threads
 from explicitfe.build import Simulation, parts_of, usual_threads
 from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.jit import kernel
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
 from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
 from explicitfe.relax import Equilibrium, Relaxation
+from explicitfe.threads import wait
 from explicitfe.timestep import FRACTION
 
 STEPS = 60
 ROUNDING = 1e-12  # of the largest displacement: STEPS sums of a few 1e-16 each, grown by a stable system at most STEPS-fold
+
+
+@kernel
+def meet(gate):
+    """Wait for a second thread."""
+    wait(gate, 2)
 
 
 def moving(element: str, count: int, *, effects=(), speed: float = 0.1, cells=(6, 7, 8)) -> Simulation:
@@ -197,16 +205,28 @@ def test_a_thread_that_cannot_be_started_leaves_none_waiting(monkeypatch):
     class Broken:
         started = 0
 
-        def submit(self, task):
+        def submit(self, *call):
             self.started += 1
             if self.started == 2:
                 raise RuntimeError("can't start new thread")
-            return real.submit(task)
+            return real.submit(*call)
 
     monkeypatch.setattr(threads, "_pool", lambda count: Broken())
     begin = time.perf_counter()
     with pytest.raises(RuntimeError, match="new thread"):
         simulation.advance(10, 1e-5)
+    assert time.perf_counter() - begin < 60.0
+
+
+def test_a_thread_that_fails_leaves_none_waiting():
+    gate = threads.gate()
+
+    def fails():
+        raise OSError("disk full")
+
+    begin = time.perf_counter()
+    with pytest.raises(OSError, match="disk full"):
+        threads.together([lambda: meet(gate), fails], gate)
     assert time.perf_counter() - begin < 60.0
 
 

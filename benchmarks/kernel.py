@@ -20,8 +20,6 @@ from explicitfe.simd import WIDTH
 from explicitfe.speed import ELEMENTS, SIZES, nanoseconds, problem
 
 ROOT = Path(__file__).resolve().parents[1]
-
-
 # The default, and one of about as many hexes with the fewest steps: the tongue's tip has half the layers.
 MESHES = ("model.resolution=medium", "model.cells=[25,4,10]")
 

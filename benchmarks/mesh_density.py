@@ -436,7 +436,7 @@ def errors(course: Course) -> list[str]:
     distances = course.errors_mm if known else np.append(course.apart_mm, np.nan)
     mark = "" if known else "~"
     cells = []
-    for mm, percent in zip(distances, course.share(distances), strict=False):
+    for mm, percent in zip(distances, course.share(distances), strict=True):
         number = f"{mm:.2f}" if np.isnan(percent) else f"{mm:.2f} ({percent:.1f} %)"
         cells.append("–" if np.isnan(mm) else mark + number)
     return over_meshes(course.factors, cells[: len(course.factors)])

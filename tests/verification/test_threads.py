@@ -171,6 +171,7 @@ def test_a_relaxation_by_several_threads(tool, count, record_property):
 
 
 def test_a_tissue_that_remembers_relaxes_in_several_threads():
+    """Two equilibria one after the other, each to a residual of 1e-6, as above."""
     effects = (Viscoelastic(g=(0.4,), tau_s=(1.0,)),)
     specimen = SpecimenTable(symmetry="quarter", radius_mm=20.0, height_mm=10.0, edge_size_mm=2.0)
     ends = []

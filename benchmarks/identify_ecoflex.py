@@ -10,10 +10,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from explicitfe.identify.dataset import read_dataset
-from explicitfe.identify.forward import UniformResponse, setup_of
-from explicitfe.identify.identification import identify
-from explicitfe.view import fitfigures
+from explicitfe.identify.forward import UniformResponse
+from explicitfe.identify.identify import identify
+from explicitfe.measured.dataset import read_dataset
+from explicitfe.predict.setup import setup_of
+from explicitfe.view import fit as fitfigures
 
 POISSON, REFINEMENT = 0.499, 1.5
 

@@ -15,9 +15,9 @@ import platform
 import tempfile
 from pathlib import Path
 
-from explicitfe.runner import prepare, run
-from explicitfe.simd import WIDTH
-from explicitfe.speed import ELEMENTS, SIZES, nanoseconds, problem
+from explicitfe.compiled.simd import WIDTH
+from explicitfe.run.run import prepare, run
+from explicitfe.run.speed import ELEMENTS, SIZES, nanoseconds, problem
 
 ROOT = Path(__file__).resolve().parents[1]
 # The default, and one of about as many hexes with the fewest steps: the tongue's tip has half the layers.

@@ -21,17 +21,17 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.effects.fibres import Fibres
-from explicitfe.effects.preload import Preload
-from explicitfe.effects.softening import Softening
-from explicitfe.effects.viscoelastic import Viscoelastic
-from explicitfe.identify.dataset import Curve, read_dataset
+from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects.material.softening import Softening
+from explicitfe.effects.material.viscoelastic import Viscoelastic
+from explicitfe.effects.tool.preload import Preload
 from explicitfe.identify.effects_fit import EffectsFit, Unknown, Values, fit_effects, series
-from explicitfe.identify.modelfile import EVERY, Constants, ModelFile, parse_model
-from explicitfe.identify.predict import predict_test
-from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.measured.dataset import Curve, read_dataset
 from explicitfe.model.specimen import specimen_model
-from explicitfe.relax import Equilibrium, Relaxation
+from explicitfe.predict.predict import predict_test
+from explicitfe.predict.tissue import EVERY, Constants, ModelFile, parse_model
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 BLUE, RED, GREY = "#0072B2", "#D55E00", "0.55"
 TERMS = {0: (), 1: (20.0,), 2: (3.0, 60.0), 3: (0.7, 10.0, 100.0)}  # starting times, s

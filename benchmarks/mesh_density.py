@@ -33,13 +33,13 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 import explicitfe
-from explicitfe.mesh.contour import Patch
+from explicitfe.mesh.bent_block import Patch
 from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
 from explicitfe.mesh.quality import corner_jacobians, edge_lengths, volumes
 from explicitfe.model import catalogue
-from explicitfe.model.scenario import read_scenario
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Result
+from explicitfe.scenario.scenario import read_scenario
 from explicitfe.view.figures import COLOURS, GRID, groove_depth, midsagittal, section
 
 matplotlib.use("Agg")

@@ -20,9 +20,9 @@ from pathlib import Path
 import h5py
 import meshio
 
-from explicitfe.runner import prepare, run
-from explicitfe.simd import WIDTH
-from explicitfe.speed import block
+from explicitfe.compiled.simd import WIDTH
+from explicitfe.run.run import prepare, run
+from explicitfe.run.speed import block
 
 STEPS = 100
 SCENARIO = """\

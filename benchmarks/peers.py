@@ -34,16 +34,16 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 
-from explicitfe import simd
-from explicitfe.build import ELEMENTS, Simulation
+from explicitfe.compiled import simd
+from explicitfe.compiled.jit import kernel
+from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
 from explicitfe.elements import hex8
 from explicitfe.forces import internal
-from explicitfe.jit import kernel
 from explicitfe.materials import kinematics, yeoh
-from explicitfe.simd import WIDTH, load, splat, store, sum_lanes
-from explicitfe.speed import ELEMENTS as TREATMENTS
-from explicitfe.speed import SIZES, problem
-from explicitfe.timestep import FRACTION
+from explicitfe.run.speed import ELEMENTS as TREATMENTS
+from explicitfe.run.speed import SIZES, problem
+from explicitfe.solve.simulation import ELEMENTS, Simulation
+from explicitfe.solve.stable_step import FRACTION
 
 PEERS = ("warp", "jax")
 PACKAGES = {"warp": "warp-lang", "jax": "jax"}
@@ -72,7 +72,7 @@ def plain(function: Any, replaced: dict[str, Any]) -> FunctionType:
 
 
 def newton(guess: Callable) -> FunctionType:
-    """value^(-1/3) by the Newton steps of simd.py, from a guess by ``guess``."""
+    """value^(-1/3) by the Newton steps of compiled/simd.py, from a guess by ``guess``."""
     return plain(simd._inverse_cube_root(simd.vector), {"_cbrt_guess": guess})
 
 

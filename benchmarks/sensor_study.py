@@ -21,13 +21,13 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.discrepancy.loop import Closed, close
-from explicitfe.discrepancy.refit import intervals
-from explicitfe.discrepancy.system import Hypothesis
-from explicitfe.discrepancy.trajectories import LEVERS, Trajectories, trajectories, trajectory_system
-from explicitfe.identify.dataset import Dataset, read_dataset
-from explicitfe.model.scenario import Scenario, read_scenario
-from explicitfe.prepared import prepare
+from explicitfe.close_loop.search import Closed, close
+from explicitfe.close_loop.statistics.refit import intervals
+from explicitfe.close_loop.statistics.system import Hypothesis
+from explicitfe.close_loop.trajectories.trajectories import LEVERS, Trajectories, trajectories, trajectory_system
+from explicitfe.measured.dataset import Dataset, read_dataset
+from explicitfe.run.prepare import prepare
+from explicitfe.scenario.scenario import Scenario, read_scenario
 
 SENSORS = {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "root"}
 # Of the sensors' frame: x_model = scale R x + t.

@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from real_tongue import write_model, write_scenario
 
-from explicitfe.arrays import SMALLEST_J
-from explicitfe.build import ELEMENTS, Simulation
+from explicitfe.compiled.arrays import SMALLEST_J
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model
-from explicitfe.runner import prepare
-from explicitfe.transient import Transient
+from explicitfe.run.run import prepare
+from explicitfe.solve.simulation import ELEMENTS, Simulation
+from explicitfe.solve.transient import Transient
 
 ROOT = Path(__file__).resolve().parents[1]
 STEPS = 2000

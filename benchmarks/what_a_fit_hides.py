@@ -17,7 +17,8 @@ import numpy as np
 from explicitfe.errors import RunError
 from explicitfe.identify.assumptions import Alternative, what_a_fit_hides
 from explicitfe.identify.fit import Fit, Observed, least_squares_fit
-from explicitfe.identify.forward import FIRST_Q, CurveModel, Setup, ToolResponse, depths, forces, ratio, smoothest
+from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, forces, ratio, smoothest
+from explicitfe.predict.setup import Setup
 
 TRUTH = (191.5, 90.6)
 LOADS_N = 0.1 * np.arange(1, 9)

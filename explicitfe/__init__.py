@@ -16,11 +16,11 @@ __version__ = "0.1.0"
 
 # Imported on first use: a program that only reads results does not wait for the compiler, nor the other way round.
 _PLACES = {
-    "run": "explicitfe.runner",
-    "identify": "explicitfe.identify.identification",
-    "predict": "explicitfe.identify.predict",
-    "close_loop": "explicitfe.discrepancy.close_loop",
-    "design_test": "explicitfe.discrepancy.design",
+    "run": "explicitfe.run.run",
+    "identify": "explicitfe.identify.identify",
+    "predict": "explicitfe.predict.predict",
+    "close_loop": "explicitfe.close_loop.close",
+    "design_test": "explicitfe.close_loop.design",
     "open_result": "explicitfe.results",
     "InputError": "explicitfe.errors",
     "RunError": "explicitfe.errors",

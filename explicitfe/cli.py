@@ -20,8 +20,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from explicitfe import __version__, show
+from explicitfe import __version__
 from explicitfe.errors import InputError, RunError
+from explicitfe.view import terminal as show
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -79,7 +80,7 @@ def run(
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
     """
-    from explicitfe.runner import run as run_scenario
+    from explicitfe.run.run import run as run_scenario
 
     put, notes = _tissue(scenario, tissue, tissue_group)
     with _progress() as report:
@@ -128,7 +129,7 @@ def identify(
 
     Example: [bold]explicitfe identify my-dataset --out fit[/bold]
     """
-    from explicitfe.identify.identification import identify as identify_constants
+    from explicitfe.identify.identify import identify as identify_constants
 
     with _progress() as report:
         found = identify_constants(
@@ -169,7 +170,7 @@ def predict(
 
     Example: [bold]explicitfe predict my-dataset --model model.toml[/bold]
     """
-    from explicitfe.identify.predict import predict as predict_dataset
+    from explicitfe.predict.predict import predict as predict_dataset
 
     with _progress() as report:
         found = predict_dataset(
@@ -212,8 +213,8 @@ def close_loop(
 
     Example: [bold]explicitfe close-loop my-dataset --out report[/bold]
     """
-    from explicitfe.discrepancy.close_loop import close_loop as close
-    from explicitfe.identify.dataset import folder_name
+    from explicitfe.close_loop.close import close_loop as close
+    from explicitfe.measured.dataset import folder_name
 
     with _progress() as report:
         found = close(
@@ -244,7 +245,7 @@ def design_test(
 
     Example: [bold]explicitfe design-test scenarios/protocols/gerard-2005.toml[/bold]
     """
-    from explicitfe.discrepancy.design import design_test as design
+    from explicitfe.close_loop.design import design_test as design
 
     with _progress() as report:
         found = design(protocol, report=report)
@@ -271,7 +272,7 @@ def check(
 
     Example: [bold]explicitfe check scenarios/vowel-i.toml --set model.resolution=fine[/bold]
     """
-    from explicitfe.check import check as check_scenario
+    from explicitfe.run.check import check as check_scenario
 
     put, notes = _tissue(scenario, tissue, tissue_group)
     with _progress() as report:
@@ -309,8 +310,8 @@ def list_(
 
     Example: [bold]explicitfe list muscles[/bold]
     """
-    from explicitfe.check import LISTS
     from explicitfe.errors import nearest
+    from explicitfe.run.check import LISTS
 
     if what not in LISTS:
         raise InputError(f'cannot list "{what}"; {nearest(what, LISTS)}')
@@ -327,7 +328,7 @@ def schema() -> None:
 
     Example: [bold]explicitfe schema > scenario.schema.json[/bold]
     """
-    from explicitfe.model.scenario import json_schema
+    from explicitfe.scenario.scenario import json_schema
 
     _print_json(json_schema())
 
@@ -341,7 +342,7 @@ def warmup(
 
     Example: [bold]explicitfe warmup[/bold]
     """
-    from explicitfe.speed import warm
+    from explicitfe.run.speed import warm
 
     with _progress() as report:
         found = warm(everything, report)
@@ -362,8 +363,8 @@ def bench(
 
     Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
     """
-    from explicitfe.speed import SIZES
-    from explicitfe.speed import bench as time_it
+    from explicitfe.run.speed import SIZES
+    from explicitfe.run.speed import bench as time_it
 
     with _progress() as report:
         found = time_it(sizes or tuple(SIZES), report)
@@ -379,9 +380,9 @@ def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list
         if group is not None:
             raise InputError("--tissue-group names constants of a model file; give it with --tissue.")
         return [], []
-    from explicitfe.identify.modelfile import read_model
-    from explicitfe.identify.tissue import tissue_settings
-    from explicitfe.model.scenario import read_scenario
+    from explicitfe.predict.tissue import read_model
+    from explicitfe.predict.tissue_in_scenario import tissue_settings
+    from explicitfe.scenario.scenario import read_scenario
 
     made, (stated, _) = read_model(model), read_scenario(scenario)
     try:

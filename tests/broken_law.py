@@ -5,7 +5,7 @@ In a file of its own, so that a kernel bound to it stays in the cache while the 
 
 from __future__ import annotations
 
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 from explicitfe.materials.yeoh import stress as yeoh_stress
 
 SHARE = 0.1  # of the shear modulus 2 C10

@@ -12,13 +12,13 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 from support import YEOH, block_mesh, mean_edge
 
-from explicitfe.arrays import HOURGLASS, INTERNAL
-from explicitfe.build import Simulation
+from explicitfe.compiled.arrays import HOURGLASS, INTERNAL
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.model.model import Model, NodalLoad, PrescribedMotion
 from explicitfe.model.profile import Profile
-from explicitfe.transient import Ledger, Transient
+from explicitfe.solve.simulation import Simulation
+from explicitfe.solve.transient import Ledger, Transient
 
 CLOSED = 1e-9  # an equilibrium: residual relative to the load
 MOST_ITERATIONS = 25

@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
-from explicitfe.build import ELEMENTS as ELEMENT_TABLE
-from explicitfe.build import Simulation
+from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 from explicitfe.materials import Law
 from explicitfe.materials.neo_hooke import NeoHooke
 from explicitfe.materials.yeoh import Yeoh
@@ -19,8 +17,10 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.model import Model
-from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.simulation import ELEMENTS as ELEMENT_TABLE
+from explicitfe.solve.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parents[1]
 

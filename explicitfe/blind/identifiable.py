@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from explicitfe import point
+from explicitfe.blind.closed_forms import Bench
 from explicitfe.blind.noise import Whitener
-from explicitfe.blind.numerics import Bench
-from explicitfe.effects.drainage import Drainage
+from explicitfe.effects.material.drainage import Drainage
 from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
+from explicitfe.solve import point
 
 ENOUGH = 25.0
 COARSE = 3  # increments from row to row, of true curves and rivals alike; enough for a distance

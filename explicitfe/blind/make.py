@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.blind import cases, indentation
+from explicitfe.blind import homogeneous as cases
+from explicitfe.blind import under_a_tool as indentation
 from explicitfe.blind.case import KINDS, LEVELS, Wanted, write
 from explicitfe.errors import InputError
 

@@ -125,7 +125,7 @@ def _close(directory: str, name: str, max_effects: int) -> None:
     """One case, in its own process."""
     reports = Path(directory) / "reports"
     try:
-        from explicitfe.discrepancy.close_loop import close_loop
+        from explicitfe.close_loop.close import close_loop
 
         out = reports / name
         close_loop(Path(directory) / "cases" / name, out=out, max_effects=max_effects, processes=1, overwrite=True)

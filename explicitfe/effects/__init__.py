@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from explicitfe.effects.activation_lag import ActivationLag
-from explicitfe.effects.adhesion import Adhesion
-from explicitfe.effects.base_slip import BaseSlip
-from explicitfe.effects.compliance import Compliance
-from explicitfe.effects.compressible import Compressible
-from explicitfe.effects.contact_offset import ContactOffset
-from explicitfe.effects.cycle_drift import CycleDrift
-from explicitfe.effects.drainage import Drainage
 from explicitfe.effects.effect import Effect, MaterialEffect, Measurement
-from explicitfe.effects.fibres import Fibres
-from explicitfe.effects.force_drift import ForceDrift
-from explicitfe.effects.force_offset import ForceOffset
-from explicitfe.effects.friction import Friction
-from explicitfe.effects.gravity import Gravity
-from explicitfe.effects.layer import Layer
-from explicitfe.effects.preload import Preload
-from explicitfe.effects.softening import Softening
-from explicitfe.effects.stiffness_gradient import StiffnessGradient
-from explicitfe.effects.third_yeoh import ThirdYeoh
-from explicitfe.effects.tilt import Tilt
-from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.effects.material.compressible import Compressible
+from explicitfe.effects.material.drainage import Drainage
+from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects.material.softening import Softening
+from explicitfe.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.effects.material.viscoelastic import Viscoelastic
+from explicitfe.effects.muscle.activation_lag import ActivationLag
+from explicitfe.effects.reading.contact_offset import ContactOffset
+from explicitfe.effects.reading.cycle_drift import CycleDrift
+from explicitfe.effects.reading.force_drift import ForceDrift
+from explicitfe.effects.reading.force_offset import ForceOffset
+from explicitfe.effects.specimen.base_slip import BaseSlip
+from explicitfe.effects.specimen.gravity import Gravity
+from explicitfe.effects.specimen.layer import Layer
+from explicitfe.effects.specimen.stiffness_gradient import StiffnessGradient
+from explicitfe.effects.tool.adhesion import Adhesion
+from explicitfe.effects.tool.compliance import Compliance
+from explicitfe.effects.tool.friction import Friction
+from explicitfe.effects.tool.preload import Preload
+from explicitfe.effects.tool.tilt import Tilt
 
 EFFECTS: dict[str, type[Effect]] = {
     "viscoelastic": Viscoelastic,

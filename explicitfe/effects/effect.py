@@ -16,8 +16,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from explicitfe.jit import leaf
-from explicitfe.simd import WIDTH, load, store
+from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.simd import WIDTH, load, store
 
 
 @dataclass(frozen=True)

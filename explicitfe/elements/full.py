@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.simd import WIDTH, load
 from explicitfe.mesh.hexmesh import CORNERS
-from explicitfe.simd import WIDTH, load
 
 POINTS = 8
 PER_POINT = 25  # numbers a Gauss point: its volume w_g, and dN_a/dX_j

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 from explicitfe.mesh.hexmesh import CORNERS
 
 # Mode values at the corners, (7, 8): xi, eta, zeta, then eta zeta, zeta xi, xi eta, xi eta zeta.

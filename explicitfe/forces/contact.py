@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.arrays import (
+from explicitfe.compiled.arrays import (
     ADHESION,
     COMPLIANCE,
     DEPTH,
@@ -28,7 +28,7 @@ from explicitfe.arrays import (
     TILT,
     WALL,
 )
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 
 TURNS = 30  # of Newton, for the way of a tool under a force: exact once it is known which points touch,
 CLOSE = 1e-3  # which it is when the last turn began from so small an imbalance

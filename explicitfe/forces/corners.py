@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from explicitfe.jit import leaf
-from explicitfe.simd import WIDTH, gather_rows, scatter_rows
+from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.simd import WIDTH, gather_rows, scatter_rows
 
 
 @leaf

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 
 
 @leaf

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 
 
 @leaf

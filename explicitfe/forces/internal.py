@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
+from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, gradient, hourglass_modes, to_modes
 from explicitfe.forces import response
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
-from explicitfe.jit import Dispatcher, bind, leaf
 from explicitfe.materials.kinematics import cofactor, determinant
-from explicitfe.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 
 # Placeholders, bound below to the response of a material and an hourglass treatment of elements/.
 respond = energies = hourglass_invariant = hourglass_force = None

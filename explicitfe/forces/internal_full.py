@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from types import ModuleType
 
+from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements.full import PER_POINT, POINTS, point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
-from explicitfe.jit import Dispatcher, bind, leaf
 from explicitfe.materials import volumetric
 from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant, isochoric_stress
-from explicitfe.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
 
 # Placeholders, bound below to a law of materials/.
 law_isochoric = law_slope = None

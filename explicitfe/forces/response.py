@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import ModuleType
 
-from explicitfe.effects import drainage, fibres, softening, third_yeoh, viscoelastic
+from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.simd import inverse_cube_root
 from explicitfe.effects.effect import remember, remembered
-from explicitfe.jit import Dispatcher, bind, leaf
+from explicitfe.effects.material import drainage, fibres, softening, third_yeoh, viscoelastic
 from explicitfe.materials import volumetric
 from explicitfe.materials.kinematics import isochoric_invariant
-from explicitfe.simd import inverse_cube_root
 
 # Placeholders, bound below.
 law_stress = law_slope = law_energy = law_isochoric = None

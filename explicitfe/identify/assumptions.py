@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from explicitfe.errors import InputError, RunError
-from explicitfe.identify.dataset import Curve
 from explicitfe.identify.fit import Fit, Observed, Problem
-from explicitfe.identify.forward import Setup, depths, forces, smoothest
+from explicitfe.identify.forward import depths, forces, smoothest
+from explicitfe.measured.dataset import Curve
+from explicitfe.predict.setup import Setup
 
 GRAVITY = (0.0, 0.0, -9.81)
 LAYER_MM, LAYER_RATIO = 1.0, 3.0

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import RunError
-from explicitfe.identify.dataset import Curve
-from explicitfe.identify.modelfile import ModelFile
+from explicitfe.measured.dataset import Curve
+from explicitfe.predict.tissue import ModelFile
 
 AT_BOUND = 1e-3  # of the logarithm of the range
 STEP = 1e-3  # relative, of an unknown

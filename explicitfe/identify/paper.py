@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.errors import InputError, RunError
-from explicitfe.identify.dataset import Curve
-from explicitfe.identify.forward import Setup
-from explicitfe.relax import Equilibrium
+from explicitfe.measured.dataset import Curve
+from explicitfe.predict.setup import Setup
+from explicitfe.solve.equilibrium import Equilibrium
 
 # A forward run is converged to 1e-4 of its forces and smooth to 1e-3 of its displacements: 1 and 6 micrometres of the
 # paper's 1.1 and 6.2 mm. Closer agreement than this would be agreement with the mesh.

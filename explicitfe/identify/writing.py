@@ -5,22 +5,20 @@ from __future__ import annotations
 import json
 import math
 import re
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from explicitfe.errors import InputError, RunError
-from explicitfe.identify.forward import Setup
-from explicitfe.relax import Equilibrium
+from explicitfe.errors import RunError
+from explicitfe.predict.setup import Setup
+from explicitfe.results.folder import SUMMARY, whole_folder
+from explicitfe.solve.equilibrium import Equilibrium
 
-SUMMARY = "identify.json"
 STEPS = 8  # loads of the scenario and on the way to the deformed picture
+
+
 FEW = 20  # force steps that a scenario repeats as they are
 
 
@@ -46,53 +44,6 @@ class Deformed:
         return [float(x) for x in loads.max() * np.arange(1, STEPS + 1) / STEPS]
 
 
-def checked_target(out: Path, overwrite: bool, *, summary: str = SUMMARY, what: str = "identification") -> Path:
-    """The folder to write, if that may be: one that is new or empty, or, to be replaced, one with the ``summary`` of ``what``.
-
-    Raises
-    ------
-    InputError : something is there that an identification did not make, or that is not to be replaced.
-    """
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: this is a file; name a folder.")
-    if out.is_dir() and any(out.iterdir()):
-        if not (out / summary).is_file():
-            raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
-        if not overwrite:
-            raise InputError(f"{out}: this folder holds an earlier {what}; name another one, or add --overwrite.")
-    return out
-
-
-@contextmanager
-def whole_folder(target: Path) -> Iterator[Path]:
-    """A folder to fill, beside the target; it takes its place at the end, or nothing of it is left.
-
-    Raises
-    ------
-    InputError : the folder cannot be written.
-    """
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        beside = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
-    try:
-        beside.chmod(0o755)
-        yield beside
-        old = None
-        if target.exists():
-            old = target.with_name(f".{target.name}-old-{beside.name[-8:]}")
-            target.rename(old)
-        beside.rename(target)
-        if old is not None:
-            shutil.rmtree(old)
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
-    finally:
-        if beside.exists():
-            shutil.rmtree(beside)
-
-
 def write(target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, Any]]) -> None:
     """Write all files or none; ``summary["files"]`` lists them afterwards.
 
@@ -105,7 +56,7 @@ def write(target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, A
 
 
 def _fill(folder: Path, target: Path, summary: dict[str, Any], pictures: dict[str, dict[str, Any]]) -> None:
-    from explicitfe.view import fitfigures
+    from explicitfe.view import fit as fitfigures
 
     names: list[str] = []
 

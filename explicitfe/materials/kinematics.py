@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from explicitfe.jit import leaf
-from explicitfe.simd import inverse_cube_root
+from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.simd import inverse_cube_root
 
 
 @leaf

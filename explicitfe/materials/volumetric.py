@@ -6,8 +6,8 @@ ratio 0.499 it agrees with K/2 (J - 1)^2 to (J - 1)/2 of the pressure: J leaves 
 
 from __future__ import annotations
 
-from explicitfe.jit import leaf
-from explicitfe.simd import inverse_cube_root, log
+from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.simd import inverse_cube_root, log
 
 
 def bulk_modulus(shear_modulus_Pa: float, poisson: float) -> float:

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 from explicitfe.materials.kinematics import isochoric_invariant, isochoric_stress
 from explicitfe.materials.law import Law
 from explicitfe.materials.volumetric import bulk_modulus, pressure

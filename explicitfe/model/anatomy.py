@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from explicitfe.mesh.fibres import Muscle
 from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.muscle_lines import Muscle
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import LAWS, Law
-from explicitfe.mesh.contour import ContourMap
-from explicitfe.mesh.fibres import read_muscles
+from explicitfe.mesh.bent_block import ContourMap
+from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.arrays import Springs
+from explicitfe.compiled.arrays import Springs
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.materials import Law
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints

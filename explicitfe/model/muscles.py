@@ -17,12 +17,12 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.errors import InputError
-from explicitfe.mesh.fibres import Fibre, Muscle
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
+from explicitfe.mesh.muscle_lines import Fibre, Muscle
 from explicitfe.mesh.quality import volumes
 from explicitfe.model.model import FibrePull, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.model.scenario import MuscleTable
+from explicitfe.scenario.scenario import MuscleTable
 
 
 def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | FibrePull:

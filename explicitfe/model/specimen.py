@@ -11,15 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from explicitfe.effects import Effect, MaterialEffect, Measurement
-from explicitfe.effects.activation_lag import ActivationLag
+from explicitfe.effects.muscle.activation_lag import ActivationLag
 from explicitfe.elements import hex8
 from explicitfe.errors import InputError
+from explicitfe.mesh.cylinder import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
 from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
-from explicitfe.mesh.specimen import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model, NodalLoad, RotationalSymmetry, Tool
 from explicitfe.model.profile import Profile
-from explicitfe.model.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
 
 SECTOR_RAD = np.radians(1.0)
 COPIES = {"sector": 2.0 * np.pi / SECTOR_RAD, "quarter": 4.0, "half": 2.0, "whole": 1.0}

@@ -21,23 +21,21 @@ PACKAGE = ROOT / "explicitfe"
 # Low to high. A unit is a module at the top of the package or a whole folder; units of one rank are siblings and do not
 # import each other.
 RANKS = [
-    {"errors", "simd"},
-    {"jit"},
-    {"arrays", "mesh", "threads"},
-    {"elements", "materials"},
+    {"errors"},
+    {"compiled"},
+    {"mesh", "materials"},
+    {"elements"},
     {"effects"},
     {"forces"},
-    {"boundary"},
-    {"loop", "timestep"},
-    {"model"},
-    {"build"},
-    {"transient", "relax", "point", "results"},
-    {"prepared", "view"},
-    {"indentation"},
-    {"runner", "identify"},
-    {"discrepancy"},
+    {"scenario", "results"},
+    {"model", "view"},
+    {"solve"},
+    {"measured"},
+    {"run"},
+    {"predict"},
+    {"identify"},
+    {"close_loop"},
     {"blind"},
-    {"check", "show", "speed"},
     {"__init__"},
     {"cli"},
     {"__main__"},
@@ -135,10 +133,10 @@ def test_no_circle():
 
 def test_the_check_sees_what_it_should():
     """Imports that point up, to a sibling or past ONLY are found, inside functions too."""
-    up = "def f():\n    from explicitfe.build import Simulation\n"
-    assert violations("loop", ast.parse(up)) == ["loop:2 imports build"]
-    assert violations("elements.hex8", ast.parse("from explicitfe import materials")) == ["elements.hex8:1 imports materials"]
-    assert violations("results.reader", ast.parse("import explicitfe.simd")) == ["results.reader:1 imports simd"]
+    up = "def f():\n    from explicitfe.solve.simulation import Simulation\n"
+    assert violations("forces.contact", ast.parse(up)) == ["forces.contact:2 imports solve.simulation"]
+    assert violations("materials.yeoh", ast.parse("from explicitfe import mesh")) == ["materials.yeoh:1 imports mesh"]
+    assert violations("results.reader", ast.parse("import explicitfe.compiled.simd")) == ["results.reader:1 imports compiled.simd"]
     assert violations("forces.internal", ast.parse("from explicitfe.elements.hex8 import MODES")) == []
     late = "import numpy\nif TYPE_CHECKING:\n    import pyvista\ndef f():\n    import meshio\n"
     assert [name for name, _ in imports(at_import_time(ast.parse(late)))] == ["numpy"]
@@ -147,11 +145,11 @@ def test_the_check_sees_what_it_should():
 def test_only_jit_compiles():
     """numba is imported in jit.py, and in simd.py and threads.py, which teach it vectors and waiting; only jit.py compiles."""
     users = {module for module, tree in TREES.items() if any(n.split(".")[0] == "numba" for n, _ in imports(tree))}
-    assert users == {"jit", "simd", "threads"}
+    assert users == {"compiled.jit", "compiled.simd", "compiled.threads"}
     compilers = {"jit", "njit", "vectorize", "guvectorize", "jitclass", "cfunc", "stencil"}
-    for node in ast.walk(TREES["simd"]):
-        assert not (isinstance(node, ast.Attribute) and node.attr in compilers), f"simd.py:{node.lineno}"
-        assert not (isinstance(node, ast.Name) and node.id in compilers), f"simd.py:{node.lineno}"
+    for node in ast.walk(TREES["compiled.simd"]):
+        assert not (isinstance(node, ast.Attribute) and node.attr in compilers), f"compiled/simd.py:{node.lineno}"
+        assert not (isinstance(node, ast.Name) and node.id in compilers), f"compiled/simd.py:{node.lineno}"
 
 
 def test_only_results_reads_and_writes_hdf5():

@@ -9,20 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.blind import indentation, tables
+from explicitfe.blind import tables
+from explicitfe.blind import under_a_tool as indentation
 from explicitfe.blind.case import Wanted, write
+from explicitfe.blind.closed_forms import Bench
 from explicitfe.blind.grid import Mode, Planned
 from explicitfe.blind.identifiable import ENOUGH, separation
 from explicitfe.blind.make import make, numbers, plan
 from explicitfe.blind.noise import Noise, Whitener
-from explicitfe.blind.numerics import Bench
 from explicitfe.blind.outcome import intervals, outcome
 from explicitfe.blind.protocols import programme
 from explicitfe.blind.score import score
 from explicitfe.errors import InputError
-from explicitfe.identify.dataset import Curve, NoiseTable, SpecimenTable, ToolTable, read_dataset
-from explicitfe.identify.modelfile import ModelFile
-from explicitfe.identify.predict import experiments, predict_test
+from explicitfe.measured.dataset import Curve, NoiseTable, SpecimenTable, ToolTable, read_dataset
+from explicitfe.predict.predict import experiments, predict_test
+from explicitfe.predict.tissue import ModelFile
 
 C10, C20 = 400.0, 300.0
 AREA_M2, HEIGHT_M = 7e-4, 0.02

@@ -14,9 +14,9 @@ import pytest
 from statics import Statics
 from support import YEOH, assert_order, block_mesh, model_of
 
-from explicitfe.build import Simulation
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions
 from explicitfe.model.model import Model
+from explicitfe.solve.simulation import Simulation
 
 ELEMENTS = ("hex8", "hex8-stiffness", "hex8-full")
 SIZE = 0.02  # edge of the block [m]

@@ -6,19 +6,11 @@ import numpy as np
 import pytest
 from identify_cases import COARSE, DEEPEST_M, LOADS_N, TRUTH, response, setup
 
-from explicitfe import point
 from explicitfe.errors import RunError
-from explicitfe.identify.forward import (
-    PointResponse,
-    Setup,
-    Smooth,
-    UniformResponse,
-    forces,
-    is_uniform,
-    ratio,
-    smoothest,
-)
+from explicitfe.identify.forward import PointResponse, Smooth, UniformResponse, forces, ratio, smoothest
 from explicitfe.materials.yeoh import Yeoh
+from explicitfe.predict.setup import Setup, is_uniform
+from explicitfe.solve import point
 
 POISSON = 0.499
 

@@ -12,16 +12,18 @@ import pytest
 from identify_cases import COARSE, LOADS_N, TRUTH, response, setup, write, write_homogeneous
 from rich.console import Console
 
-from explicitfe import point, show
 from explicitfe.errors import InputError, RunError
 from explicitfe.identify.assumptions import Alternative, alternatives, what_a_fit_hides
-from explicitfe.identify.dataset import read_dataset
 from explicitfe.identify.fit import Observed, least_squares_fit
-from explicitfe.identify.forward import FIRST_Q, CurveModel, Setup, ToolResponse
-from explicitfe.identify.identification import identify
-from explicitfe.identify.selection import loading_rows, select
+from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse
+from explicitfe.identify.identify import identify
 from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.scenario import Indentation, read_scenario
+from explicitfe.measured.dataset import read_dataset
+from explicitfe.measured.selection import loading_rows, select
+from explicitfe.predict.setup import Setup
+from explicitfe.scenario.scenario import Indentation, read_scenario
+from explicitfe.solve import point
+from explicitfe.view import terminal as show
 
 MORE_LOADS_N = np.array([0.1, 0.2, 0.35, 0.5, 0.7])
 
@@ -292,7 +294,7 @@ def test_picture_that_fails_leaves_the_old_folder(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("explicitfe.view.fitfigures.profiles", full)
+    monkeypatch.setattr("explicitfe.view.fit.profiles", full)
     with pytest.raises(InputError, match="No space left"):
         identify(data, out=tmp_path / "out", overwrite=True)
     assert (tmp_path / "out" / "identify.json").read_bytes() == before

@@ -14,7 +14,7 @@ from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
 from explicitfe.results import open_result
-from explicitfe.runner import run
+from explicitfe.run.run import run
 from explicitfe.view import figures
 from explicitfe.view.figures import X, Y, Z, draw, section
 

@@ -1,7 +1,7 @@
 """Compiled kernels: kept on disk for the next process, never served stale, compiled once, and for vectors.
 
 Numba's cache looks at a template's own file and at the kernel's name, so the name carries a digest of everything else that is
-bound in (jit.py). The tests here edit a law between two bindings and look at what is computed.
+bound in (compiled/jit.py). The tests here edit a law between two bindings and look at what is computed.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ import numpy as np
 import pytest
 from support import ELEMENTS, ROOT, YEOH, block_mesh, model_of, small_indentation, tongue
 
-from explicitfe.build import Simulation, kernels
-from explicitfe.jit import OPTIONS, bind
+from explicitfe.compiled.jit import OPTIONS, bind
+from explicitfe.compiled.simd import WIDTH
 from explicitfe.model.model import PrescribedMotion
 from explicitfe.model.muscles import pull
-from explicitfe.model.scenario import MuscleTable
-from explicitfe.relax import Relaxation
-from explicitfe.simd import WIDTH
+from explicitfe.scenario.scenario import MuscleTable
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.simulation import Simulation, kernels
 
 law = None  # placeholder of the template below
 
@@ -38,7 +38,7 @@ def template(x):
 
 
 LEAF = """
-from explicitfe.jit import leaf
+from explicitfe.compiled.jit import leaf
 
 def double(x):
     return 2.0 * x
@@ -91,7 +91,7 @@ def test_an_edited_law_is_compiled_anew(edit, own_cache):
 
 def test_two_files_with_the_same_function_are_told_apart(own_cache):
     """The same name and the same byte code, but a global with another value in its file: another kernel."""
-    text = "from explicitfe.jit import leaf\nSCALE = {}\n\n@leaf\ndef law(x):\n    return SCALE * x\n"
+    text = "from explicitfe.compiled.jit import leaf\nSCALE = {}\n\n@leaf\ndef law(x):\n    return SCALE * x\n"
     results, names = [], set()
     for scale in (2.0, 3.0):
         bound = bind(template, law=module_from(own_cache / f"law_{scale:.0f}.py", text.format(scale)).law)
@@ -103,7 +103,7 @@ def test_two_files_with_the_same_function_are_told_apart(own_cache):
 
 def test_what_a_factory_captures_is_told_apart(own_cache):
     """Laws made by one function differ only in what they captured: same file, same byte code, another kernel."""
-    text = "from explicitfe.jit import leaf\n\ndef make(k):\n    @leaf\n    def law(x):\n        return k * x\n    return law\n"
+    text = "from explicitfe.compiled.jit import leaf\n\ndef make(k):\n    @leaf\n    def law(x):\n        return k * x\n    return law\n"
     module = module_from(own_cache / "factory.py", text)
     two, three = (bind(template, law=module.make(k)) for k in (2.0, 3.0))
     assert [two(1.0), three(1.0)] == [3.0, 4.0]
@@ -112,7 +112,7 @@ def test_what_a_factory_captures_is_told_apart(own_cache):
 
 def test_an_inner_function_does_not_spoil_the_name(own_cache):
     """A name that carried an address, as the repr of an inner function's code does, would never hit the cache."""
-    text = "from explicitfe.jit import leaf\n\n@leaf\ndef law(x):\n    inner = lambda y: 2.0 * y\n    return inner(x)\n"
+    text = "from explicitfe.compiled.jit import leaf\n\n@leaf\ndef law(x):\n    inner = lambda y: 2.0 * y\n    return inner(x)\n"
     kept = [module_from(own_cache / "inner.py", text) for _ in range(2)]
     names = {bind(template, law=module.law).py_func.__qualname__ for module in kept}
     assert len(names) == 1
@@ -122,7 +122,7 @@ PROCESS = """
 import sys
 sys.path.insert(0, {folder!r})
 import numba, template_file, edited_law
-from explicitfe.jit import bind
+from explicitfe.compiled.jit import bind
 kernel = bind(template_file.template, law=edited_law.law)
 print(kernel(1.0), sum(kernel.stats.cache_hits.values()), kernel.py_func.__qualname__)
 """
@@ -141,9 +141,9 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
     """A law that calls a helper from another file, edited between two processes: the third process hits the cache again."""
     (tmp_path / "template_file.py").write_text("law = None\n\ndef template(x):\n    return law(x) + 1.0\n")
     (tmp_path / "edited_law.py").write_text(
-        "from explicitfe.jit import leaf\nfrom helper_file import helper\n\n@leaf\ndef law(x):\n    return helper(x) * 10.0\n"
+        "from explicitfe.compiled.jit import leaf\nfrom helper_file import helper\n\n@leaf\ndef law(x):\n    return helper(x) * 10.0\n"
     )
-    helper = "from explicitfe.jit import leaf\n\n@leaf\ndef helper(x):\n    return {} * x\n"
+    helper = "from explicitfe.compiled.jit import leaf\n\n@leaf\ndef helper(x):\n    return {} * x\n"
     code = PROCESS.format(folder=str(tmp_path))
     found = []
     for factor in (2.0, 3.0, 3.0):
@@ -164,8 +164,8 @@ def test_a_binding_that_changes_nothing_is_an_error():
 SECOND = """
 import json
 from support import block_mesh, model_of, small_indentation
-from explicitfe.build import Simulation
-from explicitfe.relax import Relaxation
+from explicitfe.solve.simulation import Simulation
+from explicitfe.solve.equilibrium import Relaxation
 simulation = Simulation(model_of(block_mesh((2, 2, 2)), element={element!r}))
 seconds = simulation.compile() + Relaxation(small_indentation(element={element!r})).compile()
 names = [name for name in simulation.kernels.__dataclass_fields__]

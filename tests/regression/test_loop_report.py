@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from explicitfe.view import loopreport
+from explicitfe.view.report import page as loopreport
 
 TITLES = {
     "viscoelastic": "viscoelastic relaxation",

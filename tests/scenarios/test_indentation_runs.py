@@ -12,8 +12,8 @@ from command import command
 from support import ROOT
 
 import explicitfe
-from explicitfe.prepared import prepare
-from explicitfe.relax import Stuck
+from explicitfe.run.prepare import prepare
+from explicitfe.solve.equilibrium import Stuck
 
 REAR = ROOT / "scenarios" / "indentation-rear.toml"
 BALL = ROOT / "scenarios" / "indentation-ball.toml"

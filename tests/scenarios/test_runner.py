@@ -16,13 +16,13 @@ import pytest
 from command import command
 
 import explicitfe
-from explicitfe.check import LISTS
 from explicitfe.materials.neo_hooke import NeoHooke
 from explicitfe.model import catalogue
-from explicitfe.model.scenario import json_schema
 from explicitfe.results import open_result
-from explicitfe.runner import prepare
-from explicitfe.transient import Transient
+from explicitfe.run.check import LISTS
+from explicitfe.run.run import prepare
+from explicitfe.scenario.scenario import json_schema
+from explicitfe.solve.transient import Transient
 from explicitfe.view.figures import hourglass_share
 
 ROOT = Path(__file__).parents[2]

@@ -9,10 +9,10 @@ import pytest
 from command import command
 from support import YEOH, block_mesh
 
-from explicitfe import speed
-from explicitfe.build import MANY_ELEMENTS, Simulation
 from explicitfe.errors import InputError
 from explicitfe.model.model import Model
+from explicitfe.run import speed
+from explicitfe.solve.simulation import MANY_ELEMENTS, Simulation
 
 
 def test_bench_says_what_a_step_costs(capsys):

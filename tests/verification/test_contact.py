@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe import loop
-from explicitfe.arrays import (
+from explicitfe.compiled.arrays import (
     DEPTH,
     EDGE_RADIUS,
     FLAT_RADIUS,
@@ -24,11 +23,12 @@ from explicitfe.arrays import (
     WALL,
     Contact,
 )
+from explicitfe.compiled.jit import kernel
 from explicitfe.forces.contact import clearance, find_depth, follow, friction
-from explicitfe.jit import kernel
-from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
-from explicitfe.relax import Relaxation
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve import step as loop
+from explicitfe.solve.equilibrium import Relaxation
 
 HEIGHT = 0.02  # m, of the tool's lowest point at depth 0
 TOOLS: dict[str, dict[int, float]] = {

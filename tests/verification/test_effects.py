@@ -33,18 +33,18 @@ from support import (
     small_indentation,
 )
 
-from explicitfe import point
-from explicitfe.arrays import INTERNAL, KINETIC, LOST
-from explicitfe.build import Simulation, layout_of
-from explicitfe.effects.drainage import Drainage
+from explicitfe.compiled.arrays import INTERNAL, KINETIC, LOST
+from explicitfe.compiled.simd import WIDTH
 from explicitfe.effects.effect import MaterialEffect
-from explicitfe.effects.fibres import Fibres
-from explicitfe.effects.softening import Softening
-from explicitfe.effects.third_yeoh import ThirdYeoh
-from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.effects.material.drainage import Drainage
+from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects.material.softening import Softening
+from explicitfe.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.relax import Equilibrium, Relaxation
-from explicitfe.simd import WIDTH
+from explicitfe.solve import point
+from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.simulation import Simulation, layout_of
 
 C10, C20, K = YEOH.constants()
 G = 2.0 * C10
@@ -580,7 +580,7 @@ def test_energy_balance_of_a_run(names, record_property):
     """Stored, kinetic and lost energy add up to what there was: to 1e-3 of it at half the stable step, a third of that or less
     at a quarter of it (order 2), and what is lost is never negative.
 
-    The change of kinetic energy is, exactly, the trapezoidal work of the nodal forces (loop.py), and the ledger sums the
+    The change of kinetic energy is, exactly, the trapezoidal work of the nodal forces (solve/step.py), and the ledger sums the
     trapezoidal work of the stress: they differ in the hourglass forces alone, by (omega dt)^2 / 12 of an energy that is small.
     """
     errors = []

@@ -15,15 +15,15 @@ import pytest
 from broken_law import circulating_stress
 from support import ELEMENTS, LAWS, assert_order, balance, block_mesh, model_of, sampled_run, vibration_modes
 
-from explicitfe import loop
-from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
-from explicitfe.build import Kernels, Simulation, kernels
-from explicitfe.elements import assumed_strain
+from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
+from explicitfe.compiled.jit import bind
+from explicitfe.elements import hourglass_strain as assumed_strain
 from explicitfe.forces import internal, response
-from explicitfe.jit import bind
 from explicitfe.materials import yeoh
 from explicitfe.model.model import Model, NodalLoad
 from explicitfe.model.profile import Profile
+from explicitfe.solve import step as loop
+from explicitfe.solve.simulation import Kernels, Simulation, kernels
 
 EDGE = 0.01  # m; the block is 30 x 20 x 20 mm
 SIZE = 0.03

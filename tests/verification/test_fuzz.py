@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from support import ELEMENTS, block_mesh, model_of, random_gradient, random_rotation
 
-from explicitfe.arrays import SMALLEST_J, Blocks
-from explicitfe.build import Simulation
+from explicitfe.compiled.arrays import SMALLEST_J, Blocks
+from explicitfe.compiled.simd import WIDTH
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
-from explicitfe.simd import WIDTH
-from explicitfe.transient import INVERTED, Transient
+from explicitfe.solve.simulation import Simulation
+from explicitfe.solve.transient import INVERTED, Transient
 
 EDGE = 0.01  # m
 STATES = 10_000

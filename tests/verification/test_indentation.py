@@ -16,9 +16,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 from support import ROOT
 
-from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
-from explicitfe.relax import Equilibrium, Relaxation
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 LOADS = np.arange(1, 9) / 10.0  # N
 REFERENCES = ROOT.parent / "shared" / "data" / "reference" / "indentation"

@@ -27,14 +27,14 @@ from support import (
     tongue,
 )
 
-from explicitfe.build import Simulation
 from explicitfe.elements import hex8
 from explicitfe.materials import kinematics, law_of, volumetric
-from explicitfe.mesh.fibres import Muscle
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.mesh.muscle_lines import Muscle
 from explicitfe.model.model import FibrePull, NodalLoad
 from explicitfe.model.muscles import pull
-from explicitfe.model.scenario import MuscleTable
+from explicitfe.scenario.scenario import MuscleTable
+from explicitfe.solve.simulation import Simulation
 
 BODIES = pytest.mark.parametrize("shape", ["block", "tongue"])
 BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))

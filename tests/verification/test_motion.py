@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from support import ELEMENTS, YEOH, balance, block_mesh, model_of, sampled_run
 
-from explicitfe.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
-from explicitfe.build import Simulation
+from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
-from explicitfe.transient import Ledger, Transient
+from explicitfe.solve.simulation import Simulation
+from explicitfe.solve.transient import Ledger, Transient
 
 EDGE = 0.01  # m
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)

@@ -17,14 +17,14 @@ import pytest
 from scipy.optimize import brentq
 from support import LAWS, YEOH, block_mesh, model_of, random_gradient
 
-from explicitfe import point
-from explicitfe.build import Simulation
-from explicitfe.effects.drainage import Drainage
-from explicitfe.effects.fibres import Fibres
-from explicitfe.effects.softening import Softening
-from explicitfe.effects.third_yeoh import ThirdYeoh
-from explicitfe.effects.viscoelastic import Viscoelastic
+from explicitfe.effects.material.drainage import Drainage
+from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects.material.softening import Softening
+from explicitfe.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import RunError
+from explicitfe.solve import point
+from explicitfe.solve.simulation import Simulation
 
 # The order and the kinds are those of test_effects.py: one compilation serves both files.
 EFFECTS = (

@@ -12,13 +12,13 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from explicitfe.arrays import DEPTH
-from explicitfe.boundary import turn, turn_back
+from explicitfe.compiled.arrays import DEPTH
 from explicitfe.materials import kinematics, law_of
 from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
-from explicitfe.relax import TOLERANCE, Equilibrium, Relaxation, Stuck
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.boundary import turn, turn_back
+from explicitfe.solve.equilibrium import TOLERANCE, Equilibrium, Relaxation, Stuck
 
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 RADIUS, HEIGHT = 0.020, 0.010  # m, of the cylinder

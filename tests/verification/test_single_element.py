@@ -17,10 +17,10 @@ import pytest
 from scipy.optimize import brentq
 from support import ELEMENTS, ROOT, block_mesh, model_of
 
-from explicitfe.build import Simulation
 from explicitfe.materials import Law
 from explicitfe.materials.neo_hooke import NeoHooke
 from explicitfe.materials.yeoh import Yeoh
+from explicitfe.solve.simulation import Simulation
 
 C10, C20 = 191.5, 90.6
 EDGE = 0.01  # m

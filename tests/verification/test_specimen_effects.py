@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from explicitfe.effects import EFFECTS, Effect
-from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
-from explicitfe.relax import Equilibrium, Relaxation
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 FORCES_N = (0.02, 0.04)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from explicitfe.mesh.cylinder import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
 from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
-from explicitfe.mesh.specimen import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
 
 MM = 1e-3
 

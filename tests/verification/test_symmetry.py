@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 from support import ELEMENTS, ROOT
 
-from explicitfe.runner import prepare
-from explicitfe.transient import Transient
+from explicitfe.run.run import prepare
+from explicitfe.solve.transient import Transient
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from support import ELEMENTS, YEOH, block_mesh
 
-from explicitfe import threads
-from explicitfe.build import Simulation, parts_of, usual_threads
-from explicitfe.effects.viscoelastic import Viscoelastic
-from explicitfe.jit import kernel
+from explicitfe.compiled import threads
+from explicitfe.compiled.jit import kernel
+from explicitfe.compiled.threads import wait
+from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
-from explicitfe.model.scenario import SpecimenTable, ToolTable
 from explicitfe.model.specimen import specimen_model
-from explicitfe.relax import Equilibrium, Relaxation
-from explicitfe.threads import wait
-from explicitfe.timestep import FRACTION
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.simulation import Simulation, parts_of, usual_threads
+from explicitfe.solve.stable_step import FRACTION
 
 STEPS = 60
 ROUNDING = 1e-12  # of the largest displacement: STEPS sums of a few 1e-16 each, grown by a stable system at most STEPS-fold

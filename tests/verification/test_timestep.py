@@ -11,14 +11,14 @@ import pytest
 import step_limit
 from support import ELEMENTS, LAWS, ROOT, YEOH, balance, block_mesh, model_of, random_rotation, true_limit
 
-from explicitfe.build import Simulation
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.runner import prepare
-from explicitfe.timestep import FRACTION
-from explicitfe.transient import FIRST_TURNS, INVERTED, UNSTABLE, Transient
+from explicitfe.run.run import prepare
+from explicitfe.solve.simulation import Simulation
+from explicitfe.solve.stable_step import FRACTION
+from explicitfe.solve.transient import FIRST_TURNS, INVERTED, UNSTABLE, Transient
 
 BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)

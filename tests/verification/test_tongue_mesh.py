@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from explicitfe.errors import InputError
-from explicitfe.mesh.contour import ContourMap, check_cells, mirror
-from explicitfe.mesh.fibres import Fibre, Muscle, locate_in_mesh, points_at_nodes, read_muscles
+from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions
+from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, points_at_nodes, read_muscles
 from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -1,0 +1,167 @@
+"""Tests under a tool by the simulator, with other numerics than a fit's: a quarter of the body, other mesh and tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from explicitfe.blind.closed_forms import Effects
+from explicitfe.blind.protocols import HOLD_FIRST
+from explicitfe.effects import EFFECTS, Effect, MaterialEffect, Measurement
+from explicitfe.errors import RunError
+from explicitfe.model.specimen import specimen_model
+from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.solve.equilibrium import Relaxation, Stuck
+
+POISSON, DENSITY_KG_M3 = 0.499, 1040.0
+LONG = 0.15  # of the time: a wait from so long on gets all its instants
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """How a test is simulated: keys of a scenario's specimen, tolerance, instants of a way and of a wait."""
+
+    symmetry: str
+    refinement: float
+    tolerance: float
+    moving: int
+    waiting: int
+
+
+DATA = Numerics("quarter", 0.5, 1.5e-4, 9, 4)
+SCREEN = Numerics("sector", 0.4, 1e-3, 6, 3)  # differences of runs on one mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Indentation:
+    """A curve before it is measured.
+
+    Attributes
+    ----------
+    specimen, tool : lengths [mm] and shapes as a dataset states them.
+    corners : (time [s], displacement [mm] or force [N]) of the programme.
+    by_force : what is imposed.
+    rows : time of the rows [s].
+    test : curves of one number follow each other.
+    """
+
+    id: str
+    specimen: Mapping[str, float]
+    tool: Mapping[str, Any]
+    corners: tuple[tuple[float, float], ...]
+    by_force: bool
+    rows: np.ndarray
+    conditions: dict[str, Any]
+    test: int
+    split: str | None
+
+    @property
+    def imposed(self) -> np.ndarray:
+        """Displacement [mm] or force [N] at the rows."""
+        t, x = zip(*self.corners, strict=True)
+        return np.interp(self.rows, t, x)
+
+    def instants(self, numerics: Numerics, offset: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times [s] at which it is simulated, what is imposed then, and which of them are corners.
+
+        ``offset`` is added to what is imposed; where it then passes 0, contact begins or ends.
+        """
+        t, x = (np.array(column, dtype=float) for column in zip(*self.corners, strict=True))
+        x = x + offset
+        for k in reversed(range(len(t) - 1)):
+            if x[k] * x[k + 1] < 0.0:
+                t = np.insert(t, k + 1, t[k] + (t[k + 1] - t[k]) * x[k] / (x[k] - x[k + 1]))
+                x = np.insert(x, k + 1, 0.0)
+        times, corners = [t[:1]], [0]
+        largest = np.abs(x).max()
+        for k in range(len(t) - 1):
+            way = abs(x[k + 1] - x[k]) / largest
+            if way > 0.0:
+                count = max(int(np.ceil(numerics.moving * way)), 1)
+                share = np.arange(1, count + 1) / count
+            else:
+                wait = (t[k + 1] - t[k]) / (t[-1] - t[0])
+                count = max(round(numerics.waiting * min(wait / LONG, 1.0)), 1)
+                share = np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / HOLD_FIRST)) * HOLD_FIRST
+            times.append(t[k] + share * (t[k + 1] - t[k]))
+            corners.append(corners[-1] + len(share))
+        at = np.concatenate(times)
+        return at, np.interp(at, t, x), np.array(corners)
+
+
+def simulate(
+    curves: Sequence[Indentation], constants: tuple[float, float], effects: Effects, numerics: Numerics
+) -> list[np.ndarray]:
+    """What is read at the rows of each curve (k,): force [N], or displacement [m] where the force is imposed.
+
+    Raises
+    ------
+    RunError : a state is not reached.
+    """
+    known = [EFFECTS[name](**parameters) for name, parameters in effects.items()]
+    readings = [effect for effect in known if isinstance(effect, Measurement)]
+    physics = [effect for effect in known if not isinstance(effect, Measurement)]
+    waits = any(isinstance(effect, MaterialEffect) and effect.values(1.0) != effect.values(0.0) for effect in physics)
+    found = []
+    for number in dict.fromkeys(curve.test for curve in curves):
+        test = [curve for curve in curves if curve.test == number]
+        body = _body(test[0], constants, physics, numerics)
+        start = 0.0
+        for k, curve in enumerate(test):
+            found.append(_curve(body, curve, readings, numerics, start, waits))
+            following = test[k + 1] if k + 1 < len(test) else curve
+            start += float(curve.rows[-1] + following.rows[1])
+    return found
+
+
+def _body(curve: Indentation, constants: tuple[float, float], physics: Sequence[Effect], numerics: Numerics) -> Relaxation:
+    material = {"law": "yeoh", "C10_Pa": constants[0], "C20_Pa": constants[1]}
+    specimen = SpecimenTable(
+        symmetry=numerics.symmetry,
+        refinement=numerics.refinement,
+        material=material | {"poisson": POISSON, "density_kg_m3": DENSITY_KG_M3},
+        **curve.specimen,
+    )
+    body = Relaxation(specimen_model(specimen, ToolTable(**curve.tool), physics), numerics.tolerance, threads=1)
+    body.compile()
+    if isinstance(body.settle(), Stuck):
+        raise RunError("the specimen does not come to rest.")
+    return body
+
+
+def _curve(
+    body: Relaxation, curve: Indentation, readings: Sequence[Measurement], numerics: Numerics, start_s: float, waits: bool
+) -> np.ndarray:
+    """One curve of a test that goes on from what is already behind it; ``waits``: something happens while nothing moves."""
+    offset = 0.0
+    if not curve.by_force:
+        offset = 1e3 * sum(float(effect.true_displacement(np.zeros(1))[0]) for effect in readings)
+    at, way, corners = curve.instants(numerics, offset)
+    answers = np.zeros(len(at))
+    for k, (t, x) in enumerate(zip(at, way, strict=True)):
+        if k == 0 and x == 0.0 and start_s == 0.0:
+            continue  # it just touches
+        if k > 0 and x == way[k - 1] and not waits:
+            answers[k] = answers[k - 1]
+            continue
+        reached = body.press(x, at_s=start_s + t) if curve.by_force else body.move(1e-3 * x, at_s=start_s + t)
+        if isinstance(reached, Stuck):
+            raise RunError(f"{curve.id}: {reached.reason} at {t:.3g} s.")
+        answers[k] = reached.displacement_m if curve.by_force else reached.force_N
+    values = np.empty(len(curve.rows))
+    for start, end in pairwise(corners):
+        inside = (curve.rows >= at[start] - 1e-9) & (curve.rows <= at[end] + 1e-9)
+        t, y = at[start : end + 1], answers[start : end + 1]
+        rows = np.clip(curve.rows[inside], t[0], t[-1])
+        values[inside] = PchipInterpolator(t, y)(rows) if len(t) > 2 else np.interp(rows, t, y)
+    for effect in readings:
+        if curve.by_force:
+            values = values - (effect.true_displacement(values) - values)
+        else:
+            values = effect.read_force(values, curve.rows, 1.0)
+    return values

@@ -1,0 +1,1 @@
+"""Tests of specimens as the loop sees them."""

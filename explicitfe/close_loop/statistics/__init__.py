@@ -1,0 +1,1 @@
+"""The statistics of the loop; nothing here knows of tissue."""

@@ -1,0 +1,1 @@
+"""Sensors on a moving tongue as the loop sees them."""

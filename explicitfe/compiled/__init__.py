@@ -1,0 +1,1 @@
+"""What makes machine code, and knows no mechanics: compile options, vectors, arrays, threads."""

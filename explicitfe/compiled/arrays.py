@@ -1,0 +1,172 @@
+"""Arrays that cross into compiled kernels: one named tuple a family, every field with its meaning, unit and shape.
+
+n nodes, m elements, B = ceil(m / W) blocks of W = ``simd.WIDTH`` elements. Node arrays have N > n rows of 4 numbers
+[x, y, z, 0]: four, so that a corner is one vector load; at least one row more, so that the empty lanes of the last block
+have a node to read and write, which has no mass and never moves; an even number, so that whole vectors sweep over them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from explicitfe.compiled.simd import ROW, WIDTH
+
+
+class State(NamedTuple):
+    """What the loop advances from instant to instant."""
+
+    u: np.ndarray  # displacement at t_n [m], (N, 4)
+    v: np.ndarray  # velocity of the half step before, v_(n-1/2) [m/s], (N, 4)
+    force: np.ndarray  # minus the internal force at u [N], (N, 4)
+
+
+class Blocks(NamedTuple):
+    """Elements in blocks of W: lane after lane, so that W elements are computed at once."""
+
+    nodes: np.ndarray  # node numbers, uint32, (B, 8, W)
+    geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W)
+    constants: np.ndarray  # constants of the material law, (B, number of the law, W)
+    hourglass: np.ndarray  # constants of the hourglass treatment, or numbers of the Gauss points, (B, number, W)
+    effects: np.ndarray  # numbers of the material's effects for the present time increment, (B, number, W)
+    old: np.ndarray  # what the material remembers of the last accepted instant, (B, number, W)
+    new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
+
+
+class Part(NamedTuple):
+    """What one thread computes: a run of blocks, and the node rows from their lowest one to that of the next part.
+
+    Rows further up, which the next part's elements have in common with these, get forces in both parts; the next part adds them.
+    """
+
+    number: int
+    count: int  # of parts
+    gate: np.ndarray  # where the threads meet, see compiled/threads.py
+    first: int  # its first node row
+    own: int  # how many rows it updates
+    u: np.ndarray  # displacements of its rows and of those further up that its elements touch [m], a view
+    force: np.ndarray  # minus the internal force of its elements at those rows [N]
+    lower: np.ndarray  # the same of the part before, from this part's first row on; none in the first part
+    blocks: Blocks  # with node numbers counted from ``first``
+
+
+class Nodes(NamedTuple):
+    """Lumped masses; a component that is held has a mass and no inverse mass, so it never gets a velocity."""
+
+    mass: np.ndarray  # [kg], (N, 4)
+    inverse_mass: np.ndarray  # [1/kg], 0 where the component is held, (N, 4)
+
+
+class DeadLoads(NamedTuple):
+    """Nodal forces of fixed direction, in groups that share a time profile (compressed rows)."""
+
+    start: np.ndarray  # first entry of each group and the end, int64, (groups + 1,)
+    node: np.ndarray  # node of each entry, int64, (entries,)
+    force: np.ndarray  # force at activation 1 [N], (entries, 3)
+    profile: np.ndarray  # row of the activation table, int64, (groups,)
+
+
+class FollowerFibres(NamedTuple):
+    """Tense polylines of material points that turn with the deformation (compressed rows)."""
+
+    start: np.ndarray  # first vertex of each fibre and the end, int64, (fibres + 1,)
+    nodes: np.ndarray  # nodes that carry each vertex, int64, (vertices, 8)
+    weights: np.ndarray  # shape functions of each vertex, (vertices, 8); all 0 for a point fixed in space
+    position: np.ndarray  # reference position of each vertex [m], (vertices, 3)
+    tension: np.ndarray  # tension of the segment that starts at each vertex, at activation 1 [N], (vertices,)
+    profile: np.ndarray  # row of the activation table, int64, (fibres,)
+
+
+class Motion(NamedTuple):
+    """Nodes that follow a prescribed course; all three components."""
+
+    node: np.ndarray  # int64, (k,)
+    target: np.ndarray  # displacement at the instants t_n, t_(n+1), ... [m], (instants, k, 3)
+
+
+class Turned(NamedTuple):
+    """Rotational symmetry about the z axis: nodes whose displacement is that of a partner, turned."""
+
+    node: np.ndarray  # int64, (k,)
+    partner: np.ndarray  # int64, (k,)
+    rotation: np.ndarray  # [cosine, sine] of the angle from partner to node, (2,)
+
+
+class Contact(NamedTuple):
+    """Points of the surface that a rigid tool of revolution about the z axis may touch."""
+
+    node: np.ndarray  # nodes of the face that each point lies in, uint32, (k, 4)
+    weight: np.ndarray  # their shape functions there, (k, 4)
+    position: np.ndarray  # reference position [m], (k, 3)
+    spring: np.ndarray  # contact stiffness of the area that the point stands for [N/m], (k,)
+    area: np.ndarray  # that can stick to the tool [m^2], (k,)
+    grip: np.ndarray  # tangential stiffness while it sticks [N/m], (k,)
+    anchor: np.ndarray  # displacement relative to the tool at which friction has no force [m], (k, 3)
+    shape: np.ndarray  # what the tool looks like, (SHAPE,)
+    moved: np.ndarray  # displacement of each point as last looked at [m], (k, 3)
+
+
+class Springs(NamedTuple):
+    """Nodes that are held elastically where they are."""
+
+    node: np.ndarray  # int64, (k,)
+    stiffness: np.ndarray  # [N/m] along x, y, z, (k, 3)
+
+
+# Entries of a tool's shape. It is a disc with a rounded edge; above the edge it has a vertical wall, or goes on as a ball.
+# It may be tilted about the y axis [rad], and pull at what is near: a stress [Pa] that falls to nothing within a reach [m].
+FLAT_RADIUS, EDGE_RADIUS, WALL, LOWEST, TIED, FRICTION, TILT, ADHESION, REACH, SHAPE = range(10)
+
+# Entries of the tool's state: its way down [m], the force on it [N], and whether that force (1) or the way (0) is given; in
+# the latter case the way that it goes to [m], how far in one iteration [m], and what the rig gives way by [m/N].
+DEPTH, LOAD, FREE, GOAL, PACE, COMPLIANCE, DRIVE, TOOL = range(8)
+
+# Entries of what a relaxation tells of itself.
+RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, LOADS, WORK, MONITOR = range(9)
+
+# Entries of what each part adds to the sums of a relaxation, and its smallest J; a line of the cache more keeps parts apart.
+SUM_J, PRESSED, UNBALANCED, PUSHED, DEAD_WORK, SUM_POWER, MOVED_POWER, MOVED_MOMENT = range(8)
+SUMS = 16
+
+# Entries of the ledger, float64.
+EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
+
+# Entries of the energies that a snapshot gives [J].
+INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, ENERGIES = 0, 1, 2, 3, 4, 5, 6
+
+
+LINE = 64  # bytes of a line of the cache
+
+
+def zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarray:
+    """An array of zeros that starts where a line of the cache starts: no vector of a kernel then lies across two of them."""
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = np.zeros(size + LINE, dtype=np.uint8)
+    start = -memory.ctypes.data % LINE
+    return memory[start : start + size].view(dtype).reshape(shape)
+
+
+def node_rows(values: np.ndarray) -> np.ndarray:
+    """(n, 3) values as (N, 4) node rows, zero in the padding; N is the even number after n."""
+    count = len(values)
+    rows = zeros((count + 2 - count % 2, ROW))
+    rows[:count, :3] = values
+    return rows
+
+
+def in_blocks(values: np.ndarray, idle: int | None = None) -> np.ndarray:
+    """(m, k) element values as (B, k, W) blocks.
+
+    Lanes past the last element repeat it, so that they compute nothing odd, or hold ``idle``: the idle node, which never
+    moves, so that what they compute is zero.
+    """
+    count, width = values.shape
+    full, left = divmod(count, WIDTH)
+    blocks = zeros((full + (left > 0), width, WIDTH), values.dtype)
+    blocks[:full] = values[: full * WIDTH].reshape(full, WIDTH, width).transpose(0, 2, 1)
+    if left:
+        blocks[full, :, :left] = values[full * WIDTH :].T
+        blocks[full, :, left:] = values[-1, :, None] if idle is None else idle
+    return blocks

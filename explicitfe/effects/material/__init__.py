@@ -1,0 +1,1 @@
+"""Effects of the material: what an element answers to its deformation."""

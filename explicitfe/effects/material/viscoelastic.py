@@ -1,0 +1,152 @@
+"""Relaxation of the isochoric stress by a Prony series (Simo 1987).
+
+S(t) = S_el - sum_i g_i integral (1 - e^(-(t - s) / tau_i)) dS_el(s).
+
+C10 and C20 are those of a sudden load; after a long time the isochoric stress is 1 - sum g of it. Each term remembers a stress
+Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an increment its update is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from explicitfe.compiled.simd import maximum, minimum
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
+from explicitfe.materials.law import Law
+from explicitfe.materials.volumetric import bulk_modulus
+
+AT = MEMORY = 0
+TERMS = 1
+
+
+class Viscoelastic(MaterialEffect):
+    """Prony series of the isochoric stress, one to four terms."""
+
+    about: ClassVar[Description] = Description(
+        title="viscoelastic relaxation",
+        equation="S = (1 - sum g) S_el + sum Q_i, dQ_i/dt + Q_i / tau_i = g_i dS_el/dt",
+        source="Simo (1987) Comput. Meth. Appl. Mech. Engng 60:153-173; Holzapfel (2000) section 6.10",
+        where="material",
+        strength="sum of g",
+        plausible=0.9,
+        needs="time: a hold, or two rates",
+        neighbours="softening (no relaxation in a hold), drainage (needs a change of volume: two radii), friction",
+    )
+    sought: ClassVar[Mapping[str, Sought]] = {
+        "g": Sought((0.1, 0.3, 0.6), 0.0, 0.98, kind="rest"),
+        "tau_s": Sought((0.002, 0.006, 0.02, 0.06, 0.2, 0.6), 5e-4, 5.0, scale="duration_s", kind="log"),
+    }
+    requires: ClassVar[tuple[str, ...]] = ("time",)
+    terms: ClassVar[int] = 3
+    g: tuple[float, ...] = Field(description="share of the sudden stress that each term loses")
+    tau_s: tuple[float, ...] = Field(description="relaxation time of each term [s]")
+
+    @model_validator(mode="after")
+    def _series(self) -> Viscoelastic:
+        if len(self.g) != len(self.tau_s) or not 1 <= len(self.g) <= 4:
+            raise ValueError("g and tau_s must have as many entries, one to four")
+        if min(self.g) < 0.0 or sum(self.g) >= 1.0:
+            raise ValueError("g must not be negative, and must add up to less than 1: else nothing would hold in the long run")
+        if min(self.tau_s) <= 0.0:
+            raise ValueError("tau_s must be above 0")
+        return self
+
+    @classmethod
+    def made(cls, terms: Sequence[Mapping[str, float]]) -> Viscoelastic:
+        """Of the stress that the terms before it leave, each term loses its share ``g``: together never all of it."""
+        left, g = 1.0, []
+        for term in terms:
+            g.append(left * term["g"])
+            left -= g[-1]
+        return cls(g=tuple(g), tau_s=tuple(term["tau_s"] for term in terms))
+
+    @property
+    def strength(self) -> float:
+        return sum(self.g)
+
+    @property
+    def memory(self) -> int:
+        return 6 + 6 * len(self.g)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return (len(self.g),)
+
+    def values(self, increment_s: float) -> tuple[float, ...]:
+        """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
+        found = [1.0 - sum(self.g)]
+        for g, tau in zip(self.g, self.tau_s, strict=True):
+            x = increment_s / tau
+            found += [g * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), g]
+        return tuple(float(value) for value in found)
+
+
+def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelastic]:
+    """A material that is damped as by stiffness-proportional damping ``beta_s``, by one Maxwell branch: at rest it is ``law``.
+
+    The branch has the viscosity eta = beta G and the modulus eta / tau. A Kelvin-Voigt element of the same eta would cut the
+    explicit step; the branch acts like it below 1 / (2 pi tau), above it stiffens by beta / tau. The bulk modulus stays.
+    """
+    times = 1.0 + beta_s / tau_s
+    G, K = times * law.shear_modulus_Pa, bulk_modulus(law.shear_modulus_Pa, law.poisson)
+    moduli = {name: times * value for name, value in law.model_dump().items() if name.endswith("_Pa")}
+    poisson = (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))
+    return law.model_copy(update=moduli | {"poisson": poisson}), Viscoelastic(g=(1.0 - 1.0 / times,), tau_s=(tau_s,))
+
+
+def relax(S, blocks, block):
+    """The isochoric stress (6 components) [Pa] that is left of the elastic one S, and the share of it that is left.
+
+    The share, S.T / S.S, is what hourglass control keeps; it stays between the long-term share and 1.
+    """
+    left = number(blocks, block, AT)
+    T = (left * S[0], left * S[1], left * S[2], left * S[3], left * S[4], left * S[5])
+    for term in range(TERMS):
+        gain, decay = number(blocks, block, AT + 1 + 3 * term), number(blocks, block, AT + 2 + 3 * term)
+        q = MEMORY + 6 + 6 * term
+        Q0 = decay * remembered(blocks, block, q) + gain * (S[0] - remembered(blocks, block, MEMORY))
+        Q1 = decay * remembered(blocks, block, q + 1) + gain * (S[1] - remembered(blocks, block, MEMORY + 1))
+        Q2 = decay * remembered(blocks, block, q + 2) + gain * (S[2] - remembered(blocks, block, MEMORY + 2))
+        Q3 = decay * remembered(blocks, block, q + 3) + gain * (S[3] - remembered(blocks, block, MEMORY + 3))
+        Q4 = decay * remembered(blocks, block, q + 4) + gain * (S[4] - remembered(blocks, block, MEMORY + 4))
+        Q5 = decay * remembered(blocks, block, q + 5) + gain * (S[5] - remembered(blocks, block, MEMORY + 5))
+        remember(blocks, block, q, Q0)
+        remember(blocks, block, q + 1, Q1)
+        remember(blocks, block, q + 2, Q2)
+        remember(blocks, block, q + 3, Q3)
+        remember(blocks, block, q + 4, Q4)
+        remember(blocks, block, q + 5, Q5)
+        T = (T[0] + Q0, T[1] + Q1, T[2] + Q2, T[3] + Q3, T[4] + Q4, T[5] + Q5)
+    remember(blocks, block, MEMORY, S[0])
+    remember(blocks, block, MEMORY + 1, S[1])
+    remember(blocks, block, MEMORY + 2, S[2])
+    remember(blocks, block, MEMORY + 3, S[3])
+    remember(blocks, block, MEMORY + 4, S[4])
+    remember(blocks, block, MEMORY + 5, S[5])
+    both = S[0] * T[0] + S[1] * T[1] + S[2] * T[2] + 2.0 * (S[3] * T[3] + S[4] * T[4] + S[5] * T[5])
+    size = S[0] * S[0] + S[1] * S[1] + S[2] * S[2] + 2.0 * (S[3] * S[3] + S[4] * S[4] + S[5] * S[5])
+    one = left * 0.0 + 1.0
+    return T, minimum(one, maximum(left, (both + 1e-200) / (size + 1e-200)))
+
+
+def branch_energy(C, modulus, blocks, block):
+    """Share of the sudden energy that is kept in the long run, and the energy of the terms [Pa]: sum of tr(Q C Q C) / (4 g G).
+
+    G is the ``modulus`` [Pa] of a sudden small shear from here.
+    """
+    energy = 0.0 * modulus
+    for term in range(TERMS):
+        q = MEMORY + 6 + 6 * term
+        a, b, c = remembered(blocks, block, q), remembered(blocks, block, q + 1), remembered(blocks, block, q + 2)
+        d, e, f = remembered(blocks, block, q + 3), remembered(blocks, block, q + 4), remembered(blocks, block, q + 5)
+        # M = Q C, with Q = (a d e; d b f; e f c)
+        m00, m01, m02 = a * C[0] + d * C[3] + e * C[4], a * C[3] + d * C[1] + e * C[5], a * C[4] + d * C[5] + e * C[2]
+        m10, m11, m12 = d * C[0] + b * C[3] + f * C[4], d * C[3] + b * C[1] + f * C[5], d * C[4] + b * C[5] + f * C[2]
+        m20, m21, m22 = e * C[0] + f * C[3] + c * C[4], e * C[3] + f * C[1] + c * C[5], e * C[4] + f * C[5] + c * C[2]
+        square = m00 * m00 + m11 * m11 + m22 * m22 + 2.0 * (m01 * m10 + m02 * m20 + m12 * m21)
+        energy = energy + square / (4.0 * modulus * number(blocks, block, AT + 3 + 3 * term) + 1e-200)
+    return number(blocks, block, AT), energy

@@ -1,0 +1,1 @@
+"""Effects of the muscles that drive a tongue."""

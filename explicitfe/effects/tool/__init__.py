@@ -1,0 +1,1 @@
+"""Effects of the tool and of the rig that drives it."""

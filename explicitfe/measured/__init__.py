@@ -1,0 +1,1 @@
+"""Measured curves: datasets, read, checked and turned into SI."""

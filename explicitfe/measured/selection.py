@@ -1,0 +1,127 @@
+"""Which curves and rows of a dataset an elastic law is fitted to, which it only predicts, and which are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from explicitfe.errors import InputError, nearest
+from explicitfe.measured.dataset import COLUMNS, NOISE, Curve, Dataset, same_measurement
+
+SAME_MAXIMUM_SD = 3.0  # a row counts as the largest when it is so within this many sds of the imposed column
+
+
+@dataclass(frozen=True)
+class Group:
+    """Curves that share their constants.
+
+    Attributes
+    ----------
+    fitted, predicted : curves, in the order of the file.
+    rows : id -> number of rows used, from the first one on.
+    """
+
+    name: str
+    fitted: tuple[Curve, ...]
+    predicted: tuple[Curve, ...]
+    rows: dict[str, int] = field(default_factory=dict)
+
+
+def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dict[str, str]]:
+    """Groups of curves, and why which curve was left out.
+
+    Parameters
+    ----------
+    fit_where : "KEY=VALUE" on conditions, ``group`` or ``id``: only curves that match all keys are fitted, the others
+        predicted; a key given twice allows both values. A curve that the dataset holds out stays so.
+
+    Raises
+    ------
+    InputError : a trajectory, an unknown key, or constants without a curve to fit.
+    """
+    if dataset.test == "trajectory":
+        raise InputError(f"{dataset.path}: constants of tissue are identified from tests of specimens, this is a trajectory.")
+    wanted = _wanted(dataset, fit_where)
+    left_out = {c.id: f"defect: {c.defect}" for c in dataset.curves if c.defect}
+    groups = []
+    for name, curves in dataset.constants_groups().items():
+        fitted: list[Curve] = []
+        predicted: list[Curve] = []
+        for curve in curves:
+            if curve.id in left_out:
+                continue
+            side = fitted if curve.split != "holdout" and _matches(curve, wanted) else predicted
+            twin = next((c for c in fitted + predicted if same_measurement(c, curve)), None)
+            if twin is not None:
+                left_out[curve.id] = f'a second digitisation of "{twin.id}"'
+                continue
+            side.append(curve)
+        if not fitted:
+            which = " ".join(f"--fit {w}" for w in fit_where)
+            raise InputError(
+                f'{dataset.path}: no curve is left to fit the constants "{name}"'
+                + (f" with {which}; allow one." if which else ": all are held out or defective.")
+            )
+        groups.append(Group(name, tuple(fitted), tuple(predicted), {c.id: loading_rows(c) for c in fitted + predicted}))
+    return groups, left_out
+
+
+def imposed(curve: Curve) -> np.ndarray:
+    """The column that the test imposed (k,) SI."""
+    return curve.columns[curve.imposed]
+
+
+def loading_rows(curve: Curve) -> int:
+    """Rows up to the first largest imposed value: an elastic law knows one way only."""
+    way = imposed(curve)
+    way = np.abs(way - 1.0) if curve.imposed == "stretch" else np.abs(way) if curve.kind == "shear" else way
+    slack = SAME_MAXIMUM_SD * (sd_of(curve, curve.imposed) or 0.0)
+    largest = float(way.max())
+    # A hold is noise about its value; a ramp that ends there has no later rows to lose.
+    first = int(np.argmax(way >= largest - slack)) if slack < 0.01 * largest else int(np.argmax(way))
+    return len(way) if first >= len(way) - 2 else first + 1
+
+
+def sd_of(curve: Curve, column: str) -> float | None:
+    """Noise of a column, SI; None is unknown."""
+    for key, of in NOISE[curve.kind].items():
+        name, factor = COLUMNS[curve.kind][of]
+        value = getattr(curve.noise, key)
+        if name == column and value is not None:
+            return float(value * factor)
+    return None
+
+
+def _wanted(dataset: Dataset, fit_where: Sequence[str]) -> dict[str, list[str]]:
+    known = {"id", "group"}.union(*(curve.conditions for curve in dataset.curves))
+    wanted: dict[str, list[str]] = {}
+    for text in fit_where:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not key or not value:
+            raise InputError(f"--fit {text}: write KEY=VALUE, for example --fit sample=A.")
+        if key not in known:
+            raise InputError(f'--fit {text}: no curve has the condition "{key}"; {nearest(key, known)}')
+        values = {_text(_of(curve, key)) for curve in dataset.curves} - {""}
+        if value not in values:
+            raise InputError(f'--fit {text}: no curve has {key} = "{value}"; {nearest(value, values)}')
+        wanted.setdefault(key, []).append(value)
+    return wanted
+
+
+def _matches(curve: Curve, wanted: dict[str, list[str]]) -> bool:
+    return all(_text(_of(curve, key)) in values for key, values in wanted.items())
+
+
+def _of(curve: Curve, key: str) -> Any:
+    return {"id": curve.id, "group": curve.group}.get(key, curve.conditions.get(key))
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, int | float) else str(value)

@@ -1,0 +1,220 @@
+"""A mesh of one's own: any hex mesh that meshio reads, with a model file beside it that says what is what."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from explicitfe.errors import InputError, nearest
+from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
+from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, points_at_nodes
+from explicitfe.mesh.quality import check
+from explicitfe.model.anatomy import Anatomy
+from explicitfe.scenario.scenario import Vector, explain, validated
+
+_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_SOLID = {"tetra", "pyramid", "wedge", "hexahedron"}
+# Points of a fibre that lie nearer to each other than this share of the mesh are the same but for rounding.
+_SAME_POINT = 1e-9
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ByPointData(_Table):
+    """Nodes where a point array of the mesh has a value."""
+
+    point_data: str
+    value: float
+
+
+def _node_set(value: Any) -> Any:
+    if isinstance(value, list) and all(type(node) is int for node in value):
+        return value
+    if isinstance(value, dict) and value.keys() == ByPointData.model_fields.keys():
+        return ByPointData.model_validate(value, strict=True)
+    raise ValueError('must be a list of node numbers or { point_data = "...", value = ... }')
+
+
+NodeSet = Annotated[list[int] | ByPointData, BeforeValidator(_node_set)]
+
+
+class FibreTable(_Table):
+    """One fibre, from origin to insertion: through nodes or through points, from a point in space if ``anchor`` is given."""
+
+    side: Literal["left", "right"]
+    nodes: list[int] = []
+    points: list[Vector] = Field(default=[], description="in the mesh's length unit")
+    anchor: Vector | None = Field(default=None, description="origin fixed in space (bone), in the mesh's length unit")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> FibreTable:
+        if bool(self.nodes) == bool(self.points):
+            raise ValueError("give either nodes or points, and not both")
+        if len(self.nodes) + len(self.points) + (self.anchor is not None) < 2:
+            raise ValueError("a fibre needs two points at least")
+        return self
+
+
+class FileMuscle(_Table):
+    """One muscle of a model file."""
+
+    name: str = Field(min_length=1)
+    title: str = ""
+    max_force_N: float = Field(default=0.0, ge=0.0)
+    fibre: list[FibreTable] = Field(min_length=1)
+
+
+class ModelFile(_Table):
+    """The model file's schema."""
+
+    title: str = ""
+    source: str = ""
+    mesh: str = Field(description="mesh file, relative to this file")
+    length_unit: Literal["m", "cm", "mm"]
+    first_number: Literal[0, 1] = Field(default=0, description="number of the first node in this file's lists")
+    node_sets: dict[str, NodeSet] = {}
+    fixed: list[str] = Field(default=[], description="node sets that are held")
+    named_points: dict[str, int] = {}
+    muscle: list[FileMuscle] = []
+
+    @field_validator("node_sets", "named_points")
+    @classmethod
+    def _names_can_be_stored(cls, named: dict[str, Any]) -> dict[str, Any]:
+        for name in named:
+            if not name.strip() or name == "." or "/" in name or "\0" in name:
+                raise ValueError(f'"{name}" cannot be a name in a result file: give one of letters and digits, without "/"')
+        return named
+
+    @model_validator(mode="after")
+    def _muscles_differ(self) -> ModelFile:
+        names = [muscle.name for muscle in self.muscle]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"{names.count(name)} muscles are called {name}; give each another name, or one all the fibres")
+        return self
+
+
+def read_model_file(path: Path) -> Anatomy:
+    """The mesh, muscles and attachments that a model file describes.
+
+    Raises
+    ------
+    InputError : the file or the mesh cannot be used; one sentence.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: the model file cannot be read ({error.strerror}).") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+    try:
+        table = validated(ModelFile, data)
+    except ValidationError as error:
+        raise InputError(f"{path}: {explain(error, data, ModelFile)}") from None
+
+    mesh_path = path.parent / table.mesh
+    points, hexes, point_data = _read_mesh(mesh_path)
+    unit = _UNITS[table.length_unit]
+    bare = HexMesh(points * unit, hexes)
+    check(bare, str(mesh_path))
+
+    def nodes(numbers: list[int], what: str) -> np.ndarray:
+        found = np.asarray(numbers, dtype=np.int64) - table.first_number
+        wrong = found[(found < 0) | (found >= len(points))]
+        if len(wrong):
+            number = wrong[0] + table.first_number
+            raise InputError(f"{path}: node {number} in {what} does not exist; the mesh has {len(points)} nodes.")
+        return found
+
+    sets = {
+        name: _by_point_data(point_data, entry, f"{path}: node_sets.{name}")
+        if isinstance(entry, ByPointData)
+        else nodes(entry, f"node_sets.{name}")
+        for name, entry in table.node_sets.items()
+    }
+    for name in table.fixed:
+        if name not in sets:
+            raise InputError(f'{path}: fixed names no node set "{name}"; {nearest(name, sets)}')
+    named = {name: int(nodes([number], f"named_points.{name}")[0]) for name, number in table.named_points.items()}
+    mesh = HexMesh(bare.points, bare.hexes, node_sets=sets, named_points=named)
+
+    muscles = {}
+    for muscle in table.muscle:
+        fibres = []
+        for number, fibre in enumerate(muscle.fibre):
+            what = f"fibre {number + 1} of muscle {muscle.name}"
+            numbers = nodes(fibre.nodes, what)
+            try:
+                chain = points_at_nodes(mesh, numbers) if fibre.nodes else locate_in_mesh(mesh, np.array(fibre.points) * unit)
+                chain = _anchored(chain, fibre.anchor, unit)
+                _check_pieces(chain, mesh)
+                fibres.append(Fibre.through(chain, fibre.side, mesh))
+            except InputError as error:
+                raise InputError(f"{path}: {what}: {error}") from None
+        muscles[muscle.name] = Muscle.of(muscle.name, muscle.title, muscle.max_force_N, tuple(fibres))
+    return Anatomy(name=path.stem, mesh=mesh, muscles=muscles, fixed=tuple(table.fixed))
+
+
+def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    import meshio  # slow to import, and only needed for a mesh of one's own
+
+    if not path.is_file():
+        raise InputError(f"{path}: the mesh file does not exist.")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # meshio prints its warnings
+            mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:  # meshio raises what its formats raise, and leaves on an unknown ending
+        raise InputError(f"{path}: meshio cannot read this mesh ({error}).") from None
+    solids: dict[str, int] = {}
+    hexes = []
+    for cells in mesh.cells:
+        if cells.type.startswith(tuple(_SOLID)):
+            solids[cells.type] = solids.get(cells.type, 0) + len(cells.data)
+        if cells.type == "hexahedron":
+            hexes.append(cells.data)
+    other = {kind: count for kind, count in solids.items() if kind != "hexahedron"}
+    if other:
+        found = ", ".join(f"{count} {kind}" for kind, count in other.items())
+        raise InputError(f"{path}: the mesh holds {found} cells; only 8-node hexahedra can be computed, so mesh it with hexes.")
+    if not hexes:
+        raise InputError(f"{path}: the mesh holds no hexahedra.")
+    points = np.asarray(mesh.points, dtype=float)
+    if points.shape[1] != 3:
+        raise InputError(f"{path}: the mesh has {points.shape[1]} coordinates a node; it must have 3.")
+    return points, np.concatenate(hexes).astype(np.int64), mesh.point_data
+
+
+def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where: str) -> np.ndarray:
+    if entry.point_data not in point_data:
+        raise InputError(f'{where}: the mesh has no point array "{entry.point_data}"; {nearest(entry.point_data, point_data)}')
+    found = np.flatnonzero(np.asarray(point_data[entry.point_data]).ravel() == entry.value)
+    if not len(found):
+        raise InputError(f"{where}: no node has {entry.point_data} = {entry.value:g}.")
+    return found
+
+
+def _check_pieces(chain: MaterialPoints, mesh: HexMesh) -> None:
+    """InputError where two points in a row are the same: the piece between them has no direction to pull in."""
+    lengths = np.linalg.norm(np.diff(chain.position, axis=0), axis=1)
+    same = np.flatnonzero(lengths <= _SAME_POINT * np.ptp(mesh.points, axis=0).max())
+    if len(same):
+        x, y, z = 1e3 * chain.position[same[0]]
+        raise InputError(f"two points in a row lie at the same place, ({x:.2f}, {y:.2f}, {z:.2f}) mm; take one of them out.")
+
+
+def _anchored(chain: MaterialPoints, anchor: tuple[float, float, float] | None, unit: float) -> MaterialPoints:
+    if anchor is None:
+        return chain
+    return MaterialPoints(
+        element=np.concatenate([[-1], chain.element]),
+        natural=np.concatenate([np.zeros((1, 3)), chain.natural]),
+        position=np.concatenate([np.array([anchor]) * unit, chain.position]),
+    )

@@ -1,0 +1,1 @@
+"""What a tissue answers in a measured test: constants and effects in, curves out."""

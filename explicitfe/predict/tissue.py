@@ -1,0 +1,213 @@
+"""A model file: the constants of a tissue and the effects it has beside them, with which any dataset can be predicted.
+
+format = "explicitfe-model/1"
+poisson = 0.499
+
+[constants]                      # or one table a group of constants: [constants.fibre], [constants.cross-fibre]
+C10_Pa = 210.0
+C20_Pa = 90.0
+
+[effects]                        # as in a scenario
+viscoelastic = { g = [0.3, 0.2], tau_s = [1.0, 20.0] }
+
+[numerics]                       # how tests under a tool are computed with it; these are the defaults
+refinement = 1.0
+density = 1.0
+tolerance = 1e-4
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from explicitfe.effects import EFFECTS, Effect
+from explicitfe.errors import InputError, nearest
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.measured import dataset as measured
+from explicitfe.measured.dataset import Curve, Dataset
+from explicitfe.scenario.scenario import EffectsTable, explain, validated
+
+FORMAT = "explicitfe-model/1"
+EVERY = "*"  # the group of constants that stands for all
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_TABLES = {"specimen": measured.SpecimenTable, "tool": measured.ToolTable}
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Constants(_Table):
+    """Yeoh's constants; those of a sudden load where there is relaxation."""
+
+    C10_Pa: float = Field(gt=0.0, description="first constant [Pa]")
+    C20_Pa: float = Field(default=0.0, ge=0.0, description="second constant [Pa]")
+
+
+class Numerics(_Table):
+    """How tests under a tool are computed: a prediction follows from the file alone."""
+
+    refinement: float = Field(default=1.0, gt=0.0, description="divides the element sizes")
+    density: float = Field(default=1.0, gt=0.0, description="multiplies the numbers of instants")
+    tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual of an equilibrium")
+
+
+def _grouped(value: Any) -> Any:
+    if not isinstance(value, dict) or not value:
+        raise ValueError("must be a table with C10_Pa and C20_Pa, or one such table a group")
+    return value if all(isinstance(v, dict | Constants) for v in value.values()) else {EVERY: value}
+
+
+class ModelFile(_Table):
+    """The schema of a model file."""
+
+    format: Literal["explicitfe-model/1"] = FORMAT
+    title: str = ""
+    poisson: float = Field(default=0.499, ge=0.0, lt=0.5)
+    constants_by: str | None = Field(default=None, min_length=1, description='condition, or "group", that names the constants')
+    constants: Annotated[dict[str, Constants], BeforeValidator(_grouped)]
+    effects: EffectsTable = EffectsTable()
+    specimen: dict[str, Any] = Field(default={}, description="keys that replace the dataset's")
+    tool: dict[str, Any] = Field(default={}, description="keys that replace the dataset's")
+    numerics: Numerics = Numerics()
+
+    def law(self, curve: Curve) -> Yeoh:
+        """The elastic law of a curve.
+
+        Raises
+        ------
+        InputError : the model has no constants for it.
+        """
+        found = self.constants.get(curve.constants, self.constants.get(EVERY))
+        if found is None:
+            raise InputError(
+                f'the model has no [constants.{_key(curve.constants)}], which curve "{curve.id}" needs; '
+                f"{nearest(curve.constants, self.constants)}"
+            )
+        density = {} if curve.specimen is None else {"density_kg_m3": curve.specimen.density_kg_m3}
+        return Yeoh(C10_Pa=found.C10_Pa, C20_Pa=found.C20_Pa, poisson=self.poisson, **density)
+
+    def with_effect(self, effect: Effect) -> ModelFile:
+        """The model with one effect more, or another instead of one of its kind."""
+        name = next(key for key, kind in EFFECTS.items() if kind is type(effect))
+        return self.model_copy(update={"effects": self.effects.model_copy(update={name.replace("-", "_"): effect})})
+
+    def grouped(self, dataset: Dataset) -> Dataset:
+        """The dataset with its constants by ``constants_by`` and the keys of [specimen] and [tool] replaced.
+
+        Raises
+        ------
+        InputError : a key is none of the dataset's, or no constants are given for a curve.
+        """
+        if self.constants_by is not None:
+            dataset = dataset.regrouped(self.constants_by)
+        curves = []
+        for curve in dataset.curves:
+            changed = {}
+            for name, table in _TABLES.items():
+                own = getattr(curve, name)
+                more = getattr(self, name)
+                if not more:
+                    continue
+                if own is None:
+                    raise InputError(f'the model replaces keys of [{name}], and curve "{curve.id}" has none; take them out.')
+                data = own.model_dump(exclude_unset=True, mode="json") | more
+                try:
+                    changed[name] = validated(table, data)
+                except ValidationError as error:
+                    raise InputError(f"[{name}] of the model: {explain(error, data, table)}") from None
+            curves.append(replace(curve, **changed))
+            self.law(curve)
+        return replace(dataset, curves=tuple(curves))
+
+    @property
+    def text(self) -> str:
+        """The file's text; read again it gives the same model, bit by bit."""
+        lines = [f"format = {toml_value(self.format)}"]
+        if self.title:
+            lines.append(f"title = {toml_value(self.title)}")
+        lines.append(f"poisson = {toml_value(self.poisson)}")
+        if self.constants_by is not None:
+            lines.append(f"constants_by = {toml_value(self.constants_by)}")
+        for group, constants in self.constants.items():
+            lines += ["", "[constants]" if group == EVERY else f"[constants.{_key(group)}]"]
+            lines += [f"{name} = {toml_value(number)}" for name, number in constants.model_dump().items()]
+        tables = {
+            "effects": self.effects.model_dump(by_alias=True, exclude_none=True),
+            "specimen": self.specimen,
+            "tool": self.tool,
+            "numerics": self.numerics.model_dump(exclude_defaults=True),
+        }
+        for name, table in tables.items():
+            if table:
+                lines += ["", f"[{name}]", *(f"{_key(key)} = {toml_value(value)}" for key, value in table.items())]
+        return "\n".join(lines) + "\n"
+
+
+def read_model(path: Path | str) -> ModelFile:
+    """A model file, checked.
+
+    Raises
+    ------
+    InputError : it cannot be read, is no TOML, or does not fit the schema; one sentence with file and key.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: the model cannot be read ({error.strerror}).") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: this is not a text file; a model file is written in TOML.") from None
+    return parse_model(text, str(path))
+
+
+def parse_model(text: str, name: str = "model") -> ModelFile:
+    """A model from a file's text; see :func:`read_model`."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{name}: this is not valid TOML: {error}.") from None
+    if "format" not in data:
+        raise InputError(f'{name}: the key "format" is missing; a model file begins with format = "{FORMAT}".')
+    try:
+        return validated(ModelFile, data)
+    except ValidationError as error:
+        raise InputError(f"{name}: {explain(error, data, ModelFile).replace('the scenario', 'the model')}") from None
+
+
+def write_model(model: ModelFile, path: Path | str) -> None:
+    """Write a model file.
+
+    Raises
+    ------
+    InputError : the place cannot be written.
+    """
+    try:
+        Path(path).write_text(model.text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: this cannot be written ({error.strerror}).") from None
+
+
+def _key(key: str) -> str:
+    return key if _BARE.fullmatch(key) else toml_value(key)
+
+
+def toml_value(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+        plain = "".join(escapes.get(c, c if c.isprintable() else f"\\U{ord(c):08X}") for c in value)
+        return f'"{plain}"'
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(k)} = {toml_value(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(toml_value, value)) + "]"
+    return repr(value)

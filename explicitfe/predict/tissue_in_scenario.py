@@ -1,0 +1,69 @@
+"""The tissue of a model file in a scenario: its constants and effects as the settings of ``--set``, stored with the result."""
+
+from __future__ import annotations
+
+from explicitfe.effects import EFFECTS, Effect, MaterialEffect
+from explicitfe.effects.material.compressible import Compressible
+from explicitfe.effects.muscle.activation_lag import ActivationLag
+from explicitfe.errors import InputError, nearest
+from explicitfe.model import catalogue
+from explicitfe.predict.tissue import EVERY, Constants, ModelFile, toml_value
+from explicitfe.scenario.scenario import Indentation, Scenario
+
+IN_A_BODY = (MaterialEffect, Compressible, ActivationLag)
+UNDER_A_TOOL = ("material", "specimen", "contact", "boundary")  # where effects act that a specimen takes along to another test
+
+
+def tissue_settings(model: ModelFile, scenario: Scenario | Indentation, group: str | None = None) -> tuple[list[str], list[str]]:
+    """Settings that put the tissue of a model into a scenario, and the effects that are left out of it.
+
+    Parameters
+    ----------
+    model : constants and effects.
+    scenario : as its file states it: its density stays, and so do effects that the model does not have.
+    group : which constants; may be left out where there is one group.
+
+    Returns
+    -------
+    settings : ``key=value``, as ``read_scenario`` and ``run`` take them.
+    left_out : names of effects of the measurement, of the loading, or of what the scenario does not have.
+
+    Raises
+    ------
+    InputError : no such group, or none named of several.
+    """
+    constants = _constants(model, group)
+    material = {
+        "law": "yeoh",
+        **constants.model_dump(),
+        "poisson": model.poisson,
+        "density_kg_m3": catalogue.material(scenario.model.material).density_kg_m3,
+    }
+    settings, left_out = [f"model.material={toml_value(material)}"], []
+    for name, kind in EFFECTS.items():
+        effect = getattr(model.effects, name.replace("-", "_"))
+        if effect is None:
+            continue
+        if _belongs(kind, isinstance(scenario, Indentation)):
+            settings.append(f"effects.{name}={toml_value(effect.model_dump())}")
+        else:
+            left_out.append(name)
+    return settings, left_out
+
+
+def _constants(model: ModelFile, group: str | None) -> Constants:
+    groups = list(model.constants)
+    if group is None and len(groups) == 1:
+        return model.constants[groups[0]]
+    if groups == [EVERY]:
+        raise InputError("the model has one set of constants for all; leave the group out.")
+    if group is None:
+        raise InputError(f"the model has several groups of constants; name one of {', '.join(groups)}.")
+    if group not in groups:
+        raise InputError(f'the model has no group of constants "{group}"; {nearest(group, groups)}')
+    return model.constants[group]
+
+
+def _belongs(kind: type[Effect], under_a_tool: bool) -> bool:
+    """Whether an effect goes with the tissue into another run."""
+    return kind.about.where in UNDER_A_TOOL if under_a_tool else issubclass(kind, IN_A_BODY)

@@ -1,0 +1,169 @@
+"""How fast this machine computes, beside what was measured elsewhere; and machine code made before it is needed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from explicitfe.compiled.simd import WIDTH
+from explicitfe.compiled.threads import cores
+from explicitfe.errors import InputError
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.model import catalogue
+from explicitfe.model.model import Model
+from explicitfe.run.prepare import Report, prepare, silent
+from explicitfe.scenario.scenario import Indentation
+from explicitfe.solve import point
+from explicitfe.solve.simulation import Simulation
+from explicitfe.solve.stable_step import FRACTION
+
+# Elements of the block that is timed, and how many there are along x, y and z.
+SIZES: dict[int, tuple[int, int, int]] = {1000: (10, 10, 10), 30_000: (30, 40, 25), 250_000: (50, 100, 50)}
+ELEMENTS = ("hex8", "hex8-stiffness")
+
+# Nanoseconds per element and step, one thread: docs/performance.md says where and when.
+REFERENCE: dict[str, dict[str, dict[int, float]]] = {
+    "AVX2, 4 lanes": {
+        "hex8": {1000: 48.0, 30_000: 52.0, 250_000: 56.0},
+        "hex8-stiffness": {1000: 38.0, 30_000: 40.0, 250_000: 45.0},
+    },
+    "AVX-512, 8 lanes": {
+        "hex8": {1000: 36.0, 30_000: 41.0, 250_000: 63.0},
+        "hex8-stiffness": {},
+    },
+}
+SCENARIO = "vowel-i"  # whose speed a user asks for first
+MATERIAL = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
+RUNS = 5
+
+# What a person computes first: name -> scenario, settings.
+USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
+    "the tongue": ("vowel-i", ("model.resolution=coarse",)),
+    "a specimen under a punch": ("indentation-rear", ()),
+    "a specimen under a ball": ("indentation-ball", ()),
+}
+# What else comes up: other elements, and time.
+MORE: dict[str, tuple[str, tuple[str, ...]]] = {
+    "the tongue of hex8-stiffness": ("vowel-i", ("model.resolution=coarse", "model.element=hex8-stiffness")),
+    "the tongue of hex8-full": ("vowel-i", ("model.resolution=coarse", "model.element=hex8-full")),
+    "a viscoelastic tongue": ("vowel-i", ("model.resolution=coarse", "effects.viscoelastic={g=[0.3],tau_s=[0.02]}")),
+    "a viscoelastic specimen": ("indentation-rear", ("effects.viscoelastic={g=[0.3],tau_s=[1.0]}",)),
+}
+
+
+def block(cells: tuple[int, int, int], edge_m: float = 0.004) -> HexMesh:
+    """A block of hexes with every node moved at random by up to 15 % of the edge."""
+    grid = np.stack(np.meshgrid(*(np.arange(n + 1) for n in cells), indexing="ij"), -1).reshape(-1, 3)
+    number = np.arange(len(grid)).reshape([n + 1 for n in cells])
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    nx, ny, nz = cells
+    hexes = np.stack([number[i : i + nx, j : j + ny, k : k + nz].ravel() for i, j, k in corners], axis=1)
+    return HexMesh((grid + np.random.default_rng(0).uniform(-0.15, 0.15, grid.shape)) * edge_m, hexes)
+
+
+def problem(elements: int, element: str, threads: int | None = None) -> Simulation:
+    """The block that is timed: Yeoh tissue at Poisson's ratio 0.499, damped, free, set in motion at random."""
+    mesh = block(SIZES[elements])
+    free = np.zeros((mesh.node_count, 3), dtype=bool)
+    velocity = np.random.default_rng(1).standard_normal((mesh.node_count, 3)) * 1e-3
+    return Simulation(Model(mesh, MATERIAL, free, alpha_per_s=40.0, element=element), velocity=velocity, threads=threads)
+
+
+def nanoseconds(simulation: Simulation, seconds: float = 1.0) -> float:
+    """Of the whole step, per element: best of five runs of the compiled loop, each about a fifth of ``seconds`` long."""
+    elements = simulation.model.mesh.element_count
+    dt = FRACTION * simulation.stable_limit(20)
+    simulation.start(dt)
+    simulation.advance(2, dt)
+    steps = max(3, int(seconds / RUNS / (60e-9 * elements)))
+    best = np.inf
+    for _ in range(RUNS):
+        begin = time.perf_counter()
+        simulation.advance(steps, dt)
+        best = min(best, time.perf_counter() - begin)
+    return 1e9 * best / steps / elements
+
+
+def bench(sizes: Sequence[int] = tuple(SIZES), report: Report = silent) -> dict[str, Any]:
+    """Time the step of a block of hexes at several sizes, and of the tongue saying [i].
+
+    Returns
+    -------
+    dict with ``lanes``, ``cores``, ``rows`` (elements, element, ``ns`` of one thread, ``reference_ns`` of a machine with as many
+    lanes or None, ``threads`` and ``ns_threads`` where several share a step, else None) and ``scenario``: hexes, steps, seconds
+    of the loop and how many times faster than real time that is.
+
+    Raises
+    ------
+    InputError : a size is none of ``SIZES``.
+    """
+    unknown = [size for size in sizes if size not in SIZES]
+    if unknown:
+        raise InputError(f"there is no block of {unknown[0]} elements to be timed; take {', '.join(map(str, SIZES))}.")
+    reference = next((table for name, table in REFERENCE.items() if f" {WIDTH} lanes" in name), {})
+    rows = []
+    for done, (size, element) in enumerate([(size, element) for size in sizes for element in ELEMENTS]):
+        report("bench", done / (len(sizes) * len(ELEMENTS) + 1))
+        alone = problem(size, element, threads=1)
+        alone.compile(lambda share: report("compile", share))
+        row: dict[str, Any] = {
+            "elements": size,
+            "element": element,
+            "ns": nanoseconds(alone),
+            "reference_ns": reference.get(element, {}).get(size),
+            "threads": None,
+            "ns_threads": None,
+        }
+        if cores() > 1:
+            shared = problem(size, element, threads=cores())
+            row |= {"threads": len(shared.parts), "ns_threads": nanoseconds(shared)}
+        rows.append(row)
+    spoken = _spoken()
+    report("bench", 1.0)
+    return {"lanes": WIDTH, "cores": cores(), "rows": rows, "scenario": spoken}
+
+
+def _spoken() -> dict[str, Any]:
+    """The loop alone of vowel [i], at the step that it begins with."""
+    prepared = prepare(_path(SCENARIO))
+    simulation = prepared.simulation
+    simulation.compile()
+    steps = int(np.ceil(1e-3 * prepared.scenario.analysis.duration_ms / (FRACTION * simulation.stable_limit(40))))
+    hexes = prepared.model.mesh.element_count
+    seconds = 1e-9 * nanoseconds(simulation, 0.5) * steps * hexes
+    factor = 1e-3 * prepared.scenario.analysis.duration_ms / seconds
+    return {"name": SCENARIO, "hexes": hexes, "steps": steps, "loop_s": seconds, "real_time_factor": factor}
+
+
+def warm(everything: bool = False, report: Report = silent) -> dict[str, float]:
+    """Make the machine code that runs need and keep it on disk, so that no run has to wait for it.
+
+    Parameters
+    ----------
+    everything : also for other elements and for tissue that relaxes.
+
+    Returns
+    -------
+    What it was made for -> seconds that it took, next to nothing where it was there.
+    """
+    wanted = USUAL | (MORE if everything else {})
+    found: dict[str, float] = {}
+    report("warm", 0.0)
+    for number, (name, (scenario, settings)) in enumerate(wanted.items()):
+        prepared = prepare(_path(scenario), settings)
+        body = prepared.relaxation if isinstance(prepared.scenario, Indentation) else prepared.simulation
+        share = 1.0 / (len(wanted) + 1)
+        found[name] = body.compile(lambda part, begin=number * share, share=share: report("warm", begin + part * share))
+    begin = time.perf_counter()
+    point.uniaxial(MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
+    found["homogeneous states"] = time.perf_counter() - begin
+    report("warm", 1.0)
+    return found
+
+
+def _path(scenario: str) -> Any:
+    return next(path for path in catalogue.scenario_files() if path.stem == scenario)

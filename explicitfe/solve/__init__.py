@@ -1,0 +1,1 @@
+"""From a model to its answer: steps of central differences, equilibria, single points."""

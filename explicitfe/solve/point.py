@@ -1,0 +1,187 @@
+"""One point of material in a homogeneous state: the response of the elements, with stress-free directions, in milliseconds.
+
+The deformation gradient is given at instants, all but those diagonal entries that are free: they are found so that the stress
+there vanishes (uniaxial: two, biaxial: one, shear: none). Between two instants the material remembers as in an equilibrium.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from explicitfe.compiled.arrays import Blocks
+from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.simd import WIDTH, load_many, splat, store
+from explicitfe.effects.effect import MaterialEffect
+from explicitfe.errors import RunError
+from explicitfe.forces import response
+from explicitfe.materials import Law, law_of
+from explicitfe.materials.kinematics import cofactor, determinant
+from explicitfe.solve.simulation import layout_of, memory_of
+
+# Placeholder, bound below.
+respond = None
+LAW_CONSTANTS = 1
+TURNS = 30  # of Newton
+STEP = 1e-6  # of a free stretch, for the slope
+TOLERANCE = 1e-9  # of the stress that vanishes, relative to the shear modulus
+
+
+@leaf
+def determinant_of(states):
+    """det F of lane 0."""
+    return (
+        states[0, 0] * (states[4, 0] * states[8, 0] - states[5, 0] * states[7, 0])
+        - states[1, 0] * (states[3, 0] * states[8, 0] - states[5, 0] * states[6, 0])
+        + states[2, 0] * (states[3, 0] * states[7, 0] - states[4, 0] * states[6, 0])
+    )
+
+
+def follow(F, free, numbers, blocks, states, answers, small, stress):
+    """Follow a path; give the number of instants done.
+
+    Parameters
+    ----------
+    F : (n, 9) deformation gradients, row by row; free entries receive what is found.
+    free : (3,) 1 for the diagonal entries that are free of stress.
+    numbers : (n, k) numbers of the effects, for the increment that ends at each instant.
+    blocks : one block; ``old`` is advanced.
+    states, answers : (9, W) work arrays.
+    small : Pa. Stress that counts as none.
+    stress : (n, 9) receives the first Piola-Kirchhoff stress [Pa].
+    """
+    for instant in range(len(F)):
+        for k in range(numbers.shape[1]):
+            for lane in range(WIDTH):
+                blocks.effects[0, k, lane] = numbers[instant, k]
+        if instant > 0:
+            for i in range(3):
+                if free[i] > 0.0:
+                    F[instant, 4 * i] = F[instant - 1, 4 * i]
+        found = False
+        for _ in range(TURNS):
+            # lane 0 is the state; in each of the next three lanes one free entry is shifted
+            for k in range(9):
+                for lane in range(WIDTH):
+                    states[k, lane] = F[instant, k]
+            for i in range(3):
+                states[4 * i, 1 + i] += STEP * free[i]
+            deformation = load_many(states, 0, 9)
+            cof = cofactor(deformation)
+            J = determinant(deformation, cof)
+            c = load_many(blocks.constants, 0, LAW_CONSTANTS)
+            P, _ = respond(deformation, cof, J, splat(0.0), c, blocks, 0)
+            for k in range(9):
+                store(answers, k * WIDTH, P[k])
+            total = answers[0, 0] + determinant_of(states)
+            for k in range(1, 9):
+                total += answers[k, 0]
+            sound = np.isfinite(total) and determinant_of(states) > 0.0
+            largest = 0.0
+            slopes = np.eye(3)
+            wrong = np.zeros(3)
+            for i in range(3):
+                if free[i] > 0.0:
+                    wrong[i] = answers[4 * i, 0]
+                    largest = max(largest, abs(wrong[i]))
+                    for j in range(3):
+                        if free[j] > 0.0:
+                            slopes[i, j] = (answers[4 * i, 1 + j] - wrong[i]) / STEP
+            found = sound and largest <= small
+            if found or not sound:
+                break
+            change = np.linalg.solve(slopes, wrong)
+            for i in range(3):
+                F[instant, 4 * i] = max(F[instant, 4 * i] - change[i], 0.5 * F[instant, 4 * i])
+        if not found:
+            return instant
+        for k in range(blocks.old.shape[1]):
+            for lane in range(WIDTH):
+                blocks.old[0, k, lane] = blocks.new[0, k, 0]
+        for k in range(9):
+            stress[instant, k] = answers[k, 0]
+    return len(F)
+
+
+@cache
+def _kernel(law: str, layout: tuple[tuple[str, tuple[int, ...], int, int], ...]) -> Dispatcher:
+    module = law_of(law)
+    answer, _ = response.bound(module, layout)
+    return bind(follow, respond=answer, LAW_CONSTANTS=module.CONSTANTS)
+
+
+def path(
+    law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, F: np.ndarray, free: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """First Piola-Kirchhoff stress along a path of deformation gradients.
+
+    Parameters
+    ----------
+    law, effects : the material.
+    time_s : (n,) s, not decreasing; what the material remembers begins at rest at the first.
+    F : (n, 3, 3). Entries of ``free`` are ignored.
+    free : axes (0, 1, 2) along which the body is free of stress and stays straight.
+
+    Returns
+    -------
+    stress : (n, 3, 3) Pa.
+    F : (n, 3, 3) with the free entries as they were found.
+
+    Raises
+    ------
+    ValueError : as many times as deformations are needed, at least one, and time must not run backwards.
+    RunError : no stress-free state was found at an instant.
+    """
+    time_s = np.asarray(time_s, dtype=float)
+    if len(time_s) != len(F) or len(F) == 0 or (np.diff(time_s) < 0.0).any():
+        raise ValueError("as many times as deformations are needed, at least one, and time must not run backwards")
+    gradients = np.array(F, dtype=float).reshape(-1, 9)
+    freed = np.zeros(3)
+    freed[list(free)] = 1.0
+    if len(free):
+        others = np.prod([gradients[0, 4 * i] for i in range(3) if i not in free])
+        gradients[0, [4 * i for i in free]] = others ** (-1.0 / len(free)) if others > 0.0 else 1.0
+    increments = np.diff(time_s, prepend=time_s[0])
+    numbers = np.array([[v for effect in effects for v in effect.values(float(dt))] for dt in increments])
+    numbers = np.ascontiguousarray(numbers.reshape(len(gradients), -1)) if effects else np.zeros((len(gradients), 1))
+    constants = np.array(law.constants(), dtype=float)
+    blocks = Blocks(
+        nodes=np.zeros((1, 8, WIDTH), dtype=np.uint32),
+        geometry=np.zeros((1, 1, WIDTH)),
+        constants=np.repeat(constants[None, :, None], WIDTH, axis=2),
+        hourglass=np.zeros((1, 1, WIDTH)),
+        **memory_of(effects, 1),
+    )
+    stress = np.zeros_like(gradients)
+    work = np.zeros((9, WIDTH)), np.zeros((9, WIDTH))
+    small = TOLERANCE * law.shear_modulus_Pa
+    done = _kernel(law.law, layout_of(effects))(gradients, freed, numbers, blocks, *work, small, stress)
+    if done < len(gradients):
+        raise RunError(
+            f"no state without lateral stress was found at {time_s[done]:g} s: the deformation is too large for this material."
+        )
+    return stress.reshape(-1, 3, 3), gradients.reshape(-1, 3, 3)
+
+
+def uniaxial(law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, stretch: np.ndarray, axis: int = 2) -> np.ndarray:
+    """Nominal stress (n,) Pa along an axis at stretches (n,), lateral faces free; see :func:`path`."""
+    F = np.tile(np.eye(3), (len(stretch), 1, 1))
+    F[:, axis, axis] = stretch
+    stress, _ = path(law, effects, time_s, F, [k for k in range(3) if k != axis])
+    return stress[:, axis, axis]
+
+
+def biaxial(law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+    """Nominal stress (n,) Pa at equal stretches (n,) along x and y, z free."""
+    F = np.tile(np.eye(3), (len(stretch), 1, 1))
+    F[:, 0, 0] = F[:, 1, 1] = stretch
+    return path(law, effects, time_s, F, [2])[0][:, 0, 0]
+
+
+def shear(law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, amount: np.ndarray) -> np.ndarray:
+    """Shear stress (n,) Pa at amounts (n,) of simple shear, P_xz at F_xz."""
+    F = np.tile(np.eye(3), (len(amount), 1, 1))
+    F[:, 0, 2] = amount
+    return path(law, effects, time_s, F, [])[0][:, 0, 2]

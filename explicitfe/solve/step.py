@@ -1,0 +1,171 @@
+"""The central-difference loop, compiled whole: python never runs per step.
+
+The state holds u at t_n, v at t_(n-1/2) and minus the internal force at t_n. One step solves
+
+    M (v+ - v-) / h + alpha M (v+ + v-) / 2 = f_ext - f_int,   h = (dt- + dt+) / 2,   u <- u + dt+ v+
+
+and evaluates the new internal force. With T = 1/2 v- M v+ the change of T over a step is, exactly, the trapezoidal work of
+all forces, so the ledger sums those of the external and of the damping force and leaves nothing to chance (Hughes 2000,
+section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, which is far off in the highest modes).
+"""
+
+from __future__ import annotations
+
+from explicitfe.compiled.arrays import (
+    DAMPING_LOSS,
+    EXTERNAL_WORK,
+    SMALLEST_J,
+)
+from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
+from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
+from explicitfe.forces.dead import add_dead_loads
+from explicitfe.forces.follower import add_follower_fibres
+from explicitfe.solve.boundary import correct, drive, place
+
+# Placeholders, bound in solve/simulation.py.
+internal_force = internal_energy = None
+
+
+def forces(u, force, blocks):
+    """Minus the internal force at displacement u into ``force``; give the smallest J."""
+    force[:] = 0.0
+    return internal_force(u, force, blocks)
+
+
+def advance(state, external, part, nodes, loads, fibres, activation, motion, planned, alpha, dt_before, dt, steps, ledger):
+    """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
+
+    The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
+    all nodes have moved. One part is the whole, and meets nobody.
+
+    Parameters
+    ----------
+    state : State, changed in place.
+    external : (N, 4) N. Work array for the external force.
+    part : Part.
+    activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
+    motion : Motion, with the displacements of the prescribed nodes at the same instants; ``planned`` (k, 3) is a work array.
+    alpha : 1/s. Mass-proportional damping.
+    dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
+    ledger : (LEDGER,). Sums of work [J] and the smallest J of this part, changed in place.
+
+    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number). Prescribed motion is
+    for one part only.
+    """
+    u, v, whole = state
+    force, shift, own = part.force, part.first * ROW, part.own * ROW
+    if part.count > 1:
+        for here in range(0, own, WIDTH):
+            store(force, here, load(whole, here + shift))
+        force[part.own :] = 0.0
+    if part.number == 0:
+        external[:] = 0.0
+    done = steps
+    for step in range(steps):
+        h = 0.5 * (dt_before + dt)
+        keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
+        gain = h / (1.0 + 0.5 * alpha * h)
+        driven_work, driven_loss = 0.0, 0.0
+        if part.number == 0:
+            add_dead_loads(external, loads, activation, step)
+            add_follower_fibres(external, u, fibres, activation, step)
+            driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
+        wait(part.gate, part.count)
+        if part.count > 1 and asked_to_stop(part.gate):
+            done = step
+            break
+        for here in range(0, part.lower.size, WIDTH):
+            store(force, here, load(force, here) + load(part.lower, here))
+        work = splat(0.0)
+        loss = splat(0.0)
+        for here in range(0, own, WIDTH):
+            at = here + shift
+            old = load(v, at)
+            push = load(external, at)
+            new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, here) + push)
+            store(v, at, new)
+            store(u, at, load(u, at) + dt * new)
+            store(force, here, splat(0.0))
+            store(external, at, splat(0.0))
+            moved = 0.5 * (dt_before * old + dt * new)
+            work = work + push * moved
+            loss = loss + load(nodes.mass, at) * (old + new) * moved
+        place(u, v, motion, planned, step)
+        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work
+        ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
+        dt_before = dt
+        wait(part.gate, part.count)
+        force[part.own :] = 0.0
+        smallest = internal_force(part.u, force, part.blocks)
+        if not (smallest >= ledger[SMALLEST_J]):
+            ledger[SMALLEST_J] = smallest
+            if not (smallest > 0.0):
+                ask_to_stop(part.gate)
+                if part.count == 1:
+                    done = step + 1
+                    break
+    if part.count > 1:
+        wait(part.gate, part.count)
+        for here in range(0, part.lower.size, WIDTH):
+            store(force, here, load(force, here) + load(part.lower, here))
+        for here in range(0, own, WIDTH):
+            store(whole, here + shift, load(force, here))
+    return done
+
+
+def snapshot(
+    state,
+    external,
+    blocks,
+    nodes,
+    loads,
+    fibres,
+    activation,
+    motion,
+    alpha,
+    dt,
+    ledger,
+    velocity,
+    element_J,
+    element_energy,
+    element_hourglass,
+):
+    """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
+
+    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J``, ``element_energy`` and
+    ``element_hourglass`` (B, W) receive J, the strain energy and the hourglass energy [J]. ``activation`` (profiles, 1) is that
+    of t_n, dt the step before t_n; ``motion`` has the displacements of the prescribed nodes at t_n and t_n + dt.
+    """
+    u, v, force = state
+    keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
+    gain = dt / (1.0 + 0.5 * alpha * dt)
+    external[:] = 0.0
+    add_dead_loads(external, loads, activation, 0)
+    add_follower_fibres(external, u, fibres, activation, 0)
+    kinetic = splat(0.0)
+    work = splat(0.0)
+    loss = splat(0.0)
+    for at in range(0, u.size, WIDTH):
+        old = load(v, at)
+        push = load(external, at)
+        new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, at) + push)
+        store(velocity, at, 0.5 * (old + new))
+        momentum = load(nodes.mass, at) * old
+        kinetic = kinetic + 0.5 * momentum * new
+        work = work + 0.5 * dt * push * old
+        loss = loss + 0.5 * dt * momentum * (old + new)
+    driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt)
+    internal, hourglass, lost = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+    return (
+        internal,
+        hourglass,
+        sum_lanes(kinetic) + driven_kinetic,
+        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work,
+        ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
+        lost,
+    )
+
+
+def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
+    """Strain energy, hourglass energy and energy lost [J], and the former two of each element, (B, W)."""
+    return internal_energy(u, blocks, element_J, element_energy, element_hourglass)

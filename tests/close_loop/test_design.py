@@ -1,0 +1,181 @@
+"""What a planned protocol can find: the smallest strength against data made with it, and protocols that cannot be used."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import command
+
+from explicitfe.close_loop.design import design_test
+from explicitfe.effects.material.viscoelastic import Viscoelastic
+from explicitfe.errors import InputError
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.solve import point
+
+SD_PA, STRAIN, RATES = 8.0, 0.3, (0.6, 0.006)
+C10, C20 = 300.0, 150.0
+PROTOCOL = f"""format = "explicitfe-protocol/1"
+title = "Ramp and hold at two rates"
+test = "compression"
+
+[constants]
+C10_Pa = {C10}
+C20_Pa = {C20}
+
+[specimen]
+shape = "point"
+
+[noise]
+stress_sd_Pa = {SD_PA}
+stretch_sd = 0.0
+
+[[curve]]
+id = "fast"
+programme = [[0.0, 1.0], [0.5, 0.7], [60.0, 0.7]]
+rows = 31
+
+[[curve]]
+id = "slow"
+programme = [[0.0, 1.0], [50.0, 0.7], [60.0, 0.7]]
+rows = 31
+"""
+
+
+def written(folder: Path, text: str = PROTOCOL) -> Path:
+    path = folder / "protocol.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory) -> dict:
+    return design_test(written(tmp_path_factory.mktemp("design")), processes=1)
+
+
+def row(found: dict, effect: str) -> dict:
+    return next(entry for entry in found["effects"] if entry["effect"] == effect)
+
+
+def curves(model: Yeoh, effects) -> np.ndarray:
+    """Stress [Pa] of both tests; ten increments a row, and the corner."""
+    parts = []
+    for corner in (0.5, 50.0):
+        rows = np.linspace(0.0, 60.0, 31)
+        fine = np.unique(np.concatenate([np.linspace(0.0, 60.0, 301), [corner], np.linspace(0.0, corner, 40)]))
+        way = np.interp(fine, [0.0, corner, 60.0], [1.0, 0.7, 0.7])
+        parts.append(np.interp(rows, fine, point.uniaxial(model, effects, fine, way)))
+    return np.concatenate(parts)
+
+
+def test_the_smallest_share_that_shows_is_seen_at_25(designed):
+    """The change by that share, of the best of the relaxation times, has |.|^2 = 25 beyond the constants. The strength
+    coordinate -log(1 - g) is linear to a few percent from the trial to the answer, rows of 2 s cut the corner of the fast ramp,
+    and increments are halved until they change less than 0.2 % of a peak of sixty times the noise: a fifth in |.|, a third in
+    |.|^2.
+    """
+    mine = row(designed, "viscoelastic")
+    assert mine["shows"] and mine["reason"] == "" and mine["strength"] == "viscoelastic.g"
+    assert 0.0 < mine["smallest"] < 0.1 < mine["largest_plausible"]
+    law = Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=0.499)
+    plain = curves(law, [])
+    J = np.column_stack(
+        [
+            curves(law.model_copy(update={"C10_Pa": 1.001 * C10}), []) - plain,
+            curves(law.model_copy(update={"C20_Pa": 1.001 * C20}), []) - plain,
+        ]
+    )
+    J /= np.linalg.norm(J, axis=0)
+    seen = []
+    for tau in 60.0 * np.array(Viscoelastic.sought["tau_s"].values):
+        d = curves(law, [Viscoelastic(g=(mine["smallest"],), tau_s=(float(tau),))]) - plain
+        d = d - J @ np.linalg.lstsq(J, d, rcond=None)[0]
+        seen.append(float(d @ d) / SD_PA**2)
+    assert max(seen) == pytest.approx(25.0, rel=0.33)
+
+
+def test_twice_the_noise_needs_twice_the_strength(designed, tmp_path):
+    """|secant|^2 goes with 1 / sd^2; the coordinate of a share is -log(1 - g)."""
+    other = row(design_test(written(tmp_path, PROTOCOL.replace("= 8.0", "= 16.0")), processes=1), "viscoelastic")
+    mine = row(designed, "viscoelastic")
+    assert other["visible"] == pytest.approx(mine["visible"] / 4.0, rel=1e-6)
+    assert np.log1p(-other["smallest"]) == pytest.approx(2.0 * np.log1p(-mine["smallest"]), rel=1e-6)
+
+
+def test_what_a_protocol_cannot_show(designed):
+    """Softening needs a way back, friction a tool; both say so. Rows come by what shows most."""
+    for effect, word in (("softening", "unloading"), ("friction", "tool")):
+        entry = row(designed, effect)
+        assert not entry["shows"] and word in entry["reason"]
+    visible = [entry.get("visible", 0.0) for entry in designed["effects"]]
+    assert visible == sorted(visible, reverse=True)
+    assert designed["n_eff"] == 62.0 and designed["constants"] == {"C10_Pa": C10, "C20_Pa": C20}
+
+
+def test_a_slow_test_without_a_hold_shows_no_relaxation(tmp_path):
+    """One rate and no hold: time is not in the data at all."""
+    text = PROTOCOL[: PROTOCOL.index("[[curve]]")]
+    text += '[[curve]]\nid = "one"\nprogramme = [[0.0, 1.0], [10.0, 0.7]]\nrows = 20\n'
+    entry = row(design_test(written(tmp_path, text), processes=1), "viscoelastic")
+    assert not entry["shows"] and "time" in entry["reason"]
+
+
+def change(old: str, new: str) -> Callable[[str], str]:
+    def changed(text: str) -> str:
+        assert old in text
+        return text.replace(old, new, 1)
+
+    return changed
+
+
+TOOL = change(
+    'shape = "point"', 'shape = "cylinder"\n{size}\n[tool]\nshape = "sphere"\nradius_mm = 5.0\ncontrol = "displacement"'
+)
+BAD = [
+    (change("explicitfe-protocol/1", "explicitfe-protocol/9"), ["explicitfe-protocol/1"]),
+    (change("[constants]", "[constants"), ["not valid TOML"]),
+    (change("C20_Pa", "C21_Pa"), ["C21_Pa", "C20_Pa"]),
+    (change("C10_Pa = 300.0", "C10_Pa = -300.0"), ["C10_Pa"]),
+    (change('test = "compression"', 'test = "torsion"'), ["torsion"]),
+    (change('shape = "point"', 'shape = "cone"'), ["cone"]),
+    (change("[specimen]", "[sample]"), ["sample"]),
+    (change("stress_sd_Pa", "stress_Pa"), ["stress_Pa"]),
+    (change("[0.5, 0.7]", "[0.0, 0.7]"), ['"fast"', "time must increase"]),
+    (change("[[0.0, 1.0], [0.5", "[[0.1, 1.0], [0.5"), ['"fast"', "begin at 0 s"]),
+    (change("[0.5, 0.7]", "[0.5, 0.7, 1.0]"), ["programme"]),
+    (change("rows = 31", "rows = 2"), ["rows"]),
+    (change('id = "slow"', 'id = "fast"'), ["fast"]),
+    (change("0.7], [60.0, 0.7]]", "70.0], [60.0, 70.0]]"), ["stretch"]),
+    (change("programme = [[0.0, 1.0], [0.5, 0.7], [60.0, 0.7]]", "programme = [[0.0, 1.0], [60.0, 1.0]]"), ["fast"]),
+    (change("rows = 31", "rows = 31\nspecimen = 3"), ["specimen"]),
+    (lambda text: TOOL(text).replace("{size}", 'radius_mm = 20.0\nheight_mm = "high"'), ["height_mm"]),
+    (lambda text: TOOL(text).replace("{size}", "").replace('"cylinder"', '"block"\nsize_mm = [30.0, 20.0]'), ["size_mm"]),
+]
+
+
+@pytest.mark.parametrize(("changed", "words"), BAD)
+def test_a_protocol_that_cannot_be_used(changed, words, tmp_path, capsys):
+    """Exit code 2 and one sentence that names the file and what is wrong."""
+    path = written(tmp_path, changed(PROTOCOL))
+    with pytest.raises(InputError) as caught:
+        design_test(path, processes=1)
+    sentence = str(caught.value)
+    assert "\n" not in sentence and str(path) in sentence and sentence.endswith((".", "?")), sentence
+    assert all(word in sentence for word in words), sentence
+    assert command(["design-test", str(path), "--json"]) == 2
+    assert capsys.readouterr().out == ""
+
+
+def test_the_command_prints_one_object(tmp_path, capsys, designed):
+    assert command(["design-test", str(written(tmp_path)), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [entry["effect"] for entry in found["effects"]] == [entry["effect"] for entry in designed["effects"]]
+    assert command(["design-test", str(written(tmp_path))]) == 0
+    assert "viscoelastic" in capsys.readouterr().out
+
+
+def test_a_protocol_that_is_not_there(tmp_path):
+    assert command(["design-test", str(tmp_path / "none.toml")]) == 2

@@ -1,0 +1,213 @@
+"""Fits, intervals and leaving tests out, on a linear system: the normal equations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+from synthetic import WIDE, Linear, Planted, autoregressive, elastic, programme, ramp, split_up, white
+
+from explicitfe.close_loop.statistics.covariance import Covariance, measured
+from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
+from explicitfe.close_loop.statistics.refit import _updated, cross_validated, derivatives, intervals, refit
+from explicitfe.close_loop.statistics.system import Hypothesis
+from explicitfe.effects.effect import Sought
+from explicitfe.errors import RunError
+
+SD = 0.01
+
+
+def correlated(system: Linear) -> Covariance:
+    rows = [RowNoise(np.full(len(one.measured), SD), 0.4, True) for one in system.series]
+    rng = np.random.default_rng(9)
+    floor = {"mesh": 0.01 * rng.standard_normal(sum(len(one.measured) for one in system.series))}
+    return Covariance(system.series, rows, Scatter(0.0, 0.01, "stated", 0), floor)
+
+
+def test_a_linear_fit_solves_the_normal_equations():
+    """x = (X^T Sigma^-1 X)^-1 X^T Sigma^-1 y. The search ends where another step would gain less than 0.02 of chi2, so less than
+    sqrt(0.02) = 0.14 standard errors off; on a linear system its first step lands within its damping of 1e-3, the second one
+    within 1e-6 of the way of 300 standard errors.
+    """
+    system = elastic(np.random.default_rng(1))
+    covariance = correlated(system)
+    fit = refit(system, system.start(), covariance)
+    W, y = covariance.whiten(system.X), covariance.whiten(measured(system.series))
+    wanted = np.linalg.solve(W.T @ W, W.T @ y)
+    error = np.sqrt(np.diag(np.linalg.inv(W.T @ W)))
+    assert fit.converged and fit.at_bound == ()
+    assert np.abs(fit.model.x - wanted).max() < 0.14 * error.max()
+    np.testing.assert_allclose(fit.jacobian, W, rtol=1e-6, atol=1e-8 * np.abs(W).max())
+    assert fit.chi2 == pytest.approx(float((y - W @ fit.model.x) @ (y - W @ fit.model.x)), rel=1e-9)
+
+
+def test_a_target_is_met_instead_of_the_rows():
+    """An answer of the system itself: chi2 falls to less than the 0.02 that a step must gain."""
+    system = elastic(np.random.default_rng(2))
+    target = system.X @ [0.7, 3.0]
+    fit = refit(system, system.start(), white(system), target=target)
+    assert fit.chi2 < 0.02
+    # 0.02 of chi2 is 0.14 standard errors; that of x1 is 0.003
+    np.testing.assert_allclose(fit.model.x, [0.7, 3.0], atol=1e-3)
+
+
+def test_bounds_hold_and_are_named():
+    """The truth x0 = 2 lies above its bound of 1.5: the other parameter is at the constrained optimum."""
+    system = elastic(np.random.default_rng(3), bounds=[(0.0, 1.5), (-WIDE, WIDE)])
+    fit = refit(system, system.start(), white(system))
+    wanted = lsq_linear(system.X, measured(system.series), bounds=([0.0, -WIDE], [1.5, WIDE])).x
+    assert fit.converged and fit.at_bound == ("x0",)
+    np.testing.assert_allclose(fit.model.x, wanted, atol=1e-3)
+    low, high = intervals(fit, white(system))[0]
+    assert low < high == pytest.approx(1.5)
+
+
+def test_intervals_are_the_analytic_ones_and_cover():
+    """x +- 1.96 sqrt(diag (X^T X)^-1) sd. Of 200 seeds 95 +- 3 sqrt(0.95 x 0.05 / 200) = 5 % hold the truth, per parameter."""
+    inside = np.zeros(2)
+    for seed in range(200):
+        system = elastic(np.random.default_rng(seed))
+        fit = refit(system, system.start(), white(system))
+        found = intervals(fit, white(system))
+        inside += [low <= truth <= high for truth, (low, high) in zip((2.0, 1.0), found, strict=True)]
+    half = 1.959964 * SD * np.sqrt(np.diag(np.linalg.inv(system.X.T @ system.X)))
+    for k, (low, high) in enumerate(found):
+        np.testing.assert_allclose([low, high], fit.model.x[k] + half[k] * np.array([-1.0, 1.0]), rtol=1e-5)
+    np.testing.assert_allclose(np.diff(intervals(fit, white(system), 4.0)), 2.0 * np.diff(found), rtol=1e-9)
+    assert np.abs(inside / 200 - 0.95).max() < 0.05
+
+
+@pytest.mark.parametrize("by", [1e-12, 1e-6, 1e6])
+def test_intervals_do_not_depend_on_units(by):
+    """C20 in MPa or Pa: the same interval in the same unit."""
+    system = elastic(np.random.default_rng(4))
+    other = elastic(np.random.default_rng(4), bounds=[(-WIDE, WIDE), (-WIDE / by, WIDE / by)])
+    other.X = system.X * [1.0, by]
+    fit = refit(system, system.start(), white(system))
+    scaled = refit(other, Hypothesis(other.base, (), fit.model.x / [1.0, by]), white(other))
+    wanted, found = intervals(fit, white(system))[1], intervals(scaled, white(other))[1]
+    assert by * (found[1] - found[0]) == pytest.approx(wanted[1] - wanted[0], rel=1e-4)
+
+
+def test_of_what_the_data_do_not_depend_on_nothing_is_known():
+    """A column of zeros: the interval is all that the bounds allow."""
+    system = elastic(np.random.default_rng(5), bounds=[(-WIDE, WIDE), (0.0, 7.0)])
+    system.X = system.X * [1.0, 0.0]
+    fit = refit(system, system.start(), white(system))
+    assert intervals(fit, white(system))[1] == (0.0, 7.0)
+
+
+def test_intervals_of_a_gross_misfit_are_those_of_the_rows_and_what_they_share():
+    """Fitted by the rows alone, x = (J^T J)^-1 J^T y; with y off by worse x sd^2 a row and by an offset b of each test, its
+    variance is worse sd^2 (J^T J)^-1 + (G b) (G b)^T, G = (J^T J)^-1 J^T. The whitened curvature would say 0 of b.
+    """
+    system = elastic(np.random.default_rng(6), extra=0.1 * np.cos(9.0 * np.pi * programme(3)))
+    b = 0.02 * np.ones(len(system.X))
+    covariance = replace(white(system), floors={"offset": b})
+    fit = refit(system, system.start(), covariance)
+    assert fit.by_rows is not None
+    G = np.linalg.pinv(system.X)
+    sd = np.sqrt(30.0 * SD**2 * np.diag(G @ G.T) + (G @ b) ** 2)
+    for k, (low, high) in enumerate(intervals(fit, covariance, 30.0)):
+        assert high - low == pytest.approx(2.0 * 1.959964 * sd[k], rel=1e-4)
+
+
+def test_a_model_that_is_not_linear_is_fitted_too():
+    """s (1 - e^(-d / l)), exact rows: the search ends within 0.14 standard errors of both."""
+    d = programme(2)
+    effects = {
+        "rise": Planted(
+            lambda length: 1.0 - np.exp(-d / length),
+            {"size": Sought((0.5, 1.0), 0.0, 10.0), "length": Sought((0.1, 0.5), 0.01, 5.0, kind="log")},
+        )
+    }
+    y = 0.3 * d + 1.2 * (1.0 - np.exp(-d / 0.2))
+    system = Linear(split_up(y, 2, SD), d[:, None], effects)
+    (candidate,) = system.candidates(system.start())
+    fit = refit(system, system.start().plus(candidate.term, (0.5, 0.5)), white(system))
+    assert fit.converged and fit.chi2 < 0.02
+    np.testing.assert_allclose(fit.model.values, [0.3, 1.2, 0.2], rtol=0.02)
+
+
+def test_a_start_that_cannot_be_computed_is_an_error():
+    system = elastic(np.random.default_rng(7), fails=lambda model: True)
+    with pytest.raises(RunError, match="cannot be computed"):
+        refit(system, system.start(), white(system))
+
+
+def test_a_model_that_fails_where_the_search_wants_to_go_has_not_converged():
+    """Everything above x0 = 0.5 cannot be computed, while the data want 2: the search says that it gave up."""
+    system = elastic(np.random.default_rng(8), fails=lambda model: model.x[0] > 0.5)
+    assert not refit(system, system.start(), white(system)).converged
+
+
+def test_derivatives_stay_inside_the_bounds():
+    """At the upper bound the step goes down; a linear answer has the same derivative both ways, to rounding / step = 1e-12."""
+    seen = []
+    system = elastic(np.random.default_rng(9), bounds=[(0.0, 2.0), (0.0, 1.0)], fails=lambda m: seen.append(m.x) or False)
+    model = system.start().at(np.array([2.0, 1.0]))
+    found = derivatives(system, model, system.rows(model))
+    np.testing.assert_allclose(found, system.X, atol=1e-11)
+    assert max(x[0] for x in seen) <= 2.0 and max(x[1] for x in seen) <= 1.0
+
+
+def test_derivatives_are_kept_up_to_date_test_by_test():
+    """Two tests with a constant each, and one in common: y = a + c and b + c. From derivatives that are off, a step along all of
+    them mends both tests, and no test takes up the constant of the other.
+    """
+    true = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    off, way = 1.3 * true, np.array([1.0, -2.0, 0.5])
+    found = _updated(off, true @ way, way)
+    assert found @ way == pytest.approx(true @ way, rel=1e-14)
+    assert found[0, 1] == found[1, 0] == 0.0
+
+
+# ---- leaving tests out ----
+
+
+def left_out(system: Linear, test: int, rows: int) -> float:
+    """Really without it: white rows, least squares of the others."""
+    mine = np.zeros(len(system.X), dtype=bool)
+    mine[test * rows : (test + 1) * rows] = True
+    y = measured(system.series)
+    x = np.linalg.lstsq(system.X[~mine], y[~mine], rcond=None)[0]
+    rest = (y - system.X @ x)[mine]
+    return float(np.sqrt(np.mean(rest**2)) / np.abs(y[mine]).max())
+
+
+def test_cross_validation_is_really_leaving_a_test_out():
+    """A linear system's derivatives are exact, whatever point they are taken at."""
+    rng = np.random.default_rng(10)
+    system = elastic(rng, tests=4, extra=np.repeat(rng.standard_normal(4), 40) * programme(4))
+    fit = refit(system, system.start(), correlated(system))
+    found = cross_validated(system, fit, correlated(system))
+    assert list(found) == [f"test-{k}" for k in range(4)]
+    for k in range(4):
+        assert found[f"test-{k}"] == pytest.approx(left_out(system, k, 40), rel=1e-8)
+
+
+def test_cycles_are_left_out_with_their_test():
+    """Two series of one test leave together."""
+    rng = np.random.default_rng(11)
+    system = elastic(rng, tests=4)
+    names = ("a", "a", "b", "c")
+    system.series = [replace(one, test=name) for one, name in zip(system.series, names, strict=True)]
+    found = cross_validated(system, refit(system, system.start(), white(system)), white(system))
+    assert list(found) == ["a", "b", "c"]
+    y, mine = measured(system.series), np.arange(160) < 80
+    x = np.linalg.lstsq(system.X[~mine], y[~mine], rcond=None)[0]
+    errors = [np.sqrt(np.mean((y - system.X @ x)[part] ** 2)) / y[part].max() for part in (slice(0, 40), slice(40, 80))]
+    assert found["a"] == pytest.approx(np.mean(errors), rel=1e-8)
+
+
+def test_constants_of_one_test_alone_cannot_be_predicted():
+    rng = np.random.default_rng(12)
+    y = np.linspace(0.0, 1.0, 40)
+    series = [ramp(k, y + SD * autoregressive(rng, 40), sd=SD, constants=name) for k, name in enumerate(("A", "A", "B"))]
+    X = np.zeros((120, 2))
+    X[:80, 0], X[80:, 1] = programme(2), programme(1)
+    system = Linear(series, X)
+    found = cross_validated(system, refit(system, system.start(), white(system)), white(system))
+    assert list(found) == ["test-0", "test-1"]

@@ -9,7 +9,9 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 __version__ = "0.1.0"
@@ -28,7 +30,21 @@ _PLACES = {
 __all__ = ["InputError", "RunError", "__version__", "close_loop", "design_test", "identify", "open_result", "predict", "run"]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _PLACES:
+class _Package(ModuleType):
+    """This package: a command and the folder of its code have one name, and the name here is the command's.
+
+    Importing ``explicitfe.run`` for the first time would make the folder an attribute of the package, and ``explicitfe.run(...)``
+    would call a module from then on.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _PLACES:
+            raise AttributeError(f"module 'explicitfe' has no attribute {name!r}")
         return getattr(import_module(_PLACES[name]), name)
-    raise AttributeError(f"module 'explicitfe' has no attribute {name!r}")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _PLACES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -44,9 +44,9 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.threads import together
 from explicitfe.model.model import Model
+from explicitfe.solve.relax_step import RESTLESS
 from explicitfe.solve.simulation import Body, parts_of, usual_threads
 from explicitfe.solve.stable_step import stiffness_rows
-from explicitfe.solve.step import RESTLESS
 
 TOLERANCE = 1e-4
 SAFETY = 1.1  # on the masses: what the tissue may stiffen by on the way to the next load

@@ -136,7 +136,9 @@ def test_the_check_sees_what_it_should():
     up = "def f():\n    from explicitfe.solve.simulation import Simulation\n"
     assert violations("forces.contact", ast.parse(up)) == ["forces.contact:2 imports solve.simulation"]
     assert violations("materials.yeoh", ast.parse("from explicitfe import mesh")) == ["materials.yeoh:1 imports mesh"]
-    assert violations("results.reader", ast.parse("import explicitfe.compiled.simd")) == ["results.reader:1 imports compiled.simd"]
+    assert violations("results.reader", ast.parse("import explicitfe.compiled.simd")) == [
+        "results.reader:1 imports compiled.simd"
+    ]
     assert violations("forces.internal", ast.parse("from explicitfe.elements.hex8 import MODES")) == []
     late = "import numpy\nif TYPE_CHECKING:\n    import pyvista\ndef f():\n    import meshio\n"
     assert [name for name, _ in imports(at_import_time(ast.parse(late)))] == ["numpy"]

@@ -31,6 +31,8 @@ from explicitfe.solve.simulation import Simulation, kernels
 
 law = None  # placeholder of the template below
 
+LEAF = "from explicitfe.compiled.jit import leaf\n\n"
+
 
 def template(x):
     """A kernel of one line."""
@@ -103,7 +105,7 @@ def test_two_files_with_the_same_function_are_told_apart(own_cache):
 
 def test_what_a_factory_captures_is_told_apart(own_cache):
     """Laws made by one function differ only in what they captured: same file, same byte code, another kernel."""
-    text = "from explicitfe.compiled.jit import leaf\n\ndef make(k):\n    @leaf\n    def law(x):\n        return k * x\n    return law\n"
+    text = LEAF + "def make(k):\n    @leaf\n    def law(x):\n        return k * x\n    return law\n"
     module = module_from(own_cache / "factory.py", text)
     two, three = (bind(template, law=module.make(k)) for k in (2.0, 3.0))
     assert [two(1.0), three(1.0)] == [3.0, 4.0]
@@ -112,7 +114,7 @@ def test_what_a_factory_captures_is_told_apart(own_cache):
 
 def test_an_inner_function_does_not_spoil_the_name(own_cache):
     """A name that carried an address, as the repr of an inner function's code does, would never hit the cache."""
-    text = "from explicitfe.compiled.jit import leaf\n\n@leaf\ndef law(x):\n    inner = lambda y: 2.0 * y\n    return inner(x)\n"
+    text = LEAF + "@leaf\ndef law(x):\n    inner = lambda y: 2.0 * y\n    return inner(x)\n"
     kept = [module_from(own_cache / "inner.py", text) for _ in range(2)]
     names = {bind(template, law=module.law).py_func.__qualname__ for module in kept}
     assert len(names) == 1
@@ -141,9 +143,9 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
     """A law that calls a helper from another file, edited between two processes: the third process hits the cache again."""
     (tmp_path / "template_file.py").write_text("law = None\n\ndef template(x):\n    return law(x) + 1.0\n")
     (tmp_path / "edited_law.py").write_text(
-        "from explicitfe.compiled.jit import leaf\nfrom helper_file import helper\n\n@leaf\ndef law(x):\n    return helper(x) * 10.0\n"
+        LEAF + "from helper_file import helper\n\n@leaf\ndef law(x):\n    return helper(x) * 10.0\n"
     )
-    helper = "from explicitfe.compiled.jit import leaf\n\n@leaf\ndef helper(x):\n    return {} * x\n"
+    helper = LEAF + "@leaf\ndef helper(x):\n    return {} * x\n"
     code = PROCESS.format(folder=str(tmp_path))
     found = []
     for factor in (2.0, 3.0, 3.0):

@@ -43,8 +43,8 @@ def main() -> None:
             kinds = {kind: max(number // SMALL, 1) for kind, number in kinds.items()}
         progress = _progress(family)
         if not (folder / MANIFEST).is_file():
-            make(folder, seed=options.seed, kinds=kinds, family=family, processes=options.processes, report=progress)
-        score(folder, processes=options.processes, limit_s=options.limit, report=progress)
+            make(folder, seed=options.seed, kinds=kinds, family=family, processes=options.processes, progress=progress)
+        score(folder, processes=options.processes, limit_s=options.limit, progress=progress)
         texts.append(f"<!-- {family}, seed {options.seed} -->\n{(folder / 'score.md').read_text(encoding='utf-8')}")
     (options.out / "tables.md").write_text("\n".join(texts), encoding="utf-8")
 

@@ -18,10 +18,11 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as Columns
 
 from explicitfe import __version__
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import InputError, Progress, RunError
 from explicitfe.view import terminal as show
 
 app = typer.Typer(
@@ -83,14 +84,16 @@ def run(
     from explicitfe.run.run import run as run_scenario
 
     put, notes = _tissue(scenario, tissue, tissue_group)
-    with _progress() as report:
-        summary = run_scenario(scenario, out, settings=[*put, *(settings or ())], notes=notes, overwrite=overwrite, report=report)
+    with _progress() as progress:
+        summary = run_scenario(
+            scenario, out, settings=[*put, *(settings or ())], notes=notes, overwrite=overwrite, progress=progress
+        )
         if plots:
             from explicitfe.view.figures import draw
 
-            report("draw", 0.0)
+            progress("draw", 0.0)
             summary["plots"] = [str(path) for path in draw(Path(summary["result"]))]
-            report("draw", 1.0)
+            progress("draw", 1.0)
     if as_json:
         _print_json(summary)
     else:
@@ -131,7 +134,7 @@ def identify(
     """
     from explicitfe.identify.identify import identify as identify_constants
 
-    with _progress() as report:
+    with _progress() as progress:
         found = identify_constants(
             dataset,
             method=method,
@@ -141,7 +144,7 @@ def identify(
             poisson=poisson,
             refinement=refinement,
             overwrite=overwrite,
-            report=report,
+            progress=progress,
         )
     if as_json:
         _print_json(found)
@@ -172,9 +175,9 @@ def predict(
     """
     from explicitfe.predict.predict import predict as predict_dataset
 
-    with _progress() as report:
+    with _progress() as progress:
         found = predict_dataset(
-            dataset, model, out=out, curves=curves or (), refinement=refinement, overwrite=overwrite, report=report
+            dataset, model, out=out, curves=curves or (), refinement=refinement, overwrite=overwrite, progress=progress
         )
     if as_json:
         _print_json(found)
@@ -216,7 +219,7 @@ def close_loop(
     from explicitfe.close_loop.close import close_loop as close
     from explicitfe.measured.dataset import folder_name
 
-    with _progress() as report:
+    with _progress() as progress:
         found = close(
             dataset,
             out=out or Path("outputs") / f"close-loop-{folder_name(dataset)}",
@@ -225,7 +228,7 @@ def close_loop(
             effects=effects or (),
             max_effects=max_effects,
             overwrite=overwrite,
-            report=report,
+            progress=progress,
         )
     if as_json:
         _print_json(found)
@@ -247,8 +250,8 @@ def design_test(
     """
     from explicitfe.close_loop.design import design_test as design
 
-    with _progress() as report:
-        found = design(protocol, report=report)
+    with _progress() as progress:
+        found = design(protocol, progress=progress)
     if as_json:
         _print_json(found)
     else:
@@ -275,8 +278,8 @@ def check(
     from explicitfe.run.check import check as check_scenario
 
     put, notes = _tissue(scenario, tissue, tissue_group)
-    with _progress() as report:
-        found = check_scenario(scenario, [*put, *(settings or ())], report)
+    with _progress() as progress:
+        found = check_scenario(scenario, [*put, *(settings or ())], progress)
     if as_json:
         _print_json(found)
     else:
@@ -344,8 +347,8 @@ def warmup(
     """
     from explicitfe.run.speed import warm
 
-    with _progress() as report:
-        found = warm(everything, report)
+    with _progress() as progress:
+        found = warm(everything, progress)
     if as_json:
         _print_json({"seconds": found})
     else:
@@ -366,8 +369,8 @@ def bench(
     from explicitfe.run.speed import SIZES
     from explicitfe.run.speed import bench as time_it
 
-    with _progress() as report:
-        found = time_it(sizes or tuple(SIZES), report)
+    with _progress() as progress:
+        found = time_it(sizes or tuple(SIZES), progress)
     if as_json:
         _print_json(found)
     else:
@@ -407,8 +410,8 @@ def blind_make(
     """
     from explicitfe.blind.make import make
 
-    with _progress() as report:
-        made = make(folder, seed=seed, count=count, family=family, report=report)
+    with _progress() as progress:
+        made = make(folder, seed=seed, count=count, family=family, progress=progress)
     if as_json:
         _print_json(made)
     else:
@@ -423,8 +426,8 @@ def blind_score(folder: _Cases, as_json: _Json = False) -> None:
     """
     from explicitfe.blind.score import score
 
-    with _progress() as report:
-        found = score(folder, report=report)
+    with _progress() as progress:
+        found = score(folder, progress=progress)
     if as_json:
         _print_json(found)
     else:
@@ -463,14 +466,14 @@ _STAGES = {
     "make": "making cases",
     "warm": "making machine code",
     "bench": "timing",
-    "score": "closing the loop on cases",
+    "close-loop": "closing the loop on cases",
 }
 
 
 @contextmanager
-def _progress() -> Iterator[Any]:
-    """A progress display on stderr; gives the function that a run reports to."""
-    progress = Progress(
+def _progress() -> Iterator[Progress]:
+    """A progress display on stderr; gives the function that is called with how far a task is."""
+    display = Columns(
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
@@ -482,16 +485,16 @@ def _progress() -> Iterator[Any]:
     )
     tasks: dict[str, Any] = {}
 
-    def report(stage: str, share: float) -> None:
+    def progress(stage: str, share: float) -> None:
         if stage not in tasks:
-            progress.start()  # not before there is something to show
-            tasks[stage] = progress.add_task(_STAGES[stage], total=1.0)
-        progress.update(tasks[stage], completed=share)
+            display.start()  # not before there is something to show
+            tasks[stage] = display.add_task(_STAGES.get(stage, stage), total=1.0)
+        display.update(tasks[stage], completed=share)
 
     try:
-        yield report
+        yield progress
     finally:
-        progress.stop()
+        display.stop()
 
 
 def _print_json(value: Any) -> None:

@@ -1,9 +1,16 @@
-"""What goes wrong by the user's input, as one sentence that names the file, key or element and says what to do."""
+"""What every room tells the user: how far it is, and what is wrong, in one sentence that says what to do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+
+Progress = Callable[[str, float], None]
+"""What a long task calls from time to time with its stage ("compile", "run", ...) and the share of it that is done, 0 to 1."""
+
+
+def silent(stage: str, share: float) -> None:
+    """Progress that nobody follows."""
 
 
 class InputError(ValueError):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,9 +19,8 @@ import numpy as np
 from explicitfe.blind import homogeneous as cases
 from explicitfe.blind import under_a_tool as indentation
 from explicitfe.blind.case import KINDS, LEVELS, Wanted, write
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, Progress, silent
 
-Report = Callable[[str, float], None]
 DRAWN = {"homogeneous": cases, "indentation": indentation}
 SHARES = {"control": 0.275, "single": 0.55, "double": 0.1, "outside": 0.075}  # where only a number of cases is given
 PLAN = 1_000_003  # beside the seed: the order of the cases is drawn by itself
@@ -36,7 +35,7 @@ def make(
     kinds: Mapping[str, int] | None = None,
     family: str = "homogeneous",
     processes: int = 1,
-    report: Report = lambda stage, share: None,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Make cases.
 
@@ -48,7 +47,7 @@ def make(
     kinds : kind -> number of cases: control, single, double, outside.
     family : homogeneous (milliseconds a test) or indentation (simulated).
     processes : cases that are made at the same time.
-    report : called with the stage and the share of it that is done.
+    progress : called with the stage and the share of it that is done.
 
     Returns
     -------
@@ -74,12 +73,12 @@ def make(
         with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
             for _ in pool.map(_make_one, jobs):
                 done += 1
-                report("make", done / len(jobs))
+                progress("make", done / len(jobs))
     else:
         for job in jobs:
             _make_one(job)
             done += 1
-            report("make", done / len(jobs))
+            progress("make", done / len(jobs))
     summary = {"seed": seed, "family": family, "count": len(wanted), "wall_s": time.perf_counter() - begin}
     (out / MANIFEST).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return summary

@@ -8,16 +8,14 @@ import os
 import shutil
 import time
 import traceback
-from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 from explicitfe.blind import tables
 from explicitfe.blind.outcome import outcome
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, Progress, silent
 
-Report = Callable[[str, float], None]
 LOOK_S = 0.2  # between two looks at the processes
 
 
@@ -27,7 +25,7 @@ def score(
     processes: int = 2,
     max_effects: int = 3,
     limit_s: float | None = None,
-    report: Report = lambda stage, share: None,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Close the loop on every case that has no report yet, then score all of them.
 
@@ -37,7 +35,7 @@ def score(
     processes : cases at the same time, each in a process of its own.
     max_effects : passed on.
     limit_s : a case that takes longer is stopped, and counts as failed.
-    report : called with the stage and the share of it that is done.
+    progress : called with the stage and the share of it that is done.
 
     Returns
     -------
@@ -52,7 +50,7 @@ def score(
     if not names:
         raise InputError(f"{directory}: there are no cases here; make some first.")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the parallel part
-    _run(directory, names, processes, max_effects, limit_s, report)
+    _run(directory, names, processes, max_effects, limit_s, progress)
     rows = []
     for name in names:
         found, wall_s = _result(directory, name)
@@ -88,7 +86,7 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
 # ---- running ----
 
 
-def _run(directory: Path, names: list[str], processes: int, max_effects: int, limit_s: float | None, report: Report) -> None:
+def _run(directory: Path, names: list[str], processes: int, max_effects: int, limit_s: float | None, progress: Progress) -> None:
     """Reports of all cases that have none, a process a case: a crash takes nothing else with it."""
     reports = directory / "reports"
     reports.mkdir(exist_ok=True)
@@ -97,7 +95,7 @@ def _run(directory: Path, names: list[str], processes: int, max_effects: int, li
     running: dict[str, tuple[BaseProcess, float]] = {}
     todo = left[::-1]
     done = len(names) - len(left)
-    report("close-loop", done / len(names))
+    progress("close-loop", done / len(names))
     while todo or running:
         while todo and len(running) < processes:
             name = todo.pop()
@@ -118,7 +116,7 @@ def _run(directory: Path, names: list[str], processes: int, max_effects: int, li
             del running[name]
             _record(reports, name, taken, f"stopped after {taken:.0f} s" if late else f"ended with {job.exitcode}")
             done += 1
-            report("close-loop", done / len(names))
+            progress("close-loop", done / len(names))
 
 
 def _close(directory: str, name: str, max_effects: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,13 @@ from explicitfe.close_loop.statistics.system import described
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.close_loop.trajectories.trajectories import LEVERS
 from explicitfe.effects import EFFECTS
-from explicitfe.errors import InputError, RunError, nearest
+from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.measured.dataset import Curve, Dataset, read_dataset
 from explicitfe.measured.selection import imposed
 from explicitfe.predict.predict import UNITS, experiments
 from explicitfe.results import provenance
 from explicitfe.results.folder import checked_target
 
-Report = Callable[[str, float], None]
 MODEL, BASELINE = "model.toml", "baseline.toml"
 MAX_EFFECTS = 3
 VARIED = (0.9, 1.1)  # factors of an assumed length in the table of what it moves
@@ -60,7 +59,7 @@ def close_loop(
     max_effects: int = MAX_EFFECTS,
     processes: int | None = None,
     overwrite: bool = False,
-    report: Report = lambda stage, share: None,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Say what a model lacks, given measured curves.
 
@@ -73,7 +72,7 @@ def close_loop(
     effects : names of those that are considered; all if left out.
     max_effects : most effects (or terms of one) that are added.
     processes : at most so many; one a core if left out.
-    report : called with the stage and the share of it that is done.
+    progress : called with the stage and the share of it that is done.
 
     Returns
     -------
@@ -98,14 +97,14 @@ def close_loop(
         dataset = dataset.regrouped(constants_by)
     sides = split(dataset, holdout)
     if dataset.test == "trajectory":
-        found, curves, files = close_trajectories(dataset, sides, effects, max_effects, processes, report)
+        found, curves, files = close_trajectories(dataset, sides, effects, max_effects, processes, progress)
         found["provenance"] |= {"wall_s": time.perf_counter() - begin}
         if target is not None:
             write(target, found, curves, files)
         return found
     simulator = Simulator(processes)
     try:
-        work = _Work(dataset, sides, simulator, constants_by, tuple(effects), max_effects, report)
+        work = _Work(dataset, sides, simulator, constants_by, tuple(effects), max_effects, progress)
         found, curves, files = work.done()
     finally:
         simulator.close()
@@ -126,10 +125,10 @@ class _Work:
         constants_by: str | None,
         effects: tuple[str, ...],
         max_effects: int,
-        report: Report,
+        progress: Progress,
     ) -> None:
         self.dataset, self.sides, self.simulator = dataset, sides, simulator
-        self.max_effects, self.report = max_effects, report
+        self.max_effects, self.progress = max_effects, progress
         self.system = Specimens(dataset, sides.fit, simulator, COARSE, constants_by, effects)
         self.left_out = dict(sides.left_out)
         self._stage, self._since = ("trace", 0.0, 0.0), 0
@@ -149,7 +148,7 @@ class _Work:
     def _say(self, stage: str, share: float) -> None:
         """Never less than before: a turn that took many runs may have been thought further than it was."""
         self._said[stage] = max(self._said.get(stage, 0.0), share)
-        self.report(stage, self._said[stage])
+        self.progress(stage, self._said[stage])
 
     def done(self) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, str]]:
         """The report, curves for its pictures, and texts of the model files."""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import tempfile
 import tomllib
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +20,7 @@ from explicitfe.close_loop.statistics.covariance import Covariance, stacked
 from explicitfe.close_loop.statistics.fingerprints import DISTINCT, Fingerprint, fingerprints
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import Fitted, derivatives
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import InputError, Progress, RunError, silent
 from explicitfe.measured.dataset import COLUMNS, TIME, Dataset, read_dataset
 from explicitfe.predict.tissue import toml_value
 from explicitfe.scenario.scenario import explain, validated
@@ -66,9 +65,7 @@ class ProtocolFile(_Table):
     curve: list[PlannedCurve] = Field(min_length=1)
 
 
-def design_test(
-    path: Path | str, *, processes: int | None = None, report: Callable[[str, float], None] = lambda stage, share: None
-) -> dict[str, Any]:
+def design_test(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> dict[str, Any]:
     """Which effects a planned test could find, and which it could not tell apart.
 
     Parameters
@@ -86,16 +83,16 @@ def design_test(
     """
     path = Path(path)
     protocol = _read(path)
-    report("design", 0.0)
+    progress("design", 0.0)
     simulator = Simulator(processes)
     try:
         system = _system(path, protocol, simulator)
-        report("design", 0.1)
+        progress("design", 0.1)
         fit, covariance = _elastic(system, protocol)
         candidates = system.candidates(fit.model)
-        simulator.watch = lambda: report("design", 0.1 + 0.9 * (1.0 - np.exp(-simulator.runs / (30.0 * len(system.tests)))))
+        simulator.watch = lambda: progress("design", 0.1 + 0.9 * (1.0 - np.exp(-simulator.runs / (30.0 * len(system.tests)))))
         prints = fingerprints(system, fit, covariance, candidates)
-        report("design", 1.0)
+        progress("design", 1.0)
     finally:
         simulator.close()
     rows = []

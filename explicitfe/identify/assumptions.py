@@ -110,7 +110,7 @@ def what_a_fit_hides(
     observed: Sequence[Observed],
     fit: Fit,
     choices: Sequence[Alternative],
-    report: Callable[[], None] = lambda: None,
+    progress: Callable[[], None] = lambda: None,
 ) -> tuple[list[Hidden], int]:
     """Each alternative, and the number of forward runs.
 
@@ -166,7 +166,7 @@ def what_a_fit_hides(
             found.append(Hidden(choice.name, moved, _rms(left * sd), _rms(left)))
         except (InputError, RunError, ValueError) as error:
             found.append(Hidden(choice.name, problem=str(error).splitlines()[0]))
-        report()
+        progress()
     return found, runs
 
 

@@ -36,7 +36,7 @@ CLOSEST_Q = 0.01  # two runs nearer than this are one
 
 
 def forces(
-    setup: Setup, C10_Pa: float, C20_Pa: float, depths_m: Iterable[float], report: Share = lambda share: None
+    setup: Setup, C10_Pa: float, C20_Pa: float, depths_m: Iterable[float], progress: Share = lambda share: None
 ) -> np.ndarray:
     """Forces of the tool [N] at increasing depths, by the simulator.
 
@@ -57,7 +57,7 @@ def forces(
                 "fit less of the curve, or take another refinement."
             )
         found.append(reached.force_N)
-        report(len(found) / len(way))
+        progress(len(found) / len(way))
     return np.array(found)
 
 
@@ -169,7 +169,7 @@ class ToolResponse:
         rest = [self.smooth.coefficients(self.depths_m, run)[1] for run in self._runs.values()]
         return float(np.sqrt(np.mean(np.square(rest))))
 
-    def add(self, ratios: Iterable[float], report: Share = lambda share: None) -> None:
+    def add(self, ratios: Iterable[float], progress: Share = lambda share: None) -> None:
         """Run the simulator for these q, but for those that are there already."""
         wanted: list[float] = []
         for q in ratios:
@@ -178,20 +178,20 @@ class ToolResponse:
                 wanted.append(q)
         for k, q in enumerate(wanted):
             C10, C20 = REFERENCE_PA * (1.0 - q), REFERENCE_PA * q
-            self._runs[q] = forces(self.setup, C10, C20, self.depths_m, lambda s, k=k: report((k + s) / len(wanted)))
+            self._runs[q] = forces(self.setup, C10, C20, self.depths_m, lambda s, k=k: progress((k + s) / len(wanted)))
             self.runs += 1
         if wanted and len(self._runs) >= len(FIRST_Q):
             self._interpolate()
-        report(1.0)
+        progress(1.0)
 
-    def check(self, q: float, report: Share = lambda share: None) -> float:
+    def check(self, q: float, progress: Share = lambda share: None) -> float:
         """Run the simulator at q too; largest deviation that the interpolated response had from it, relative to the force."""
         q = float(np.clip(q, 0.0, LARGEST_Q))
         assert self.smooth is not None
         if q in self._runs:
             return 0.0
         before = self.smooth.at(self._coefficients(q), self.depths_m)[0]
-        run = forces(self.setup, REFERENCE_PA * (1.0 - q), REFERENCE_PA * q, self.depths_m, report) / REFERENCE_PA
+        run = forces(self.setup, REFERENCE_PA * (1.0 - q), REFERENCE_PA * q, self.depths_m, progress) / REFERENCE_PA
         self.runs += 1
         now = self.smooth.at(self.smooth.coefficients(self.depths_m, run)[0], self.depths_m)[0]
         for other in [r for r in self._runs if 0.0 < abs(r - q) < CLOSEST_Q]:

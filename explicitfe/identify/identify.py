@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from explicitfe.errors import InputError, RunError, nearest
+from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.identify.assumptions import Hidden, alternatives, sentence, what_a_fit_hides
 from explicitfe.identify.fit import NAMES, Fit, Observed, least_squares_fit, profile_curve
 from explicitfe.identify.forward import FIRST_Q, CurveModel, PointResponse, Response, ToolResponse, UniformResponse, ratio
@@ -31,7 +31,6 @@ from explicitfe.measured.selection import Group, imposed, sd_of, select
 from explicitfe.predict.setup import Setup, is_uniform, setup_of
 from explicitfe.results.folder import checked_target
 
-Report = Callable[[str, float], None]
 METHODS = ("least-squares", "paper")
 UNITS = {"displacement_m": ("mm", 1e3), "force_N": ("N", 1.0), "nominal_stress_Pa": ("Pa", 1.0), "shear_stress_Pa": ("Pa", 1.0)}
 
@@ -58,7 +57,7 @@ def identify(
     poisson: float = 0.499,
     refinement: float = 1.5,
     overwrite: bool = False,
-    report: Report = lambda stage, share: None,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Identify C10 and C20 of each group of constants of a dataset.
 
@@ -99,10 +98,10 @@ def identify(
     if method == "paper":
         for group in groups:
             force_steps(group.fitted, group.rows)
-    report("compile", 0.0)
+    progress("compile", 0.0)
     tests.compile()
-    report("compile", 1.0)
-    work = _Work(report, tests.runs_planned(groups, method))
+    progress("compile", 1.0)
+    work = _Work(progress, tests.runs_planned(groups, method))
 
     found: dict[str, Any] = {}
     pictures: dict[str, dict[str, Any]] = {}
@@ -136,15 +135,15 @@ def identify(
     if target is not None:
         write(target, summary, pictures)
     summary["wall_s"] = time.perf_counter() - begin
-    report("identify", 1.0)
+    progress("identify", 1.0)
     return summary
 
 
 class _Work:
     """Share of the planned forward runs that is done; it never goes back, though more may be needed than planned."""
 
-    def __init__(self, report: Report, planned: int) -> None:
-        self._report, self._planned = report, max(planned, 1)
+    def __init__(self, progress: Progress, planned: int) -> None:
+        self._progress, self._planned = progress, max(planned, 1)
         self._done = 0.0
         self._shown = 0.0
 
@@ -160,17 +159,17 @@ class _Work:
         """For several runs that report as one."""
         start = self._done
 
-        def report(share: float) -> None:
+        def progress(share: float) -> None:
             self._done = start + share * runs
             self._show(self._done)
 
-        return report
+        return progress
 
     def _show(self, done: float) -> None:
         # close to the end, what was not planned moves it ever less
         share = done / self._planned
         self._shown = max(self._shown, 0.98 * (share if share < 0.9 else 1.0 - 0.1 * np.exp(-(share - 0.9) / 0.1)))
-        self._report("identify", float(self._shown))
+        self._progress("identify", float(self._shown))
 
 
 @dataclass
@@ -257,7 +256,7 @@ def _identify(group: Group, tests: _Tests, method: str, work: _Work) -> tuple[di
         if any(tests.setups[c.id].key != setup.key for c in group.fitted):
             raise InputError("the paper's method needs curves of one test; choose them by --fit.")
         paper = identify_by_paper(
-            by_simulator(setup, loads), measured, first_guess(setup, loads[0], measured[0]), report=lambda runs: work.done()
+            by_simulator(setup, loads), measured, first_guess(setup, loads[0], measured[0]), progress=lambda runs: work.done()
         )
         tests.other_runs += len(paper.trace)
         if paper.status == "not-converged":

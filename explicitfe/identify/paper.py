@@ -127,7 +127,7 @@ def identify_by_paper(
     *,
     alpha_m: float = ALPHA_M,
     beta_m: float = BETA_M,
-    report: Callable[[int], None] = lambda runs: None,
+    progress: Callable[[int], None] = lambda runs: None,
 ) -> PaperFit:
     """The iteration.
 
@@ -141,7 +141,7 @@ def identify_by_paper(
 
     def run(C10: float, C20: float, changed: str) -> np.ndarray:
         trace.append(Step(C10, C20, changed, displacements(C10, C20)))
-        report(len(trace))
+        progress(len(trace))
         return trace[-1].displacement_m
 
     def result(status: str) -> PaperFit:

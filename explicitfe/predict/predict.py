@@ -22,7 +22,7 @@ from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.material.fibres import Fibres
 from explicitfe.effects.reading.cycle_drift import CycleDrift
 from explicitfe.effects.tool.preload import Preload
-from explicitfe.errors import InputError, RunError, nearest
+from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import Course, course_of
 from explicitfe.measured.dataset import Curve, read_dataset
@@ -36,7 +36,6 @@ from explicitfe.scenario.scenario import SpecimenTable, ToolTable, explain, vali
 from explicitfe.solve import point
 from explicitfe.solve.equilibrium import Relaxation, Stuck
 
-Report = Callable[[str, float], None]
 SUMMARY = "predict.json"
 UNITS = {"displacement_m": ("mm", 1e3), "force_N": ("N", 1.0), "nominal_stress_Pa": ("Pa", 1.0), "shear_stress_Pa": ("Pa", 1.0)}
 ALONG, ACROSS = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)  # fibres, where the load is along z
@@ -79,7 +78,7 @@ def predict(
     tolerance: float | None = None,
     processes: int | None = None,
     overwrite: bool = False,
-    report: Report = lambda stage, share: None,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Predict the curves of a dataset.
 
@@ -94,7 +93,7 @@ def predict(
     tolerance : relative force residual of an equilibrium; the model's own if left out.
     processes : at most so many; one a core if left out.
     overwrite : replace an earlier prediction.
-    report : called with the stage and the share of it that is done.
+    progress : called with the stage and the share of it that is done.
 
     Returns
     -------
@@ -121,7 +120,7 @@ def predict(
             raise InputError(f'{dataset.path}: there is no curve "{name}"; {nearest(name, known)}')
     wanted = set(curves or known)
     tests = [test for test in experiments(dataset.curves) if wanted & {curve.id for curve in test}]
-    found = _all(tests, model, processes, report)
+    found = _all(tests, model, processes, progress)
     rows = {}
     for curve in dataset.curves:
         if curve.id in wanted:
@@ -174,7 +173,7 @@ def predict_test(
     refinement: float | None = None,
     density: float | None = None,
     tolerance: float | None = None,
-    report: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[Predicted]:
     """What a model answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
 
@@ -188,9 +187,9 @@ def predict_test(
     law = model.law(first)
     if first.kind in ("uniaxial", "shear"):
         found = _homogeneous(test, law, effects)
-        report(1.0)
+        progress(1.0)
         return found
-    return _under_a_tool(test, law, effects, _computed(model, refinement, density, tolerance).numerics, report)
+    return _under_a_tool(test, law, effects, _computed(model, refinement, density, tolerance).numerics, progress)
 
 
 def _computed(model: ModelFile, refinement: float | None, density: float | None, tolerance: float | None) -> ModelFile:
@@ -322,7 +321,7 @@ def _under_a_tool(
     law: Yeoh,
     effects: Sequence[Effect],
     numerics: Numerics,
-    report: Callable[[float], None],
+    progress: Callable[[float], None],
 ) -> list[Predicted]:
     begin = time.perf_counter()
     first = test[0]
@@ -354,7 +353,7 @@ def _under_a_tool(
         # One thread: tests are shared out among processes, and what is predicted does not depend on the machine's cores.
         body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), numerics.tolerance, threads=1)
         body.compile()
-        course, answers, iterations = _driven(body, course, by_force, lifts is not None, first.id, report)
+        course, answers, iterations = _driven(body, course, by_force, lifts is not None, first.id, progress)
     values = course.at(answers, time_s, lifts)
     seconds = (time.perf_counter() - begin) / len(test)
     found = []
@@ -366,7 +365,7 @@ def _under_a_tool(
 
 
 def _driven(
-    body: Relaxation, course: Course, by_force: bool, lifts: bool, name: str, report: Callable[[float], None]
+    body: Relaxation, course: Course, by_force: bool, lifts: bool, name: str, progress: Callable[[float], None]
 ) -> tuple[Course, np.ndarray, int]:
     """The course, finer where the tool loses contact; force [N] or displacement [m] at its instants; iterations that took."""
     rest = body.settle()
@@ -393,7 +392,7 @@ def _driven(
         total += reached.iterations
         answers.append(reached.displacement_m if by_force else reached.force_N)
         number += 1
-        report(number / len(course.time_s))
+        progress(number / len(course.time_s))
     return course, np.array(answers), total
 
 
@@ -442,7 +441,7 @@ def _all(
     tests: Sequence[Sequence[Curve]],
     model: ModelFile,
     processes: int | None,
-    report: Report,
+    progress: Progress,
 ) -> dict[str, Predicted | str]:
     """Curve -> its prediction, or what went wrong."""
     found: dict[str, Predicted | str] = {}
@@ -450,9 +449,9 @@ def _all(
     def keep(test: Sequence[Curve], answer: list[Predicted] | str) -> None:
         for number, curve in enumerate(test):
             found[curve.id] = answer if isinstance(answer, str) else answer[number]
-        report("predict", len(found) / sum(map(len, tests)))
+        progress("predict", len(found) / sum(map(len, tests)))
 
-    report("predict", 0.0)
+    progress("predict", 0.0)
     # The first one here: it makes the machine code, which the other processes then only load.
     text = model.text
     keep(tests[0], _job(tests[0], text))

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from explicitfe.effects import EFFECTS
+from explicitfe.errors import Progress
 from explicitfe.mesh.quality import assess
 from explicitfe.model import catalogue
-from explicitfe.run.prepare import Prepared, Report, describe, prepare
+from explicitfe.run.prepare import Prepared, describe, prepare
 from explicitfe.scenario.scenario import Indentation, read_scenario
 from explicitfe.solve.stable_step import FRACTION
 from explicitfe.solve.transient import FIRST_TURNS
@@ -20,7 +21,7 @@ from explicitfe.solve.transient import FIRST_TURNS
 ITERATIONS = 3000  # that a load takes at a residual of 1e-4 and Poisson's ratio 0.499, as seen on the default specimen
 
 
-def check(path: Path | str, settings: Sequence[str], report: Report) -> dict[str, Any]:
+def check(path: Path | str, settings: Sequence[str], progress: Progress) -> dict[str, Any]:
     """Validate, build and measure a scenario; nothing is run and nothing written.
 
     The wall time is predicted from the time that the element forces take now, on this machine.
@@ -31,7 +32,7 @@ def check(path: Path | str, settings: Sequence[str], report: Report) -> dict[str
     """
     prepared = prepare(path, settings)
     quality = assess(prepared.model.mesh)
-    report("compile", 0.0)
+    progress("compile", 0.0)
     found = {
         **describe(prepared),
         "smallest_edge_mm": 1e3 * quality.smallest_edge_m,
@@ -40,14 +41,14 @@ def check(path: Path | str, settings: Sequence[str], report: Report) -> dict[str
         "worst_element": quality.worst_element,
     }
     return found | (
-        _indentation(prepared, report) if isinstance(prepared.scenario, Indentation) else _transient(prepared, report)
+        _indentation(prepared, progress) if isinstance(prepared.scenario, Indentation) else _transient(prepared, progress)
     )
 
 
-def _indentation(prepared: Prepared, report: Report) -> dict[str, Any]:
+def _indentation(prepared: Prepared, progress: Progress) -> dict[str, Any]:
     """How long an indentation will take, from a few iterations and from what loads have taken so far."""
     body, scenario, mesh = prepared.relaxation, prepared.scenario, prepared.model.mesh
-    body.compile(lambda share: report("compile", share))
+    body.compile(lambda share: progress("compile", share))
     loads = len(scenario.analysis.course)
     cells = len({"J", "hourglass_energy", "strain_energy_density"} & set(scenario.record.fields))
     iterations = loads * ITERATIONS
@@ -61,9 +62,9 @@ def _indentation(prepared: Prepared, report: Report) -> dict[str, Any]:
     }
 
 
-def _transient(prepared: Prepared, report: Report) -> dict[str, Any]:
+def _transient(prepared: Prepared, progress: Progress) -> dict[str, Any]:
     simulation, scenario = prepared.simulation, prepared.scenario
-    simulation.compile(lambda share: report("compile", share))
+    simulation.compile(lambda share: progress("compile", share))
     bound_s, element = simulation.stable_bound()
     limit_s = simulation.stable_limit(FIRST_TURNS)
     fixed = scenario.analysis.step_us

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, Progress
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.results import Quantity, ResultWriter, provenance
-from explicitfe.run.prepare import Prepared, Report, describe
+from explicitfe.run.prepare import Prepared, describe
 from explicitfe.scenario.scenario import Indentation
 from explicitfe.solve.equilibrium import PENETRATION, Equilibrium, Stuck
 
@@ -45,7 +45,7 @@ CELLS = {
 }
 
 
-def run_indentation(prepared: Prepared, target: Path, overwrite: bool, report: Report, begin: float) -> dict[str, Any]:
+def run_indentation(prepared: Prepared, target: Path, overwrite: bool, progress: Progress, begin: float) -> dict[str, Any]:
     """Run an indentation to its end and store its result; ``begin`` is when the whole run began.
 
     Returns
@@ -65,9 +65,9 @@ def run_indentation(prepared: Prepared, target: Path, overwrite: bool, report: R
     times = analysis.times_s or [float(k) for k in range(1, len(loads) + 1)]
 
     with _writer(prepared, target, overwrite, len(loads) + 1) as writer:
-        compile_s = body.compile(lambda share: report("compile", share))
+        compile_s = body.compile(lambda share: progress("compile", share))
         started = time.perf_counter()
-        report("run", 0.0)
+        progress("run", 0.0)
         curve: list[Equilibrium] = []
         state, message = FINISHED, ""
         try:
@@ -78,14 +78,14 @@ def run_indentation(prepared: Prepared, target: Path, overwrite: bool, report: R
             _store(writer, prepared, curve, 0.0)
             for k, (load, at) in enumerate(zip(loads, times, strict=True)):
                 go = body.press if by_force else body.move
-                found = go(load, lambda share, k=k: report("run", (k + share) / len(loads)), at_s=at)
+                found = go(load, lambda share, k=k: progress("run", (k + share) / len(loads)), at_s=at)
                 if isinstance(found, Stuck):
                     name = f"{load:g} N" if by_force else f"{1e3 * load:g} mm"
                     state, message = found.reason, _stuck(prepared, found, name)
                     break
                 curve.append(found)
                 _store(writer, prepared, curve, at)
-                report("run", (k + 1) / len(loads))
+                progress("run", (k + 1) / len(loads))
         except KeyboardInterrupt:
             state, message = (
                 INTERRUPTED,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,6 @@ from explicitfe.model.tongue import assemble
 from explicitfe.scenario.scenario import Indentation, Scenario, read_scenario
 from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.simulation import Body, Simulation
-
-Report = Callable[[str, float], None]  # stage ("compile", "run"), share done in [0, 1]
-
-
-def silent(stage: str, share: float) -> None:
-    """Report to nobody."""
 
 
 @dataclass(frozen=True)

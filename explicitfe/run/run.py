@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, Progress, silent
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.run.indentation import run_indentation
-from explicitfe.run.prepare import Prepared, Report, describe, prepare, silent
+from explicitfe.run.prepare import Prepared, describe, prepare
 from explicitfe.scenario.scenario import Indentation
 from explicitfe.solve.simulation import Simulation, Snapshot
 from explicitfe.solve.transient import DIVERGED, FINISHED, INTERRUPTED, Ledger, Status, Transient
@@ -41,7 +41,7 @@ def run(
     settings: Sequence[str] = (),
     notes: Sequence[str] = (),
     overwrite: bool = False,
-    report: Report = silent,
+    progress: Progress = silent,
 ) -> dict[str, Any]:
     """Run a scenario to its end and store its result.
 
@@ -52,7 +52,7 @@ def run(
     settings : ``key=value`` pairs that replace what the file says.
     notes : sentences for the user that the summary begins its warnings with.
     overwrite : replace a result that exists.
-    report : called with the stage and the share of it that is done.
+    progress : called with the stage and the share of it that is done.
 
     Returns
     -------
@@ -67,18 +67,18 @@ def run(
     prepared = replace(prepare(path, settings), notes=tuple(notes))
     target = result_path(path, out)
     if isinstance(prepared.scenario, Indentation):
-        return run_indentation(prepared, target, overwrite, report, begin)
-    return _run_transient(prepared, target, overwrite, report, begin)
+        return run_indentation(prepared, target, overwrite, progress, begin)
+    return _run_transient(prepared, target, overwrite, progress, begin)
 
 
-def _run_transient(prepared: Prepared, target: Path, overwrite: bool, report: Report, begin: float) -> dict[str, Any]:
+def _run_transient(prepared: Prepared, target: Path, overwrite: bool, progress: Progress, begin: float) -> dict[str, Any]:
     scenario, simulation = prepared.scenario, prepared.simulation
     every_s = 1e-3 * scenario.record.every_ms
     duration_s = 1e-3 * scenario.analysis.duration_ms
     step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
 
     with _writer(prepared, target, overwrite, int(duration_s / every_s) + 2) as writer:
-        compile_s = simulation.compile(lambda share: report("compile", share))
+        compile_s = simulation.compile(lambda share: progress("compile", share))
         try:
             transient = Transient(simulation, duration_s, step_s)
         except InputError as error:
@@ -98,7 +98,7 @@ def _run_transient(prepared: Prepared, target: Path, overwrite: bool, report: Re
                 if now - stored_at > RESTART_EVERY_S or transient.finished:
                     writer.restart(transient.restart_state())
                     stored_at = now
-                report("run", min(1.0, simulation.time_s / duration_s))
+                progress("run", min(1.0, simulation.time_s / duration_s))
                 if not error < BALANCE_LIMIT:
                     status = _diverged(simulation, error)
                 if status or transient.finished:

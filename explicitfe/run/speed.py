@@ -10,12 +10,12 @@ import numpy as np
 
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import cores
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, Progress, silent
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model
-from explicitfe.run.prepare import Report, prepare, silent
+from explicitfe.run.prepare import prepare
 from explicitfe.scenario.scenario import Indentation
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
@@ -88,7 +88,7 @@ def nanoseconds(simulation: Simulation, seconds: float = 1.0) -> float:
     return 1e9 * best / steps / elements
 
 
-def bench(sizes: Sequence[int] = tuple(SIZES), report: Report = silent) -> dict[str, Any]:
+def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> dict[str, Any]:
     """Time the step of a block of hexes at several sizes, and of the tongue saying [i].
 
     Returns
@@ -107,9 +107,9 @@ def bench(sizes: Sequence[int] = tuple(SIZES), report: Report = silent) -> dict[
     reference = next((table for name, table in REFERENCE.items() if f" {WIDTH} lanes" in name), {})
     rows = []
     for done, (size, element) in enumerate([(size, element) for size in sizes for element in ELEMENTS]):
-        report("bench", done / (len(sizes) * len(ELEMENTS) + 1))
+        progress("bench", done / (len(sizes) * len(ELEMENTS) + 1))
         alone = problem(size, element, threads=1)
-        alone.compile(lambda share: report("compile", share))
+        alone.compile(lambda share: progress("compile", share))
         row: dict[str, Any] = {
             "elements": size,
             "element": element,
@@ -123,7 +123,7 @@ def bench(sizes: Sequence[int] = tuple(SIZES), report: Report = silent) -> dict[
             row |= {"threads": len(shared.parts), "ns_threads": nanoseconds(shared)}
         rows.append(row)
     spoken = _spoken()
-    report("bench", 1.0)
+    progress("bench", 1.0)
     return {"lanes": WIDTH, "cores": cores(), "rows": rows, "scenario": spoken}
 
 
@@ -139,7 +139,7 @@ def _spoken() -> dict[str, Any]:
     return {"name": SCENARIO, "hexes": hexes, "steps": steps, "loop_s": seconds, "real_time_factor": factor}
 
 
-def warm(everything: bool = False, report: Report = silent) -> dict[str, float]:
+def warm(everything: bool = False, progress: Progress = silent) -> dict[str, float]:
     """Make the machine code that runs need and keep it on disk, so that no run has to wait for it.
 
     Parameters
@@ -152,16 +152,16 @@ def warm(everything: bool = False, report: Report = silent) -> dict[str, float]:
     """
     wanted = USUAL | (MORE if everything else {})
     found: dict[str, float] = {}
-    report("warm", 0.0)
+    progress("warm", 0.0)
     for number, (name, (scenario, settings)) in enumerate(wanted.items()):
         prepared = prepare(_path(scenario), settings)
         body = prepared.relaxation if isinstance(prepared.scenario, Indentation) else prepared.simulation
         share = 1.0 / (len(wanted) + 1)
-        found[name] = body.compile(lambda part, begin=number * share, share=share: report("warm", begin + part * share))
+        found[name] = body.compile(lambda part, begin=number * share, share=share: progress("warm", begin + part * share))
     begin = time.perf_counter()
     point.uniaxial(MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
     found["homogeneous states"] = time.perf_counter() - begin
-    report("warm", 1.0)
+    progress("warm", 1.0)
     return found
 
 

@@ -159,14 +159,14 @@ class Relaxation(Body):
 
     # ---- what a load does ----
 
-    def settle(self, report: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
+    def settle(self, progress: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
         """Equilibrium under the dead loads alone, the tool out of reach or, where it is tied, without a load; it then touches."""
         if not self._external.any() and self.contact.shape[TILT] == 0.0:
             return self._touched(0.0)
         tied = self.contact.shape[TIED] > 0.0
         beyond = 0.0 if tied else -1.0  # m
         self.tool[[FREE, LOAD, DEPTH, DRIVE, GOAL]] = float(tied), 0.0, beyond, beyond, beyond
-        failure = self._attempt(report)
+        failure = self._attempt(progress)
         if failure is not None:
             return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
         if tied:
@@ -179,34 +179,34 @@ class Relaxation(Body):
         return self._touched(float(self.tool[DEPTH]))
 
     def press(
-        self, force_N: float, report: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
+        self, force_N: float, progress: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
     ) -> Equilibrium | Stuck:
         """Equilibrium under a force of the tool [N], from the last one; ``at_s``, when, for a material that remembers."""
-        return self._approach(force_N, True, self.time_s if at_s is None else at_s, report)
+        return self._approach(force_N, True, self.time_s if at_s is None else at_s, progress)
 
     def move(
-        self, displacement_m: float, report: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
+        self, displacement_m: float, progress: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
     ) -> Equilibrium | Stuck:
         """Equilibrium at a displacement of the tool [m] since first touch, from the last one; ``at_s`` as for a force."""
-        return self._approach(displacement_m, False, self.time_s if at_s is None else at_s, report)
+        return self._approach(displacement_m, False, self.time_s if at_s is None else at_s, progress)
 
     # ---- what is known ----
 
-    def compile(self, report: Callable[[float], None] = lambda share: None) -> float:
+    def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
         """Make the machine code ready, from the cache on disk where it is there; give the seconds it took.
 
-        ``report`` is called with the share that is done.
+        ``progress`` is called with the share that is done.
         """
         begin = time.perf_counter()
-        report(0.0)
+        progress(0.0)
         self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.blocks)
-        report(0.4)
+        progress(0.4)
         self._relax(0)
-        report(0.8)
+        progress(0.8)
         self._touch()
         self._tool_force()
         self._energies()
-        report(1.0)
+        progress(1.0)
         return time.perf_counter() - begin
 
     def equilibrium(self, iterations: int) -> Equilibrium:
@@ -267,7 +267,7 @@ class Relaxation(Body):
             self._known = [(0.0, *self._known[-1][1:])]
         return self.equilibrium(0)
 
-    def _approach(self, goal: float, by_force: bool, at_s: float, report: Callable[[float], None]) -> Equilibrium | Stuck:
+    def _approach(self, goal: float, by_force: bool, at_s: float, progress: Callable[[float], None]) -> Equilibrium | Stuck:
         if at_s < self.time_s:
             raise ValueError(f"time runs backwards, from {self.time_s:g} s to {at_s:g} s")
         self.tool[FREE] = float(by_force)
@@ -282,7 +282,7 @@ class Relaxation(Body):
             now = begin + share * (goal - begin) if share < 1.0 else goal
             self.set_increment((share - done) * (at_s - since))
             self._start(now)
-            failure = self._attempt(report)
+            failure = self._attempt(progress)
             if failure is None and self._stiffen():
                 continue
             if failure is None:
@@ -334,17 +334,17 @@ class Relaxation(Body):
             self.tool[DRIVE] = self.tool[DEPTH]
         self.tool[PACE] = max(abs(self.tool[GOAL] - self.tool[DRIVE]), 1e-15) / LEAD
 
-    def _attempt(self, report: Callable[[float], None]) -> str | None:
+    def _attempt(self, progress: Callable[[float], None]) -> str | None:
         """Relax from the present state; what went wrong, if anything did."""
         for extrapolated in (True, False):
-            failure = self._settle_down(report)
+            failure = self._settle_down(progress)
             if failure != "inverted":
                 return failure
             if extrapolated:
                 self._restore()  # too far, maybe: begin where the last load ended
         return failure
 
-    def _settle_down(self, report: Callable[[float], None]) -> str | None:
+    def _settle_down(self, progress: Callable[[float], None]) -> str | None:
         first = best = np.inf
         idle = 0  # iterations without progress
         heavy = False
@@ -368,7 +368,7 @@ class Relaxation(Body):
             first = residual if first == np.inf else first
             idle = 0 if residual < PROGRESS * best else idle
             best = min(best, residual)
-            report(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
+            progress(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
         return "not-converged"
 
     def _stop(self) -> None:

@@ -386,22 +386,22 @@ class Simulation(Body):
 
     # ---- running ----
 
-    def compile(self, report: Callable[[float], None] = lambda share: None) -> float:
+    def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
         """Make the machine code ready, from the cache on disk where it is there; give the seconds it took.
 
-        ``report`` is called with the share that is done.
+        ``progress`` is called with the share that is done.
         """
         begin = time.perf_counter()
-        report(0.0)
+        progress(0.0)
         self._highest_frequency()(self.state.u, self.state.force, 1)
-        report(0.5)
+        progress(0.5)
         self._snapshot()
-        report(0.75)
+        progress(0.75)
         self.largest_strain_rate()
-        report(0.85)
+        progress(0.85)
         self.advance(0, 0.0)
         self.loop_s = 0.0
-        report(1.0)
+        progress(1.0)
         return time.perf_counter() - begin
 
     def start(self, dt_s: float) -> None:

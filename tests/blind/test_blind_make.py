@@ -308,9 +308,9 @@ def test_proportions():
 def test_score_with_reports_that_are_there(made):
     """Nothing is run where a report is there; the tables count what the reports say."""
     for path in (made / "cases").iterdir():
-        report = made / "reports" / path.name / "report.json"
-        report.parent.mkdir(parents=True)
-        report.write_text(json.dumps({"verdict": "unexplained", "effects": [], "remainder": "unexplained"}))
+        progress = made / "reports" / path.name / "report.json"
+        progress.parent.mkdir(parents=True)
+        progress.write_text(json.dumps({"verdict": "unexplained", "effects": [], "remainder": "unexplained"}))
     result = score(made)
     assert result["tables"]["headline"]["false alarms in controls"]["count"] == 4
     assert result["tables"]["outside the library"]["all"]["unexplained"]["share"] == 1.0

@@ -44,7 +44,7 @@ def identified(quarter, tmp_path_factory):
     folder = tmp_path_factory.mktemp("identify")
     told: list[tuple[str, float]] = []
     data = write(folder / "data", {"one": quarter})
-    found = identify(data, out=folder / "out", refinement=COARSE, report=lambda stage, share: told.append((stage, share)))
+    found = identify(data, out=folder / "out", refinement=COARSE, progress=lambda stage, share: told.append((stage, share)))
     return found, told, folder
 
 

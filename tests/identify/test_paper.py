@@ -28,7 +28,7 @@ def test_its_trace_is_the_papers():
     """C10 <- C10 u1 / U1 while the smallest load is off by alpha or more; only else C20 changes; the end is within both."""
     measured = forward(*TRUTH)
     seen = []
-    fit = identify_by_paper(forward, measured, (300.0, 10.0), report=seen.append)
+    fit = identify_by_paper(forward, measured, (300.0, 10.0), progress=seen.append)
     assert seen == list(range(1, len(fit.trace) + 1))
     for before, after in zip(fit.trace, fit.trace[1:], strict=False):
         miss = before.displacement_m[0] - measured[0]

@@ -210,10 +210,10 @@ def test_the_reader_gives_back_what_was_written(tmp_path):
         # 1400 s lies nearest to the sample at 1000 s.
         np.testing.assert_array_equal(result.displacement(time_s=1400.0), displacement(1000))
         np.testing.assert_array_equal(result.displacement(-2), displacement(1000))
-        report = json.loads(json.dumps(result.summary_dict()))
-        assert (report["status"], report["steps"], report["history_rows"]) == ("failed", 3, 2500)
-        assert report["time_s"] == [0.0, 2000.0]
-        assert {"name": "J", "kind": "cell", "unit": "1", "components": 1, "description": ""} in report["fields"]
+        progress = json.loads(json.dumps(result.summary_dict()))
+        assert (progress["status"], progress["steps"], progress["history_rows"]) == ("failed", 3, 2500)
+        assert progress["time_s"] == [0.0, 2000.0]
+        assert {"name": "J", "kind": "cell", "unit": "1", "components": 1, "description": ""} in progress["fields"]
 
 
 def test_what_is_not_there_is_answered_with_what_is(tmp_path):

@@ -26,7 +26,7 @@ def close_trajectories(
     effects: Sequence[str],
     max_effects: int,
     processes: int | None,
-    report: Callable[[str, float], None],
+    progress: Callable[[str, float], None],
 ) -> Told:
     """The report, curves for its pictures, and the scenarios before and after.
 
@@ -51,27 +51,27 @@ def close_trajectories(
         | {"dataset": str(dataset.path), "source": dataset.source, "scenario": str(dataset.scenario)}
         | {"effects_considered": list(effects) or list(LEVERS), "max_effects": max_effects},
     }
-    report("trace", 0.0)
+    progress("trace", 0.0)
     try:
         closed = close(
             system,
             max_effects=max_effects,
             rows=system.rows,
             single=len(sides.fit) == 1,
-            watch=lambda what, share: report("trace", share),
+            watch=lambda what, share: progress("trace", share),
         )
-        report("trace", 1.0)
+        progress("trace", 1.0)
         with_effects = closed.verdict in ("effect-found", "ambiguous") and bool(closed.effects)
         last = closed.steps[-1] if with_effects else closed.steps[0]
         before, after = closed.steps[0].fit, last.fit
         found = head | told(closed, before, after, last)
-        report("predict", 0.0)
+        progress("predict", 0.0)
         curves = _errors(found, system, sides, before, after)
     except RunError as error:
         return head | failed(str(error)), [], {}
     finally:
         system.runs.close()
-    report("predict", 1.0)
+    progress("predict", 1.0)
     found["effect_titles"] |= {name: LEVERS[name].title.partition(" [")[0] for name in found["effect_titles"] if name in LEVERS}
     found |= {"next_experiment": None, "sensitivity_to_assumed": {}, "warnings": _warnings(sides, before, after)}
     texts = {"scenario.toml": system.scenario_text(after.model), "baseline.toml": system.scenario_text(before.model)}

@@ -42,7 +42,8 @@ from explicitfe.forces import internal
 from explicitfe.materials import kinematics, yeoh
 from explicitfe.run.speed import ELEMENTS as TREATMENTS
 from explicitfe.run.speed import SIZES, problem
-from explicitfe.solve.simulation import ELEMENTS, Simulation
+from explicitfe.solve.kernels import ELEMENTS
+from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import FRACTION
 
 PEERS = ("warp", "jax")

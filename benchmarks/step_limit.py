@@ -23,7 +23,8 @@ from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model
 from explicitfe.run.run import prepare
-from explicitfe.solve.simulation import ELEMENTS, Simulation
+from explicitfe.solve.kernels import ELEMENTS
+from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import Transient
 
 ROOT = Path(__file__).resolve().parents[1]

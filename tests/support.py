@@ -18,8 +18,8 @@ from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.model import Model
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
-from explicitfe.solve.simulation import ELEMENTS as ELEMENT_TABLE
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
+from explicitfe.solve.kernels import ELEMENTS as ELEMENT_TABLE
 from explicitfe.solve.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,9 +11,12 @@ from explicitfe.errors import InputError
 from explicitfe.model.model import Model
 from explicitfe.model.specimen import specimen_model
 from explicitfe.model.tongue import assemble
-from explicitfe.scenario.scenario import Indentation, Scenario, read_scenario
+from explicitfe.scenario.indentation import IndentationScenario
+from explicitfe.scenario.read import read_scenario
+from explicitfe.scenario.transient import TransientScenario
+from explicitfe.solve.body import Body
 from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.simulation import Body, Simulation
+from explicitfe.solve.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Prepared:
     """
 
     path: Path
-    scenario: Scenario | Indentation
+    scenario: TransientScenario | IndentationScenario
     text: str
     model: Model
     name: str
@@ -59,7 +62,7 @@ def prepare(path: Path | str, settings: Sequence[str] = ()) -> Prepared:
     path = Path(path)
     scenario, text = read_scenario(path, settings)
     try:
-        if isinstance(scenario, Indentation):
+        if isinstance(scenario, IndentationScenario):
             model = specimen_model(scenario.model, scenario.tool, scenario.effects.chosen)
             body = Relaxation(model, scenario.analysis.tolerance, scenario.analysis.threads)
             return Prepared(path, scenario, text, model, scenario.model.name, body)
@@ -84,7 +87,7 @@ def describe(prepared: Prepared) -> dict[str, Any]:
         # With --set and all defaults: what was run, ready to be run again.
         "scenario": prepared.scenario.model_dump(mode="json", exclude_none=True),
     }
-    if isinstance(prepared.scenario, Indentation):
+    if isinstance(prepared.scenario, IndentationScenario):
         return described | {"copies": model.copies, "tool": prepared.scenario.tool.model_dump(exclude_none=True)}
     return described | {
         "alpha_per_s": model.alpha_per_s,

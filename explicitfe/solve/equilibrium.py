@@ -44,8 +44,9 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.threads import together
 from explicitfe.model.model import Model
+from explicitfe.solve.body import Body
+from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.relax_step import RESTLESS
-from explicitfe.solve.simulation import Body, parts_of, usual_threads
 from explicitfe.solve.stable_step import stiffness_rows
 
 TOLERANCE = 1e-4

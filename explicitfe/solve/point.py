@@ -19,7 +19,8 @@ from explicitfe.errors import RunError
 from explicitfe.forces import response
 from explicitfe.materials import Law, law_of
 from explicitfe.materials.kinematics import cofactor, determinant
-from explicitfe.solve.simulation import layout_of, memory_of
+from explicitfe.solve.body import memory_of
+from explicitfe.solve.kernels import layout_of
 
 # Placeholder, bound below.
 respond = None

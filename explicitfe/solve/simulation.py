@@ -5,9 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
-from types import ModuleType
 
 import numpy as np
 
@@ -19,137 +16,18 @@ from explicitfe.compiled.arrays import (
     DeadLoads,
     FollowerFibres,
     Motion,
-    Nodes,
-    Part,
-    State,
-    in_blocks,
-    node_rows,
     zeros,
 )
-from explicitfe.compiled.jit import bind, kernel
-from explicitfe.compiled.simd import ROW, WIDTH
-from explicitfe.compiled.threads import cores, gate, together
-from explicitfe.effects.effect import MaterialEffect
-from explicitfe.elements import full, hex8
-from explicitfe.elements import hourglass_stiffness as stiffness
-from explicitfe.elements import hourglass_strain as assumed_strain
-from explicitfe.errors import InputError
-from explicitfe.forces import internal, internal_full, response
-from explicitfe.materials import law_of
+from explicitfe.compiled.simd import WIDTH
+from explicitfe.compiled.threads import together
 from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
-from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.solve import relax_step, step
+from explicitfe.solve.body import Body
+from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.stable_step import HighestFrequency, fastest_element
 
-
-@dataclass(frozen=True)
-class Kernels:
-    """The compiled entry points for one material law."""
-
-    forces: object
-    advance: object
-    snapshot: object
-    largest_strain_rate: object
-    relax: object
-    elastic_energy: object
-    press: object
-    touch: object
-
-
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
-# Measured: waking a thread costs some steps of a small mesh, and every sample and every look at the stable step does that.
-ELEMENTS_A_THREAD = 2000
-
-# An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
-ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
-    "hex8": (internal, assumed_strain),
-    "hex8-stiffness": (internal, stiffness),
-    "hex8-full": (internal_full, full),
-}
-
-
-def kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...] = ()) -> Kernels:
-    """Kernels with the leaves of a law, an element and effects bound in (``response.bound`` says how the latter are given).
-
-    Compiled at the first call, kept on disk for the next process.
-    """
-    return _kernels(law, element, effects)
-
-
-@cache  # which would tell a default from the same value given
-def _kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...]) -> Kernels:
-    templates, treatment = ELEMENTS[element]
-    force, energy = templates.bound(law_of(law), treatment, effects)
-    return Kernels(
-        forces=bind(step.forces, internal_force=force),
-        advance=bind(step.advance, internal_force=force),
-        snapshot=bind(step.snapshot, internal_energy=energy),
-        largest_strain_rate=kernel(internal.largest_strain_rate),
-        relax=bind(relax_step.relax, internal_force=force),
-        elastic_energy=bind(step.elastic_energy, internal_energy=energy),
-        press=kernel(relax_step.press),
-        touch=kernel(relax_step.touch),
-    )
-
-
-def layout_of(effects: Sequence[MaterialEffect]) -> tuple[tuple[str, tuple[int, ...], int, int], ...]:
-    """Where the numbers and the memory of each effect begin; before them, where there are any, the work of the stress.
-
-    Raises
-    ------
-    ValueError : an effect is there twice.
-    """
-    if len({type(effect) for effect in effects}) < len(effects):
-        raise ValueError("an effect of the material can be there once only")
-    layout: list[tuple[str, tuple[int, ...], int, int]] = []
-    at, memory = 0, response.WORK_MEMORY
-    for effect in effects:
-        layout.append((type(effect).__name__, effect.shape, at, memory))
-        at, memory = at + effect.numbers, memory + effect.memory
-    return (("work", (), 0, 0), *layout) if layout else ()
-
-
-def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.ndarray]:
-    """Arrays of ``Blocks`` for the effects of so many elements: their numbers, and what they remember at rest."""
-    blocks = -(-count // WIDTH)
-    memory = sum(effect.memory for effect in effects) + (response.WORK_MEMORY if effects else 0)
-    old, new = (zeros((blocks, max(memory, 1), WIDTH)) for _ in range(2))
-    for place, value in response.AT_REST.items() if effects else ():
-        old[:, place] = new[:, place] = value
-    numbers = sum(effect.numbers for effect in effects)
-    return {"effects": zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": new}
-
-
-def usual_threads(elements: int, each: int = ELEMENTS_A_THREAD) -> int:
-    """How many threads pay for so many elements, if it takes ``each`` of them to keep one busy."""
-    return max(1, min(cores(), elements // each))
-
-
-def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
-    """The blocks in ``count`` runs of equal length, or in fewer where a run would share nodes with more than the next one."""
-    total = len(blocks.nodes)
-    meeting = gate()
-    if count < 2:
-        return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks)]
-    bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
-    runs = [blocks.nodes[a:b] for a, b in pairwise(bounds)]
-    first = [0, *(int(run.min()) // 2 * 2 for run in runs[1:])]
-    begins = [*first, len(state.u)]
-    # idle lanes are in the last run; a row that no element touches is of the part before it
-    after = [max(int(run.max()) // 2 * 2 + 2, begin) for run, begin in zip(runs[:-1], first[1:], strict=True)] + [len(state.u)]
-    owned = np.diff(begins)
-    if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
-        return parts_of(state, blocks, count - 1)
-    forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
-    found = []
-    for k, (a, b) in enumerate(pairwise(bounds)):
-        mine = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
-        lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
-        rows = slice(first[k], after[k])
-        found.append(Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[rows], forces[k], lower, mine))
-    return found
 
 
 @dataclass(frozen=True)
@@ -172,118 +50,6 @@ class Snapshot:
     hourglass_energy: np.ndarray
     energies: np.ndarray
     smallest_J: float
-
-
-class Body:
-    """Elements, masses and kernels of a model. Arrays inside are in computing order; what comes out, in the user's numbering.
-
-    Parameters
-    ----------
-    model : the physics.
-    displacement, velocity : (n, 3) m, m/s to begin with; zero if left out.
-    """
-
-    def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
-        if model.effects and model.element == "hex8-full":
-            raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
-        self.model = model
-        mesh = model.mesh
-        self.node_order, self.element_order = compute_order(mesh.hexes, mesh.node_count)
-        self._place = np.empty(mesh.node_count, dtype=np.int64)
-        self._place[self.node_order] = np.arange(mesh.node_count)
-        self.points = np.ascontiguousarray(mesh.points[self.node_order])
-        self.hexes = self._place[mesh.hexes[self.element_order]]
-
-        law = model.material
-        count = mesh.element_count
-        self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
-        if model.stiffness is not None:
-            self.constants = law.scaled(self.constants, model.stiffness[self.element_order])
-        self.density = np.full(count, law.density_kg_m3)
-        corners = self.points[self.hexes]
-        geometry = hex8.geometry(corners)
-        self.volumes = np.ascontiguousarray(geometry[:, hex8.VOLUME])
-        self.blocks = Blocks(
-            nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
-            geometry=in_blocks(geometry),
-            constants=in_blocks(self.constants),
-            hourglass=in_blocks(ELEMENTS[model.element][1].constants(corners, geometry)),
-            **memory_of(model.effects, count),
-        )
-        mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
-        held = model.held.copy()
-        if model.motion is not None:
-            held[model.motion.nodes] = True
-        self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
-        self._increment_s = np.nan
-        self.kernels = kernels(law.law, model.element, layout_of(model.effects))
-        zero = np.zeros((mesh.node_count, 3))
-        self.state = State(
-            u=self._rows(zero if displacement is None else displacement),
-            v=self._rows(zero if velocity is None else velocity),
-            force=node_rows(zero),
-        )
-        self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
-        self.set_increment(0.0)
-        self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
-        self._element_energy = np.zeros_like(self._element_J)
-        self._element_hourglass = np.zeros_like(self._element_J)
-
-    def set_increment(self, increment_s: float) -> None:
-        """The time that passes between the state that the material remembers and the one that is evaluated [s]."""
-        if increment_s != self._increment_s and self.model.effects:
-            values = [value for effect in self.model.effects for value in effect.values(increment_s)]
-            self.blocks.effects[:] = np.array(values)[None, :, None]
-        self._increment_s = increment_s
-
-    def with_masses(self, rows: np.ndarray, held: np.ndarray) -> Nodes:
-        """Nodes with masses (N, 4) kg, of which (n, 3) components, in the user's numbering, are held."""
-        free = node_rows(~held[self.node_order])
-        return Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=zeros(rows.shape), where=rows > 0.0))
-
-    # ---- in the user's numbering ----
-
-    @property
-    def displacement(self) -> np.ndarray:
-        """(n, 3) m now."""
-        return self.state.u[self._place, :3]
-
-    @property
-    def nodal_mass(self) -> np.ndarray:
-        """(n,) kg."""
-        return self.nodes.mass[self._place, 0]
-
-    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
-        """Internal force (n, 3) N at a displacement (n, 3) m, without touching the state."""
-        force = np.zeros_like(self.state.u)
-        self.kernels.forces(self._rows(displacement), force, self.blocks)
-        return -force[self._place, :3]
-
-    def broken_element(self) -> int:
-        """The element (user's number) whose smallest J, at any integration point, is lowest or not a number."""
-        u, scratch = self.state.u, np.empty_like(self.state.u)
-
-        def smallest(first: int, lanes: slice) -> float:
-            few = Blocks(*(np.ascontiguousarray(array[first : first + 1, :, lanes]) for array in self.blocks))
-            full = Blocks(*(np.repeat(a, WIDTH, axis=2) if a.shape[2] == 1 else a for a in few))
-            J = self.kernels.forces(u, scratch, full)
-            return J if -np.inf < J else -np.inf  # a NaN counts as lowest
-
-        block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
-        count = min(WIDTH, len(self.hexes) - block * WIDTH)
-        lane = int(np.argmin([smallest(block, slice(k, k + 1)) for k in range(count)]))
-        return int(self.element_order[block * WIDTH + lane])
-
-    # ---- inside ----
-
-    def _rows(self, values: np.ndarray) -> np.ndarray:
-        return node_rows(np.asarray(values, dtype=float)[self.node_order])
-
-    def _in_elements(self, lanes: np.ndarray) -> np.ndarray:
-        """(B, W) lanes as (m,) values in the user's numbering."""
-        values = np.empty(self.model.mesh.element_count)
-        values[self.element_order] = lanes.ravel()[: len(values)]
-        return values
 
 
 class Simulation(Body):

@@ -25,9 +25,10 @@ from explicitfe.compiled.jit import OPTIONS, bind
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.model.model import PrescribedMotion
 from explicitfe.model.muscles import pull
-from explicitfe.scenario.scenario import MuscleTable
+from explicitfe.scenario.transient import MuscleTable
 from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.simulation import Simulation, kernels
+from explicitfe.solve.kernels import kernels
+from explicitfe.solve.simulation import Simulation
 
 law = None  # placeholder of the template below
 

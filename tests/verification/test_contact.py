@@ -26,7 +26,7 @@ from explicitfe.compiled.arrays import (
 from explicitfe.compiled.jit import kernel
 from explicitfe.forces.contact import clearance, find_depth, follow, friction
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve import step as loop
 from explicitfe.solve.equilibrium import Relaxation
 

@@ -44,7 +44,8 @@ from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.solve import point
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
-from explicitfe.solve.simulation import Simulation, layout_of
+from explicitfe.solve.kernels import layout_of
+from explicitfe.solve.simulation import Simulation
 
 C10, C20, K = YEOH.constants()
 G = 2.0 * C10

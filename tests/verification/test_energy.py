@@ -23,7 +23,8 @@ from explicitfe.materials import yeoh
 from explicitfe.model.model import Model, NodalLoad
 from explicitfe.model.profile import Profile
 from explicitfe.solve import step as loop
-from explicitfe.solve.simulation import Kernels, Simulation, kernels
+from explicitfe.solve.kernels import Kernels, kernels
+from explicitfe.solve.simulation import Simulation
 
 EDGE = 0.01  # m; the block is 30 x 20 x 20 mm
 SIZE = 0.03

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 from support import ROOT
 
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 LOADS = np.arange(1, 9) / 10.0  # N

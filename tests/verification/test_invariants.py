@@ -33,7 +33,7 @@ from explicitfe.mesh.hexmesh import CORNERS, HexMesh
 from explicitfe.mesh.muscle_lines import Muscle
 from explicitfe.model.model import FibrePull, NodalLoad
 from explicitfe.model.muscles import pull
-from explicitfe.scenario.scenario import MuscleTable
+from explicitfe.scenario.transient import MuscleTable
 from explicitfe.solve.simulation import Simulation
 
 BODIES = pytest.mark.parametrize("shape", ["block", "tongue"])

@@ -16,7 +16,7 @@ from explicitfe.compiled.arrays import DEPTH
 from explicitfe.materials import kinematics, law_of
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.boundary import turn, turn_back
 from explicitfe.solve.equilibrium import TOLERANCE, Equilibrium, Relaxation, Stuck
 

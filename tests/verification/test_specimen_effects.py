@@ -10,7 +10,7 @@ import pytest
 
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}

@@ -18,9 +18,10 @@ from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
-from explicitfe.solve.simulation import Simulation, parts_of, usual_threads
+from explicitfe.solve.parts import parts_of, usual_threads
+from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import FRACTION
 
 STEPS = 60

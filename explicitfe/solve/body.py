@@ -1,0 +1,147 @@
+"""A body: elements, masses and kernels of a model, with the arrays they work on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from explicitfe.compiled.arrays import (
+    Blocks,
+    Nodes,
+    State,
+    in_blocks,
+    node_rows,
+    zeros,
+)
+from explicitfe.compiled.simd import WIDTH
+from explicitfe.effects.effect import MaterialEffect
+from explicitfe.elements import hex8
+from explicitfe.errors import InputError
+from explicitfe.forces import response
+from explicitfe.mesh.order import compute_order
+from explicitfe.model.model import Model
+from explicitfe.solve.kernels import ELEMENTS, kernels, layout_of
+
+
+def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.ndarray]:
+    """Arrays of ``Blocks`` for the effects of so many elements: their numbers, and what they remember at rest."""
+    blocks = -(-count // WIDTH)
+    memory = sum(effect.memory for effect in effects) + (response.WORK_MEMORY if effects else 0)
+    old, new = (zeros((blocks, max(memory, 1), WIDTH)) for _ in range(2))
+    for place, value in response.AT_REST.items() if effects else ():
+        old[:, place] = new[:, place] = value
+    numbers = sum(effect.numbers for effect in effects)
+    return {"effects": zeros((blocks, max(numbers, 1), WIDTH)), "old": old, "new": new}
+
+
+class Body:
+    """Elements, masses and kernels of a model. Arrays inside are in computing order; what comes out, in the user's numbering.
+
+    Parameters
+    ----------
+    model : the physics.
+    displacement, velocity : (n, 3) m, m/s to begin with; zero if left out.
+    """
+
+    def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
+        if model.effects and model.element == "hex8-full":
+            raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
+        self.model = model
+        mesh = model.mesh
+        self.node_order, self.element_order = compute_order(mesh.hexes, mesh.node_count)
+        self._place = np.empty(mesh.node_count, dtype=np.int64)
+        self._place[self.node_order] = np.arange(mesh.node_count)
+        self.points = np.ascontiguousarray(mesh.points[self.node_order])
+        self.hexes = self._place[mesh.hexes[self.element_order]]
+
+        law = model.material
+        count = mesh.element_count
+        self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
+        if model.stiffness is not None:
+            self.constants = law.scaled(self.constants, model.stiffness[self.element_order])
+        self.density = np.full(count, law.density_kg_m3)
+        corners = self.points[self.hexes]
+        geometry = hex8.geometry(corners)
+        self.volumes = np.ascontiguousarray(geometry[:, hex8.VOLUME])
+        self.blocks = Blocks(
+            nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
+            geometry=in_blocks(geometry),
+            constants=in_blocks(self.constants),
+            hourglass=in_blocks(ELEMENTS[model.element][1].constants(corners, geometry)),
+            **memory_of(model.effects, count),
+        )
+        mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
+        held = model.held.copy()
+        if model.motion is not None:
+            held[model.motion.nodes] = True
+        self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
+        self._increment_s = np.nan
+        self.kernels = kernels(law.law, model.element, layout_of(model.effects))
+        zero = np.zeros((mesh.node_count, 3))
+        self.state = State(
+            u=self._rows(zero if displacement is None else displacement),
+            v=self._rows(zero if velocity is None else velocity),
+            force=node_rows(zero),
+        )
+        self.state.v[self.nodes.inverse_mass == 0.0] = 0.0
+        self.set_increment(0.0)
+        self._element_J = np.ones((len(self.blocks.nodes), self.blocks.nodes.shape[2]))
+        self._element_energy = np.zeros_like(self._element_J)
+        self._element_hourglass = np.zeros_like(self._element_J)
+
+    def set_increment(self, increment_s: float) -> None:
+        """The time that passes between the state that the material remembers and the one that is evaluated [s]."""
+        if increment_s != self._increment_s and self.model.effects:
+            values = [value for effect in self.model.effects for value in effect.values(increment_s)]
+            self.blocks.effects[:] = np.array(values)[None, :, None]
+        self._increment_s = increment_s
+
+    def with_masses(self, rows: np.ndarray, held: np.ndarray) -> Nodes:
+        """Nodes with masses (N, 4) kg, of which (n, 3) components, in the user's numbering, are held."""
+        free = node_rows(~held[self.node_order])
+        return Nodes(mass=rows, inverse_mass=np.divide(free, rows, out=zeros(rows.shape), where=rows > 0.0))
+
+    # ---- in the user's numbering ----
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """(n, 3) m now."""
+        return self.state.u[self._place, :3]
+
+    @property
+    def nodal_mass(self) -> np.ndarray:
+        """(n,) kg."""
+        return self.nodes.mass[self._place, 0]
+
+    def internal_force(self, displacement: np.ndarray) -> np.ndarray:
+        """Internal force (n, 3) N at a displacement (n, 3) m, without touching the state."""
+        force = np.zeros_like(self.state.u)
+        self.kernels.forces(self._rows(displacement), force, self.blocks)
+        return -force[self._place, :3]
+
+    def broken_element(self) -> int:
+        """The element (user's number) whose smallest J, at any integration point, is lowest or not a number."""
+        u, scratch = self.state.u, np.empty_like(self.state.u)
+
+        def smallest(first: int, lanes: slice) -> float:
+            few = Blocks(*(np.ascontiguousarray(array[first : first + 1, :, lanes]) for array in self.blocks))
+            full = Blocks(*(np.repeat(a, WIDTH, axis=2) if a.shape[2] == 1 else a for a in few))
+            J = self.kernels.forces(u, scratch, full)
+            return J if -np.inf < J else -np.inf  # a NaN counts as lowest
+
+        block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
+        count = min(WIDTH, len(self.hexes) - block * WIDTH)
+        lane = int(np.argmin([smallest(block, slice(k, k + 1)) for k in range(count)]))
+        return int(self.element_order[block * WIDTH + lane])
+
+    # ---- inside ----
+
+    def _rows(self, values: np.ndarray) -> np.ndarray:
+        return node_rows(np.asarray(values, dtype=float)[self.node_order])
+
+    def _in_elements(self, lanes: np.ndarray) -> np.ndarray:
+        """(B, W) lanes as (m,) values in the user's numbering."""
+        values = np.empty(self.model.mesh.element_count)
+        values[self.element_order] = lanes.ravel()[: len(values)]
+        return values

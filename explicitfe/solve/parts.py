@@ -1,0 +1,49 @@
+"""How the blocks of elements are shared between threads."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from explicitfe.compiled.arrays import (
+    Blocks,
+    Part,
+    State,
+    zeros,
+)
+from explicitfe.compiled.simd import ROW
+from explicitfe.compiled.threads import cores, gate
+
+# Measured: waking a thread costs some steps of a small mesh, and every sample and every look at the stable step does that.
+ELEMENTS_A_THREAD = 2000
+
+
+def usual_threads(elements: int, each: int = ELEMENTS_A_THREAD) -> int:
+    """How many threads pay for so many elements, if it takes ``each`` of them to keep one busy."""
+    return max(1, min(cores(), elements // each))
+
+
+def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
+    """The blocks in ``count`` runs of equal length, or in fewer where a run would share nodes with more than the next one."""
+    total = len(blocks.nodes)
+    meeting = gate()
+    if count < 2:
+        return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks)]
+    bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
+    runs = [blocks.nodes[a:b] for a, b in pairwise(bounds)]
+    first = [0, *(int(run.min()) // 2 * 2 for run in runs[1:])]
+    begins = [*first, len(state.u)]
+    # idle lanes are in the last run; a row that no element touches is of the part before it
+    after = [max(int(run.max()) // 2 * 2 + 2, begin) for run, begin in zip(runs[:-1], first[1:], strict=True)] + [len(state.u)]
+    owned = np.diff(begins)
+    if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
+        return parts_of(state, blocks, count - 1)
+    forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
+    found = []
+    for k, (a, b) in enumerate(pairwise(bounds)):
+        mine = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
+        lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
+        rows = slice(first[k], after[k])
+        found.append(Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[rows], forces[k], lower, mine))
+    return found

@@ -1,0 +1,192 @@
+"""The house: a module is short and has its place, a name has one meaning, an effect answers for itself.
+
+Read from the source with ``ast``; nothing is imported.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+
+import pytest
+from support import ROOT
+
+PACKAGE = ROOT / "explicitfe"
+# What may stand at the top of the package, beside the folders: `import explicitfe`, `python -m explicitfe`, the command line, the
+# errors that all raise, and the mark that the package ships its types.
+LOOSE = {"__init__.py", "__main__.py", "cli.py", "errors.py", "py.typed"}
+LONGEST_MODULE_LINES = 450
+MOST_UNTYPED_DICTIONARIES = 20
+# Here numbers decide a verdict or a method: their names have to say what they are.
+ROOMS_WITH_NAMED_NUMBERS = ["measured", "predict", "identify", "close_loop", "blind", "view", "run"]
+EFFECT_FOLDERS = ["material", "specimen", "tool", "reading", "muscle"]
+# They say nothing about what they hold.
+EMPTY_NAMES = {"found", "way", "there", "mine", "told", "made", "rest"}
+
+FILES = {path.relative_to(ROOT).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+ROOMS = sorted(path.name for path in PACKAGE.iterdir() if path.is_dir() and any(path.rglob("*.py")))
+
+
+def in_room(room: str) -> dict[str, ast.Module]:
+    """The modules of a room of the package."""
+    return {name: tree for name, tree in TREES.items() if name.startswith(f"explicitfe/{room}/")}
+
+
+def is_number(node: ast.AST | None) -> bool:
+    """Whether an expression is a number, or arithmetic with numbers, or a tuple or a list of them."""
+    if isinstance(node, ast.Constant):
+        return isinstance(node.value, (int, float)) and not isinstance(node.value, bool)
+    if isinstance(node, ast.UnaryOp):
+        return is_number(node.operand)
+    if isinstance(node, ast.BinOp):
+        return is_number(node.left) and is_number(node.right)
+    return isinstance(node, (ast.Tuple, ast.List)) and bool(node.elts) and all(is_number(item) for item in node.elts)
+
+
+def constants(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
+    """Names in capitals that a module gives a value, with the value."""
+    for node in tree.body:
+        targets: list[ast.expr] = []
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, ast.AnnAssign) and node.value is not None:
+            targets = [node.target]
+        for target in targets:
+            if isinstance(target, ast.Name) and target.id.isupper():
+                yield target.id, node.value  # type: ignore[union-attr]
+
+
+def identifiers(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """Every name that a tree gives or uses, with its line: variables, functions, classes, parameters, attributes, imports."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name):
+            yield node.id, node.lineno
+        elif isinstance(node, ast.Attribute):
+            yield node.attr, node.lineno
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            yield node.name, node.lineno
+        elif isinstance(node, ast.arg):
+            yield node.arg, node.lineno
+        elif isinstance(node, ast.keyword) and node.arg:
+            yield node.arg, node.value.lineno
+        elif isinstance(node, ast.alias):
+            yield node.asname or node.name.split(".")[-1], node.lineno
+
+
+def asked_classes(tree: ast.AST) -> Iterator[tuple[str, int]]:
+    """Names of the classes that a tree asks an object for, by isinstance, issubclass, ``type(x) is`` or ``case Class()``."""
+    for node in ast.walk(tree):
+        asked: list[ast.AST] = []
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("isinstance", "issubclass"):
+            asked = node.args[1:]
+        elif isinstance(node, ast.Compare) and "type(" in ast.unparse(node):
+            asked = [node.left, *node.comparators]
+        elif isinstance(node, ast.MatchClass):
+            asked = [node.cls]
+        for expression in asked:
+            for part in ast.walk(expression):
+                if isinstance(part, ast.Name):
+                    yield part.id, part.lineno
+                elif isinstance(part, ast.Attribute):
+                    yield part.attr, part.lineno
+
+
+def test_nothing_is_loose_at_the_top():
+    assert {path.name for path in PACKAGE.iterdir() if path.is_file()} <= LOOSE
+
+
+def test_the_top_is_complete():
+    assert {path.name for path in PACKAGE.iterdir() if path.is_file()} >= LOOSE
+
+
+@pytest.mark.parametrize("room", [*ROOMS, "."])
+def test_modules_are_short(room):
+    files = FILES if room == "." else in_room(room)
+    lengths = {name: len(FILES[name].read_text(encoding="utf-8").splitlines()) for name in files}
+    assert {name: lines for name, lines in lengths.items() if lines > LONGEST_MODULE_LINES} == {}
+
+
+def test_a_class_name_means_one_class():
+    places = defaultdict(list)
+    for name, tree in TREES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(name)
+    assert {name: files for name, files in places.items() if len(files) > 1} == {}
+
+
+@pytest.mark.parametrize("room", ROOMS_WITH_NAMED_NUMBERS)
+def test_a_number_has_a_name_of_several_words(room):
+    """A noun with its unit, or the share of what it is: ``ITERATIONS_WITHOUT_PROGRESS``, not ``PATIENCE``."""
+    short = [
+        f"{module}: {name} = {ast.unparse(value)}"
+        for module, tree in in_room(room).items()
+        for name, value in constants(tree)
+        if is_number(value) and "_" not in name.strip("_")
+    ]
+    assert short == []
+
+
+def test_a_number_has_one_value():
+    values = defaultdict(lambda: defaultdict(list))
+    for module, tree in TREES.items():
+        for name, value in constants(tree):
+            if is_number(value):
+                values[name][ast.unparse(value)].append(module)
+    assert {name: dict(of) for name, of in values.items() if len(of) > 1} == {}
+
+
+@pytest.mark.parametrize("room", [room for room in ROOMS if room != "effects"])
+def test_nobody_asks_which_effect_it_is(room):
+    """An effect answers questions about itself (``effects/effect.py``); a room above asks these, not for the class."""
+    named = {
+        node.name
+        for folder in EFFECT_FOLDERS
+        for tree in in_room(f"effects/{folder}").values()
+        for node in tree.body
+        if isinstance(node, ast.ClassDef)
+    }
+    assert named
+    asked = [
+        f"{name}:{line} {asks}" for name, tree in in_room(room).items() for asks, line in asked_classes(tree) if asks in named
+    ]
+    assert asked == []
+
+
+@pytest.mark.parametrize("room", [*ROOMS, "."])
+def test_a_name_says_what_it_holds(room):
+    trees = in_room(room) if room != "." else {name: tree for name, tree in TREES.items() if name.count("/") == 1}
+    empty = [f"{name}:{line} {word}" for name, tree in trees.items() for word, line in identifiers(tree) if word in EMPTY_NAMES]
+    assert empty == []
+
+
+def test_few_dictionaries_of_anything():
+    """What a dictionary holds is said by a type: a dataclass, a TypedDict or a pydantic model."""
+    lines = [
+        f"{name}:{number}"
+        for name, path in FILES.items()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if re.search(r"\bdict\[str, Any\]", line)
+    ]
+    assert len(lines) < MOST_UNTYPED_DICTIONARIES, "\n".join(lines)
+
+
+def test_the_checks_see_what_they_should():
+    """Each check finds what it forbids."""
+    tree = ast.parse(
+        "FAR = -0.5 * 2\nSIZES = (1, 2.0)\nNAMES = ('a',)\nON = True\ndef f(way):\n    there = way.rest\n    g(told=1)\n"
+    )
+    assert {name: is_number(value) for name, value in constants(tree)} == {
+        "FAR": True,
+        "SIZES": True,
+        "NAMES": False,
+        "ON": False,
+    }
+    assert {name for name, _ in identifiers(tree)} & EMPTY_NAMES == {"way", "there", "rest", "told"}
+    asks = "isinstance(e, (Fibres, a.Layer))\ntype(e) is Fibres\nmatch e:\n    case Fibres():\n        pass\n"
+    assert [name for name, _ in asked_classes(ast.parse(asks)) if name in ("Fibres", "Layer")] == ["Fibres", "Layer"] + 2 * [
+        "Fibres"
+    ]

@@ -16,7 +16,7 @@ import numpy as np
 from explicitfe.errors import InputError, RunError
 from explicitfe.identify.fit import Fit, Observed, Problem
 from explicitfe.identify.forward import depths, forces, smoothest
-from explicitfe.measured.dataset import Curve
+from explicitfe.measured.curve import Curve
 from explicitfe.predict.setup import Setup
 
 GRAVITY = (0.0, 0.0, -9.81)

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import RunError
-from explicitfe.measured.dataset import Curve
+from explicitfe.measured.curve import Curve
 from explicitfe.predict.tissue import ModelFile
 
 AT_BOUND = 1e-3  # of the logarithm of the range

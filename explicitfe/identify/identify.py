@@ -26,8 +26,9 @@ from explicitfe.identify.paper import (
     identify_by_paper,
 )
 from explicitfe.identify.writing import Deformed, write
-from explicitfe.measured.dataset import Curve, Dataset, read_dataset
-from explicitfe.measured.selection import Group, imposed, sd_of, select
+from explicitfe.measured.curve import Curve, Dataset, programme_of, sd_of
+from explicitfe.measured.read import read_dataset
+from explicitfe.measured.select import Group, select
 from explicitfe.predict.setup import Setup, is_uniform, setup_of
 from explicitfe.results.folder import checked_target
 
@@ -221,7 +222,7 @@ class _Tests:
         by_force = curve.tool is not None and curve.tool.control == "force"
         return Observed(
             id=curve.id,
-            imposed=imposed(curve)[:rows],
+            imposed=programme_of(curve)[:rows],
             measured=curve.columns[curve.predicted][:rows],
             imposed_sd=sd_of(curve, curve.imposed),
             measured_sd=sd_of(curve, curve.predicted),

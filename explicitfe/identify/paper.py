@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.errors import InputError, RunError
-from explicitfe.measured.dataset import Curve
+from explicitfe.measured.curve import Curve
 from explicitfe.predict.setup import Setup
 from explicitfe.solve.equilibrium import Equilibrium
 

@@ -25,14 +25,16 @@ from explicitfe.effects.tool.preload import Preload
 from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import Course, course_of
-from explicitfe.measured.dataset import Curve, read_dataset
-from explicitfe.measured.selection import imposed, sd_of
+from explicitfe.measured.curve import Curve, programme_of, sd_of
+from explicitfe.measured.read import read_dataset
 from explicitfe.model.specimen import specimen_model
 from explicitfe.predict.platens import UNIFORM, Platens
 from explicitfe.predict.setup import is_uniform, setup_of
 from explicitfe.predict.tissue import ModelFile, Numerics, parse_model, read_model
 from explicitfe.results.folder import checked_target
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable, explain, validated
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
+from explicitfe.scenario.sentences import explain
+from explicitfe.scenario.table import validated
 from explicitfe.solve import point
 from explicitfe.solve.equilibrium import Relaxation, Stuck
 
@@ -250,7 +252,7 @@ def _homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) ->
         else:
             raise InputError(f'curve "{test[0].id}": {effect.about.title} needs a tool, and this is a homogeneous state.')
     time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, _starts(test), strict=True)])
-    way = np.concatenate([imposed(curve) for curve in test])
+    way = np.concatenate([programme_of(curve) for curve in test])
     row = np.searchsorted(time_s, time_s)
     if len(test) == 1:
         time_s, way = _with_corner(test[0])
@@ -269,7 +271,7 @@ def _homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) ->
 
 def _with_corner(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
     """Rows with the corner between ramp and hold, where the stretch is a programme and no measurement."""
-    t, x = curve.time_s, imposed(curve)
+    t, x = curve.time_s, programme_of(curve)
     rate, most = curve.conditions.get("rate_per_s"), curve.conditions.get("max_strain")
     if curve.kind != "uniaxial" or not rate or not most:
         return t, x
@@ -330,7 +332,7 @@ def _under_a_tool(
     physics = [effect for effect in effects if not isinstance(effect, Measurement)]
     setup = setup_of(first, law.poisson, numerics.refinement)
     time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, _starts(test), strict=True)])
-    way = np.concatenate([true_way(imposed(curve), curve, readings, by_force) for curve in test])
+    way = np.concatenate([true_way(programme_of(curve), curve, readings, by_force) for curve in test])
     tied = first.tool.shape == "bonded-disc"
     uniform = is_uniform(setup) and not by_force and all(isinstance(effect, UNIFORM) for effect in physics)
     sd = sd_of(first, first.imposed) or 0.0
@@ -486,7 +488,7 @@ def _row(curve: Curve, found: Predicted | str) -> dict[str, Any]:
         "imposed_unit": way_unit,
         "rows": {
             "time_s": curve.time_s.tolist(),
-            "imposed": (way * imposed(curve)).tolist(),
+            "imposed": (way * programme_of(curve)).tolist(),
             "measured": measured.tolist(),
         },
     }

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from explicitfe.errors import InputError, RunError
-from explicitfe.measured.dataset import Curve
+from explicitfe.measured.curve import Curve
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 SHARP = 28.0  # a sharp edge has no usable solution: it is rounded by the tool's radius over this

@@ -29,14 +29,16 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured import dataset as measured
-from explicitfe.measured.dataset import Curve, Dataset
-from explicitfe.scenario.scenario import EffectsTable, explain, validated
+from explicitfe.measured.curve import Curve, Dataset
+from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
+from explicitfe.scenario.effects_table import EffectsTable
+from explicitfe.scenario.sentences import explain
+from explicitfe.scenario.table import validated
 
 FORMAT = "explicitfe-model/1"
 EVERY = "*"  # the group of constants that stands for all
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-_TABLES = {"specimen": measured.SpecimenTable, "tool": measured.ToolTable}
+_TABLES = {"specimen": MeasuredSpecimen, "tool": MeasuredTool}
 
 
 class _Table(BaseModel):

@@ -8,13 +8,16 @@ from explicitfe.effects.muscle.activation_lag import ActivationLag
 from explicitfe.errors import InputError, nearest
 from explicitfe.model import catalogue
 from explicitfe.predict.tissue import EVERY, Constants, ModelFile, toml_value
-from explicitfe.scenario.scenario import Indentation, Scenario
+from explicitfe.scenario.indentation import IndentationScenario
+from explicitfe.scenario.transient import TransientScenario
 
 IN_A_BODY = (MaterialEffect, Compressible, ActivationLag)
 UNDER_A_TOOL = ("material", "specimen", "contact", "boundary")  # where effects act that a specimen takes along to another test
 
 
-def tissue_settings(model: ModelFile, scenario: Scenario | Indentation, group: str | None = None) -> tuple[list[str], list[str]]:
+def tissue_settings(
+    model: ModelFile, scenario: Scenario, group: str | None = None
+) -> tuple[list[str], list[str]]:
     """Settings that put the tissue of a model into a scenario, and the effects that are left out of it.
 
     Parameters
@@ -44,7 +47,7 @@ def tissue_settings(model: ModelFile, scenario: Scenario | Indentation, group: s
         effect = getattr(model.effects, name.replace("-", "_"))
         if effect is None:
             continue
-        if _belongs(kind, isinstance(scenario, Indentation)):
+        if _belongs(kind, isinstance(scenario, IndentationScenario)):
             settings.append(f"effects.{name}={toml_value(effect.model_dump())}")
         else:
             left_out.append(name)

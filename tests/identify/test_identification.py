@@ -18,10 +18,11 @@ from explicitfe.identify.fit import Observed, least_squares_fit
 from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse
 from explicitfe.identify.identify import identify
 from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.dataset import read_dataset
-from explicitfe.measured.selection import loading_rows, select
+from explicitfe.measured.read import read_dataset
+from explicitfe.measured.select import loading_rows, select
 from explicitfe.predict.setup import Setup
-from explicitfe.scenario.scenario import Indentation, read_scenario
+from explicitfe.scenario.indentation import IndentationScenario
+from explicitfe.scenario.read import read_scenario
 from explicitfe.solve import point
 from explicitfe.view import terminal as show
 
@@ -83,7 +84,7 @@ def test_what_is_written(identified):
 def test_written_scenario_repeats_the_test(identified):
     """The scenario is one that ``explicitfe run`` takes; the forces are those of the dataset."""
     scenario, _ = read_scenario(identified[2] / "out" / "fitted.toml")
-    assert isinstance(scenario, Indentation)
+    assert isinstance(scenario, IndentationScenario)
     assert scenario.analysis.forces_N == pytest.approx(MORE_LOADS_N)
     assert scenario.tool.rounding_mm == 2.0
 

@@ -15,7 +15,8 @@ import pytest
 from support import ROOT
 
 from explicitfe.errors import InputError
-from explicitfe.measured.dataset import Curve, Dataset, read_dataset, same_measurement
+from explicitfe.measured.curve import Curve, Dataset, same_measurement
+from explicitfe.measured.read import read_dataset
 
 MEASURED = ROOT.parent / "shared" / "data" / "measured"
 

@@ -16,7 +16,7 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.identify.effects_fit import Unknown, fit_effects, series
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import bends, course_of
-from explicitfe.measured.dataset import read_dataset
+from explicitfe.measured.read import read_dataset
 from explicitfe.predict.predict import effects_of, experiments, predict, predict_test
 from explicitfe.predict.tissue import EVERY, Constants, ModelFile, Numerics, parse_model, read_model, write_model
 from explicitfe.solve import point

@@ -12,7 +12,7 @@ from support import ROOT
 import explicitfe
 from explicitfe.predict.tissue import parse_model
 from explicitfe.predict.tissue_in_scenario import tissue_settings
-from explicitfe.scenario.scenario import read_scenario
+from explicitfe.scenario.read import read_scenario
 
 REAR, BALL, VOWEL = (ROOT / "scenarios" / f"{name}.toml" for name in ("indentation-rear", "indentation-ball", "vowel-i"))
 MUSCLE = """format = "explicitfe-model/1"

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
-from explicitfe.measured.dataset import COLUMNS, NOISE, Curve, Dataset, same_measurement
+from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement, sd_of
 
 SAME_MAXIMUM_SD = 3.0  # a row counts as the largest when it is so within this many sds of the imposed column
 
@@ -69,30 +69,15 @@ def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dic
     return groups, left_out
 
 
-def imposed(curve: Curve) -> np.ndarray:
-    """The column that the test imposed (k,) SI."""
-    return curve.columns[curve.imposed]
-
-
 def loading_rows(curve: Curve) -> int:
     """Rows up to the first largest imposed value: an elastic law knows one way only."""
-    way = imposed(curve)
+    way = programme_of(curve)
     way = np.abs(way - 1.0) if curve.imposed == "stretch" else np.abs(way) if curve.kind == "shear" else way
     slack = SAME_MAXIMUM_SD * (sd_of(curve, curve.imposed) or 0.0)
     largest = float(way.max())
     # A hold is noise about its value; a ramp that ends there has no later rows to lose.
     first = int(np.argmax(way >= largest - slack)) if slack < 0.01 * largest else int(np.argmax(way))
     return len(way) if first >= len(way) - 2 else first + 1
-
-
-def sd_of(curve: Curve, column: str) -> float | None:
-    """Noise of a column, SI; None is unknown."""
-    for key, of in NOISE[curve.kind].items():
-        name, factor = COLUMNS[curve.kind][of]
-        value = getattr(curve.noise, key)
-        if name == column and value is not None:
-            return float(value * factor)
-    return None
 
 
 def _wanted(dataset: Dataset, fit_where: Sequence[str]) -> dict[str, list[str]]:

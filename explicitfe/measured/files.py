@@ -1,0 +1,195 @@
+"""The files of a dataset as text: ``dataset.toml`` and its CSVs, with the line in which a fault is."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    ValidationError,
+)
+
+from explicitfe.errors import InputError, nearest
+from explicitfe.measured.curve import COLUMNS, TIME, Kind
+from explicitfe.scenario.sentences import explain
+
+FILE_NAME = "dataset.toml"
+
+
+SMALLEST_CURVE = 3  # rows
+
+
+_CELL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+
+
+_SENSOR = re.compile(r"(.+)_([xyz])_mm")
+
+
+_HEADER = re.compile(r"""\s*(\[\[?)\s*([A-Za-z_"'][^\[\],]*?)\s*\]\]?\s*(#.*)?$""")
+
+
+def folder_name(path: Path | str) -> str:
+    """Name of the folder that a dataset is in."""
+    path = Path(path).resolve()
+    return path.parent.name if path.name == FILE_NAME else path.name
+
+
+class DatasetToml:
+    """``dataset.toml``: its path, its parsed tables, and errors that know their line."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.lines = lines_of(path, f"give the dataset's folder, with a {FILE_NAME} and a CSV for each curve in it")
+        try:
+            self.data = tomllib.loads("\n".join(self.lines))
+        except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+            raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+
+    def fault(self, keys: Sequence[str | int], sentence: str) -> InputError:
+        """An error at a key, or at the table that should hold it."""
+        line = self._line(keys)
+        return InputError(f"{self.path}{'' if line is None else f', line {line}'}: {sentence}")
+
+    def misfit(
+        self,
+        error: ValidationError,
+        data: Any,
+        table: type[BaseModel],
+        place: Callable[[Sequence[str | int]], Sequence[str | int]] = tuple,
+        prefix: str = "",
+    ) -> InputError:
+        """What does not fit the schema; ``place`` turns a key's path in the data into one in the file."""
+        # The same one that the sentence is about: a misspelt key comes before the key that is missing for it.
+        problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+        return self.fault(place(problem["loc"]), prefix + explain(error, data, table))
+
+    def _line(self, keys: Sequence[str | int]) -> int | None:
+        """Line of a key; of its table's head if it is not there."""
+        names = [key for key in keys if isinstance(key, str)] or [""]
+        entry = next((key for key in keys[1:2] if isinstance(key, int)), 0)
+        block: list[tuple[int, str]] = []
+        section, seen = "", -1
+        for number, line in enumerate(self.lines, 1):
+            head = _HEADER.match(line)
+            if head:
+                section = head[2].split(".")[0].strip("\"' ")
+                seen += head[1] == "[[" and head[2] == section == names[0]
+            if section == names[0] and entry == max(seen, 0):
+                block.append((number, line))
+        if not block:  # a key at the top, or an inline table
+            top = next((k for k, line in enumerate(self.lines) if _HEADER.match(line)), len(self.lines))
+            block = list(enumerate(self.lines[:top], 1))
+        elif len(names) > 1:
+            names = names[1:]
+        for name in reversed(names):
+            pattern = re.compile(rf"""(?:^|[{{,.\[])\s*["']?{re.escape(name)}["']?\s*[=.\]]""")
+            for number, line in block:
+                if pattern.search(line):
+                    return number
+        return block[0][0] if block and _HEADER.match(block[0][1]) else None
+
+
+def lines_of(path: Path, advice: str) -> list[str]:
+    """Lines of a text file of any system, without a byte-order mark."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: this cannot be read ({error.strerror}); {advice}.") from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8.") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+class CurveCsv:
+    """The columns of one file by name, as they stand there, with the lines they came from."""
+
+    def __init__(self, path: Path, kind: Kind, sensors: Iterable[str]) -> None:
+        self.path = path
+        self.kind = kind
+        lines = lines_of(path, "make it readable")
+        self.line_of = [number for number, line in enumerate(lines, 1) if line.strip()]
+        filled = [lines[number - 1] for number in self.line_of]
+        if not filled:
+            raise InputError(f"{path}: the file is empty; write a header and {SMALLEST_CURVE} rows at least.")
+        names = self._names(filled[0], sensors)
+        del self.line_of[0]
+        rows = self._numbers(filled[1:], names)
+        self.data = {name: np.ascontiguousarray(rows[:, k]) for k, name in enumerate(names)}
+        self._check_time()
+
+    def fault(self, row: int, sentence: str) -> InputError:
+        """An error in a row, by its line."""
+        return InputError(f"{self.path}, line {self.line_of[row]}: {sentence}")
+
+    def sensors(self) -> dict[str, np.ndarray]:
+        """Name -> positions (k, 3) [mm], in the order of the file; empty unless a trajectory."""
+        if self.kind != "trajectory":
+            return {}
+        names = dict.fromkeys(_SENSOR.fullmatch(column)[1] for column in self.data if column != TIME)
+        return {name: np.column_stack([self.data[f"{name}_{axis}_mm"] for axis in "xyz"]) for name in names}
+
+    def _names(self, header: str, sensors: Iterable[str]) -> list[str]:
+        names = [name.strip().strip('"') for name in header.split(",")]
+        where = f"{self.path}, line {self.line_of[0]}:"
+        if len(names) == 1 and set(header) & set(";\t"):
+            raise InputError(f"{where} the columns must be separated by commas, with a point in decimal numbers.")
+        if self.kind == "trajectory":
+            found = dict.fromkeys(match[1] for match in map(_SENSOR.fullmatch, names) if match)
+            valid = [TIME, *(f"{sensor}_{axis}_mm" for sensor in dict.fromkeys([*found, *sensors]) for axis in "xyz")]
+            should = f"a trajectory has {TIME} and, for each sensor, <sensor>_x_mm, <sensor>_y_mm and <sensor>_z_mm"
+        else:
+            valid = [TIME, *COLUMNS[self.kind]]
+            what = {"force-displacement": "with a [tool]", "uniaxial": "without a [tool]", "shear": "of a shear test"}[self.kind]
+            should = f"a curve {what} has {','.join(valid)}"
+        for name in names:
+            if name not in valid:
+                raise InputError(f'{where} unknown column "{name}" ({should}); {nearest(name, valid)}')
+            if names.count(name) > 1:
+                raise InputError(f'{where} the column "{name}" stands twice; take one of them out.')
+        for name in valid:
+            if name not in names:
+                raise InputError(f'{where} the column "{name}" is missing ({should}); add it.')
+        if len(valid) == 1:
+            raise InputError(f"{where} there is no sensor ({should}); add its columns.")
+        return names
+
+    def _numbers(self, rows: list[str], names: list[str]) -> np.ndarray:
+        """All cells (k, columns)."""
+        if len(rows) < SMALLEST_CURVE:
+            last = self.line_of[-1] if rows else 1
+            count = f"{len(rows)} row{'' if len(rows) == 1 else 's'}"
+            raise InputError(f"{self.path}, line {last}: the curve ends after {count}; it needs {SMALLEST_CURVE} at least.")
+        try:
+            numbers = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
+            if numbers.shape[1] == len(names) and np.isfinite(numbers).all():
+                return numbers
+            reason = "the cells are no finite numbers"
+        except ValueError as error:
+            reason = str(error)
+        for row, line in enumerate(rows):
+            cells = [cell.strip() for cell in line.split(",")]
+            if len(cells) != len(names):
+                raise self.fault(row, f"{len(cells)} cells, but {len(names)} columns; each row needs a number in each column.")
+            for cell, name in zip(cells, names, strict=True):
+                if not _CELL.fullmatch(cell) or not math.isfinite(float(cell)):
+                    raise self.fault(row, f'{name} = "{cell}" is no finite number; correct it or leave the row out.')
+        raise InputError(f"{self.path}: this cannot be read as a table of numbers: {reason}.")
+
+    def _check_time(self) -> None:
+        time = self.data[TIME]
+        if time[0] != 0.0:
+            raise self.fault(0, f"{TIME} starts at {time[0]:g}; it must start at 0.")
+        late = np.flatnonzero(np.diff(time) <= 0.0)
+        if len(late):
+            before, now = time[late[0]], time[late[0] + 1]
+            what = "stands twice" if now == before else f"runs backwards, from {before:.9g}"
+            raise self.fault(late[0] + 1, f"{TIME} = {now:.9g} {what}; it must increase from row to row.")

@@ -1,0 +1,166 @@
+"""A dataset from its folder: read, checked and turned into SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import (
+    BaseModel,
+    ValidationError,
+)
+
+from explicitfe.errors import InputError, nearest
+from explicitfe.measured.curve import COLUMNS, TIME, Curve, Dataset, Kind, check_constants, check_sides
+from explicitfe.measured.files import FILE_NAME, CurveCsv, DatasetToml
+from explicitfe.measured.tables import (
+    SHAPE_KEYS,
+    DatasetFile,
+    MergedTables,
+)
+from explicitfe.measured.units import check_noise, check_units
+from explicitfe.scenario.table import validated
+
+
+def read_dataset(path: Path | str) -> Dataset:
+    """A dataset, checked, in SI.
+
+    Parameters
+    ----------
+    path : the folder, or the dataset.toml in it.
+
+    Raises
+    ------
+    InputError : a file cannot be read or cannot be right; one sentence that names the file, the line or key, and what to do.
+    """
+    path = Path(path)
+    source = DatasetToml(path / FILE_NAME if path.is_dir() else path)
+    try:
+        table = validated(DatasetFile, source.data)
+    except ValidationError as error:
+        raise source.misfit(error, source.data, DatasetFile) from None
+    _check_tables(table, source)
+    _check_files(table, source)
+    curves = tuple(_curve(table, number, source) for number in range(len(table.curve)))
+    check_constants(curves, str(source.path))
+    check_sides(curves, str(source.path))
+    return Dataset(
+        name=table.name,
+        title=table.title,
+        test=table.test,
+        source=table.source,
+        license=table.license,
+        notes=table.notes,
+        path=source.path,
+        curves=curves,
+        scenario=None if table.scenario is None else source.path.parent / table.scenario,
+        sensors={sensor.name: sensor.model_point for sensor in table.sensor},
+        registration=table.registration,
+    )
+
+
+def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
+    """Tables that the test needs or cannot have, and names that stand twice."""
+    if table.test == "trajectory":
+        owners: list[tuple[tuple[str | int, ...], BaseModel]] = [((), table)]
+        owners += [(("curve", number), curve) for number, curve in enumerate(table.curve)]
+        for keys, owner in owners:
+            for name in ("specimen", "tool"):
+                if getattr(owner, name):
+                    raise source.fault((*keys, name), f"a trajectory has no [{name}]; take it out.")
+        for name in ("sensor", "registration"):
+            if table.scenario is None and getattr(table, name):
+                raise source.fault((name,), f"[{name}] needs a scenario to compare with; add the key scenario.")
+        if table.scenario is not None and not (source.path.parent / table.scenario).is_file():
+            raise source.fault(("scenario",), f'the scenario "{table.scenario}" is missing; put it beside {source.path.name}.')
+    else:
+        for name in ("scenario", "sensor", "registration"):
+            if getattr(table, name):
+                raise source.fault((name,), f'{name} is for test = "trajectory" only; take it out.')
+        if table.specimen is None and not all(curve.specimen for curve in table.curve):
+            raise source.fault(("test",), '[specimen] is missing; add it, with shape = "point" for a state of no known size.')
+        tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
+        if table.test == "indentation" and not all(tooled):
+            raise source.fault(("test",), "an indentation needs a [tool]; add it.")
+        if table.test == "shear" and any(tooled):
+            raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; take it out.")
+        if any(tooled) and not all(tooled):
+            raise source.fault(("curve", tooled.index(True), "tool"), "either all curves have a tool or none; add a [tool].")
+    for array, key in (("sensor", "name"), ("curve", "id"), ("curve", "file")):
+        names = [getattr(entry, key) for entry in getattr(table, array)]
+        for number, name in enumerate(names):
+            first = names.index(name)
+            if first != number:
+                sentence = f'two {array}s have the {key} "{name}", numbers {first + 1} and {number + 1}; give each its own.'
+                raise source.fault((array, number, key), sentence)
+
+
+def _check_files(table: DatasetFile, source: DatasetToml) -> None:
+    """Every curve has its CSV, and every CSV of the folder its curve."""
+    folder = source.path.parent
+    there = {entry.name for entry in folder.iterdir() if entry.is_file() and not entry.name.startswith(".")}
+    unlisted = sorted(name for name in there - {curve.file for curve in table.curve} if name.lower().endswith(".csv"))
+    for number, curve in enumerate(table.curve):
+        if curve.file not in there:
+            hint = nearest(curve.file, unlisted) if unlisted else f"put it beside {source.path.name}."
+            raise source.fault(("curve", number, "file"), f'the file "{curve.file}" of curve "{curve.id}" is missing; {hint}')
+    if unlisted:
+        raise InputError(f"{folder / unlisted[0]}: no curve of {source.path.name} has this file; list it there or take it out.")
+
+
+def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
+    entry = table.curve[number]
+    setup = _setup(table, number, source)
+    kind: Kind = (
+        "force-displacement" if setup.tool is not None else table.test if table.test in ("shear", "trajectory") else "uniaxial"
+    )
+    if setup.tool is not None and setup.specimen.shape == "point":
+        raise source.fault(("specimen", "shape"), 'a specimen of shape "point" has no place for a [tool]; give it a size.')
+    csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])
+    check_units(csv, setup)
+    check_noise(csv, setup, table, number, source)
+    si = {name: factor * csv.data[column] for column, (name, factor) in COLUMNS.get(kind, {}).items()}
+    return Curve(
+        id=entry.id,
+        file=entry.file,
+        kind=kind,
+        constants=entry.constants,
+        group=entry.id if entry.group is None else entry.group,
+        split=entry.split,
+        specimen=setup.specimen,
+        tool=setup.tool,
+        noise=setup.noise,
+        conditions=entry.conditions,
+        time_s=csv.data[TIME],
+        columns=si,
+        sensors={name: 1e-3 * position for name, position in csv.sensors().items()},
+    )
+
+
+def _merged(common: dict[str, Any] | None, own: dict[str, Any]) -> dict[str, Any] | None:
+    if common is None:
+        return own or None
+    if "shape" in own and own["shape"] != common.get("shape"):
+        common = {key: value for key, value in common.items() if key not in SHAPE_KEYS}
+        if isinstance(common.get("assumed"), list):
+            common["assumed"] = [key for key in common["assumed"] if key not in SHAPE_KEYS]
+    return common | own
+
+
+def _setup(table: DatasetFile, number: int, source: DatasetToml) -> MergedTables:
+    entry = table.curve[number]
+    merged = {name: _merged(getattr(table, name), getattr(entry, name)) for name in ("specimen", "tool", "noise")}
+    try:
+        return validated(MergedTables, merged)
+    except ValidationError as error:
+
+        def own(keys: Sequence[str | int]) -> bool:
+            table_of_curve = getattr(entry, str(keys[0]))
+            return bool(table_of_curve) and (len(keys) == 1 or keys[1] in table_of_curve or not source.data.get(keys[0]))
+
+        def place(keys: Sequence[str | int]) -> Sequence[str | int]:
+            return ("curve", number, *keys) if own(keys) else keys
+
+        touched = any(getattr(entry, str(problem["loc"][0])) for problem in error.errors())
+        raise source.misfit(error, merged, MergedTables, place, f'curve "{entry.id}": ' if touched else "") from None

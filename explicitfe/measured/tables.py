@@ -1,0 +1,289 @@
+"""The schema of ``dataset.toml``: what was tested, with which tool and which noise, and the curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    field_validator,
+    model_validator,
+)
+
+from explicitfe.errors import nearest
+from explicitfe.scenario.table import Table, Vector
+
+Test = Literal["indentation", "compression", "tension", "shear", "trajectory"]
+
+
+Split = Literal["fit", "holdout"]
+
+
+# Conditions that say which measurement a curve is: what was asked for (digitised, so equal to a few percent), and of what.
+PROGRAMME_CONDITIONS = ("rate_per_s", "rate_mm_per_s", "max_strain", "max_stretch", "max_displacement_mm", "hold_s")
+
+
+IDENTITY_CONDITIONS = (
+    "direction", "material", "sample", "spot", "piece", "day", "repeat", "cycle", "order", "phases", "site",
+)  # fmt: skip
+
+
+NUMERIC_CONDITIONS = (*PROGRAMME_CONDITIONS, "preload_N", "first_force_N")
+
+
+LARGEST_FLOAT = float(np.finfo(float).max)
+
+
+# Keys that belong to a shape: a curve that overrides the shape brings its own.
+SHAPE_KEYS = {"radius_mm", "height_mm", "size_mm", "edge_radius_mm"}
+
+
+# What lies outside was given in another unit. Wide: a curve that is merely unusual must pass.
+_LENGTH_MM = (0.1, 1000.0)
+
+
+_THIN_MM = (0.01, 1000.0)  # layers and rounded edges
+
+
+_DENSITY_KG_M3 = (100.0, 20_000.0)
+
+
+_STIFFNESS_RATIO = (1e-3, 1e3)
+
+
+def _within(limits: tuple[float, float], unit: str, zero: bool = False) -> AfterValidator:
+    low, high = limits
+
+    def check(value: float) -> float:
+        if not (low <= value <= high or (zero and value == 0.0)):
+            raise ValueError(f"{value:g} does not lie between {low:g} and {high:g}; give it in {unit}")
+        return value
+
+    return AfterValidator(check)
+
+
+Length = Annotated[float, _within(_LENGTH_MM, "mm")]
+
+
+Thickness = Annotated[float, _within(_THIN_MM, "mm", zero=True)]
+
+
+def _three(value: Any) -> Any:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise ValueError("must be three numbers [x, y, z]")
+    return tuple(value)
+
+
+def _friction(value: Any) -> Any:
+    number = _is_number(value) and value >= 0.0
+    if not number and value not in ("stick", "unknown"):
+        raise ValueError(f'{value!r} is not possible; it must be a number from 0 up, "stick" or "unknown"')
+    return float(value) if number else value
+
+
+class _Described(Table):
+    """A table some of whose keys are inferred and not stated by the source."""
+
+    assumed: tuple[str, ...] = Field(default=(), description="keys of this table that the source does not state")
+
+    @model_validator(mode="after")
+    def _assumed_is_given(self) -> _Described:
+        given = self.model_fields_set - {"assumed"}
+        for key in self.assumed:
+            if key not in given:
+                raise ValueError(f'assumed names "{key}", which this table does not give; {nearest(key, given)}')
+        return self
+
+    def _only(self, shape: str, needed: Iterable[str], possible: Iterable[str]) -> None:
+        """ValueError where a key of a shape is missing, or one stands that the shape does not have."""
+        for key in needed:
+            if getattr(self, key) is None:
+                raise ValueError(f'shape = "{shape}" needs {key}; add it')
+        for key in sorted(self.model_fields_set & set(possible) - set(needed)):
+            raise ValueError(f'shape = "{shape}" has no {key}; take it out')
+
+
+class MeasuredSpecimen(_Described):
+    """What was tested. A block's third size is its thickness, along the load."""
+
+    shape: Literal["point", "cylinder", "block"] = Field(description="point: a homogeneous state of no known size")
+    radius_mm: Length | None = None
+    height_mm: Length | None = None
+    size_mm: Annotated[tuple[Length, Length, Length], BeforeValidator(_three)] | None = None
+    density_kg_m3: Annotated[float, _within(_DENSITY_KG_M3, "kg/m3")] = 1040.0
+    base: Literal["bonded", "frictionless", "unknown"] = "unknown"
+    layer_mm: Thickness = Field(default=0.0, description="thickness of a surface layer; 0 is none")
+    layer_stiffness_ratio: Annotated[float, _within(_STIFFNESS_RATIO, "layer over body")] = 1.0
+
+    @model_validator(mode="after")
+    def _whole(self) -> MeasuredSpecimen:
+        needed = {"point": [], "cylinder": ["radius_mm", "height_mm"], "block": ["size_mm"]}[self.shape]
+        self._only(self.shape, needed, ["radius_mm", "height_mm", "size_mm"])
+        if self.layer_mm > 0.0 and self.shape == "point":
+            raise ValueError('shape = "point" has no layer; take layer_mm out')
+        if self.layer_mm > 0.0 and self.layer_mm >= self.thickness_mm:
+            raise ValueError(f"layer_mm = {self.layer_mm:g} is no less than the specimen's height, {self.thickness_mm:g} mm")
+        if "layer_stiffness_ratio" in self.model_fields_set and self.layer_mm == 0.0:
+            raise ValueError("layer_stiffness_ratio needs the thickness layer_mm; add it")
+        return self
+
+    @property
+    def thickness_mm(self) -> float:
+        """Height along the load [mm]; not of a point."""
+        return self.height_mm if self.size_mm is None else self.size_mm[2]
+
+    @property
+    def face_mm2(self) -> float:
+        """Area of the loaded face [mm2]; not of a point."""
+        return math.pi * self.radius_mm**2 if self.size_mm is None else self.size_mm[0] * self.size_mm[1]
+
+
+class MeasuredTool(_Described):
+    """What pressed or pulled, and which column it imposed."""
+
+    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
+    radius_mm: Length | None = None
+    edge_radius_mm: Thickness = Field(default=0.0, description="rounding of a flat cylinder's edge")
+    control: Literal["force", "displacement"] = Field(description="the column that is imposed; the other one is predicted")
+    friction: Annotated[float | Literal["stick", "unknown"], BeforeValidator(_friction)] = "unknown"
+
+    @model_validator(mode="after")
+    def _whole(self) -> MeasuredTool:
+        needed = [] if self.shape == "platen" else ["radius_mm"]
+        rounded = [] if self.shape == "flat-cylinder" else ["edge_radius_mm"]
+        self._only(self.shape, needed, ["radius_mm", *rounded])
+        if self.radius_mm is not None and self.edge_radius_mm > self.radius_mm:
+            raise ValueError(f"edge_radius_mm = {self.edge_radius_mm:g} exceeds radius_mm = {self.radius_mm:g}")
+        return self
+
+
+class MeasuredNoise(Table):
+    """Standard deviations of one row; None is unknown, 0 is exact."""
+
+    force_sd_N: float | None = Field(default=None, ge=0.0)
+    displacement_sd_mm: float | None = Field(default=None, ge=0.0)
+    stress_sd_Pa: float | None = Field(default=None, ge=0.0)
+    stretch_sd: float | None = Field(default=None, ge=0.0)
+    repeat_sd_fraction: float | None = Field(default=None, ge=0.0, le=1.0, description="scatter between equal tests")
+
+
+class SensorTable(Table):
+    """A sensor of a trajectory and the model's point that it sits on."""
+
+    name: str = Field(min_length=1)
+    model_point: str = Field(min_length=1, description="named point of the scenario's model")
+
+
+def _fit_or(check: Callable[[Any], Any]) -> BeforeValidator:
+    return BeforeValidator(lambda value: value if value == "fit" else check(value))
+
+
+def _rotation(value: Any) -> Any:
+    rows = value if isinstance(value, list) else []
+    if [len(row) if isinstance(row, list) and all(map(_is_number, row)) else 0 for row in rows] == [3, 3, 3]:
+        matrix = np.array(rows, dtype=float)
+        if np.abs(matrix).max() < 2.0 and np.allclose(matrix @ matrix.T, np.eye(3), atol=1e-4) and np.linalg.det(matrix) > 0.0:
+            return tuple(tuple(map(float, row)) for row in rows)
+    raise ValueError('must be "fit" or three rows of three numbers that make a rotation matrix')
+
+
+def _translation(value: Any) -> Any:
+    if not isinstance(value, list) or len(value) != 3 or not all(map(_is_number, value)):
+        raise ValueError('must be "fit" or three numbers [x, y, z] in mm')
+    return tuple(map(float, value))
+
+
+def _scale(value: Any) -> Any:
+    if not _is_number(value) or value <= 0.0:
+        raise ValueError('must be "fit" or a number above 0')
+    return value
+
+
+class RegistrationTable(Table):
+    """From the sensors' frame to the model's: x_model = scale * rotation x + translation; "fit" leaves a part to the program."""
+
+    rotation: Annotated[tuple[Vector, Vector, Vector] | Literal["fit"], _fit_or(_rotation)] = (
+        (1.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0),
+    )
+    translation: Annotated[Vector | Literal["fit"], _fit_or(_translation)] = Field(default=(0.0, 0.0, 0.0), description="mm")
+    scale: Annotated[float | Literal["fit"], _fit_or(_scale)] = 1.0
+
+
+def _is_number(value: Any) -> bool:
+    # Whole numbers have no limit in TOML; not all of them are floats, and none is compared wrongly.
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_FLOAT
+
+
+class CurveTable(Table):
+    """One curve, as the file states it; its tables are merged over those of the dataset."""
+
+    id: str
+    file: str
+    constants: str = Field(default="all", min_length=1, description="curves of one name share their constants")
+    group: str | None = Field(default=None, min_length=1, description="what shares one specimen or site; its own id if left out")
+    split: Split | None = None
+    specimen: dict[str, Any] = Field(default={})
+    tool: dict[str, Any] = Field(default={})
+    noise: dict[str, Any] = Field(default={})
+    conditions: dict[str, Any] = Field(default={})
+
+    @field_validator("id", "file")
+    @classmethod
+    def _plain_name(cls, name: str) -> str:
+        if not name.strip() or name.startswith(".") or set(name) & set("/\\") or not name.isprintable():
+            raise ValueError(f"{name!r} must be a plain name, without a folder")
+        return name
+
+    @field_validator("file")
+    @classmethod
+    def _is_csv(cls, name: str) -> str:
+        if not name.lower().endswith(".csv"):
+            raise ValueError(f'"{name}" must end in .csv')
+        return name
+
+    @field_validator("conditions")
+    @classmethod
+    def _plain_values(cls, conditions: dict[str, Any]) -> dict[str, Any]:
+        for key, value in conditions.items():
+            for entry in value if isinstance(value, list) else [value]:
+                if not isinstance(entry, str | bool) and not _is_number(entry):
+                    raise ValueError(f"{key} must be a string, a finite number, true or false, or an array of these")
+            if key in NUMERIC_CONDITIONS and not _is_number(value):
+                raise ValueError(f"{key} = {value!r} must be a number")
+            if key == "defect" and not (isinstance(value, str) and value.strip()):
+                raise ValueError("defect must say in words what is wrong; leave it out where nothing is")
+        return conditions
+
+
+class DatasetFile(Table):
+    """The schema of ``dataset.toml``."""
+
+    format: Literal["explicitfe-dataset/1"]
+    name: str = Field(pattern=r"^[a-z0-9]+([-.][a-z0-9]+)*$", description="kebab-case")
+    title: str
+    test: Test
+    source: str = ""
+    license: str = ""
+    notes: str = ""
+    scenario: str | None = Field(default=None, min_length=1, description="scenario of a trajectory, relative to this file")
+    sensor: list[SensorTable] = Field(default=[])
+    registration: RegistrationTable | None = None
+    specimen: dict[str, Any] | None = None
+    tool: dict[str, Any] | None = None
+    noise: dict[str, Any] = Field(default={})
+    curve: list[CurveTable] = Field(min_length=1)
+
+
+class MergedTables(Table):
+    """The tables of one curve, merged."""
+
+    specimen: MeasuredSpecimen | None = None
+    tool: MeasuredTool | None = None
+    noise: MeasuredNoise = MeasuredNoise()

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import RunError
 from explicitfe.measured.curve import Curve
-from explicitfe.predict.tissue import ModelFile
+from explicitfe.predict.tissue import Tissue
 
 AT_BOUND = 1e-3  # of the logarithm of the range
 STEP = 1e-3  # relative, of an unknown
@@ -45,7 +45,7 @@ class EffectsFit:
     converged : whether the best start did.
     """
 
-    model: ModelFile
+    model: Tissue
     values: dict[str, float]
     nrmse: dict[str, float]
     at_bound: tuple[str, ...]
@@ -64,8 +64,8 @@ def series(shares: Sequence[float], tau_s: Sequence[float]) -> Viscoelastic:
 def fit_effects(
     curves: Sequence[Curve],
     unknowns: Mapping[str, Unknown],
-    make: Callable[[Values], ModelFile],
-    answer: Callable[[Sequence[Curve], ModelFile], Sequence[np.ndarray]],
+    make: Callable[[Values], Tissue],
+    answer: Callable[[Sequence[Curve], Tissue], Sequence[np.ndarray]],
     *,
     starts: int = 4,
     seed: int = 0,

@@ -26,14 +26,13 @@ from explicitfe.identify.paper import (
     identify_by_paper,
 )
 from explicitfe.identify.writing import Deformed, write
-from explicitfe.measured.curve import Curve, Dataset, programme_of, sd_of
+from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of, sd_of
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.select import Group, select
 from explicitfe.predict.setup import Setup, is_uniform, setup_of
 from explicitfe.results.folder import checked_target
 
 METHODS = ("least-squares", "paper")
-UNITS = {"displacement_m": ("mm", 1e3), "force_N": ("N", 1.0), "nominal_stress_Pa": ("Pa", 1.0), "shear_stress_Pa": ("Pa", 1.0)}
 
 BEYOND = 1.15  # of the largest depth measured: how far a response goes under imposed forces
 WINDOW_SD = 4.0  # of q: the runs around the estimate reach so far
@@ -280,7 +279,7 @@ def _identify(group: Group, tests: _Tests, method: str, work: _Work) -> tuple[di
         part = Fit(**{**vars(fit), "constants": constants, "sds": tuple(fit.sds[k] for k in order)})
         hidden, runs = what_a_fit_hides(tests.setups[first.id], alike, part, choices, work.done)
         tests.other_runs += runs
-    unit, scale = UNITS[first.predicted]
+    unit, scale = PRINTED_UNITS[first.predicted]
     summary: dict[str, Any] = {
         "status": "fitted" if paper is None else paper.status,
         "constants": _constants(fit, paper),
@@ -359,7 +358,7 @@ def _curve_rows(
     rows = {}
     for side, curves, seen in (("fit", group.fitted, observed), ("holdout", group.predicted, predicted)):
         for curve, o in zip(curves, seen, strict=True):
-            unit, scale = UNITS[curve.predicted]
+            unit, scale = PRINTED_UNITS[curve.predicted]
             errors = o.errors(constants)
             rows[curve.id] = {
                 "split": side,
@@ -514,8 +513,8 @@ def _pictures(
     curves = []
     for side, some, seen in (("fit", group.fitted, observed), ("holdout", group.predicted, predicted)):
         for curve, o in zip(some, seen, strict=True):
-            x_unit, x_scale = UNITS.get(curve.imposed, ("", 1.0))
-            y_unit, y_scale = UNITS[curve.predicted]
+            x_unit, x_scale = PRINTED_UNITS.get(curve.imposed, ("", 1.0))
+            y_unit, y_scale = PRINTED_UNITS[curve.predicted]
             fine = np.linspace(o.imposed.min(), o.imposed.max(), 200)
             curves.append(
                 {

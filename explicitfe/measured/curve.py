@@ -239,3 +239,11 @@ def sd_of(curve: Curve, column: str) -> float | None:
         if name == column and value is not None:
             return float(value * factor)
     return None
+
+
+PRINTED_UNITS = {
+    "displacement_m": ("mm", 1e3),
+    "force_N": ("N", 1.0),
+    "nominal_stress_Pa": ("Pa", 1.0),
+    "shear_stress_Pa": ("Pa", 1.0),
+}

@@ -24,7 +24,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
@@ -33,7 +33,7 @@ from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
 from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.sentences import explain
-from explicitfe.scenario.table import validated
+from explicitfe.scenario.table import Table, validated
 
 FORMAT = "explicitfe-model/1"
 EVERY = "*"  # the group of constants that stands for all
@@ -41,18 +41,14 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _TABLES = {"specimen": MeasuredSpecimen, "tool": MeasuredTool}
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Constants(_Table):
+class Constants(Table):
     """Yeoh's constants; those of a sudden load where there is relaxation."""
 
     C10_Pa: float = Field(gt=0.0, description="first constant [Pa]")
     C20_Pa: float = Field(default=0.0, ge=0.0, description="second constant [Pa]")
 
 
-class Numerics(_Table):
+class Numerics(Table):
     """How tests under a tool are computed: a prediction follows from the file alone."""
 
     refinement: float = Field(default=1.0, gt=0.0, description="divides the element sizes")
@@ -66,7 +62,7 @@ def _grouped(value: Any) -> Any:
     return value if all(isinstance(v, dict | Constants) for v in value.values()) else {EVERY: value}
 
 
-class ModelFile(_Table):
+class Tissue(Table):
     """The schema of a model file."""
 
     format: Literal["explicitfe-model/1"] = FORMAT
@@ -95,7 +91,7 @@ class ModelFile(_Table):
         density = {} if curve.specimen is None else {"density_kg_m3": curve.specimen.density_kg_m3}
         return Yeoh(C10_Pa=found.C10_Pa, C20_Pa=found.C20_Pa, poisson=self.poisson, **density)
 
-    def with_effect(self, effect: Effect) -> ModelFile:
+    def with_effect(self, effect: Effect) -> Tissue:
         """The model with one effect more, or another instead of one of its kind."""
         name = next(key for key, kind in EFFECTS.items() if kind is type(effect))
         return self.model_copy(update={"effects": self.effects.model_copy(update={name.replace("-", "_"): effect})})
@@ -152,7 +148,7 @@ class ModelFile(_Table):
         return "\n".join(lines) + "\n"
 
 
-def read_model(path: Path | str) -> ModelFile:
+def read_tissue(path: Path | str) -> Tissue:
     """A model file, checked.
 
     Raises
@@ -166,11 +162,11 @@ def read_model(path: Path | str) -> ModelFile:
         raise InputError(f"{path}: the model cannot be read ({error.strerror}).") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: this is not a text file; a model file is written in TOML.") from None
-    return parse_model(text, str(path))
+    return parse_tissue(text, str(path))
 
 
-def parse_model(text: str, name: str = "model") -> ModelFile:
-    """A model from a file's text; see :func:`read_model`."""
+def parse_tissue(text: str, name: str = "model") -> Tissue:
+    """A model from a file's text; see :func:`read_tissue`."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -178,12 +174,12 @@ def parse_model(text: str, name: str = "model") -> ModelFile:
     if "format" not in data:
         raise InputError(f'{name}: the key "format" is missing; a model file begins with format = "{FORMAT}".')
     try:
-        return validated(ModelFile, data)
+        return validated(Tissue, data)
     except ValidationError as error:
-        raise InputError(f"{name}: {explain(error, data, ModelFile).replace('the scenario', 'the model')}") from None
+        raise InputError(f"{name}: {explain(error, data, Tissue).replace('the scenario', 'the model')}") from None
 
 
-def write_model(model: ModelFile, path: Path | str) -> None:
+def write_tissue(model: Tissue, path: Path | str) -> None:
     """Write a model file.
 
     Raises

@@ -7,17 +7,15 @@ from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.muscle.activation_lag import ActivationLag
 from explicitfe.errors import InputError, nearest
 from explicitfe.model import catalogue
-from explicitfe.predict.tissue import EVERY, Constants, ModelFile, toml_value
+from explicitfe.predict.tissue import EVERY, Constants, Tissue, toml_value
 from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.scenario.read import Scenario
 
 IN_A_BODY = (MaterialEffect, Compressible, ActivationLag)
 UNDER_A_TOOL = ("material", "specimen", "contact", "boundary")  # where effects act that a specimen takes along to another test
 
 
-def tissue_settings(
-    model: ModelFile, scenario: Scenario, group: str | None = None
-) -> tuple[list[str], list[str]]:
+def tissue_settings(model: Tissue, scenario: Scenario, group: str | None = None) -> tuple[list[str], list[str]]:
     """Settings that put the tissue of a model into a scenario, and the effects that are left out of it.
 
     Parameters
@@ -54,7 +52,7 @@ def tissue_settings(
     return settings, left_out
 
 
-def _constants(model: ModelFile, group: str | None) -> Constants:
+def _constants(model: Tissue, group: str | None) -> Constants:
     groups = list(model.constants)
     if group is None and len(groups) == 1:
         return model.constants[groups[0]]

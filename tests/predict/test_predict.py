@@ -17,8 +17,9 @@ from explicitfe.identify.effects_fit import Unknown, fit_effects, series
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import bends, course_of
 from explicitfe.measured.read import read_dataset
-from explicitfe.predict.predict import effects_of, experiments, predict, predict_test
-from explicitfe.predict.tissue import EVERY, Constants, ModelFile, Numerics, parse_model, read_model, write_model
+from explicitfe.predict.experiment import effects_of, experiments
+from explicitfe.predict.predict import predict, predict_test
+from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue, read_tissue, write_tissue
 from explicitfe.solve import point
 
 COARSE = 0.7
@@ -27,14 +28,14 @@ PRONY = Viscoelastic(g=(0.4, 0.2), tau_s=(0.5, 20.0))
 RATE, STRAIN = 0.05, 0.3
 
 
-def model(*effects, **tables) -> ModelFile:
-    made = ModelFile(constants={EVERY: Constants(**YEOH)}, **tables)
+def model(*effects, **tables) -> Tissue:
+    made = Tissue(constants={EVERY: Constants(**YEOH)}, **tables)
     for effect in effects:
         made = made.with_effect(effect)
     return made
 
 
-def saved(folder: Path, made: ModelFile | str) -> Path:
+def saved(folder: Path, made: Tissue | str) -> Path:
     path = folder / "model.toml"
     path.write_text(made if isinstance(made, str) else made.text, encoding="utf-8")
     return path
@@ -106,7 +107,7 @@ def test_a_fit_finds_what_a_curve_was_made_with(tmp_path):
     def make(v):
         sudden = 1.0 + v["s0"] + v["s1"]
         constants = Constants(C10_Pa=sudden * v["C10"], C20_Pa=sudden * v["C20"])
-        return ModelFile(constants={EVERY: constants}).with_effect(series([v["s0"], v["s1"]], [v["t0"], v["t1"]]))
+        return Tissue(constants={EVERY: constants}).with_effect(series([v["s0"], v["s1"]], [v["t0"], v["t1"]]))
 
     unknowns = {name: Unknown(1e-3 * value, 1e3 * value, 1.5 * value) for name, value in truth.items()}
     found = fit_effects(curves, unknowns, make, lambda cs, m: [predict_test([c], m)[0].values for c in cs], starts=1)
@@ -176,7 +177,7 @@ def test_a_tool_that_has_left_bears_nothing(soft):
 
 def test_readings_are_exact(tmp_path, soft):
     """An offset of the cell, its drift and that of the repeats lie on the same forces; so does a shifted displacement."""
-    readings = parse_model(
+    readings = parse_tissue(
         model(PRONY).text
         + "force-offset = { offset_N = 0.1 }\nforce-drift = { rate_N_s = 0.01 }\ncycle-drift = { per_cycle = -0.1 }\n"
     )
@@ -193,7 +194,7 @@ def test_offset_of_contact_is_a_way_before_the_first_row(tmp_path):
     t, d = programme()
     ramp = t <= 8.0
     for offset in (0.4, -0.4):
-        shifted = parse_model(model().text + f"[effects]\ncontact-offset = {{ offset_mm = {offset} }}\n")
+        shifted = parse_tissue(model().text + f"[effects]\ncontact-offset = {{ offset_mm = {offset} }}\n")
         found = predict_test([curve], shifted, refinement=COARSE)[0].values[ramp]
         inside = d[ramp] + 1e-3 * offset <= DEEP_M
         expected = np.interp(d[ramp] + 1e-3 * offset, d[ramp], plain[ramp], left=0.0)
@@ -216,7 +217,7 @@ def test_numerics_of_the_model_file_are_used(tmp_path, soft):
     """The model's own where nothing else is asked for; none are written where all are the usual ones."""
     curve = curve_of(indentation(tmp_path / "data"))
     coarse = model(PRONY, numerics=Numerics(refinement=COARSE))
-    assert np.array_equal(predict_test([curve], parse_model(coarse.text))[0].values, soft[1.0].values)
+    assert np.array_equal(predict_test([curve], parse_tissue(coarse.text))[0].values, soft[1.0].values)
     dense = predict_test([curve], model(PRONY, numerics=Numerics(refinement=0.1, density=2.0)), refinement=COARSE)[0]
     assert np.array_equal(dense.values, soft[2.0].values)
     assert "refinement = 0.7\n" in coarse.text and "density" not in coarse.text
@@ -234,7 +235,7 @@ def test_in_parallel_as_one_by_one(tmp_path, soft):
     assert (tmp_path / "out" / "predict.json").is_file()
     assert len((tmp_path / "out" / "curve-1.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(programme()[0])
     # with what it was computed with: the file alone makes the prediction again
-    assert read_model(tmp_path / "out" / "model.toml") == model(PRONY, numerics=Numerics(refinement=COARSE))
+    assert read_tissue(tmp_path / "out" / "model.toml") == model(PRONY, numerics=Numerics(refinement=COARSE))
     assert (found["refinement"], found["density"], found["tolerance"]) == (COARSE, 1.0, 1e-4)
     with pytest.raises(InputError, match="earlier prediction"):
         predict(data, path, refinement=COARSE, out=tmp_path / "out")
@@ -313,9 +314,9 @@ def pressed(tmp_path_factory):
 )
 def test_platens_as_the_simulator_has_them(pressed, monkeypatch, effects, density):
     """The homogeneous state and finite elements, to 0.1 % of the peak; these need denser instants to find contact again."""
-    from explicitfe.predict import predict as module
+    from explicitfe.predict import under_a_tool as module
 
-    tissue = parse_model(model().text + "[effects]\n" + effects)
+    tissue = parse_tissue(model().text + "[effects]\n" + effects)
     exact = predict_test([pressed], tissue, density=density)[0]
     assert exact.iterations == 0
     monkeypatch.setattr(module, "is_uniform", lambda setup: False)
@@ -326,8 +327,8 @@ def test_platens_as_the_simulator_has_them(pressed, monkeypatch, effects, densit
 
 def test_a_rig_that_gives_way_shifts_an_elastic_curve(pressed):
     """d = d_tool + c F exactly: on the ramp the force at d is that of the stiff rig at d - c F."""
-    stiff = parse_model(model().text)
-    soft = parse_model(stiff.text + "[effects]\ncompliance = { compliance_mm_N = 2.0 }\n")
+    stiff = parse_tissue(model().text)
+    soft = parse_tissue(stiff.text + "[effects]\ncompliance = { compliance_mm_N = 2.0 }\n")
     ramp = pressed.time_s < 8.0
     force = predict_test([pressed], soft)[0].values
     way = pressed.displacement_m - 2e-3 * force
@@ -380,7 +381,7 @@ def test_loss_of_contact_is_found_between_instants():
 
 
 def test_a_model_file_comes_back_exactly(tmp_path):
-    made = parse_model(
+    made = parse_tissue(
         """
         format = "explicitfe-model/1"
         title = 'a "quoted" \\ title'
@@ -396,9 +397,9 @@ def test_a_model_file_comes_back_exactly(tmp_path):
         numerics = { refinement = 0.3, density = 2, tolerance = 3.3333333333333333e-5 }
         """
     )
-    write_model(made, tmp_path / "model.toml")
-    assert read_model(tmp_path / "model.toml") == made
-    assert read_model(tmp_path / "model.toml").text == made.text
+    write_tissue(made, tmp_path / "model.toml")
+    assert read_tissue(tmp_path / "model.toml") == made
+    assert read_tissue(tmp_path / "model.toml").text == made.text
 
 
 HEAD = 'format = "explicitfe-model/1"\n'
@@ -426,7 +427,7 @@ SOFT = HEAD + "[constants]\nC10_Pa = 1.0\n"
 def test_bad_model_files_are_refused_in_a_sentence(tmp_path, text, message):
     path = saved(tmp_path, text)
     with pytest.raises(InputError, match=message) as error:
-        read_model(path)
+        read_tissue(path)
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
 
@@ -434,7 +435,7 @@ def test_bad_model_files_are_refused_in_a_sentence(tmp_path, text, message):
 def test_what_does_not_go_with_the_dataset_is_refused(tmp_path):
     data = muscle(tmp_path / "data")
     run = partial(predict, data)
-    other = ModelFile(constants={"fibre": Constants(C10_Pa=100.0)})
+    other = Tissue(constants={"fibre": Constants(C10_Pa=100.0)})
     with pytest.raises(InputError, match=r'no \[constants.all\], which curve "one" needs'):
         run(saved(tmp_path, other))
     with pytest.raises(InputError, match=r"replaces keys of \[tool\]"):

@@ -10,7 +10,7 @@ from command import command
 from support import ROOT
 
 import explicitfe
-from explicitfe.predict.tissue import parse_model
+from explicitfe.predict.tissue import parse_tissue
 from explicitfe.predict.tissue_in_scenario import tissue_settings
 from explicitfe.scenario.read import read_scenario
 
@@ -83,7 +83,7 @@ def test_tissue_under_a_tool(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 def test_density_and_one_group(tmp_path: Path) -> None:
     """The density is the scenario's own; one table of constants needs no group; numbers come back bit by bit."""
-    made = parse_model('format = "explicitfe-model/1"\nconstants = { C10_Pa = 0.30000000000000004 }\n')
+    made = parse_tissue('format = "explicitfe-model/1"\nconstants = { C10_Pa = 0.30000000000000004 }\n')
     settings, left_out = tissue_settings(made, read_scenario(BALL)[0])
     material = read_scenario(BALL, settings)[0].model.material
     assert (material.C10_Pa, material.C20_Pa, material.density_kg_m3) == (0.30000000000000004, 0.0, 1070.0)

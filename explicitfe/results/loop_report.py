@@ -1,0 +1,339 @@
+"""``report.json``: the document that ``explicitfe close-loop`` writes and ``explicitfe view`` draws.
+
+Every key may be missing when a report is read. A key that is null is read as if it were missing, and so is a null among the
+entries of a list or a table. Keys that are not known here are kept, so that a report of a later version can be read. Only keys
+that were set are written.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue
+
+Verdict = Literal["failed", "no-missing-effect", "unexplained", "ambiguous", "effect-found"]
+Remainder = Literal["at-floor", "unexplained", "ambiguous"]
+Side = Literal["fit", "holdout"]
+Status = Literal["significant", "not-significant", "not-testable", "failed"]
+ScatterSource = Literal["stated", "repeats", "unknown"]
+
+
+def _without_nulls(value: object) -> object:
+    """A list or a table without its null entries; an empty table where there is none."""
+    if isinstance(value, Mapping):
+        return {key: entry for key, entry in value.items() if entry is not None}
+    return [entry for entry in value if entry is not None] if isinstance(value, list | tuple) else value
+
+
+T = TypeVar("T")
+_Entries = Annotated[list[T], BeforeValidator(lambda value: [] if value is None else _without_nulls(value))]
+_Table = Annotated[dict[str, T], BeforeValidator(lambda value: {} if value is None else _without_nulls(value))]
+_Part = Annotated[T, BeforeValidator(lambda value: {} if value is None else value)]
+_Text = Annotated[str, BeforeValidator(lambda value: "" if value is None else value)]
+
+
+class ReportPart(BaseModel):
+    """A table of the report."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class Estimate(ReportPart):
+    """A fitted parameter, in the unit that its name ends with.
+
+    Attributes
+    ----------
+    value : at the optimum.
+    ci95 : the two ends of its 95 % interval.
+    """
+
+    model_config = ConfigDict(extra="forbid")  # a table with other keys holds an estimate for each group of constants
+
+    value: float | None = None
+    ci95: _Entries[float] = []
+
+
+Parameters = _Table[Estimate | _Table[Estimate | float] | float]
+
+
+def estimates(parameters: Parameters) -> dict[tuple[str, str], Estimate]:
+    """(name, group) -> estimate; the group is "" where all curves share one value."""
+    flat: dict[tuple[str, str], Estimate] = {}
+    for name, entry in parameters.items():
+        for group, estimate in entry.items() if isinstance(entry, dict) else [("", entry)]:
+            flat[name, group] = estimate if isinstance(estimate, Estimate) else Estimate(value=estimate)
+    return flat
+
+
+class MeanError(ReportPart):
+    """Errors averaged over curves: ``nrmse`` is a share of each curve's largest measured value, ``rmse`` is in the unit."""
+
+    nrmse: float | None = None
+    rmse: float | None = None
+
+
+class CurveError(ReportPart):
+    """The error of one curve.
+
+    Attributes
+    ----------
+    rmse : root mean square of measured minus model, in the unit of the report.
+    nrmse : the same as a share of the largest measured value.
+    floor : noise and numerics, as the same share: no model can be expected to get below it.
+    message : why the curve could not be computed.
+    """
+
+    split: Side | None = None
+    rmse: float | None = None
+    nrmse: float | None = None
+    floor: float | None = None
+    message: str | None = None
+
+
+class ErrorsOfModel(ReportPart):
+    """Errors of a model: means over the fitted and over the held-out curves, and each curve."""
+
+    fit: MeanError | None = None
+    holdout: MeanError | None = None
+    curves: _Table[CurveError] = {}
+
+
+class ReportedModel(ReportPart):
+    """A model of the report: the baseline, or the final one."""
+
+    parameters: Parameters = {}
+    error: _Part[ErrorsOfModel] = ErrorsOfModel()
+
+
+class ReportedSplit(ReportPart):
+    """Which curves were fitted, held out or left out.
+
+    Attributes
+    ----------
+    left_out : curve -> why.
+    rule : how the choice was made, in words.
+    """
+
+    fit: _Entries[str] = []
+    holdout: _Entries[str] = []
+    left_out: _Table[str] = {}
+    rule: _Text = ""
+
+
+class ReportedNoise(ReportPart):
+    """Noise of the rows of one curve.
+
+    Attributes
+    ----------
+    sd : standard deviation of a row, in the unit of the report.
+    rho : correlation of neighbouring rows.
+    stated : whether the dataset states it.
+    n, n_eff : number of rows, and of independent rows that say as much.
+    """
+
+    curve: str | None = None
+    sd: float | None = None
+    rho: float | None = None
+    stated: bool | None = None
+    n: int | None = None
+    n_eff: float | None = None
+
+
+class NumericalFloor(ReportPart):
+    """How much another way of computing changes the answer, as a share of the noise."""
+
+    what: str | None = None
+    share_of_noise: float | None = None
+
+
+class NoiseAndFloors(ReportPart):
+    """What is not physics.
+
+    Attributes
+    ----------
+    scale_sd, offset_sd : scatter of whole tests, as shares of their size and of their largest value.
+    scatter_source : where this scatter is known from.
+    text : more in words.
+    """
+
+    rows: _Entries[ReportedNoise] = []
+    scale_sd: float | None = None
+    offset_sd: float | None = None
+    scatter_source: ScatterSource | None = None
+    numerical: _Entries[NumericalFloor] = []
+    text: _Text = ""
+
+
+class ReportedCandidate(ReportPart):
+    """How one effect fared in a round.
+
+    Attributes
+    ----------
+    chi2_drop, chi2_drop_refitted : by how much it lowers chi2, by the best trial and after a fit.
+    p_holm : p-value of such a drop by chance, among all candidates.
+    cv_nrmse : error on tests left out in turn.
+    parameters : the values that explain most.
+    reason : for its status, in words.
+    """
+
+    effect: str | None = None
+    status: Status | None = None
+    chi2_drop: float | None = None
+    chi2_drop_refitted: float | None = None
+    p_holm: float | None = None
+    cv_nrmse: float | None = None
+    parameters: Parameters = {}
+    reason: _Text = ""
+
+
+class ReportedLackOfFit(ReportPart):
+    """What smooth functions would explain of a residual: chi2 along ``free`` of them, and its p-value."""
+
+    chi2: float | None = None
+    free: int | None = None
+    p: float | None = None
+
+
+class ReportedRound(ReportPart):
+    """One round of the search.
+
+    Attributes
+    ----------
+    p_residual : p-value of what the round's model leaves.
+    chosen : the effect that was added; None if none was.
+    """
+
+    p_residual: float | None = None
+    chi2: float | None = None
+    lack_of_fit: ReportedLackOfFit | None = None
+    cv_nrmse: float | None = None
+    candidates: _Entries[ReportedCandidate] = []
+    chosen: str | None = None
+
+
+class ReportedSeparation(ReportPart):
+    """|y_a - y_b|^2 of two models, in units of the noise squared."""
+
+    a: str | None = None
+    b: str | None = None
+    separation: float | None = None
+
+
+class NextExperiment(ReportPart):
+    """The test that would tell two effects apart best, in words, and the separation that it is predicted to give."""
+
+    protocol: str | None = None
+    separates: _Entries[str] = []
+    separation: float | None = None
+
+
+class AssumedValue(ReportPart):
+    """What follows if a quantity that the dataset assumes has another value.
+
+    Attributes
+    ----------
+    message : why nothing could be computed.
+    error_fit : mean error of the fitted curves, as a share of their largest value.
+    """
+
+    value: float | str | None = None
+    verdict: Verdict | None = None
+    message: str | None = None
+    effects: _Entries[str] = []
+    parameters: Parameters = {}
+    error_fit: float | None = None
+
+
+class ReportedThreshold(ReportPart):
+    """A number that decided something here, with its unit or the share of what it is."""
+
+    value: float | None = None
+    unit: _Text = ""
+
+
+class LoopReport(ReportPart):
+    """What ``report.json`` holds.
+
+    Attributes
+    ----------
+    dataset, title : its name, and a sentence on it.
+    unit : of the predicted quantity, for people.
+    provenance : what has to be known to compute it again.
+    remainder, remainder_where : what is left, and where most of it lives.
+    sentence : the verdict in words; ``message`` says why a fit failed.
+    effects : those of the final model; ``nearest`` are those that help without explaining what is missing.
+    effect_titles : effect -> its name in words.
+    n_eff : number of independent data.
+    baseline, final : the models before and after.
+    steps : the rounds of the search.
+    ambiguous_with : effects that these data cannot tell from the last one of ``effects``.
+    sensitivity_to_assumed : assumed quantity -> what follows from other values of it.
+    thresholds : name -> a number that decides a verdict.
+    files : what was written.
+    """
+
+    dataset: str | None = None
+    title: str | None = None
+    unit: str | None = None
+    split: _Part[ReportedSplit] = ReportedSplit()
+    provenance: _Table[JsonValue] = {}
+    verdict: Verdict | None = None
+    remainder: Remainder | None = None
+    remainder_where: _Text = ""
+    sentence: _Text = ""
+    message: _Text = ""
+    effects: _Entries[str] = []
+    effect_titles: _Table[str] = {}
+    nearest: _Entries[str] = []
+    n_eff: float | None = None
+    noise: _Part[NoiseAndFloors] = NoiseAndFloors()
+    baseline: _Part[ReportedModel] = ReportedModel()
+    final: _Part[ReportedModel] = ReportedModel()
+    steps: _Entries[ReportedRound] = []
+    ambiguous_with: _Entries[str] = []
+    separations: _Entries[ReportedSeparation] = []
+    next_experiment: NextExperiment | None = None
+    sensitivity_to_assumed: _Table[_Entries[AssumedValue]] = {}
+    warnings: _Entries[str] = []
+    thresholds: _Table[ReportedThreshold] = {}
+    files: _Entries[str] = []
+
+    @property
+    def document(self) -> dict[str, JsonValue]:
+        """The report as JSON has it: the keys that were set."""
+        return self.model_dump(exclude_unset=True)
+
+    @property
+    def text(self) -> str:
+        """The text of ``report.json``."""
+        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
+
+
+Column = np.ndarray | Sequence[float | None] | None
+
+
+@dataclass(frozen=True, eq=False)
+class ReportCurve:
+    """One curve of the report's pictures, in the units of its axes.
+
+    Attributes
+    ----------
+    x : (k,) what is imposed.
+    measured, before, after : (k,) rows of the data, and what the baseline and the final model answer.
+    sd : (k,) noise and numerics of a row, one standard deviation.
+    """
+
+    id: str = ""
+    split: Side | None = None
+    x_label: str | None = None
+    y_label: str | None = None
+    time_s: Column = None
+    x: Column = None
+    measured: Column = None
+    before: Column = None
+    after: Column = None
+    sd: Column = None

@@ -13,7 +13,8 @@ import numpy as np
 from explicitfe.close_loop.next_test import next_experiment
 from explicitfe.close_loop.report import SUMMARY, failed, mean_errors, told, write
 from explicitfe.close_loop.search import NOISE_SHARE, Closed, Step, close
-from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Simulator, Specimens
+from explicitfe.close_loop.specimens.simulator import Simulator
+from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Specimens
 from explicitfe.close_loop.split import Split, split
 from explicitfe.close_loop.statistics.fingerprints import DISTINCT, LEVEL, lack_of_fit
 from explicitfe.close_loop.statistics.noise import row_noise
@@ -23,9 +24,9 @@ from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.close_loop.trajectories.trajectories import LEVERS
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, RunError, nearest, silent
-from explicitfe.measured.dataset import Curve, Dataset, read_dataset
-from explicitfe.measured.selection import imposed
-from explicitfe.predict.predict import UNITS, experiments
+from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
+from explicitfe.measured.read import read_dataset
+from explicitfe.predict.experiment import experiments
 from explicitfe.results import provenance
 from explicitfe.results.folder import checked_target
 
@@ -202,7 +203,7 @@ class _Work:
     # ---- the report ----
 
     def _head(self) -> dict[str, Any]:
-        unit, _ = UNITS[self.system.curves[0].predicted]
+        unit, _ = PRINTED_UNITS[self.system.curves[0].predicted]
         return {
             "dataset": self.dataset.name,
             "title": self.dataset.title,
@@ -240,7 +241,7 @@ class _Work:
             rows: dict[str, dict[str, Any]] = {}
             for test, answer in zip(tests, part, strict=True):
                 for number, curve in enumerate(test):
-                    factor = UNITS[curve.predicted][1]
+                    factor = PRINTED_UNITS[curve.predicted][1]
                     measured = factor * curve.columns[curve.predicted]
                     largest = float(np.abs(measured).max())
                     row = rows.setdefault(curve.id, {"split": curve.split})
@@ -360,7 +361,7 @@ def _shown(curve: Curve, measured: np.ndarray, floor: float) -> dict[str, Any]:
         "x_label": label,
         "y_label": Y_AXES[curve.predicted],
         "time_s": curve.time_s,
-        "x": factor * imposed(curve),
+        "x": factor * programme_of(curve),
         "measured": measured,
         "sd": np.full(len(measured), floor),
     }

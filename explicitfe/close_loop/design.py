@@ -12,34 +12,33 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from explicitfe.close_loop.search import covariance_of
-from explicitfe.close_loop.specimens.specimens import COARSE, Simulator, Specimens
+from explicitfe.close_loop.specimens.simulator import Simulator
+from explicitfe.close_loop.specimens.specimens import COARSE, Specimens
 from explicitfe.close_loop.statistics.covariance import Covariance, stacked
 from explicitfe.close_loop.statistics.fingerprints import DISTINCT, Fingerprint, fingerprints
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import Fitted, derivatives
 from explicitfe.errors import InputError, Progress, RunError, silent
-from explicitfe.measured.dataset import COLUMNS, TIME, Dataset, read_dataset
+from explicitfe.measured.curve import COLUMNS, TIME, Dataset
+from explicitfe.measured.read import read_dataset
 from explicitfe.predict.tissue import toml_value
-from explicitfe.scenario.scenario import explain, validated
+from explicitfe.scenario.sentences import explain
+from explicitfe.scenario.table import Table, validated
 
 FORMAT = "explicitfe-protocol/1"
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ConstantsTable(_Table):
+class ConstantsTable(Table):
     """What the tissue is expected to be."""
 
     C10_Pa: float = Field(gt=0.0)
     C20_Pa: float = Field(default=0.0, ge=0.0)
 
 
-class PlannedCurve(_Table):
+class PlannedCurve(Table):
     """One curve that would be measured."""
 
     id: str = Field(min_length=1)
@@ -47,12 +46,12 @@ class PlannedCurve(_Table):
     rows: int | None = Field(default=None, ge=3, description="evenly spaced rows; one a point of the programme if left out")
     constants: str = "all"
     group: str | None = None
-    specimen: dict[str, Any] = {}
-    tool: dict[str, Any] = {}
-    conditions: dict[str, Any] = {}
+    specimen: dict[str, Any] = Field(default={})
+    tool: dict[str, Any] = Field(default={})
+    conditions: dict[str, Any] = Field(default={})
 
 
-class ProtocolFile(_Table):
+class ProtocolFile(Table):
     """The schema of a protocol; [specimen], [tool] and [noise] are those of a dataset."""
 
     format: Literal["explicitfe-protocol/1"]

@@ -12,8 +12,7 @@ from explicitfe.close_loop.specimens.specimens import Specimens, scaled
 from explicitfe.close_loop.statistics.covariance import Covariance, stacked
 from explicitfe.close_loop.statistics.fingerprints import outside
 from explicitfe.close_loop.statistics.refit import Fitted, derivatives
-from explicitfe.measured.dataset import Curve
-from explicitfe.measured.selection import imposed
+from explicitfe.measured.curve import Curve, programme_of
 
 FASTER, WAIT, ROWS = 10.0, 3.0, 40  # times; times the duration; rows of what is appended
 SMALLER, DEEPER = 0.5, 1.3
@@ -28,7 +27,7 @@ def proposals(curve: Curve) -> Iterator[tuple[str, Curve]]:
     yield "the same twice in a row", _twice(curve)
     if curve.kind != "force-displacement":
         rest = 1.0 if curve.imposed == "stretch" else 0.0
-        yield f"{DEEPER:g} times the strain", _imposed(curve, curve.time_s, rest + DEEPER * (imposed(curve) - rest))
+        yield f"{DEEPER:g} times the strain", _imposed(curve, curve.time_s, rest + DEEPER * (programme_of(curve) - rest))
     else:
         if curve.tool is not None and curve.tool.radius_mm is not None:
             radius = SMALLER * curve.tool.radius_mm
@@ -85,29 +84,29 @@ def _imposed(curve: Curve, time_s: np.ndarray, way: np.ndarray) -> Curve:
 
 
 def _timed(curve: Curve, times: float) -> Curve:
-    return _imposed(curve, times * curve.time_s, imposed(curve))
+    return _imposed(curve, times * curve.time_s, programme_of(curve))
 
 
 def _scaled_way(curve: Curve) -> Curve:
     way = SMALLER if curve.imposed == "displacement_m" else SMALLER**2  # forces go with the area
-    return _imposed(curve, curve.time_s, way * imposed(curve))
+    return _imposed(curve, curve.time_s, way * programme_of(curve))
 
 
 def _peak(curve: Curve) -> int:
     rest = 1.0 if curve.imposed == "stretch" else 0.0
-    return max(int(np.argmax(np.abs(imposed(curve) - rest))), 1)
+    return max(int(np.argmax(np.abs(programme_of(curve) - rest))), 1)
 
 
 def _held(curve: Curve) -> Curve:
     top = _peak(curve)
-    t, x = curve.time_s[: top + 1], imposed(curve)[: top + 1]
+    t, x = curve.time_s[: top + 1], programme_of(curve)[: top + 1]
     more = t[-1] + np.geomspace(0.01, 1.0, ROWS) * WAIT * curve.time_s[-1]
     return _imposed(curve, np.concatenate([t, more]), np.concatenate([x, np.full(ROWS, x[-1])]))
 
 
 def _unloaded(curve: Curve) -> Curve:
     top = _peak(curve)
-    t, x = curve.time_s[: top + 1], imposed(curve)[: top + 1]
+    t, x = curve.time_s[: top + 1], programme_of(curve)[: top + 1]
     rest = 1.0 if curve.imposed == "stretch" else 0.0
     back = t[-1] + np.arange(1, ROWS + 1) / ROWS * t[-1]
     after = back[-1] + np.arange(1, ROWS + 1) / ROWS * t[-1]
@@ -117,7 +116,7 @@ def _unloaded(curve: Curve) -> Curve:
 
 def _twice(curve: Curve) -> Curve:
     way = _unloaded(curve)
-    x = imposed(way)
+    x = programme_of(way)
     gap = way.time_s[-1] - way.time_s[-2]
     return _imposed(curve, np.concatenate([way.time_s, way.time_s[-1] + gap + way.time_s]), np.concatenate([x, x]))
 

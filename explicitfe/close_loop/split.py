@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
-from explicitfe.measured.dataset import Curve, Dataset, same_measurement
-from explicitfe.measured.selection import imposed
-from explicitfe.predict.predict import experiments
+from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement
+from explicitfe.predict.experiment import experiments
 
 SHARE = 1.0 / 3.0  # of the tests that is held out where there is a choice
 MOST_UNDER_A_TOOL = 6  # fitted curves that each cost seconds
@@ -181,7 +180,7 @@ def _family(curve: Curve) -> Any:
 
 def _programme(curve: Curve) -> tuple[float, ...]:
     """Numbers of a programme: how far, how fast."""
-    way = imposed(curve)
+    way = programme_of(curve)
     rest = 1.0 if curve.imposed == "stretch" else 0.0
     far = float(way[np.argmax(np.abs(way - rest))] - rest)
     moving = np.abs(way - rest) < 0.98 * abs(far)

@@ -2,119 +2,38 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from multiprocessing import get_context
-from typing import Any
-from zlib import crc32
+from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
-from explicitfe.close_loop.statistics.noise import MEDIAN
+from explicitfe.close_loop.specimens.features import BACK, HOLD, PULLS, RATE, _pace, _way_back
+from explicitfe.close_loop.specimens.plan import RAMP, _depends_on_way_only, _has_memory, _kind_of, _Plan
+from explicitfe.close_loop.specimens.series import peers_of, series_of
+from explicitfe.close_loop.specimens.simulator import POINTWISE, Simulator
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.effects import EFFECTS, Effect
-from explicitfe.effects.effect import MaterialEffect, Measurement, Sought
-from explicitfe.effects.material.compressible import Compressible
+from explicitfe.effects.effect import Measurement, Sought
 from explicitfe.effects.tool.adhesion import Adhesion
-from explicitfe.effects.tool.compliance import Compliance
 from explicitfe.effects.tool.friction import Friction
 from explicitfe.effects.tool.preload import Preload
 from explicitfe.effects.tool.tilt import Tilt
-from explicitfe.errors import InputError, RunError
-from explicitfe.measured.course import bends
-from explicitfe.measured.dataset import Curve, Dataset
-from explicitfe.measured.selection import imposed, sd_of
-from explicitfe.predict.predict import UNITS, cycle_of, experiments, predict_test, reading, true_way
-from explicitfe.predict.tissue import EVERY, Constants, ModelFile, Numerics, parse_model
+from explicitfe.errors import RunError
+from explicitfe.measured.curve import Curve, Dataset, programme_of
+from explicitfe.predict.experiment import cycle_of, experiments
+from explicitfe.predict.reading import true_programme
+from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
 POISSON = 0.499
 FIRST_PA = 200.0  # C10 of a first answer; its size is scaled
 RATIOS = (0.0, 0.05, 0.2, 0.5, 1.0)  # of C20 to C10, tried at the start
 LARGEST_RATIO = 1e3
-EQUAL = 0.05  # of the range: programmes that agree so far are the same
-EQUAL_SIZE = 0.1  # of a length
 LIKELY_ERROR = 0.1  # of an assumed dimension, one standard deviation
-STILL = 0.02  # of the fastest pace: below it a tool waits
-HOLD, RATE = 0.1, 1.5  # share of a test that a hold lasts; factor between two rates
-PULLS = 0.01  # of the largest force: below zero by so much, a tool is pulled
-BACK = 0.05  # of the range: a way back
-SLACK, QUIET_SD = 5e-3, 3.0  # of the range, and of the imposed column's noise: no bend
 EXACT = Numerics()
 COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # finds
 FINE = Numerics(refinement=0.6, density=0.7, tolerance=5e-4)  # decides
-RAMP = 49  # rows of a ramp that stands for all courses
 FINER, DENSER, STRICTER = 1.5, 2.0, 0.25
-
-# What a homogeneous state can have; anything else needs a mesh.
-POINTWISE = (MaterialEffect, Measurement, Compressible, Compliance, Preload)
-
-Job = tuple[tuple[Curve, ...], str]
-
-
-def _answer(job: Job) -> list[np.ndarray] | str:
-    test, text = job
-    try:
-        return [p.values for p in predict_test(test, parse_model(text))]
-    except (RunError, InputError, ValueError) as error:  # ValueError: values that a table of the scenario refuses
-        return str(error)
-
-
-class Simulator:
-    """Answers of many models to many tests, on all cores; what was computed once is kept.
-
-    Parameters
-    ----------
-    processes : at most so many; one a core if left out.
-    """
-
-    def __init__(self, processes: int | None = None) -> None:
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        self.processes = min(processes or cores, cores)
-        self.runs = 0
-        self.watch = lambda: None  # called after each run, or while several go on
-        self._kept: dict[tuple[str, ...], list[np.ndarray] | str] = {}
-        self._pool: ProcessPoolExecutor | None = None
-
-    def close(self) -> None:
-        """End its processes."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-            self._pool = None
-
-    def run(self, jobs: Sequence[Job]) -> list[list[np.ndarray] | str]:
-        """What the curves of each test answer in SI, or why they cannot."""
-        keys = [(*map(_identity, test), text) for test, text in jobs]
-        wanted = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._kept}
-        todo = list(wanted.items())
-        # The first one here: it makes the machine code, which the other processes then only load.
-        if todo and (self._pool is None or len(todo) == 1 or self.processes == 1):
-            self._keep(*todo[0])
-            todo = todo[1:]
-        if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
-            try:
-                self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
-                for (key, _), found in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
-                    self._done(key, found)
-                todo = []
-            except BrokenProcessPool:  # no process can be started from where this one came from
-                self._pool, self.processes = None, 1
-                todo = [entry for entry in todo if entry[0] not in self._kept]
-        for key, job in todo:
-            self._keep(key, job)
-        return [self._kept[key] for key in keys]
-
-    def _keep(self, key: tuple[str, ...], job: Job) -> None:
-        self._done(key, _answer(job))
-
-    def _done(self, key: tuple[str, ...], found: list[np.ndarray] | str) -> None:
-        self._kept[key] = found
-        self.runs += 1
-        self.watch()
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +71,7 @@ class Specimens:
     def series(self) -> list[Series]:
         """One a curve, in the order of ``curves``."""
         test_of = {c.id: test[0].id for test in self.tests for c in test}
-        return [_series(c, test_of[c.id], _peers(c, self.curves)) for c in self.curves]
+        return [series_of(c, test_of[c.id], peers_of(c, self.curves)) for c in self.curves]
 
     @cached_property
     def groups(self) -> list[str]:
@@ -182,7 +101,7 @@ class Specimens:
     def start(self) -> Hypothesis:
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))
 
-    def model(self, hypothesis: Hypothesis, numerics: Numerics | None = None) -> ModelFile:
+    def model(self, hypothesis: Hypothesis, numerics: Numerics | None = None) -> Tissue:
         """The model file of a hypothesis."""
         known = {(p.name, p.group): value for p, value in zip(hypothesis.base, hypothesis.values, strict=False)}
         # the hypothesis may be of more groups than this system has: a planned test has the constants of its own
@@ -196,7 +115,7 @@ class Specimens:
         dear = any(_remembers(name) or issubclass(EFFECTS[name], Tilt) for name in hypothesis.effects)
         by_ramp = self.homogeneous and not self.exact(hypothesis) and not dear
         usual = FINE if by_ramp else self.numerics
-        model = ModelFile(poisson=self.poisson, constants_by=self.constants_by, constants=constants, numerics=numerics or usual)
+        model = Tissue(poisson=self.poisson, constants_by=self.constants_by, constants=constants, numerics=numerics or usual)
         for effect in self.known:
             model = model.with_effect(effect)
         terms: dict[str, list[dict[str, float]]] = {}
@@ -320,7 +239,7 @@ class Specimens:
             has.add("two directions")
         return has
 
-    def _answers(self, models: Sequence[ModelFile], curves: Sequence[Curve]) -> list[Answer | None]:
+    def _answers(self, models: Sequence[Tissue], curves: Sequence[Curve]) -> list[Answer | None]:
         tests = experiments(curves)
         plans = [[self._plan(_for_group(model, test[0].constants), test, curves) for test in tests] for model in models]
         found = iter(self.simulator.run([plan.job for row in plans for plan in row]))
@@ -334,7 +253,7 @@ class Specimens:
             answers.append([by_curve[c.id] for c in curves] if len(by_curve) == len(curves) else None)
         return answers
 
-    def _plan(self, model: ModelFile, test: tuple[Curve, ...], curves: Sequence[Curve]) -> _Plan:
+    def _plan(self, model: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve]) -> _Plan:
         """How a test is computed: where the answer depends on the way only, by one ramp for all tests of its kind."""
         first = test[0]
         if first.tool is None:
@@ -347,22 +266,22 @@ class Specimens:
         by_ramp = _depends_on_way_only(first, effects) or (self.homogeneous and not any(map(_has_memory, effects)))
         plain = model.model_copy(update={"effects": model.effects.without(readings)})
         if by_point or not by_ramp:
-            same_way = all(np.array_equal(true_way(imposed(c), c, readings, by_force), imposed(c)) for c in test)
+            same_way = all(np.array_equal(true_programme(programme_of(c), c, readings, by_force), programme_of(c)) for c in test)
             if not readings or not same_way:
                 return _Plan((test, model.text), test)
             # what is read only is read off the run without it
             return _Plan((test, plain.text), test, readings, by_force)
         alike = [c for c in curves if _kind_of(c) == _kind_of(first)]
-        top = max(float(true_way(imposed(c), c, readings, by_force).max()) for c in alike)
+        top = max(float(true_programme(programme_of(c), c, readings, by_force).max()) for c in alike)
         share = np.linspace(0.0, 1.0, RAMP)
         guess = max(float(np.abs(c.columns[first.predicted]).max()) for c in alike)
         columns = {first.imposed: share * top, first.predicted: share * guess}
         ramp = replace(first, time_s=share, columns={name: columns[name] for name in first.columns})
         return _Plan(((ramp,), plain.text), test, readings, by_force)
 
-    def _first_models(self) -> list[ModelFile]:
+    def _first_models(self) -> list[Tissue]:
         constants = [Constants(C10_Pa=FIRST_PA, C20_Pa=q * FIRST_PA) for q in RATIOS]
-        return [ModelFile(poisson=self.poisson, constants={EVERY: c}, numerics=self.numerics) for c in constants]
+        return [Tissue(poisson=self.poisson, constants={EVERY: c}, numerics=self.numerics) for c in constants]
 
     def _first(self, group: str) -> tuple[float, float]:
         """Constants to begin with: of a few ratios the one whose scaled answer misses the group's curves least.
@@ -392,7 +311,7 @@ class Specimens:
         squares, energies = [], []
         scales: dict[str, float] = {}
         for curve in self.curves:
-            way, y = imposed(curve), curve.columns[curve.predicted]
+            way, y = programme_of(curve), curve.columns[curve.predicted]
             if curve.kind == "uniaxial":
                 squares.append(float(np.max(way**2 + 2.0 / way - 3.0)))
                 energies.append(float(np.abs(np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(way))).max()))
@@ -428,63 +347,6 @@ class Specimens:
         return Scales({name: scales.get(name, 1.0) for name in names})
 
 
-@dataclass(frozen=True)
-class _Plan:
-    """A run, and how the curves of a test are read off it: directly, or from a ramp by their own way."""
-
-    job: Job
-    test: tuple[Curve, ...]
-    readings: tuple[Measurement, ...] = ()
-    by_force: bool = False
-
-    def read(self, answer: list[np.ndarray]) -> dict[str, np.ndarray]:
-        """Curve -> what it would measure, SI."""
-        (run, *_), _ = self.job
-        if run is self.test[0]:
-            return {c.id: reading(values, c, self.readings, self.by_force) for c, values in zip(self.test, answer, strict=True)}
-        line = PchipInterpolator(imposed(run), answer[0])
-        found = {}
-        for curve in self.test:
-            way = np.clip(true_way(imposed(curve), curve, self.readings, self.by_force), 0.0, imposed(run)[-1])
-            found[curve.id] = reading(line(way), curve, self.readings, self.by_force)
-        return found
-
-
-def _on_a_mesh(job: Job) -> bool:
-    """Whether a run is that of a mesh, and not of one homogeneous state."""
-    (first, *_), text = job
-    return first.tool is not None and (first.tool.shape != "platen" or _bends(text))
-
-
-@lru_cache(maxsize=10_000)
-def _bends(text: str) -> bool:
-    return not all(isinstance(effect, POINTWISE) for effect in parse_model(text).effects.chosen)
-
-
-def _has_memory(effect: Effect) -> bool:
-    return isinstance(effect, MaterialEffect) and effect.memory > 0
-
-
-def _depends_on_way_only(curve: Curve, effects: Iterable[Effect]) -> bool:
-    """Whether neither time nor what came before changes the answer; a tied disc pulls too, and is left to the whole course."""
-    by_path = any(_has_memory(e) or isinstance(e, Friction | Adhesion) for e in effects)
-    return not by_path and curve.tool.shape != "bonded-disc" and curve.tool.friction in (0.0, "unknown", "stick")
-
-
-@lru_cache(maxsize=10_000)
-def _identity(curve: Curve) -> str:
-    """Equal for curves that a model answers alike; what was measured does not count."""
-    course = crc32(np.concatenate([curve.time_s, imposed(curve)]).tobytes())
-    return f"{curve.specimen!r}|{curve.tool!r}|{curve.constants}|{curve.conditions!r}|{len(curve.time_s)}|{course}"
-
-
-@lru_cache(maxsize=10_000)
-def _kind_of(curve: Curve) -> str:
-    """Equal for tests that differ in their course only."""
-    known = [curve.conditions.get(key) for key in ("preload_N", "direction")]
-    return f"{curve.specimen!r} {curve.tool!r} {curve.constants} {known}"
-
-
 def scaled(curve: Curve, table: str, key: str, factor: float) -> Curve:
     """A curve with one length of its specimen or tool multiplied."""
     own = getattr(curve, table)
@@ -499,7 +361,7 @@ def _remembers(name: str) -> bool:
     return _has_memory(effect.made([{key: entry.values[0] for key, entry in effect.sought.items()}]))
 
 
-def _for_group(model: ModelFile, group: str) -> ModelFile:
+def _for_group(model: Tissue, group: str) -> Tissue:
     if group not in model.constants:
         return model
     return model.model_copy(update={"constants": {group: model.constants[group]}})
@@ -516,93 +378,3 @@ def _by_displacement(curve: Curve) -> Curve:
     if curve.tool is None or curve.tool.control == "displacement":
         return curve
     return replace(curve, tool=curve.tool.model_copy(update={"control": "displacement"}))
-
-
-def _pace(curve: Curve) -> float:
-    """Median pace of the way in."""
-    way = imposed(curve)
-    rest = 1.0 if curve.imposed == "stretch" else 0.0
-    moved = np.abs(way - rest)
-    pace = np.diff(moved) / np.diff(curve.time_s)
-    rising = pace > STILL * pace.max(initial=0.0)
-    return float(np.median(pace[rising])) if rising.any() else 0.0
-
-
-def _way_back(curve: Curve) -> float:
-    """Largest way back, over the range."""
-    way = imposed(curve)
-    moved = np.abs(way - (1.0 if curve.imposed == "stretch" else 0.0))
-    return float((np.maximum.accumulate(moved) - moved).max() / max(moved.max(), 1e-300))
-
-
-def _series(curve: Curve, test: str, peers: str) -> Series:
-    way, y = imposed(curve), curve.columns[curve.predicted]
-    span = max(float(np.ptp(way)), 1e-300)
-    sd = sd_of(curve, curve.imposed)
-    if sd is None:  # as rough as it is
-        fourth = np.abs(np.diff(way, 4))
-        sd = float(np.median(fourth)) / (MEDIAN * np.sqrt(70.0)) if len(fourth) else 0.0
-    corners = bends(curve.time_s, way, max(SLACK * span, QUIET_SD * sd))
-    moved = np.abs(np.interp(curve.time_s, curve.time_s[corners], way[corners]) - (1.0 if curve.imposed == "stretch" else 0.0))
-    pace = np.gradient(moved, curve.time_s)
-    # of all paces the fastest is one step of a coarse table; a tenth of the rows moves faster than a pace that counts
-    still = STILL * max(float(np.quantile(np.abs(pace), 0.9)), 1e-2 * float(np.abs(pace).max()))
-    phase = np.where(pace > still, "loading", np.where(pace < -still, "unloading", "hold"))
-    slope = _slope(way, y, span)
-    unit, factor = UNITS[curve.predicted]
-    number = curve.conditions.get("repeat", curve.conditions.get("order", 0))
-    return Series(
-        id=curve.id,
-        curve=curve.id,
-        test=test,
-        peers=peers,
-        specimen="" if curve.group == curve.id else curve.group,
-        constants=curve.constants,
-        measured=y,
-        time_s=curve.time_s,
-        noise_sd=sd_of(curve, curve.predicted),
-        imposed_sd=slope * sd,
-        bends=corners,
-        scatter=curve.noise.repeat_sd_fraction,
-        trend=float(number) if isinstance(number, int | float) else 0.0,
-        phase=phase,
-        unit=unit,
-        factor=factor,
-    )
-
-
-def _slope(way: np.ndarray, y: np.ndarray, span: float) -> np.ndarray:
-    """How much the predicted column changes with the imposed one, at each row: a stiffening curve is steep at its end."""
-    degree = min(3, len(np.unique(way)) // 4)
-    line = np.polynomial.Polynomial.fit(way, y, degree) if degree and span > 1e-300 else None
-    return np.full(len(y), float(np.ptp(y)) / span) if line is None else np.abs(line.deriv()(way))
-
-
-def _peers(curve: Curve, curves: Sequence[Curve]) -> str:
-    """The first curve that is nominally equal to this one, if it has such company."""
-    equal = [c.id for c in curves if _nominally_equal(c, curve)]
-    return equal[0] if len(equal) > 1 else ""
-
-
-def _nominally_equal(one: Curve, other: Curve) -> bool:
-    same = one.constants == other.constants and one.kind == other.kind
-    same = same and all(one.conditions.get(key) == other.conditions.get(key) for key in ("direction", "material", "cycle"))
-    if not same or not _alike(one.tool, other.tool, ("radius_mm", "edge_radius_mm")):
-        return False
-    if not _alike(one.specimen, other.specimen, ("radius_mm", "height_mm", "layer_mm")):
-        return False
-    end = min(one.time_s[-1], other.time_s[-1])
-    if end < (1.0 - 2.0 * EQUAL) * max(one.time_s[-1], other.time_s[-1]):
-        return False
-    grid = np.linspace(0.0, end, 50)
-    a, b = (np.interp(grid, c.time_s, imposed(c)) for c in (one, other))
-    return float(np.sqrt(np.mean((a - b) ** 2))) < EQUAL * max(float(np.ptp(a)), float(np.ptp(b)))
-
-
-def _alike(one: Any, other: Any, lengths: Iterable[str]) -> bool:
-    if one is None or other is None:
-        return one is other
-    if one.shape != other.shape:
-        return False
-    pairs = [(getattr(one, key, None), getattr(other, key, None)) for key in lengths]
-    return all(a == b or (a and b and abs(a - b) < EQUAL_SIZE * max(a, b)) for a, b in pairs)

@@ -13,7 +13,7 @@ from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import Fitted
 from explicitfe.close_loop.trajectories.trajectories import LEVERS, Trajectories, trajectory_system
 from explicitfe.errors import InputError, RunError
-from explicitfe.measured.dataset import Dataset
+from explicitfe.measured.curve import Dataset
 from explicitfe.results import provenance
 
 Told = tuple[dict[str, Any], list[dict[str, Any]], dict[str, str]]

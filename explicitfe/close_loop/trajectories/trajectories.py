@@ -25,7 +25,8 @@ from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesi
 from explicitfe.effects import EFFECTS
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import InputError, RunError, nearest
-from explicitfe.measured.dataset import Curve, Dataset, RegistrationTable
+from explicitfe.measured.curve import Curve, Dataset
+from explicitfe.measured.tables import RegistrationTable
 from explicitfe.mesh.hexmesh import shape_functions
 from explicitfe.mesh.muscle_lines import locate_in_mesh
 from explicitfe.model import catalogue
@@ -33,7 +34,8 @@ from explicitfe.model.muscles import profile_of
 from explicitfe.model.tongue import anatomy_of
 from explicitfe.predict.tissue import toml_value
 from explicitfe.run.prepare import prepare
-from explicitfe.scenario.scenario import Scenario, read_scenario
+from explicitfe.scenario.read import read_scenario
+from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.transient import Transient
 
 AXES = "xyz"
@@ -69,31 +71,31 @@ class Lever:
 
     title: str
     parameter: str
-    sought: Callable[[Scenario], Sought | str]
-    settings: Callable[[Scenario, float], list[str]]
+    sought: Callable[[TransientScenario], Sought | str]
+    settings: Callable[[TransientScenario, float], list[str]]
 
 
-def _lag(scenario: Scenario) -> Sought | str:
+def _lag(scenario: TransientScenario) -> Sought | str:
     now = scenario.effects.activation_lag
     found = replace(EFFECTS["activation-lag"].sought["tau_ms"], none=0.0 if now is None else now.tau_ms)
     return found if _pulls(scenario) else "no muscle of the scenario pulls"
 
 
-def _pulls(scenario: Scenario) -> bool:
+def _pulls(scenario: TransientScenario) -> bool:
     return any(muscle.force_N > 0.0 for muscle in scenario.muscle)
 
 
-def _weight(scenario: Scenario, strength: float) -> list[str]:
+def _weight(scenario: TransientScenario, strength: float) -> list[str]:
     g = np.array(scenario.model.gravity_m_s2)
     down = g / np.linalg.norm(g) if g.any() else np.array([0.0, 0.0, -1.0])
     return [f"model.gravity_m_s2={[float(x) for x in strength * down]}"]
 
 
-def _forces(scenario: Scenario, factor: float) -> list[str]:
+def _forces(scenario: TransientScenario, factor: float) -> list[str]:
     return [f"muscle.{k}.force_N={factor * muscle.force_N!r}" for k, muscle in enumerate(scenario.muscle)]
 
 
-def _moduli(scenario: Scenario, factor: float) -> list[str]:
+def _moduli(scenario: TransientScenario, factor: float) -> list[str]:
     table = catalogue.material(scenario.model.material).model_dump(exclude_defaults=True)
     scaled = {key: factor * value if key.endswith("_Pa") else value for key, value in table.items() if key != "source"}
     return [f"model.material={toml_value(scaled)}"]
@@ -332,7 +334,7 @@ class Trajectories:
         return replace(self, curves=tuple(curves))
 
     @property
-    def scenario(self) -> Scenario:
+    def scenario(self) -> TransientScenario:
         """As the file has it."""
         return _scenario(self.runs.path, ())
 
@@ -550,7 +552,7 @@ def trajectory_system(
     if dataset.scenario is None or not dataset.sensors:
         raise InputError(f"{dataset.path}: there is nothing to compare with; add a scenario, and a [[sensor]] for each sensor.")
     scenario, _ = read_scenario(dataset.scenario)
-    if not isinstance(scenario, Scenario):
+    if not isinstance(scenario, TransientScenario):
         raise InputError(f"{dataset.scenario}: sensors need a transient scenario, not an indentation.")
     mesh = anatomy_of(scenario.model, dataset.scenario.parent).mesh
     for sensor, point in dataset.sensors.items():
@@ -575,9 +577,9 @@ def _table(dataset: Dataset) -> RegistrationTable:
 
 
 @cache
-def _scenario(path: Path, settings: Settings) -> Scenario:
+def _scenario(path: Path, settings: Settings) -> TransientScenario:
     found, _ = read_scenario(path, settings)
-    assert isinstance(found, Scenario)
+    assert isinstance(found, TransientScenario)
     return found
 
 
@@ -588,7 +590,7 @@ def _own_settings(curve: Curve) -> Settings:
     return tuple(found)
 
 
-def _finer(scenario: Scenario) -> str:
+def _finer(scenario: TransientScenario) -> str:
     """The setting of the next finer mesh; "" where there is none."""
     table = scenario.model
     if table.name is None:

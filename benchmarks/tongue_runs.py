@@ -20,7 +20,7 @@ from real_tongue import write_model, write_scenario
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.results import open_result
 from explicitfe.run.run import run
-from explicitfe.view.figures import front_position, groove_depth, section
+from explicitfe.view.sections import front_position, groove_depth, section
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = ("vowel-i", "ggp-alone", "gga-alone", "sl-alone")

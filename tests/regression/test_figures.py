@@ -15,8 +15,10 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
 from explicitfe.results import open_result
 from explicitfe.run.run import run
-from explicitfe.view import figures
-from explicitfe.view.figures import X, Y, Z, draw, section
+from explicitfe.view import draw as drawing
+from explicitfe.view import hourglass, muscles, over_time, sections, times, tongue
+from explicitfe.view.draw import draw
+from explicitfe.view.sections import X, Y, Z, section
 
 CELLS = (8, 4, 4)
 SCENARIO = f"""
@@ -91,9 +93,9 @@ def test_without_opengl_the_other_pictures_are_drawn(result_path, tmp_path, monk
     # With a display that does not exist VTK ends in a segmentation fault, which must not reach this process.
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
     monkeypatch.setenv("DISPLAY", ":987")
-    monkeypatch.setattr(figures, "_probes", lambda result, step: None)
-    monkeypatch.setattr(figures, "_coronal", lambda result, step: None)
-    monkeypatch.setattr(figures, "_contour", lambda result, step: None)
+    monkeypatch.setattr(drawing, "probes_figure", lambda result, step: None)
+    monkeypatch.setattr(drawing, "coronal_figure", lambda result, step: None)
+    monkeypatch.setattr(drawing, "contour_figure", lambda result, step: None)
     with pytest.warns(UserWarning, match="3D view and the hourglass map were left out because this machine could not"):
         assert [path.name for path in draw(result_path, tmp_path)] == ["tiny-energies.png"]
 
@@ -106,7 +108,7 @@ def test_a_result_without_a_step_is_an_input_error(tmp_path):
 def test_midsagittal_outline_of_the_tongue(result_path):
     with open_result(result_path) as result:
         mesh, u = result.mesh, result.displacement()
-    cut = figures.midsagittal(mesh)
+    cut = sections.midsagittal(mesh)
     assert len(cut.loops) == 1
     # One point for each node on the edge of the grid of elements along the tongue and through its thickness.
     assert len(cut.loops[0]) == len(cut.share) == 2 * (CELLS[0] + CELLS[1])
@@ -124,7 +126,7 @@ def test_midsagittal_outline_of_the_tongue(result_path):
 def test_coronal_section_of_the_tongue(result_path):
     with open_result(result_path) as result:
         mesh = result.mesh
-    position = figures.front_position(mesh)
+    position = sections.front_position(mesh)
     assert position == mesh.points[mesh.named_points["front"], X]
     cut = section(mesh, X, position)
     assert len(cut.loops) == 1
@@ -133,7 +135,7 @@ def test_coronal_section_of_the_tongue(result_path):
     # As wide to the left as to the right, point by point.
     mirrored = points * [1.0, -1.0, 1.0]
     assert max(np.linalg.norm(points - p, axis=1).min() for p in mirrored) < 1e-12
-    top = figures.midline(points)[-1]
+    top = sections.midline(points)[-1]
     np.testing.assert_allclose(points[top], mesh.points[mesh.named_points["front"]], rtol=0.0, atol=1e-12)
 
 
@@ -153,12 +155,12 @@ def test_section_of_a_box_is_a_rectangle(axis, share):
 
 def test_section_of_an_odd_number_of_elements_and_of_a_half():
     odd = box((2, 3, 2))
-    assert figures.middle(odd) == 0.0
-    assert len(figures.midsagittal(odd).loops[0]) == 8
+    assert sections.middle(odd) == 0.0
+    assert len(sections.midsagittal(odd).loops[0]) == 8
     shifted = box((2, 3, 2), lower=(0.0, 1.0, 0.0), upper=(2.0, 2.0, 1.0))
-    assert figures.middle(shifted) == 1.5
+    assert sections.middle(shifted) == 1.5
     for half in (box((2, 2, 2), lower=(0.0, 0.0, 0.0)), box((2, 2, 2), upper=(2.0, 0.0, 1.0))):
-        cut = figures.midsagittal(half)
+        cut = sections.midsagittal(half)
         np.testing.assert_array_equal(cut.at(half.points)[:, Y], 0.0)
         assert area(cut.at(half.points)[cut.loops[0]][:, [X, Z]]) == pytest.approx(2.0)
 
@@ -166,57 +168,57 @@ def test_section_of_an_odd_number_of_elements_and_of_a_half():
 def test_section_through_two_bodies_has_two_loops():
     near, far = box((2, 2, 2)), box((2, 2, 2), lower=(5.0, -0.5, 0.0), upper=(6.0, 0.5, 1.0))
     both = HexMesh(np.concatenate([near.points, far.points]), np.concatenate([near.hexes, far.hexes + near.node_count]))
-    cut = figures.midsagittal(both)
+    cut = sections.midsagittal(both)
     assert sorted(len(loop) for loop in cut.loops) == [8, 8]
     assert np.isnan(cut.outline(both.points)[:, 0]).sum() == 2
     assert not section(both, X, 3.5).loops
 
 
 def test_front_position_without_a_named_point():
-    assert figures.front_position(box((5, 2, 2))) == pytest.approx(0.8)
+    assert sections.front_position(box((5, 2, 2))) == pytest.approx(0.8)
 
 
 def test_groove_depth():
     mesh = box((2, 8, 2))
     cut = section(mesh, X, 0.7)
-    rest = cut.at(mesh.points)[cut.loops[0]]
-    assert figures.groove_depth(rest, rest) == 0.0
+    reference = cut.at(mesh.points)[cut.loops[0]]
+    assert sections.groove_depth(reference, reference) == 0.0
 
     def deformed(height):
-        return rest + np.outer(rest[:, Z] * height(rest[:, Y]), [0.0, 0.0, 1.0])
+        return reference + np.outer(reference[:, Z] * height(reference[:, Y]), [0.0, 0.0, 1.0])
 
-    assert figures.groove_depth(rest, deformed(lambda y: 0.4 * y**2)) == pytest.approx(0.1)
-    assert figures.groove_depth(rest, deformed(lambda y: -0.4 * y**2)) == 0.0
+    assert sections.groove_depth(reference, deformed(lambda y: 0.4 * y**2)) == pytest.approx(0.1)
+    assert sections.groove_depth(reference, deformed(lambda y: -0.4 * y**2)) == 0.0
     # A slope to one side is no groove.
-    assert figures.groove_depth(rest, deformed(lambda y: 0.4 * y)) == 0.0
+    assert sections.groove_depth(reference, deformed(lambda y: 0.4 * y)) == 0.0
 
 
 def test_held_sets_and_last_step(result_path):
     with open_result(result_path) as result:
-        step = figures.last_step(result)
+        step = times.last_step(result)
         assert step == len(result.times) - 1
-        assert sorted(figures.attachments(result, step)) == sorted(result.mesh.node_sets)
-        assert figures.attachments(result, 0) == {}
-        np.testing.assert_allclose(np.nanmax(figures.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12)
+        assert sorted(tongue.attachments(result, step)) == sorted(result.mesh.node_sets)
+        assert tongue.attachments(result, 0) == {}
+        np.testing.assert_allclose(np.nanmax(hourglass.hourglass_share(result)), result.summary["hourglass_share"], rtol=1e-12)
 
 
 def test_hourglass_map(result_path):
     with open_result(result_path) as result:
-        step = figures.last_step(result)
-        found = figures.hourglass_map(result, step)
+        step = times.last_step(result)
+        numbers = hourglass.hourglass_map(result, step)
         mesh, energy = result.mesh, result.field("hourglass_energy", step)
         elastic = result.history("internal_energy")[-1] + result.history("hourglass_energy")[-1]
         summary = result.summary
     volume = volumes(mesh.points, mesh.hexes)
     k = int(np.argmax(energy / volume))
-    assert found.worst[0] == k
-    np.testing.assert_allclose(found.percent[k], 100.0 * energy[k] / volume[k] * volume.sum() / elastic, rtol=1e-12)
+    assert numbers.worst[0] == k
+    np.testing.assert_allclose(numbers.percent[k], 100.0 * energy[k] / volume[k] * volume.sum() / elastic, rtol=1e-12)
     # The mean over the volume is the share that the run reports.
-    np.testing.assert_allclose(np.average(found.percent, weights=volume), found.share, rtol=1e-12)
-    np.testing.assert_allclose(found.share, 100.0 * summary["hourglass_share_end"], rtol=1e-9)
-    assert len(set(found.worst)) == figures.WORST
-    assert np.all(np.diff(found.percent[found.worst]) <= 0.0)
-    assert np.delete(found.percent, found.worst).max() <= found.percent[found.worst[-1]]
+    np.testing.assert_allclose(np.average(numbers.percent, weights=volume), numbers.share, rtol=1e-12)
+    np.testing.assert_allclose(numbers.share, 100.0 * summary["hourglass_share_end"], rtol=1e-9)
+    assert len(set(numbers.worst)) == hourglass.NUMBERED_ELEMENTS
+    assert np.all(np.diff(numbers.percent[numbers.worst]) <= 0.0)
+    assert np.delete(numbers.percent, numbers.worst).max() <= numbers.percent[numbers.worst[-1]]
 
 
 class OneStep:
@@ -241,18 +243,18 @@ def test_hourglass_map_of_known_numbers():
     mesh.points[mesh.points[:, X] == 2.0, X] = 3.5  # the last element has four times the volume of the others: 2 of 3.5
     u = np.zeros_like(mesh.points)
     result = OneStep(mesh, np.array([0.0, 1.0, 3.0, 4.0]), u, internal=27.0)
-    found = figures.hourglass_map(result, 0)
-    np.testing.assert_allclose(found.percent, 100.0 * np.array([0.0, 2.0, 6.0, 2.0]) / 10.0)
-    np.testing.assert_array_equal(found.worst, [2, 1, 3, 0])
-    assert found.share == pytest.approx(100.0 * 8.0 / 35.0)
-    assert not found.folded.any()
+    numbers = hourglass.hourglass_map(result, 0)
+    np.testing.assert_allclose(numbers.percent, 100.0 * np.array([0.0, 2.0, 6.0, 2.0]) / 10.0)
+    np.testing.assert_array_equal(numbers.worst, [2, 1, 3, 0])
+    assert numbers.share == pytest.approx(100.0 * 8.0 / 35.0)
+    assert not numbers.folded.any()
     # The corner at one end of the body comes in beyond the next nodes: that element is folded, the others are not.
     u[np.flatnonzero(np.all(mesh.points == [0.0, -0.5, 0.0], axis=1)), X] = 0.6
-    np.testing.assert_array_equal(figures.hourglass_map(result, 0).folded, [True, False, False, False])
+    np.testing.assert_array_equal(hourglass.hourglass_map(result, 0).folded, [True, False, False, False])
     result.energy = np.zeros(4)
-    assert figures.hourglass_map(result, 0) is None
+    assert hourglass.hourglass_map(result, 0) is None
     result.fields = {}
-    assert figures.hourglass_map(result, 0) is None
+    assert hourglass.hourglass_map(result, 0) is None
 
 
 def test_hourglass_map_is_seen_from_where_the_energy_is():
@@ -260,37 +262,37 @@ def test_hourglass_map_is_seen_from_where_the_energy_is():
     middle = mesh.points[mesh.hexes].mean(axis=1)
 
     def view(corner):
-        return figures.outside_view(mesh.points, mesh.hexes, np.exp(9.0 * (middle @ corner)))
+        return hourglass.outside_view(mesh.points, mesh.hexes, np.exp(9.0 * (middle @ corner)))
 
     assert view(np.array([1.0, -1.0, 1.0])) == "from behind, left and above"
     assert view(np.array([-1.0, 1.0, -1.0])) == "from the front, right and below"
-    assert view(np.zeros(3)) == next(iter(figures.OUTSIDE))
+    assert view(np.zeros(3)) == next(iter(hourglass.OUTSIDE_VIEWS))
 
 
 def test_times_that_are_drawn():
-    assert figures.drawn_steps(np.linspace(0.0, 0.12, 121), 120) == [20, 40, 60, 80, 100, 120]
-    assert figures.drawn_steps(np.linspace(0.0, 0.12, 121), 60) == [10, 20, 30, 40, 50, 60]
-    assert figures.drawn_steps(np.array([0.0, 0.001, 0.002]), 2) == [1, 2]
-    assert figures.drawn_steps(np.array([0.0]), 0) == []
+    assert times.drawn_steps(np.linspace(0.0, 0.12, 121), 120) == [20, 40, 60, 80, 100, 120]
+    assert times.drawn_steps(np.linspace(0.0, 0.12, 121), 60) == [10, 20, 30, 40, 50, 60]
+    assert times.drawn_steps(np.array([0.0, 0.001, 0.002]), 2) == [1, 2]
+    assert times.drawn_steps(np.array([0.0]), 0) == []
 
 
 def test_activation_of_muscles():
     step = {"name": "a", "force_N": 1.0, "start_ms": 10.0, "rise_ms": 5.0, "end_ms": 40.0}
     ramp = {"name": "b", "force_N": 1.0, "start_ms": 30.0, "end_ms": None}
     table = {"name": "c", "force_N": 1.0, "table": [[0.0, 0.0], [60.0, 0.0], [70.0, 1.0], [80.0, 0.0]]}
-    times, scales = figures.activation(step, 100.0)
-    np.testing.assert_array_equal(times, [0.0, 10.0, 15.0, 40.0, 40.0, 100.0])
+    corners, scales = muscles.activation(step, 100.0)
+    np.testing.assert_array_equal(corners, [0.0, 10.0, 15.0, 40.0, 40.0, 100.0])
     np.testing.assert_array_equal(scales, [0.0, 0.0, 1.0, 1.0, 0.0, 0.0])
-    assert figures.on_times([step], 100.0) == [(10.0, 40.0)]
-    assert figures.on_times([table, step], 100.0) == [(10.0, 40.0), (60.0, 80.0)]
-    assert figures.on_times([step, ramp], 100.0) == [(10.0, 100.0)]
-    assert figures.on_times([ramp | {"force_N": 0.0}], 100.0) == []
-    assert figures.on_times([step], 20.0) == [(10.0, 20.0)]
+    assert muscles.on_times([step], 100.0) == [(10.0, 40.0)]
+    assert muscles.on_times([table, step], 100.0) == [(10.0, 40.0), (60.0, 80.0)]
+    assert muscles.on_times([step, ramp], 100.0) == [(10.0, 100.0)]
+    assert muscles.on_times([ramp | {"force_N": 0.0}], 100.0) == []
+    assert muscles.on_times([step], 20.0) == [(10.0, 20.0)]
 
 
 def test_labels_are_pushed_apart():
-    places = figures.spread(np.array([0.1, 0.5, 0.5, 0.52, 0.99]), 0.1)
+    places = over_time.spread(np.array([0.1, 0.5, 0.5, 0.52, 0.99]), 0.1)
     assert np.diff(places).min() > 0.1 - 1e-12
     assert places[0] == pytest.approx(0.1)
     assert places[1:4].mean() == pytest.approx(np.mean([0.5, 0.5, 0.52]))
-    assert 0.0 <= figures.spread(np.full(5, 1.0), 0.2)[0] < figures.spread(np.full(5, 1.0), 0.2)[-1] <= 1.0
+    assert 0.0 <= over_time.spread(np.full(5, 1.0), 0.2)[0] < over_time.spread(np.full(5, 1.0), 0.2)[-1] <= 1.0

@@ -1,0 +1,57 @@
+"""The heading of a picture of a tongue: the title of the run, what is drawn, and which muscles pull."""
+
+from __future__ import annotations
+
+import textwrap
+import tomllib
+from typing import TYPE_CHECKING
+
+from explicitfe.results import Result
+from explicitfe.view.muscles import muscles_of, pull_in_words
+from explicitfe.view.palette import WIDTH_IN, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def result_figure(result: Result, height_in: float, what: str) -> Figure:
+    """An empty figure with a heading.
+
+    Parameters
+    ----------
+    height_in : height of the figure where each part of the heading takes one line.
+    what : what the picture shows, in words.
+    """
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    title = textwrap.wrap(title_of(result), 88)
+    second = ", ".join([what, *[pull_in_words(muscle) for muscle in muscles_of(result)]])
+    if result.status not in ("finished", "running"):
+        second += f"; the run ended early: {result.status}"
+    lines = textwrap.wrap(second, 110)
+    figure = new_figure(WIDTH_IN, height_in + 0.2 * (len(title) + len(lines) - 2))
+    layout = figure.get_layout_engine()
+    assert isinstance(layout, ConstrainedLayoutEngine)
+    layout.set(w_pad=0.08, h_pad=0.08)
+    # The heading has two sizes of letters: the second part stands below the first, in the room that the empty lines of the first
+    # keep free.
+    figure.suptitle("\n".join(title) + "\n" * len(lines), fontsize=13, fontweight="bold", x=0.012, ha="left")
+    below = 1.0 - (0.1 + 0.225 * len(title)) / figure.get_figheight()
+    figure.text(0.012, below, "\n".join(lines), fontsize=10.5, color="0.25", va="top")
+    return figure
+
+
+def title_of(result: Result) -> str:
+    """The title of a run; where its scenario has none or cannot be read, the name of the file."""
+    title = result.summary.get("title")
+    if title:
+        return str(title)
+    try:
+        return str(tomllib.loads(result.scenario_text).get("title", result.path.stem))
+    except tomllib.TOMLDecodeError:
+        return result.path.stem
+
+
+def rounded(value: float, count: int = 3) -> str:
+    """A number with some significant digits and no exponent."""
+    return f"{float(f'{value:.{count}g}'):.10g}"

@@ -1,0 +1,51 @@
+"""The colours and sizes of all pictures, and the one way to open a figure and to write it as a PNG file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# 1600 dots wide: a picture fills a page or a screen.
+WIDTH_IN = 10.0
+DOTS_PER_INCH = 160
+
+# Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
+BEFORE, AFTER = COLOURS[1], COLOURS[0]
+LINE_STYLES = ("-", "--", ":", "-.")
+AT_REST, HELD, GRID = "0.55", "black", "0.88"
+ENERGY_MAP = "cividis_r"
+
+
+def new_figure(width_in: float, height_in: float, dots_per_inch: int = DOTS_PER_INCH) -> Figure:
+    """An empty figure whose parts make room for each other."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width_in, height_in), dpi=dots_per_inch, layout="constrained")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as a PNG file. ``Figure.savefig`` would draw it twice, once only for the layout."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure).print_png(path)
+
+
+def plain(axes: Axes) -> None:
+    """Give a panel a light grid behind what is drawn, and no frame at the top and at the right."""
+    axes.grid(color=GRID, lw=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def sequence(count: int) -> list[tuple[float, float, float, float] | str]:
+    """Colours of successive times, from light to dark so that the last stands out; every kind of colour vision can read them."""
+    from matplotlib import colormaps
+
+    return [colormaps["viridis_r"](share) for share in np.linspace(0.12, 1.0, count)] if count > 1 else ["#440154"]

@@ -1,0 +1,151 @@
+"""Plane cuts of the reference shape that move with the material, and what is measured on them.
+
+A section is cut where the tissue is at rest. Later it shows where the tissue of that section went, not what else came into its
+plane. The axes are x backwards, y to the speaker's right, z up.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicitfe.mesh.hexmesh import FACES, HexMesh
+
+X, Y, Z = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Section:
+    """Outline of a plane cut of the reference shape: points on edges of the surface, which move with them.
+
+    Attributes
+    ----------
+    ends : (k, 2) int64. Nodes of the edge that each point lies on; twice the same where it is a node.
+    share : (k,) Weight of the second node.
+    loops : closed outlines as point numbers in order; the last joins the first.
+    """
+
+    ends: np.ndarray
+    share: np.ndarray
+    loops: tuple[np.ndarray, ...]
+
+    def at(self, values: np.ndarray) -> np.ndarray:
+        """Values of the nodes, (n, ...), interpolated at the points, (k, ...)."""
+        share = self.share.reshape(-1, *[1] * (values.ndim - 1))
+        return (1.0 - share) * values[self.ends[:, 0]] + share * values[self.ends[:, 1]]
+
+    def outline(self, points: np.ndarray) -> np.ndarray:
+        """All loops as one line, (j, 3): closed, with a row of NaN after each."""
+        at = self.at(points)
+        gap = np.full((1, points.shape[1]), np.nan)
+        return np.concatenate([part for loop in self.loops for part in (at[loop], at[loop[:1]], gap)] or [gap])
+
+
+def section(mesh: HexMesh, axis: int, position: float) -> Section:
+    """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
+    distance = mesh.points[:, axis] - position
+    distance[np.abs(distance) < 1e-9 * np.ptp(mesh.points, axis=0).max()] = 0.0
+    quads = _surface(mesh.hexes)
+    segments: list[tuple[tuple[int, int], tuple[int, int]]] = []
+    # Nodes in the plane count as above it. A half model that ends in the plane has nothing below: then they count as below.
+    for above in (distance >= 0.0, distance > 0.0):
+        changes = above[quads] != above[np.roll(quads, -1, axis=1)]
+        for quad, change in zip(quads[changes.any(axis=1)], changes[changes.any(axis=1)], strict=True):
+            cut = [_crossing(quad[k], quad[(k + 1) % 4], distance) for k in np.flatnonzero(change)]
+            segments += [(a, b) for a, b in zip(cut[::2], cut[1::2], strict=True) if a != b]
+        if segments:
+            break
+    edges = sorted({edge for segment in segments for edge in segment})
+    number = {edge: k for k, edge in enumerate(edges)}
+    ends = np.array(edges, dtype=np.int64).reshape(-1, 2)
+    low, high = distance[ends].T
+    share = np.divide(low, low - high, out=np.zeros(len(ends)), where=low != high)
+    return Section(ends, share, tuple(_loops([(number[a], number[b]) for a, b in segments])))
+
+
+def midsagittal(mesh: HexMesh) -> Section:
+    """The section y = 0 if nodes lie there, else halfway between the sides."""
+    return section(mesh, Y, middle(mesh))
+
+
+def middle(mesh: HexMesh) -> float:
+    """The y of the midsagittal plane, m."""
+    y = mesh.points[:, Y]
+    return 0.0 if np.any(np.abs(y) < 1e-9 * np.ptp(y)) else 0.5 * (float(y.min()) + float(y.max()))
+
+
+def front_position(mesh: HexMesh) -> float:
+    """The x of a front coronal section, m: that of the point named "front", else 40 % of the length from the tip."""
+    if "front" in mesh.named_points:
+        return float(mesh.points[mesh.named_points["front"], X])
+    x = mesh.points[:, X]
+    return float(x.min() + 0.4 * np.ptp(x))
+
+
+def midline(reference: np.ndarray) -> np.ndarray:
+    """Numbers of the points of a coronal outline, (k, 3), nearest to its middle, from the lowest to the highest."""
+    away = np.abs(reference[:, Y] - 0.5 * (reference[:, Y].min() + reference[:, Y].max()))
+    nearest = np.flatnonzero(away < away.min() + 1e-6 * away.max())
+    return nearest[np.argsort(reference[nearest, Z])]
+
+
+def groove_depth(reference: np.ndarray, now: np.ndarray) -> float:
+    """How far the midline of a coronal outline lies below the lower of the two sides' highest points, m; 0: no groove.
+
+    Parameters
+    ----------
+    reference, now : (k, 3) m. Points of one outline in the reference shape, which says what is middle, left, right and
+        above, and where they are now.
+    """
+    y = reference[:, Y] - 0.5 * (reference[:, Y].min() + reference[:, Y].max())
+    top = midline(reference)[-1]
+    # Only points of the upper half count: in a strong twist a lower corner could come up.
+    upper = reference[:, Z] > 0.5 * (reference[:, Z].min() + reference[:, Z].max())
+    sides = [now[upper & side, Z].max(initial=-np.inf) for side in (y < 0.0, y > 0.0)]
+    return max(0.0, float(min(sides) - now[top, Z]))
+
+
+def _surface(hexes: np.ndarray) -> np.ndarray:
+    """The faces that belong to one element only, (f, 4) nodes in cyclic order."""
+    faces = hexes[:, FACES].reshape(-1, 4)
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return faces[np.sort(first[count == 1])]
+
+
+def _crossing(a: int, b: int, distance: np.ndarray) -> tuple[int, int]:
+    """Name of the point where an edge crosses the plane: both faces at the edge give it the same name, as all edges at a node do
+    that lies in the plane.
+    """
+    if distance[a] == 0.0:
+        return int(a), int(a)
+    if distance[b] == 0.0:
+        return int(b), int(b)
+    return int(min(a, b)), int(max(a, b))
+
+
+def _loops(segments: Sequence[tuple[int, int]]) -> Iterator[np.ndarray]:
+    """Join segments to closed loops."""
+    at = defaultdict(set)
+    for k, (a, b) in enumerate(segments):
+        at[a].add(k)
+        at[b].add(k)
+    unused = set(range(len(segments)))
+    while unused:
+        first = min(unused)
+        start, point = segments[first]
+        loop, segment = [start], first
+        while True:
+            unused.discard(segment)
+            at[segments[segment][0]].discard(segment)
+            at[segments[segment][1]].discard(segment)
+            if point == start or not at[point]:
+                break
+            loop.append(point)
+            segment = min(at[point])
+            a, b = segments[segment]
+            point = b if a == point else a
+        if len(loop) > 2:
+            yield np.array(loop)

@@ -1,0 +1,39 @@
+"""Which stored steps of a run are drawn, and their times in words."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from explicitfe.errors import InputError
+from explicitfe.results import Result
+
+# Times drawn besides the shape at rest. The outlines of more times would lie on each other.
+DRAWN_TIMES = 6
+
+
+def last_step(result: Result) -> int:
+    """The last stored step whose displacements are finite.
+
+    Raises
+    ------
+    InputError : there is none.
+    """
+    for step in reversed(range(len(result.times))):
+        if np.isfinite(result.displacement(step)).all():
+            return step
+    raise InputError(f"{result.path} has no step that can be drawn; run the scenario again")
+
+
+def drawn_steps(times: np.ndarray, last: int, count: int = DRAWN_TIMES) -> list[int]:
+    """Up to ``count`` steps after the first, equally spaced in time, ``last`` among them."""
+    wanted = times[0] + (times[last] - times[0]) * np.arange(1, count + 1) / count
+    steps = {int(np.argmin(np.abs(times[: last + 1] - time))) for time in wanted}
+    return sorted(steps - {0})
+
+
+def milliseconds(times_s: np.ndarray, span_s: float) -> list[str]:
+    """Times in words, with as many digits as tell the drawn times of a run of ``span_s`` apart."""
+    apart = 1e3 * max(span_s, 1e-9) / DRAWN_TIMES
+    return [f"{1e3 * time:.{max(0, -math.floor(math.log10(apart)))}f} ms" for time in times_s]

@@ -1,0 +1,157 @@
+"""Pictures of the shape of a tongue: the midsagittal contour and a coronal section, at rest and at several times.
+
+The speaker looks to the left in side views: x points backwards, z up, y to the speaker's right. Lengths are in mm.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.results import Result
+from explicitfe.view.heading import result_figure
+from explicitfe.view.palette import AT_REST, HELD, plain, sequence
+from explicitfe.view.sections import Section, X, Y, Z, front_position, groove_depth, middle, midline, midsagittal, section
+from explicitfe.view.times import drawn_steps, milliseconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def attachments(result: Result, step: int) -> dict[str, np.ndarray]:
+    """The node sets that are held: those whose nodes have not moved by one bit, while others have."""
+    still = np.all(result.displacement(step) == 0.0, axis=1)
+    if still.all():
+        return {}
+    return {name: nodes for name, nodes in result.mesh.node_sets.items() if len(nodes) and still[nodes].all()}
+
+
+def contour_figure(result: Result, step: int) -> Figure | None:
+    """The midsagittal outline at several times, with the paths of the named points; None where the plane cuts nothing."""
+    from matplotlib.patheffects import withStroke
+
+    mesh = result.mesh
+    cut = midsagittal(mesh)
+    if not cut.loops:
+        return None
+    figure = result_figure(result, 7.0, "Midsagittal contour")
+    axes = figure.subplots()
+    _side_view(axes)
+    _outlines(axes, result, step, cut, X)
+
+    held = np.zeros(mesh.node_count)
+    for marker, (name, nodes) in zip("s^DvP*" * 9, attachments(result, step).items(), strict=False):
+        held[:] = 0.0
+        held[nodes] = 1.0
+        at = 1e3 * cut.at(mesh.points)[cut.at(held) == 1.0]
+        if len(at):
+            axes.plot(at[:, X], at[:, Z], marker, color=HELD, ms=5.5, label=f"held: {name}", zorder=4)
+
+    in_plane = _points_in_plane(mesh)
+    centre = np.nanmean(1e3 * cut.outline(mesh.points), axis=0)
+    for name, node in in_plane.items():
+        path = 1e3 * (mesh.points[node] + result.probe(name)[: step + 1])
+        label = "named point,\nfrom rest ○ to end ●" if name == next(iter(in_plane)) else None
+        axes.plot(path[:, X], path[:, Z], color="black", lw=1.0, zorder=5, label=label)
+        axes.plot(*path[0, [X, Z]], "o", mfc="white", mec="black", ms=5.5, zorder=6)
+        axes.plot(*path[-1, [X, Z]], "o", mfc="black", mec="black", ms=5.5, zorder=6)
+        outwards = (path[0] - centre)[[X, Z]]
+        # The name stands on the side that the point does not move to.
+        side = -9.0 if (path[-1] - path[0])[[X, Z]] @ outwards > 0.0 else 9.0
+        dx, dz = side * outwards / max(np.hypot(*outwards), 1e-9)
+        axes.annotate(
+            name,
+            path[0, [X, Z]],
+            (dx, dz),
+            textcoords="offset points",
+            ha="left" if dx > 4.0 else "right" if dx < -4.0 else "center",
+            va="bottom" if dz > 4.0 else "top" if dz < -4.0 else "center",
+            zorder=7,
+            path_effects=[withStroke(linewidth=3, foreground="white")],
+        )
+    axes.margins(0.09)
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
+    return figure
+
+
+def coronal_figure(result: Result, step: int) -> Figure | None:
+    """A coronal section of the front, at rest and later, and where it is; None where the plane cuts nothing."""
+    mesh = result.mesh
+    cut, side = section(mesh, X, front_position(mesh)), midsagittal(mesh)
+    if not cut.loops:
+        return None
+    figure = result_figure(result, 6.0, "Coronal section of the front, following the tissue")
+    where, axes = figure.subplots(1, 2, width_ratios=[1.0, 1.6])
+    now = mesh.points + result.displacement(step)
+    loop = max(cut.loops, key=len)
+    at_rest, at_end = cut.at(mesh.points)[loop], cut.at(now)[loop]
+    middle_points = midline(at_rest)
+
+    _side_view(where, "box")
+    for points, outline, colour in ((mesh.points, at_rest, AT_REST), (now, at_end, sequence(1)[0])):
+        line, inside = 1e3 * side.outline(points), 1e3 * outline[middle_points]
+        where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
+        where.plot(inside[:, X], inside[:, Z], color=colour, lw=2.5, solid_capstyle="round")
+    where.set_title("where the section is (thick)", fontsize=10)
+
+    plain(axes)
+    axes.set_aspect("equal", adjustable="datalim")
+    _outlines(axes, result, step, cut, Y)
+    depths = [_depth(1e3 * groove_depth(at_rest, outline)) for outline in (at_rest, at_end)]
+    back, _, up = 1e3 * (at_end - at_rest)[middle_points[-1]]
+    time = milliseconds(result.times[[step]], result.times[step])[0]
+    axes.set_title(
+        f"groove in the midline: {depths[0]} at rest, {depths[1]} at {time}\n"
+        f"the top moved {abs(back):.1f} mm {'back' if back > 0.0 else 'forward'} "
+        f"and {abs(up):.1f} mm {'up' if up > 0.0 else 'down'}",
+        fontsize=10,
+    )
+    axes.set_xlabel("left  ←   y (mm)   →  right")
+    axes.set_ylabel("z, up (mm)")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    for each in (where, axes):
+        each.margins(0.08)
+    return figure
+
+
+def _outlines(axes: Axes, result: Result, step: int, cut: Section, across: int) -> None:
+    """Draw a section at rest and at several times up to ``step``; ``across`` is the axis drawn to the right."""
+    reference = 1e3 * cut.outline(result.mesh.points)
+    axes.fill(*_polygon(reference, across, Z), color="0.94", zorder=0)
+    axes.plot(reference[:, across], reference[:, Z], color=AT_REST, lw=2.0, label="at rest")
+    steps = drawn_steps(result.times, step)
+    labels = milliseconds(result.times[steps], result.times[step])
+    for number, colour, label in zip(steps, sequence(len(steps)), labels, strict=True):
+        line = 1e3 * cut.outline(result.mesh.points + result.displacement(number))
+        width = 2.6 if number == step else 1.3
+        axes.plot(line[:, across], line[:, Z], color=colour, lw=width, label=label)
+
+
+def _side_view(axes: Axes, adjustable: Literal["box", "datalim"] = "datalim") -> None:
+    """Give a panel the axes of a view from the speaker's left."""
+    plain(axes)
+    axes.set_aspect("equal", adjustable=adjustable)
+    axes.set_xlabel("front  ←   x (mm)   →  back")
+    axes.set_ylabel("z, up (mm)")
+
+
+def _points_in_plane(mesh: HexMesh) -> dict[str, int]:
+    """The named points of the midsagittal plane; all of them if none lies there."""
+    tolerance = 1e-3 * float(np.ptp(mesh.points[:, Y]))
+    away = np.abs(mesh.points[:, Y] - middle(mesh))
+    return {name: k for name, k in mesh.named_points.items() if away[k] < tolerance} or mesh.named_points
+
+
+def _polygon(outline: np.ndarray, across: int, up: int) -> list[np.ndarray]:
+    """Arguments of ``fill`` for the loops of an outline."""
+    breaks = np.flatnonzero(np.isnan(outline[:, 0]))
+    loops = [part for part in np.split(outline, breaks) if len(part) > 1]
+    return [loop[1:, axis] if np.isnan(loop[0, 0]) else loop[:, axis] for loop in loops for axis in (across, up)]
+
+
+def _depth(mm: float) -> str:
+    """The depth of a groove in words."""
+    return "none" if mm < 0.05 else f"{mm:.1f} mm"

@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from explicitfe.close_loop.specimens.plan import RAMP, _depends_on_way_only, _kind_of, _Plan
 from explicitfe.close_loop.specimens.simulator import Job
 from explicitfe.effects import Effect
 from explicitfe.effects.effect import MaterialEffect, Measurement

@@ -12,7 +12,6 @@ from zlib import crc32
 
 import numpy as np
 
-from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.effects.effect import MaterialEffect, Measurement
 from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.tool.compliance import Compliance

@@ -20,17 +20,18 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from effects_fit import EffectsFit, Unknown, Values, fit_effects, series
 
 from explicitfe.effects.material.fibres import Fibres
 from explicitfe.effects.material.softening import Softening
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.effects.tool.preload import Preload
-from explicitfe.identify.effects_fit import EffectsFit, Unknown, Values, fit_effects, series
-from explicitfe.measured.dataset import Curve, read_dataset
+from explicitfe.measured.curve import Curve
+from explicitfe.measured.read import read_dataset
 from explicitfe.model.specimen import specimen_model
 from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import EVERY, Constants, ModelFile, parse_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.predict.tissue import EVERY, Constants, Tissue, parse_tissue
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 BLUE, RED, GREY = "#0072B2", "#D55E00", "0.55"
@@ -42,12 +43,12 @@ def share(measured: np.ndarray, predicted: np.ndarray) -> float:
     return float(100.0 * np.sqrt(np.mean((predicted - measured) ** 2)) / np.abs(measured).max())
 
 
-def tissue(values: Values, terms: int, poisson: float, **tables) -> ModelFile:
+def tissue(values: Values, terms: int, poisson: float, **tables) -> Tissue:
     """A model from long-term constants and the shares of its relaxing terms, relative to what stays."""
     shares = [values[f"s{k}"] for k in range(terms)]
     sudden = 1.0 + sum(shares)
     constants = Constants(C10_Pa=sudden * values["C10"], C20_Pa=sudden * values["C20"])
-    model = ModelFile(poisson=poisson, constants={EVERY: constants}, **tables)
+    model = Tissue(poisson=poisson, constants={EVERY: constants}, **tables)
     if "k1" in values:
         model = model.with_effect(Fibres(k1_Pa=sudden * values["k1"], k2=values["k2"]))
     return model.with_effect(series(shares, [values[f"t{k}"] for k in range(terms)])) if terms else model
@@ -133,14 +134,14 @@ QUICK = {"refinement": 0.6, "density": 0.7, "tolerance": 5e-4}
 
 def _one(job: tuple[Curve, str, dict]) -> np.ndarray:
     curve, text, how = job
-    return predict_test([curve], parse_model(text), **how)[0].values
+    return predict_test([curve], parse_tissue(text), **how)[0].values
 
 
 def silicone(dataset: Path, picture: Path | None, radii: Sequence[float]) -> None:
     curves = {c.id: _cut(c) for c in read_dataset(dataset).curves if not c.defect}
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
 
-        def answer(asked: Sequence[Curve], model: ModelFile, **how) -> list[np.ndarray]:
+        def answer(asked: Sequence[Curve], model: Tissue, **how) -> list[np.ndarray]:
             begin = time.perf_counter()
             found = list(pool.map(_one, [(model_curve(c, model), model.text, how) for c in asked]))
             answer.seconds += time.perf_counter() - begin
@@ -182,12 +183,12 @@ def _scaled(measured: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
     return factor, share(measured, factor * predicted)
 
 
-def model_curve(curve: Curve, model: ModelFile) -> Curve:
+def model_curve(curve: Curve, model: Tissue) -> Curve:
     """The curve with the tool's radius of the model."""
     return replace(curve, tool=curve.tool.model_copy(update=model.tool))
 
 
-def _silicone_tissue(values: Values, terms: int, radius: float) -> ModelFile:
+def _silicone_tissue(values: Values, terms: int, radius: float) -> Tissue:
     """The preload that was measured, of each curve, stands for the number here."""
     return tissue(values, terms, SILICONE_POISSON, tool={"radius_mm": radius}).with_effect(Preload(force_N=0.01))
 

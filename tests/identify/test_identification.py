@@ -13,6 +13,7 @@ from identify_cases import COARSE, LOADS_N, TRUTH, response, setup, write, write
 from rich.console import Console
 
 from explicitfe.errors import InputError, RunError
+from explicitfe.identify import forward
 from explicitfe.identify.assumptions import Alternative, alternatives, what_a_fit_hides
 from explicitfe.identify.fit import Observed, least_squares_fit
 from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse
@@ -258,7 +259,7 @@ def test_failing_forward_model_leaves_nothing(tmp_path, monkeypatch):
     def stuck(*_, **__):
         raise RunError("the forward model stops at 1 mm.")
 
-    monkeypatch.setattr("explicitfe.identify.forward.forces", stuck)
+    monkeypatch.setattr(forward, "forces", stuck)
     with pytest.raises(RunError, match="stops at 1 mm"):
         identify(write(tmp_path / "data", {"one": smooth_curve()}), out=tmp_path / "out", refinement=COARSE)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data"]

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from effects_fit import Unknown, fit_effects, series
 from identify_cases import write, write_homogeneous
 
 from explicitfe.effects.material.fibres import Fibres
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import InputError, RunError
-from explicitfe.identify.effects_fit import Unknown, fit_effects, series
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import bends, course_of
 from explicitfe.measured.read import read_dataset

@@ -39,8 +39,9 @@ from explicitfe.mesh.quality import corner_jacobians, edge_lengths, volumes
 from explicitfe.model import catalogue
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Result
-from explicitfe.scenario.scenario import read_scenario
-from explicitfe.view.figures import COLOURS, GRID, groove_depth, midsagittal, section
+from explicitfe.scenario.read import read_scenario
+from explicitfe.view.palette import COLOURS, GRID
+from explicitfe.view.sections import groove_depth, midsagittal, section
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -25,9 +25,11 @@ from explicitfe.close_loop.search import Closed, close
 from explicitfe.close_loop.statistics.refit import intervals
 from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.close_loop.trajectories.trajectories import LEVERS, Trajectories, trajectories, trajectory_system
-from explicitfe.measured.dataset import Dataset, read_dataset
+from explicitfe.measured.curve import Dataset
+from explicitfe.measured.read import read_dataset
 from explicitfe.run.prepare import prepare
-from explicitfe.scenario.scenario import Scenario, read_scenario
+from explicitfe.scenario.read import read_scenario
+from explicitfe.scenario.transient import TransientScenario
 
 SENSORS = {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "root"}
 # Of the sensors' frame: x_model = scale R x + t.
@@ -149,7 +151,7 @@ def settings_of(hidden: tuple[str, float] | None, folder: Path) -> Mapping[str, 
     found = {}
     for name, own in GESTURES.items():
         scenario, _ = read_scenario(path, own)
-        assert isinstance(scenario, Scenario)
+        assert isinstance(scenario, TransientScenario)
         found[name] = LEVERS[hidden[0]].settings(scenario, hidden[1])
     return found
 

@@ -89,7 +89,7 @@ def run(
             scenario, out, settings=[*put, *(settings or ())], notes=notes, overwrite=overwrite, progress=progress
         )
         if plots:
-            from explicitfe.view.figures import draw
+            from explicitfe.view.draw import draw
 
             progress("draw", 0.0)
             summary["plots"] = [str(path) for path in draw(Path(summary["result"]))]
@@ -217,7 +217,7 @@ def close_loop(
     Example: [bold]explicitfe close-loop my-dataset --out report[/bold]
     """
     from explicitfe.close_loop.close import close_loop as close
-    from explicitfe.measured.dataset import folder_name
+    from explicitfe.measured.files import folder_name
 
     with _progress() as progress:
         found = close(
@@ -331,7 +331,7 @@ def schema() -> None:
 
     Example: [bold]explicitfe schema > scenario.schema.json[/bold]
     """
-    from explicitfe.scenario.scenario import json_schema
+    from explicitfe.scenario.read import json_schema
 
     _print_json(json_schema())
 
@@ -383,11 +383,11 @@ def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list
         if group is not None:
             raise InputError("--tissue-group names constants of a model file; give it with --tissue.")
         return [], []
-    from explicitfe.predict.tissue import read_model
+    from explicitfe.predict.tissue import read_tissue
     from explicitfe.predict.tissue_in_scenario import tissue_settings
-    from explicitfe.scenario.scenario import read_scenario
+    from explicitfe.scenario.read import read_scenario
 
-    made, (stated, _) = read_model(model), read_scenario(scenario)
+    made, (stated, _) = read_tissue(model), read_scenario(scenario)
     try:
         settings, left_out = tissue_settings(made, stated, group)
     except InputError as error:

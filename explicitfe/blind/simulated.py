@@ -11,19 +11,19 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from explicitfe.blind.closed_forms import Effects
-from explicitfe.blind.protocols import HOLD_FIRST
+from explicitfe.blind.protocols import FIRST_ROW_OF_HOLD_SHARE
 from explicitfe.effects import EFFECTS, Effect, MaterialEffect, Measurement
 from explicitfe.errors import RunError
 from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Relaxation, Stuck
 
-POISSON, DENSITY_KG_M3 = 0.499, 1040.0
-LONG = 0.15  # of the time: a wait from so long on gets all its instants
+POISSON_RATIO, DENSITY_KG_M3 = 0.499, 1040.0
+FULLY_SAMPLED_WAIT_SHARE = 0.15  # of the time: a wait from so long on gets all its instants
 
 
 @dataclass(frozen=True)
-class Numerics:
+class MeshChoice:
     """How a test is simulated: keys of a scenario's specimen, tolerance, instants of a way and of a wait."""
 
     symmetry: str
@@ -33,12 +33,12 @@ class Numerics:
     waiting: int
 
 
-DATA = Numerics("quarter", 0.5, 1.5e-4, 9, 4)
-SCREEN = Numerics("sector", 0.4, 1e-3, 6, 3)  # differences of runs on one mesh
+DATA_MESH = MeshChoice("quarter", 0.5, 1.5e-4, 9, 4)
+SCREENING_MESH = MeshChoice("sector", 0.4, 1e-3, 6, 3)  # differences of runs on one mesh
 
 
 @dataclass(frozen=True, eq=False)
-class Indentation:
+class SimulatedTest:
     """A curve before it is measured.
 
     Attributes
@@ -66,7 +66,7 @@ class Indentation:
         t, x = zip(*self.corners, strict=True)
         return np.interp(self.rows, t, x)
 
-    def instants(self, numerics: Numerics, offset: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def instants(self, numerics: MeshChoice, offset: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times [s] at which it is simulated, what is imposed then, and which of them are corners.
 
         ``offset`` is added to what is imposed; where it then passes 0, contact begins or ends.
@@ -80,14 +80,14 @@ class Indentation:
         times, corners = [t[:1]], [0]
         largest = np.abs(x).max()
         for k in range(len(t) - 1):
-            way = abs(x[k + 1] - x[k]) / largest
-            if way > 0.0:
-                count = max(int(np.ceil(numerics.moving * way)), 1)
+            share_moved = abs(x[k + 1] - x[k]) / largest
+            if share_moved > 0.0:
+                count = max(int(np.ceil(numerics.moving * share_moved)), 1)
                 share = np.arange(1, count + 1) / count
             else:
                 wait = (t[k + 1] - t[k]) / (t[-1] - t[0])
-                count = max(round(numerics.waiting * min(wait / LONG, 1.0)), 1)
-                share = np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / HOLD_FIRST)) * HOLD_FIRST
+                count = max(round(numerics.waiting * min(wait / FULLY_SAMPLED_WAIT_SHARE, 1.0)), 1)
+                share = np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / FIRST_ROW_OF_HOLD_SHARE)) * FIRST_ROW_OF_HOLD_SHARE
             times.append(t[k] + share * (t[k + 1] - t[k]))
             corners.append(corners[-1] + len(share))
         at = np.concatenate(times)
@@ -95,7 +95,7 @@ class Indentation:
 
 
 def simulate(
-    curves: Sequence[Indentation], constants: tuple[float, float], effects: Effects, numerics: Numerics
+    curves: Sequence[SimulatedTest], constants: tuple[float, float], effects: Effects, numerics: MeshChoice
 ) -> list[np.ndarray]:
     """What is read at the rows of each curve (k,): force [N], or displacement [m] where the force is imposed.
 
@@ -107,24 +107,24 @@ def simulate(
     readings = [effect for effect in known if isinstance(effect, Measurement)]
     physics = [effect for effect in known if not isinstance(effect, Measurement)]
     waits = any(isinstance(effect, MaterialEffect) and effect.values(1.0) != effect.values(0.0) for effect in physics)
-    found = []
+    answers = []
     for number in dict.fromkeys(curve.test for curve in curves):
         test = [curve for curve in curves if curve.test == number]
         body = _body(test[0], constants, physics, numerics)
         start = 0.0
         for k, curve in enumerate(test):
-            found.append(_curve(body, curve, readings, numerics, start, waits))
+            answers.append(_curve(body, curve, readings, numerics, start, waits))
             following = test[k + 1] if k + 1 < len(test) else curve
             start += float(curve.rows[-1] + following.rows[1])
-    return found
+    return answers
 
 
-def _body(curve: Indentation, constants: tuple[float, float], physics: Sequence[Effect], numerics: Numerics) -> Relaxation:
+def _body(curve: SimulatedTest, constants: tuple[float, float], physics: Sequence[Effect], numerics: MeshChoice) -> Relaxation:
     material = {"law": "yeoh", "C10_Pa": constants[0], "C20_Pa": constants[1]}
     specimen = SpecimenTable(
         symmetry=numerics.symmetry,
         refinement=numerics.refinement,
-        material=material | {"poisson": POISSON, "density_kg_m3": DENSITY_KG_M3},
+        material=material | {"poisson": POISSON_RATIO, "density_kg_m3": DENSITY_KG_M3},
         **curve.specimen,
     )
     body = Relaxation(specimen_model(specimen, ToolTable(**curve.tool), physics), numerics.tolerance, threads=1)
@@ -135,18 +135,18 @@ def _body(curve: Indentation, constants: tuple[float, float], physics: Sequence[
 
 
 def _curve(
-    body: Relaxation, curve: Indentation, readings: Sequence[Measurement], numerics: Numerics, start_s: float, waits: bool
+    body: Relaxation, curve: SimulatedTest, readings: Sequence[Measurement], numerics: MeshChoice, start_s: float, waits: bool
 ) -> np.ndarray:
     """One curve of a test that goes on from what is already behind it; ``waits``: something happens while nothing moves."""
     offset = 0.0
     if not curve.by_force:
         offset = 1e3 * sum(float(effect.true_displacement(np.zeros(1))[0]) for effect in readings)
-    at, way, corners = curve.instants(numerics, offset)
+    at, imposed, corners = curve.instants(numerics, offset)
     answers = np.zeros(len(at))
-    for k, (t, x) in enumerate(zip(at, way, strict=True)):
+    for k, (t, x) in enumerate(zip(at, imposed, strict=True)):
         if k == 0 and x == 0.0 and start_s == 0.0:
             continue  # it just touches
-        if k > 0 and x == way[k - 1] and not waits:
+        if k > 0 and x == imposed[k - 1] and not waits:
             answers[k] = answers[k - 1]
             continue
         reached = body.press(x, at_s=start_s + t) if curve.by_force else body.move(1e-3 * x, at_s=start_s + t)

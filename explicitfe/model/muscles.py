@@ -22,7 +22,7 @@ from explicitfe.mesh.muscle_lines import Fibre, Muscle
 from explicitfe.mesh.quality import volumes
 from explicitfe.model.model import FibrePull, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.scenario.scenario import MuscleTable
+from explicitfe.scenario.transient import MuscleTable
 
 
 def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | FibrePull:

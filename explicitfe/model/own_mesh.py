@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, points_at_nodes
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
-from explicitfe.scenario.scenario import Vector, explain, validated
+from explicitfe.scenario.sentences import explain
+from explicitfe.scenario.table import Table, Vector, validated
 
 _UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _SOLID = {"tetra", "pyramid", "wedge", "hexahedron"}
@@ -24,11 +25,7 @@ _SOLID = {"tetra", "pyramid", "wedge", "hexahedron"}
 _SAME_POINT = 1e-9
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class ByPointData(_Table):
+class ByPointData(Table):
     """Nodes where a point array of the mesh has a value."""
 
     point_data: str
@@ -46,11 +43,11 @@ def _node_set(value: Any) -> Any:
 NodeSet = Annotated[list[int] | ByPointData, BeforeValidator(_node_set)]
 
 
-class FibreTable(_Table):
+class FibreTable(Table):
     """One fibre, from origin to insertion: through nodes or through points, from a point in space if ``anchor`` is given."""
 
     side: Literal["left", "right"]
-    nodes: list[int] = []
+    nodes: list[int] = Field(default=[])
     points: list[Vector] = Field(default=[], description="in the mesh's length unit")
     anchor: Vector | None = Field(default=None, description="origin fixed in space (bone), in the mesh's length unit")
 
@@ -63,7 +60,7 @@ class FibreTable(_Table):
         return self
 
 
-class FileMuscle(_Table):
+class FileMuscle(Table):
     """One muscle of a model file."""
 
     name: str = Field(min_length=1)
@@ -72,7 +69,7 @@ class FileMuscle(_Table):
     fibre: list[FibreTable] = Field(min_length=1)
 
 
-class ModelFile(_Table):
+class ModelFile(Table):
     """The model file's schema."""
 
     title: str = ""
@@ -80,10 +77,10 @@ class ModelFile(_Table):
     mesh: str = Field(description="mesh file, relative to this file")
     length_unit: Literal["m", "cm", "mm"]
     first_number: Literal[0, 1] = Field(default=0, description="number of the first node in this file's lists")
-    node_sets: dict[str, NodeSet] = {}
+    node_sets: dict[str, NodeSet] = Field(default={})
     fixed: list[str] = Field(default=[], description="node sets that are held")
-    named_points: dict[str, int] = {}
-    muscle: list[FileMuscle] = []
+    named_points: dict[str, int] = Field(default={})
+    muscle: list[FileMuscle] = Field(default=[])
 
     @field_validator("node_sets", "named_points")
     @classmethod

@@ -19,7 +19,7 @@ from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model, NodalLoad, RotationalSymmetry, Tool
 from explicitfe.model.profile import Profile
-from explicitfe.scenario.scenario import SpecimenTable, ToolTable
+from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 
 SECTOR_RAD = np.radians(1.0)
 COPIES = {"sector": 2.0 * np.pi / SECTOR_RAD, "quarter": 4.0, "half": 2.0, "whole": 1.0}

@@ -1,4 +1,4 @@
-"""Scenario -> model: names are looked up, muscles become loads."""
+"""TransientScenario -> model: names are looked up, muscles become loads."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from explicitfe.model.muscles import pull
 from explicitfe.model.own_mesh import read_model_file
 from explicitfe.model.profile import Profile
 from explicitfe.model.specimen import check_effects
-from explicitfe.scenario.scenario import ModelTable, Scenario
+from explicitfe.scenario.transient import ModelTable, TransientScenario
 
 
 def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
@@ -33,7 +33,7 @@ def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
     return catalogue.built_in(table.name, table.resolution, table.cells)
 
 
-def assemble(scenario: Scenario, folder: Path) -> tuple[Model, Anatomy]:
+def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]:
     """The physics of a scenario whose file lies in ``folder``.
 
     Raises

@@ -14,7 +14,8 @@ from explicitfe.errors import Progress
 from explicitfe.mesh.quality import assess
 from explicitfe.model import catalogue
 from explicitfe.run.prepare import Prepared, describe, prepare
-from explicitfe.scenario.scenario import Indentation, read_scenario
+from explicitfe.scenario.indentation import IndentationScenario
+from explicitfe.scenario.read import read_scenario
 from explicitfe.solve.stable_step import FRACTION
 from explicitfe.solve.transient import FIRST_TURNS
 
@@ -41,7 +42,7 @@ def check(path: Path | str, settings: Sequence[str], progress: Progress) -> dict
         "worst_element": quality.worst_element,
     }
     return found | (
-        _indentation(prepared, progress) if isinstance(prepared.scenario, Indentation) else _transient(prepared, progress)
+        _indentation(prepared, progress) if isinstance(prepared.scenario, IndentationScenario) else _transient(prepared, progress)
     )
 
 

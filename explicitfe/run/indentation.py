@@ -14,8 +14,9 @@ from explicitfe.errors import InputError, Progress
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.run.prepare import Prepared, describe
-from explicitfe.scenario.scenario import Indentation
-from explicitfe.solve.equilibrium import PENETRATION, Equilibrium, Stuck
+from explicitfe.scenario.indentation import IndentationScenario
+from explicitfe.solve.contact_points import PENETRATION_SHARE
+from explicitfe.solve.equilibrium import Equilibrium, Stuck
 
 FINISHED, INTERRUPTED = "finished", "interrupted"
 HOURGLASS_WARNING = 0.05
@@ -58,7 +59,7 @@ def run_indentation(prepared: Prepared, target: Path, overwrite: bool, progress:
     InputError : nothing was run and nothing written.
     """
     scenario, body = prepared.scenario, prepared.relaxation
-    assert isinstance(scenario, Indentation)
+    assert isinstance(scenario, IndentationScenario)
     analysis = scenario.analysis
     by_force = analysis.forces_N is not None
     loads = [load if by_force else 1e-3 * load for load in analysis.course]
@@ -246,6 +247,6 @@ def _warnings(prepared: Prepared, curve: list[Equilibrium], hourglass: float) ->
     if prepared.scenario.tool.shape == "sphere" and depth > 1e-3 * prepared.scenario.tool.radius_mm:
         found.append("the ball has sunk in by more than its radius: a real one has a shaft, which is not modelled.")
     ratio = max((p.penetration_m / p.displacement_m for p in curve if p.displacement_m > 0.0), default=0.0)
-    if ratio > PENETRATION and prepared.scenario.tool.shape != "bonded-disc":
+    if ratio > PENETRATION_SHARE and prepared.scenario.tool.shape != "bonded-disc":
         found.append(f"the surface is up to {100 * ratio:.2f} % of the indentation inside the tool.")
     return found

@@ -12,8 +12,7 @@ from explicitfe.model.model import Model
 from explicitfe.model.specimen import specimen_model
 from explicitfe.model.tongue import assemble
 from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.scenario.read import Scenario, read_scenario
 from explicitfe.solve.body import Body
 from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.simulation import Simulation
@@ -32,7 +31,7 @@ class Prepared:
     """
 
     path: Path
-    scenario: TransientScenario | IndentationScenario
+    scenario: Scenario
     text: str
     model: Model
     name: str

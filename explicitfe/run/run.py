@@ -16,7 +16,7 @@ from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.run.indentation import run_indentation
 from explicitfe.run.prepare import Prepared, describe, prepare
-from explicitfe.scenario.scenario import Indentation
+from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve.simulation import Simulation, Snapshot
 from explicitfe.solve.transient import DIVERGED, FINISHED, INTERRUPTED, Ledger, Status, Transient
 
@@ -66,7 +66,7 @@ def run(
     begin = time.perf_counter()
     prepared = replace(prepare(path, settings), notes=tuple(notes))
     target = result_path(path, out)
-    if isinstance(prepared.scenario, Indentation):
+    if isinstance(prepared.scenario, IndentationScenario):
         return run_indentation(prepared, target, overwrite, progress, begin)
     return _run_transient(prepared, target, overwrite, progress, begin)
 

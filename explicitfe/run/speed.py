@@ -16,7 +16,7 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model
 from explicitfe.run.prepare import prepare
-from explicitfe.scenario.scenario import Indentation
+from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import FRACTION
@@ -155,7 +155,7 @@ def warm(everything: bool = False, progress: Progress = silent) -> dict[str, flo
     progress("warm", 0.0)
     for number, (name, (scenario, settings)) in enumerate(wanted.items()):
         prepared = prepare(_path(scenario), settings)
-        body = prepared.relaxation if isinstance(prepared.scenario, Indentation) else prepared.simulation
+        body = prepared.relaxation if isinstance(prepared.scenario, IndentationScenario) else prepared.simulation
         share = 1.0 / (len(wanted) + 1)
         found[name] = body.compile(lambda part, begin=number * share, share=share: progress("warm", begin + part * share))
     begin = time.perf_counter()

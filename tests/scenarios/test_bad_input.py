@@ -13,7 +13,7 @@ from support import block_mesh
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.model import catalogue
-from explicitfe.scenario.scenario import read_scenario
+from explicitfe.scenario.read import read_scenario
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"

@@ -11,7 +11,7 @@ from support import ROOT
 
 import explicitfe
 from explicitfe.effects import EFFECTS, Measurement
-from explicitfe.scenario.scenario import EffectsTable
+from explicitfe.scenario.effects_table import EffectsTable
 
 REAR, VOWEL = ROOT / "scenarios" / "indentation-rear.toml", ROOT / "scenarios" / "vowel-i.toml"
 QUICK = ("model.symmetry=sector", "model.edge_size_mm=1.5", "analysis.forces_N=[0.1, 0.3, 0.1]")

@@ -21,9 +21,9 @@ from explicitfe.model import catalogue
 from explicitfe.results import open_result
 from explicitfe.run.check import LISTS
 from explicitfe.run.run import prepare
-from explicitfe.scenario.scenario import json_schema
+from explicitfe.scenario.read import json_schema
 from explicitfe.solve.transient import Transient
-from explicitfe.view.figures import hourglass_share
+from explicitfe.view.hourglass import hourglass_share
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"

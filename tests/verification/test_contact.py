@@ -468,4 +468,4 @@ def test_points_stand_for_the_area(symmetry, shape):
         assert np.pi * 0.008**2 < area < 1.1 * np.pi * 0.01**2
         return
     assert area == pytest.approx(wanted, rel=1e-12 if symmetry == "sector" else 0.007)
-    assert np.allclose(body.contact.weight.sum(axis=1), 1.0, rtol=0.0, atol=1e-15)
+    assert np.allclose(body.contact.points.weight.sum(axis=1), 1.0, rtol=0.0, atol=1e-15)

@@ -18,7 +18,7 @@ from explicitfe.materials.yeoh import Yeoh
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.boundary import turn, turn_back
-from explicitfe.solve.equilibrium import TOLERANCE, Equilibrium, Relaxation, Stuck
+from explicitfe.solve.equilibrium import RESIDUAL_TOLERANCE, Equilibrium, Relaxation, Stuck
 
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 RADIUS, HEIGHT = 0.020, 0.010  # m, of the cylinder
@@ -29,7 +29,7 @@ PLATEN = {"shape": "platen"}
 BLOCK = {"symmetry": "whole", "size_mm": (16.0, 16.0, 10.0), "edge_size_mm": 5.0}
 
 
-def body_of(tool: dict = PUNCH, *, tolerance: float = TOLERANCE, material: dict = MATERIAL, **specimen) -> Relaxation:
+def body_of(tool: dict = PUNCH, *, tolerance: float = RESIDUAL_TOLERANCE, material: dict = MATERIAL, **specimen) -> Relaxation:
     """A specimen, by default a sector of a cylinder of 20 x 10 mm, at rest under its dead loads."""
     if "size_mm" not in specimen:
         specimen = {"radius_mm": 1e3 * RADIUS, "height_mm": 1e3 * HEIGHT, **specimen}
@@ -59,10 +59,10 @@ def all_forces(body: Relaxation, u: np.ndarray) -> np.ndarray:
     """Forces of tissue, tool and dead loads on the node rows, those of a sector's far side handed to the near one."""
     u = u.copy()
     force = np.zeros_like(u)
-    turn(u, body.turned)
+    turn(u, body._tie.turned)
     body.kernels.forces(u, force, body.blocks)
-    turn_back(force, body.turned)
-    body.kernels.press(u, force, body.contact, body.tool)
+    turn_back(force, body._tie.turned)
+    body.kernels.press(u, force, body.contact.points, body.contact.tool)
     return force + body._external
 
 
@@ -145,7 +145,7 @@ def test_equilibrium_against_newton(base, tolerance, record_property):
     found = reached(body.move(1e-3))
     u = np.zeros_like(body.state.u)
     for depth in np.linspace(0.0, 1e-3, 5)[1:]:
-        body.tool[DEPTH] = body.touch_m + depth
+        body.contact.tool[DEPTH] = body.touch_m + depth
         for _ in range(30):
             K, free = tangent(body, u)
             rest = all_forces(body, u)[free[:, 0], free[:, 1]]
@@ -153,7 +153,7 @@ def test_equilibrium_against_newton(base, tolerance, record_property):
             if np.linalg.norm(rest) < 1e-10:
                 break
     pushed = np.zeros_like(u)
-    body.kernels.press(u, pushed, body.contact, body.tool)
+    body.kernels.press(u, pushed, body.contact.points, body.contact.tool)
     assert np.linalg.norm(rest) < 1e-10
     off = np.abs(u - body.state.u).max() / np.abs(u).max()
     record_property("displacement off by", off)
@@ -271,8 +271,8 @@ def test_friction_loses_what_the_tool_put_in(record_property):
     d, F, stored, lost = [0.0], [0.0], 0.0, 0.0
     for force in np.linspace(0.0, 0.12, 25)[1:]:
         found = press(body, force)[0]
-        _, _, traction = body._touch()
-        sheared = body.model.copies * 0.5 * np.sum(np.sum(traction**2, axis=1) / body.contact.grip)
+        _, _, traction = body.contact.touch(body.state.u)
+        sheared = body.model.copies * 0.5 * np.sum(np.sum(traction**2, axis=1) / body.contact.points.grip)
         d.append(found.displacement_m)
         F.append(found.force_N)
         stored, lost = found.internal_J + found.hourglass_J + found.contact_J + sheared, found.friction_loss_J
@@ -497,7 +497,7 @@ def test_friction_in_a_block_is_bounded_by_coulomb(record_property):
     for mu in (0.05, 1.0):
         body = body_of(PLATEN | {"friction": mu}, **BLOCK, base="sliding")
         press(body, [0.05, 0.1])
-        _, push, traction = body._touch()
+        _, push, traction = body.contact.touch(body.state.u)
         size = np.linalg.norm(traction, axis=1)
         pressed = push > 0.0
         assert (size <= mu * push * (1.0 + 1e-12)).all()

@@ -141,6 +141,6 @@ def test_block_held_by_friction_alone(share, record_property):
         assert not isinstance(found, Equilibrium)
         return
     assert isinstance(found, Equilibrium), found
-    friction = -body._touch()[2][:, 0].sum()
+    friction = -body.contact.touch(body.state.u)[2][:, 0].sum()
     record_property("friction over pull", friction / pull)
     assert friction == pytest.approx(pull, rel=1e-2)

@@ -1,0 +1,40 @@
+"""The table [effects] of a scenario: one key an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from pydantic import Field, create_model
+
+from explicitfe.effects import EFFECTS, Effect
+from explicitfe.scenario.table import Table
+
+
+class EffectsBase(Table):
+    """What the elastic model lacks, each by its name."""
+
+    @property
+    def chosen(self) -> tuple[Effect, ...]:
+        """The effects that are there, in the order of the table."""
+        there = (getattr(self, name) for name in type(self).model_fields)
+        return tuple(effect for effect in there if effect is not None)
+
+    def without(self, effects: Sequence[Effect]) -> EffectsBase:
+        """The others."""
+        names = [name for name in type(self).model_fields if any(getattr(self, name) is effect for effect in effects)]
+        return self.model_copy(update=dict.fromkeys(names))
+
+
+if TYPE_CHECKING:
+    EffectsTable = EffectsBase
+else:
+    # One key an effect: a new effect is possible in scenarios without a word here. Names have dashes, attributes cannot.
+    EffectsTable = create_model(
+        "EffectsTable",
+        __base__=EffectsBase,
+        **{
+            name.replace("-", "_"): (kind | None, Field(default=None, alias=name, description=kind.about.title))
+            for name, kind in EFFECTS.items()
+        },
+    )

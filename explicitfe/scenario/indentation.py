@@ -1,0 +1,153 @@
+"""The scenario of an indentation: a tool comes down on a specimen, one equilibrium after the other."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from explicitfe.scenario.effects_table import EffectsTable
+from explicitfe.scenario.material import Material
+from explicitfe.scenario.table import Size, Table, Threads, Vector
+
+
+class SpecimenTable(Table):
+    """A cylinder or a block of tissue, base at z = 0, under a tool that comes down the z axis."""
+
+    name: Literal["specimen"] = "specimen"
+    symmetry: Literal["sector", "quarter", "half", "whole"] = Field(
+        default="sector", description="the part that is computed; a sector stands for a body of revolution"
+    )
+    radius_mm: float | None = Field(default=None, gt=0.0, description="of a cylinder")
+    height_mm: float | None = Field(default=None, gt=0.0, description="of a cylinder")
+    size_mm: Size | None = Field(default=None, description="of a block, instead of radius and height: [x, y, z]")
+    layer_mm: float = Field(default=0.0, ge=0.0, description="thickness of a surface layer, such as the mucosa")
+    layer_stiffness_ratio: float = Field(default=1.0, gt=0.0, description="its moduli relative to the tissue below")
+    base: Literal["bonded", "sliding"] = "bonded"
+    bonded_radius_mm: float | None = Field(
+        default=None, gt=0.0, description="a bonded base is so only within this distance of the axis, and slides beyond"
+    )
+    material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
+    element: Literal["hex8", "hex8-stiffness", "hex8-full"] = "hex8"
+    gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity; it acts before the tool touches")
+    edge_size_mm: float | None = Field(
+        default=None, gt=0.0, description="size of the elements at the tool's edge; from the tool if left out"
+    )
+    refinement: float = Field(default=1.0, gt=0.0, description="divides all element sizes")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> SpecimenTable:
+        round_ = self.radius_mm is not None and self.height_mm is not None
+        if (self.radius_mm is not None or self.height_mm is not None) and self.size_mm is not None:
+            raise ValueError("give radius_mm and height_mm (a cylinder) or size_mm (a block), not both")
+        if not round_ and self.size_mm is None:
+            raise ValueError("give radius_mm and height_mm (a cylinder) or size_mm (a block)")
+        if self.size_mm is not None and min(self.size_mm) <= 0.0:
+            raise ValueError("the lengths of size_mm must be above 0")
+        if self.size_mm is not None and self.symmetry == "sector":
+            raise ValueError('a sector is for a cylinder; for a block take symmetry = "quarter", "half" or "whole"')
+        if self.layer_mm >= self.thickness_mm:
+            raise ValueError("layer_mm must be less than the height of the specimen")
+        if self.bonded_radius_mm is not None and self.base != "bonded":
+            raise ValueError('bonded_radius_mm goes with base = "bonded"')
+        sideways = [k for k, free in (("x", ("half", "whole")), ("y", ("whole",))) if self.symmetry not in free]
+        if any(self.gravity_m_s2["xyz".index(k)] for k in sideways):
+            raise ValueError(f"gravity_m_s2 must not act along {' or '.join(sideways)}: symmetry = {self.symmetry!r} excludes it")
+        return self
+
+    @property
+    def thickness_mm(self) -> float:
+        """Along z."""
+        if self.size_mm is not None:
+            return self.size_mm[2]
+        assert self.height_mm is not None
+        return self.height_mm
+
+
+def _coefficient(value: Any) -> Any:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if value != "stick" and not (number and 0.0 <= value <= 1.0):
+        raise ValueError('must be a coefficient from 0 to 1, or "stick"')
+    return value
+
+
+Friction = Annotated[float | Literal["stick"], BeforeValidator(_coefficient)]
+
+
+class ToolTable(Table):
+    """A rigid tool that comes down the z axis."""
+
+    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
+    radius_mm: float | None = Field(default=None, gt=0.0, description="of all but a platen, which is wider than the specimen")
+    edge_radius_mm: float | None = Field(default=None, gt=0.0, description="of a flat cylinder; 1 if left out")
+    friction: Friction = Field(default=0.0, description='a coefficient from 0 to 1, or "stick"')
+
+    @model_validator(mode="after")
+    def _whole(self) -> ToolTable:
+        if (self.shape == "platen") != (self.radius_mm is None):
+            raise ValueError("radius_mm goes with every shape but a platen")
+        if self.edge_radius_mm is not None and self.shape != "flat-cylinder":
+            raise ValueError('edge_radius_mm goes with shape = "flat-cylinder"')
+        if self.shape == "flat-cylinder" and self.rounding_mm > (self.radius_mm or 0.0):
+            raise ValueError("edge_radius_mm must not be above radius_mm")
+        if self.shape == "bonded-disc" and self.friction != 0.0:
+            raise ValueError("a bonded disc is tied, it knows no friction")
+        return self
+
+    @property
+    def rounding_mm(self) -> float:
+        """Radius of the edge of a flat cylinder."""
+        return 1.0 if self.edge_radius_mm is None else self.edge_radius_mm
+
+
+class RelaxationTable(Table):
+    """One equilibrium after the other, by dynamic relaxation."""
+
+    type: Literal["relaxation"]
+    forces_N: list[Annotated[float, Field(ge=0.0)]] | None = Field(
+        default=None, description="of the whole tool, one after the other"
+    )
+    displacements_mm: list[float] | None = Field(
+        default=None, description="of the tool into the tissue, instead of forces; negative: away from it"
+    )
+    times_s: list[float] | None = Field(default=None, description="when; 1 s a load if left out")
+    tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual")
+    threads: Threads = None
+
+    @model_validator(mode="after")
+    def _one_course(self) -> RelaxationTable:
+        if (self.forces_N is None) == (self.displacements_mm is None):
+            raise ValueError("give either forces_N or displacements_mm, and not both")
+        if not self.course:
+            raise ValueError("at least one load is needed")
+        if self.times_s is not None and len(self.times_s) != len(self.course):
+            raise ValueError(f"times_s has {len(self.times_s)} entries and the loads are {len(self.course)}")
+        if self.times_s is not None and any(b <= a for a, b in zip([0.0, *self.times_s], self.times_s, strict=False)):
+            raise ValueError("times_s must rise from above 0")
+        return self
+
+    @property
+    def course(self) -> list[float]:
+        """The loads, N or mm."""
+        return (self.displacements_mm if self.forces_N is None else self.forces_N) or []
+
+
+class SpecimenRecordTable(Table):
+    """What is stored."""
+
+    fields: list[Literal["displacement", "J", "strain_energy_density", "hourglass_energy"]] = Field(
+        default=["displacement", "J", "strain_energy_density", "hourglass_energy"]
+    )
+
+
+class IndentationScenario(Table):
+    """One indentation, as its file states it."""
+
+    title: str
+    question: str = ""
+    expect: str = Field(default="", description="what the run should show, with the number to expect")
+    model: SpecimenTable
+    tool: ToolTable
+    effects: EffectsTable = EffectsTable()
+    analysis: RelaxationTable
+    record: SpecimenRecordTable = SpecimenRecordTable()

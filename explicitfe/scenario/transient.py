@@ -1,0 +1,119 @@
+"""The scenario of a transient run: muscles pull, and time passes."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+from pydantic import Field, model_validator
+
+from explicitfe.scenario.effects_table import EffectsTable
+from explicitfe.scenario.material import Material
+from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
+
+FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
+
+
+FIELDS: tuple[str, ...] = get_args(FieldName)
+
+
+class Damping(Table):
+    """Mass-proportional damping, and damping in proportion to the stiffness of the tissue's shear."""
+
+    alpha_per_s: float = Field(default=0.0, ge=0.0, description="Rayleigh alpha [1/s]; 40 is usual for tongue models")
+    beta_s: float = Field(
+        default=0.0, ge=0.0, description="Rayleigh beta [s], by a Maxwell branch; 0.03 is usual for tongue models"
+    )
+    tau_ms: float = Field(default=5.0, gt=0.0, description="relaxation time of that branch [ms]: it damps below 1 / (2 pi tau)")
+
+
+class ModelTable(Table):
+    """What is computed: a built-in model by name, or a mesh of one's own by its model file."""
+
+    name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
+    file: str | None = Field(default=None, description="model file of a mesh of one's own, relative to this file")
+    resolution: str | None = Field(default=None, description="coarse | medium | fine; medium if left out")
+    cells: Cells | None = Field(
+        default=None, description="numbers of elements along the tongue, through its thickness and across it"
+    )
+    material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
+    element: Literal["hex8", "hex8-stiffness", "hex8-full"] = Field(
+        default="hex8",
+        description="one point with assumed-strain hourglass control, one point with plain stiffness, or eight points",
+    )
+    damping: Damping = Damping()
+    fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
+    gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> ModelTable:
+        if (self.name is None) == (self.file is None):
+            raise ValueError("give either name (a built-in model) or file (a model file), and not both")
+        if self.resolution is not None and self.cells is not None:
+            raise ValueError("give either resolution or cells, not both")
+        if self.file is not None and (self.resolution is not None or self.cells is not None):
+            raise ValueError("resolution and cells are for built-in models: a model file brings its own mesh")
+        return self
+
+
+class MuscleTable(Table):
+    """One muscle's pull."""
+
+    name: str = Field(description="see 'explicitfe list muscles'")
+    force_N: float = Field(ge=0.0, description="force summed over all fibres of the sides named [N]")
+    profile: Literal["step", "ramp", "table"] = "step"
+    start_ms: float = Field(default=0.0, ge=0.0)
+    rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
+    end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
+    table: list[Pair] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
+    distribution: Literal["ends", "along", "volume"] = "ends"
+    direction: Literal["reference", "following"] = "reference"
+    side: Literal["both", "left", "right"] = "both"
+
+    @model_validator(mode="after")
+    def _profile_is_whole(self) -> MuscleTable:
+        if self.end_ms is not None and self.end_ms <= self.start_ms + self.rise_ms:
+            raise ValueError("end_ms must come after start_ms + rise_ms")
+        if (self.profile == "ramp") != (self.rise_ms > 0.0):
+            raise ValueError('profile = "ramp" and rise_ms above 0 go together')
+        if (self.profile == "table") != bool(self.table):
+            raise ValueError('profile = "table" and a table of [time_ms, scale] pairs go together')
+        if self.profile == "table" and (self.start_ms > 0.0 or self.end_ms is not None):
+            raise ValueError('start_ms and end_ms do not go with profile = "table": put the times into the table')
+        times = [time for time, _ in self.table]
+        if times != sorted(times) or any(time < 0.0 for time in times):
+            raise ValueError("the times of table must not be negative and must not decrease")
+        if any(scale < 0.0 for _, scale in self.table):
+            raise ValueError("the scales of table must not be negative: a muscle pulls, it does not push")
+        return self
+
+
+class AnalysisTable(Table):
+    """How it is computed."""
+
+    type: Literal["transient"] = "transient"
+    duration_ms: float = Field(gt=0.0, description="simulated time [ms]")
+    step_us: float | None = Field(
+        default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable one if left out"
+    )
+    threads: Threads = None
+
+
+class RecordTable(Table):
+    """What is stored."""
+
+    every_ms: float = Field(default=1.0, gt=0.0)
+    fields: list[FieldName] = Field(default=list(FIELDS))
+    probes: list[str] | None = Field(default=None, description="named points; all of the model if left out")
+
+
+class TransientScenario(Table):
+    """One run, as its file states it."""
+
+    title: str
+    question: str = ""
+    expect: str = Field(default="", description="what the run should show, with the number to expect")
+    model: ModelTable
+    muscle: list[MuscleTable] = Field(default=[])
+    effects: EffectsTable = EffectsTable()
+    analysis: AnalysisTable
+    record: RecordTable = RecordTable()

@@ -10,59 +10,49 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from explicitfe.compiled.arrays import (
-    COMPLIANCE,
     DEPTH,
     DRIVE,
     FREE,
-    FRICTION,
-    GOAL,
     KINETIC_RATIO,
     LOAD,
     LOADS,
     MOMENT,
     MONITOR,
-    PACE,
     POWER,
     RESIDUAL,
     REST_J,
-    SHAPE,
     STIFFNESS,
     SUMS,
-    TIED,
-    TILT,
-    TOOL,
     WORK,
-    Contact,
-    Nodes,
     Springs,
-    Turned,
     zeros,
 )
 from explicitfe.compiled.threads import together
 from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
+from explicitfe.solve.contact_points import PENETRATION_SHARE, ToolContact
+from explicitfe.solve.fictitious_masses import fictitious_masses
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.relax_step import RESTLESS
-from explicitfe.solve.stable_step import stiffness_rows
+from explicitfe.solve.sector import SectorTie
 
-TOLERANCE = 1e-4
-SAFETY = 1.1  # on the masses: what the tissue may stiffen by on the way to the next load
-CHUNK = 400  # iterations between two looks from outside
-ELEMENTS_A_THREAD = 500  # measured: threads stay together for so many iterations that waking them costs nothing
-PATIENCE = 8000  # iterations without progress, the residual falling by a tenth, before a load is approached in halves
-PROGRESS = 0.9
+RESIDUAL_TOLERANCE = 1e-4  # unbalanced forces, relative to those of tool and loads, at which a load has converged by default
+ITERATIONS_PER_LOOK = 400  # between two looks from outside the compiled loop
+# Measured: threads stay together for so many iterations that waking them costs nothing.
+ELEMENTS_PER_RELAXING_THREAD = 500
+# A load is approached in halves when the residual has not fallen by a tenth in so many iterations, and given up after so many
+# halvings: what converges does so in a fraction of the first, and a 256th of an increment is no increment any more.
+ITERATIONS_WITHOUT_PROGRESS = 8000
+SHARE_OF_RESIDUAL_THAT_IS_PROGRESS = 0.9
 HALVINGS = 8
-LEAD = 200  # iterations in which a tool whose way is given gets there
-REACH = 1.5  # a load is extrapolated to by so many times the last increment
-# The contact springs begin at this multiple of G / face size; they are doubled while the tool sinks in by more than its share.
-SPRING = 4000.0
-PENETRATION = 1e-3  # of the indentation
-LEAST = 0.01  # of the largest load and work so far: a load that has all but gone is no measure of a residual
-GRIP = 0.1  # stiffness of sticking, relative to that of pressing
+LONGEST_EXTRAPOLATION = 1.5  # in increments: a load further away than so many times the last increment begins without a guess
+# A load that has all but gone is no measure of a residual: it is compared to this share of the largest load and work so far.
+LEAST_SHARE_OF_LARGEST_LOAD = 0.01
 
 
 @dataclass(frozen=True)
@@ -123,6 +113,14 @@ class Stuck:
     place_m: np.ndarray
 
 
+class _Station(NamedTuple):
+    """An equilibrium that was passed."""
+
+    coordinate: float  # force [N] or displacement [m], whichever is imposed
+    u: np.ndarray  # displacement rows [m], (N, 4)
+    depth_m: float  # of the tool
+
+
 class Relaxation(Body):
     """A body with a tool, at rest, ready to be loaded.
 
@@ -133,15 +131,17 @@ class Relaxation(Body):
     threads : that share an iteration; as many as it pays for a mesh of this size, if left out. One for a sector.
     """
 
-    def __init__(self, model: Model, tolerance: float = TOLERANCE, threads: int | None = None) -> None:
+    def __init__(self, model: Model, tolerance: float = RESIDUAL_TOLERANCE, threads: int | None = None) -> None:
         super().__init__(model)
         self.tolerance = tolerance
         self.iterations = 0
         self.friction_loss_J = 0.0
         self.touch_m = 0.0
         self.time_s = 0.0
-        self._tie()
-        self._grip()
+        self._tie = SectorTie(self.model.sector, self._place)
+        self._free = ~self.model.held[self.node_order] & ~self._tie.on_far_side[:, None]
+        self.contact = ToolContact(self.model, self._place, self.points, self.kernels)
+        self._by_force = False
         support = self.model.support
         self.springs = Springs(
             np.zeros(0, dtype=np.int64) if support is None else self._place[support.node],
@@ -149,35 +149,28 @@ class Relaxation(Body):
         )
         self._external = self._dead_forces()
         self._inner = zeros(self.state.u.shape)
-        count = 1 if len(self.turned.node) else threads or usual_threads(len(self.hexes), ELEMENTS_A_THREAD)
+        count = 1 if len(self._tie.turned.node) else threads or usual_threads(len(self.hexes), ELEMENTS_PER_RELAXING_THREAD)
         self.parts = parts_of(self.state, self.blocks, count)
         self._sums = zeros((len(self.parts), SUMS))
         self._monitor = np.zeros(MONITOR)
         self._monitor[REST_J] = 1.0
         self._largest_load = self._largest_work = self._deepest = 0.0
-        self._known: list[tuple[float, np.ndarray, float]] = []
+        self._known: list[_Station] = []
         self._commit(0.0)
 
     # ---- what a load does ----
 
     def settle(self, progress: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
         """Equilibrium under the dead loads alone, the tool out of reach or, where it is tied, without a load; it then touches."""
-        if not self._external.any() and self.contact.shape[TILT] == 0.0:
+        if not self._external.any() and not self.contact.tilted:
             return self._touched(0.0)
-        tied = self.contact.shape[TIED] > 0.0
-        beyond = 0.0 if tied else -1.0  # m
-        self.tool[[FREE, LOAD, DEPTH, DRIVE, GOAL]] = float(tied), 0.0, beyond, beyond, beyond
+        self.contact.retreat()
         failure = self._attempt(progress)
         if failure is not None:
             return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
-        if tied:
-            return self._touched(float(self.tool[DEPTH]))
-        # Down by the distance to the nearest point, again and again: the tool never gets past a point.
-        gap = self._touch()[0].min(initial=np.inf)
-        while 1e-15 < gap < np.inf:
-            self.tool[DEPTH] += gap
-            gap = self._touch()[0].min()
-        return self._touched(float(self.tool[DEPTH]))
+        if not self.contact.tied:
+            self.contact.descend_to_first_touch(self.state.u)
+        return self._touched(self.contact.depth_m)
 
     def press(
         self, force_N: float, progress: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
@@ -204,8 +197,8 @@ class Relaxation(Body):
         progress(0.4)
         self._relax(0)
         progress(0.8)
-        self._touch()
-        self._tool_force()
+        self.contact.touch(self.state.u)
+        self.contact.force(self.state.u)
         self._energies()
         progress(1.0)
         return time.perf_counter() - begin
@@ -213,13 +206,13 @@ class Relaxation(Body):
     def equilibrium(self, iterations: int) -> Equilibrium:
         """The present state in numbers."""
         copies = self.model.copies
-        gap, push, _ = self._touch()
+        gap, push, _ = self.contact.touch(self.state.u)
         internal, hourglass, lost = self._energies()
         pressed = push > 0.0
-        place = self._contact_places()
+        place = self.contact.places(self.state.u)
         return Equilibrium(
-            force_N=copies * float(self._tool_force()),
-            displacement_m=self._driven() - self.touch_m,
+            force_N=copies * self.contact.force(self.state.u),
+            displacement_m=self.contact.driven_m(self.state.u) - self.touch_m,
             iterations=iterations,
             residual=float(self._monitor[RESIDUAL]),
             kinetic_ratio=float(self._monitor[KINETIC_RATIO]),
@@ -237,7 +230,9 @@ class Relaxation(Body):
 
     def contact_pressure(self) -> tuple[np.ndarray, np.ndarray]:
         """Present places (k, 3) m of the contact points, and the pressure of the tool there (k,) Pa."""
-        return self._contact_places(), self._touch()[1] / self.model.tool.areas_m2
+        if self.model.tool is None:
+            raise ValueError("the model has no tool")
+        return self.contact.places(self.state.u), self.contact.touch(self.state.u).push / self.model.tool.areas_m2
 
     def element_fields(self) -> dict[str, np.ndarray]:
         """J, strain energy density [Pa] with that of hourglass control, and hourglass energy [J] of each element, (m,)."""
@@ -253,45 +248,46 @@ class Relaxation(Body):
 
     # ---- approaching a load ----
 
-    def _touched(self, depth: float) -> Equilibrium | Stuck:
+    def _touched(self, depth_m: float) -> Equilibrium | Stuck:
         """Count displacements from here on."""
-        self.touch_m = depth
-        self.tool[[DEPTH, DRIVE]] = depth
+        self.touch_m = depth_m
+        self.contact.tool[[DEPTH, DRIVE]] = depth_m
         self._known.clear()
         self._commit(0.0)
         preload = 0.0 if self.model.tool is None else self.model.tool.preload_N
         if preload > 0.0:
-            found = self.press(preload)
-            if isinstance(found, Stuck):
-                return found
+            preloaded = self.press(preload)
+            if isinstance(preloaded, Stuck):
+                return preloaded
             self.touch_m, self._by_force = self._drive, False
-            self._known = [(0.0, *self._known[-1][1:])]
+            self._known = [self._known[-1]._replace(coordinate=0.0)]
         return self.equilibrium(0)
 
     def _approach(self, goal: float, by_force: bool, at_s: float, progress: Callable[[float], None]) -> Equilibrium | Stuck:
         if at_s < self.time_s:
             raise ValueError(f"time runs backwards, from {self.time_s:g} s to {at_s:g} s")
-        self.tool[FREE] = float(by_force)
+        self.contact.tool[FREE] = float(by_force)
         if by_force != self._by_force:
-            self._known = [(self._coordinate(by_force), *self._known[-1][1:])]
+            self._known = [self._known[-1]._replace(coordinate=self._coordinate(by_force))]
             self._by_force = by_force
-        begin, since = self._known[-1][0], self.time_s
+        begin, since = self._known[-1].coordinate, self.time_s
         before = self.iterations
-        done, shares = 0.0, [1.0]  # of the way; load and time go together
+        done, shares = 0.0, [1.0]  # of the increment; load and time go together
         while shares:
             share = shares[-1]
             now = begin + share * (goal - begin) if share < 1.0 else goal
             self.set_increment((share - done) * (at_s - since))
             self._start(now)
             failure = self._attempt(progress)
-            if failure is None and self._stiffen():
+            deepest_m = max(self._deepest, abs(self.contact.depth_m - self.touch_m))
+            if failure is None and self.contact.stiffen(self.state.u, deepest_m):
                 continue
             if failure is None:
                 done = shares.pop()
                 self.time_s = since + done * (at_s - since) if done < 1.0 else at_s
                 self._commit(now)
                 continue
-            stuck = Stuck(failure, now, self._known[-1][0], float(self._monitor[RESIDUAL]), self._worst(failure))
+            stuck = Stuck(failure, now, self._known[-1].coordinate, float(self._monitor[RESIDUAL]), self._worst(failure))
             self._restore()
             if share - done <= 0.5**HALVINGS:
                 self.set_increment(0.0)
@@ -302,38 +298,20 @@ class Relaxation(Body):
     def _start(self, goal: float) -> None:
         """The tool's goal, and where the body may be then: a parabola through the last equilibria."""
         if self._by_force:
-            self.tool[LOAD] = goal / self.model.copies
-        u = self._known[-1][1]
-        depth = self._known[-1][2]
+            self.contact.tool[LOAD] = goal / self.model.copies
+        u, depth_m = self._known[-1].u, self._known[-1].depth_m
         last = self._known[-3:]
-        at = [p for p, _, _ in last]
-        if len(last) > 1 and len(set(at)) == len(at) and abs(goal - at[-1]) <= REACH * abs(at[-1] - at[-2]):
+        at = [known.coordinate for known in last]
+        if len(last) > 1 and len(set(at)) == len(at) and abs(goal - at[-1]) <= LONGEST_EXTRAPOLATION * abs(at[-1] - at[-2]):
             weights = [np.prod([(goal - q) / (p - q) for q in at if q != p]) for p in at]
-            u = sum(w * k[1] for w, k in zip(weights, last, strict=True))
-            depth = sum(w * k[2] for w, k in zip(weights, last, strict=True))
+            u = sum(w * known.u for w, known in zip(weights, last, strict=True))
+            depth_m = sum(w * known.depth_m for w, known in zip(weights, last, strict=True))
         self.state.u[:] = u
-        self.tool[DEPTH] = depth
+        self.contact.tool[DEPTH] = depth_m
         if not self._by_force:
-            self._lead(goal)
+            allowed_m = PENETRATION_SHARE * max(self._deepest, abs(goal))
+            self.contact.aim(self.state.u, goal + self.touch_m, self._drive, allowed_m)
         self._stop()
-
-    def _lead(self, goal: float) -> None:
-        """Lift the tool to where the surface is hardly pressed: a sudden deep push would tear the elements there."""
-        depth = self.tool[DEPTH]
-        self.tool[[DEPTH, DRIVE, GOAL]] = goal + self.touch_m
-        if self.contact.shape[TIED] > 0.0 or self.tool[COMPLIANCE] > 0.0:
-            self.tool[DEPTH], self.tool[DRIVE] = depth, self._drive
-        for _ in range(20):
-            inside = -self._touch()[0].min(initial=0.0)
-            if (
-                self.contact.shape[TIED] > 0.0
-                or self.tool[COMPLIANCE] > 0.0
-                or inside <= PENETRATION * max(self._deepest, abs(goal))
-            ):
-                break
-            self.tool[DEPTH] -= inside
-            self.tool[DRIVE] = self.tool[DEPTH]
-        self.tool[PACE] = max(abs(self.tool[GOAL] - self.tool[DRIVE]), 1e-15) / LEAD
 
     def _attempt(self, progress: Callable[[float], None]) -> str | None:
         """Relax from the present state; what went wrong, if anything did."""
@@ -349,12 +327,12 @@ class Relaxation(Body):
         first = best = np.inf
         idle = 0  # iterations without progress
         heavy = False
-        while idle < PATIENCE:
+        while idle < ITERATIONS_WITHOUT_PROGRESS:
             if not heavy:
                 if not self._find_masses():
                     return "inverted"
                 heavy = True
-            done = self._relax(CHUNK)
+            done = self._relax(ITERATIONS_PER_LOOK)
             self.iterations += done
             idle += done
             residual = self._monitor[RESIDUAL]
@@ -364,10 +342,10 @@ class Relaxation(Body):
                 heavy = False
                 self._stop()
                 continue
-            if done < CHUNK:
+            if done < ITERATIONS_PER_LOOK:
                 return None
             first = residual if first == np.inf else first
-            idle = 0 if residual < PROGRESS * best else idle
+            idle = 0 if residual < SHARE_OF_RESIDUAL_THAT_IS_PROGRESS * best else idle
             best = min(best, residual)
             progress(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
         return "not-converged"
@@ -379,14 +357,14 @@ class Relaxation(Body):
     def _relax(self, iterations: int) -> int:
         rest = (
             self.nodes,
-            self.turned,
+            self._tie.turned,
             self.springs,
-            self.contact,
-            self.tool,
+            self.contact.points,
+            self.contact.tool,
             self._sums,
             float(self.tolerance),
-            LEAST * self._largest_load,
-            LEAST * self._largest_work,
+            LEAST_SHARE_OF_LARGEST_LOAD * self._largest_load,
+            LEAST_SHARE_OF_LARGEST_LOAD * self._largest_work,
             int(iterations),
             self._monitor,
         )
@@ -397,31 +375,12 @@ class Relaxation(Body):
         ]
         return together(tasks, gate)[0]
 
-    def _stiffen(self) -> bool:
-        """Double the contact springs where the tool has sunk in too far; whether that was needed."""
-        depth = self._touch()[0].min(initial=0.0)
-        if self.model.tool is None or -depth <= PENETRATION * max(self._deepest, abs(self.tool[DEPTH] - self.touch_m)):
-            return False
-        if self.contact.shape[TIED] > 0.0:
-            return False
-        self.contact.spring[:] *= 2.0
-        self.contact.grip[:] *= 2.0
-        return True
-
     def _commit(self, coordinate: float) -> None:
         """What the history keeps of an equilibrium: the state, and where friction has slipped to."""
-        push, traction = self._touch()[1:]
-        contact = self.contact
-        place = np.einsum("kc,kci->ki", contact.weight, self.state.u[contact.node, :3])
-        place[:, 2] += self.tool[DEPTH]
-        if len(place) and contact.grip.any() and not contact.shape[TIED] > 0.0:
-            # What sticks keeps its elastic slip; what is free begins to slip where it touches next.
-            elastic = np.where(push[:, None] > 0.0, -traction / contact.grip[:, None], 0.0)
-            self.friction_loss_J += float(-np.sum(traction * (place - elastic - contact.anchor)))
-            contact.anchor[:] = place - elastic
-        self._known = [*self._known[-3:], (coordinate, self.state.u.copy(), float(self.tool[DEPTH]))]
-        self._drive = self._driven()
-        self._deepest = max(self._deepest, abs(self.tool[DEPTH] - self.touch_m))
+        self.friction_loss_J += self.contact.settle_friction(self.state.u)
+        self._known = [*self._known[-3:], _Station(coordinate, self.state.u.copy(), self.contact.depth_m)]
+        self._drive = self.contact.driven_m(self.state.u)
+        self._deepest = max(self._deepest, abs(self.contact.depth_m - self.touch_m))
         self._largest_load = max(self._largest_load, float(self._monitor[LOADS]))
         self._largest_work = max(self._largest_work, float(self._monitor[WORK]))
         if self.model.effects:
@@ -431,107 +390,24 @@ class Relaxation(Body):
 
     def _restore(self) -> None:
         """Back to the last equilibrium."""
-        self.state.u[:] = self._known[-1][1]
+        self.state.u[:] = self._known[-1].u
         self._stop()
-        self.tool[[DEPTH, DRIVE]] = self._known[-1][2], self._drive
-        self.tool[PACE] = abs(self.tool[GOAL] - self._drive) / LEAD
+        self.contact.return_to(self._known[-1].depth_m, self._drive)
 
     def _coordinate(self, by_force: bool) -> float:
         """Force [N] or displacement [m] of the last equilibrium."""
         return self.equilibrium(0).force_N if by_force else self._drive - self.touch_m
 
-    def _driven(self) -> float:
-        """Way of the tool and of what the rig gives way by, as a machine reads it [m]."""
-        return float(self.tool[DEPTH] + self.tool[COMPLIANCE] * self._tool_force())
-
-    # ---- masses ----
+    # ---- inside ----
 
     def _find_masses(self) -> bool:
         """Fictitious masses for the present state; False where an element is inside out there."""
-        rotation = np.where(self._is_turned[self.hexes][..., None, None], self._rotation, np.eye(3))
-        own = self._partner[self.hexes]
-        slot = (own[:, :, None] == own[:, None, :]).argmax(axis=2)
-        free = self._free[own]
         self.kernels.forces(self.state.u, self.state.force, self.blocks)
-        rows = stiffness_rows(
-            self.kernels.forces,
-            self.blocks,
-            self.state.u[self.hexes, :3],
-            np.cbrt(self.volumes),
-            free,
-            slot,
-            rotation,
-        )
-        if not np.isfinite(rows).all():
+        nodes = fictitious_masses(self, self._tie, self._free, self.contact, self.springs)
+        if nodes is None:
             return False
-        mass = zeros(self.state.u.shape)
-        for k in range(3):
-            mass[: len(self.points), k] = 0.25 * SAFETY * np.bincount(own.ravel(), rows[..., k].ravel(), len(self.points))
-        contact = self.contact
-        # a point that slides is pushed along the surface by its friction times what pushes it across
-        across = contact.spring * (1.0 + contact.shape[FRICTION])
-        springs = 0.25 * SAFETY * (across + contact.grip)[:, None] * contact.weight
-        mass[: len(self.points), :3] += np.bincount(contact.node.ravel(), springs.ravel(), len(self.points))[:, None]
-        np.add.at(mass, (self.springs.node, slice(0, 3)), 0.25 * SAFETY * self.springs.stiffness)
-        mass[: len(self.points), :3] *= self._free
-        self.nodes = Nodes(mass, np.divide(1.0, mass, out=zeros(mass.shape), where=mass > 0.0))
+        self.nodes = nodes
         return True
-
-    # ---- inside ----
-
-    def _tie(self) -> None:
-        """The sector's far side moves with the near one."""
-        sector = self.model.sector
-        nodes = partners = np.zeros(0, dtype=np.int64)
-        angle = 0.0
-        if sector is not None:
-            nodes, partners, angle = self._place[sector.nodes], self._place[sector.partners], sector.angle_rad
-        c, s = np.cos(angle), np.sin(angle)
-        self.turned = Turned(nodes, partners, np.array([c, s]))
-        self._rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        self._partner = np.arange(len(self.points))
-        self._partner[nodes] = partners
-        self._is_turned = np.zeros(len(self.points), dtype=bool)
-        self._is_turned[nodes] = True
-        self._free = ~self.model.held[self.node_order] & ~self._is_turned[:, None]
-
-    def _grip(self) -> None:
-        """Contact points of the tool; none without a tool."""
-        tool = self.model.tool
-        self.tool = np.zeros(TOOL)
-        self._by_force = False
-        shape = np.zeros(SHAPE)
-        nodes, weights, areas, facing = np.zeros((0, 4), dtype=np.int64), np.zeros((0, 4)), np.zeros(0), np.zeros(0)
-        stiffness = 0.0
-        if tool is not None:
-            nodes, weights, areas, facing = self._place[tool.nodes], tool.weights, tool.areas_m2, tool.facing_m2
-            stiffness = SPRING * self.model.material.shear_modulus_Pa / tool.face_size_m
-            large = 1e3  # m: beyond any specimen
-            shape[:] = (
-                min(tool.flat_radius_m, large),
-                tool.edge_radius_m,
-                float(tool.wall),
-                tool.height_m,
-                float(tool.tied),
-                tool.friction,
-                tool.tilt_rad,
-                tool.adhesion_Pa,
-                tool.reach_m,
-            )
-            # of the part that is computed: it carries its share of the force
-            self.tool[COMPLIANCE] = tool.compliance_m_N * self.model.copies
-        grips = 1.0 if shape[TIED] else GRIP * (tool is not None and tool.friction > 0.0)
-        self.contact = Contact(
-            node=np.ascontiguousarray(nodes, dtype=np.uint32),
-            weight=np.array(weights),
-            position=np.einsum("kc,kci->ki", weights, self.points[nodes]),
-            spring=stiffness * areas,
-            area=np.array(facing),
-            grip=grips * stiffness * areas,
-            anchor=np.zeros((len(areas), 3)),
-            shape=shape,
-            moved=np.zeros((len(areas), 3)),
-        )
 
     def _dead_forces(self) -> np.ndarray:
         """Dead loads on the node rows; those on the sector's far side act on its near one."""
@@ -539,29 +415,13 @@ class Relaxation(Body):
         for load in self.model.loads:
             np.add.at(forces, load.nodes, load.force_N)
         rows = self._rows(forces)
-        np.add.at(rows, self.turned.partner, rows[self.turned.node] @ np.pad(self._rotation, (0, 1)))
-        rows[self.turned.node] = 0.0
+        self._tie.gather_on_near_side(rows)
         return rows
-
-    def _touch(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Distance [m], normal force [N] and friction force [N] of each contact point."""
-        count = len(self.contact.spring)
-        gap, push, traction = np.zeros(count), np.zeros(count), np.zeros((count, 3))
-        self.kernels.touch(self.state.u, self.contact, self.tool, gap, push, traction)
-        return gap, push, traction
-
-    def _contact_places(self) -> np.ndarray:
-        contact = self.contact
-        return contact.position + np.einsum("kc,kci->ki", contact.weight, self.state.u[contact.node, :3])
 
     def _energies(self) -> tuple[float, float]:
         return self.kernels.elastic_energy(
             self.state.u, self.blocks, self._element_J, self._element_energy, self._element_hourglass
         )
-
-    def _tool_force(self) -> float:
-        """Force of the tool along -z [N], on the part of the body that is modelled."""
-        return self.kernels.press(self.state.u, np.zeros_like(self.state.u), self.contact, self.tool)
 
     def _reaction(self) -> float:
         """Force of what holds the body along +z [N], less the weight that rests on it."""

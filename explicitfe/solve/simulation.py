@@ -13,17 +13,13 @@ from explicitfe.compiled.arrays import (
     LEDGER,
     SMALLEST_J,
     Blocks,
-    DeadLoads,
-    FollowerFibres,
-    Motion,
     zeros,
 )
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import together
-from explicitfe.mesh.hexmesh import MaterialPoints, shape_functions
-from explicitfe.model.model import FibrePull, Model, NodalLoad
-from explicitfe.model.profile import Profile
+from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
+from explicitfe.solve.loads import Loads
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.stable_step import HighestFrequency, fastest_element
 
@@ -72,9 +68,7 @@ class Simulation(Body):
     ) -> None:
         super().__init__(model, displacement=displacement, velocity=velocity)
         self._highest = self._highest_frequency()
-        self._profiles: list[Profile] = []
-        self.loads = self._dead_loads(model.loads)
-        self.fibres = self._follower_fibres(model.pulls)
+        self.loads = Loads(model, self._place)
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self._velocity = np.zeros_like(self.state.u)
@@ -140,11 +134,6 @@ class Simulation(Body):
 
     # ---- loads ----
 
-    @property
-    def load_edges_s(self) -> np.ndarray:
-        """Times at which some load jumps or bends: step boundaries."""
-        return np.unique(np.concatenate([p.edges_s for p in self._profiles] or [np.zeros(0)]))
-
     def external_force(self) -> np.ndarray:
         """External force (n, 3) N at the present time."""
         self._snapshot()
@@ -192,10 +181,10 @@ class Simulation(Body):
         instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
         rest = (
             self.nodes,
-            self.loads,
-            self.fibres,
-            self._activation(instants, dt_s),
-            self._motion(instants),
+            self.loads.dead,
+            self.loads.fibres,
+            self.loads.activation(instants, dt_s),
+            self.loads.motion(instants),
             self._planned,
             float(self.model.alpha_per_s),
             float(self.dt_s),
@@ -296,16 +285,6 @@ class Simulation(Body):
             force[part.first : part.first + part.own] = part.force[: part.own]
         return float(np.min(smallest))
 
-    def _activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
-        return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in self._profiles]).reshape(-1, len(instants))
-
-    def _motion(self, instants: np.ndarray) -> Motion:
-        motion = self.model.motion
-        if motion is None:
-            return Motion(node=np.zeros(0, dtype=np.int64), target=np.zeros((len(instants), 0, 3)))
-        target = np.array(motion.displacement(instants), dtype=float, order="C")  # a copy: a read-only array is another signature
-        return Motion(node=self._place[motion.nodes], target=target)
-
     def _snapshot(self) -> np.ndarray:
         energies = np.empty(ENERGIES)
         energies[:] = self.kernels.snapshot(
@@ -313,10 +292,10 @@ class Simulation(Body):
             self._external,
             self.blocks,
             self.nodes,
-            self.loads,
-            self.fibres,
-            self._activation(np.array([self.time_s]), max(self.dt_s, 1e-12)),
-            self._motion(np.array([self.time_s, self.time_s + self.dt_s])),
+            self.loads.dead,
+            self.loads.fibres,
+            self.loads.activation(np.array([self.time_s]), max(self.dt_s, 1e-12)),
+            self.loads.motion(np.array([self.time_s, self.time_s + self.dt_s])),
             float(self.model.alpha_per_s),
             float(self.dt_s),
             self.ledger,
@@ -326,52 +305,3 @@ class Simulation(Body):
             self._element_hourglass,
         )
         return energies
-
-    def _dead_loads(self, loads: Sequence[NodalLoad]) -> DeadLoads:
-        sizes = [len(load.nodes) for load in loads]
-        nodes = np.concatenate([self._place[load.nodes] for load in loads] or [np.zeros(0, dtype=np.int64)])
-        forces = np.concatenate([np.asarray(load.force_N, dtype=float) for load in loads] or [np.zeros((0, 3))])
-        return DeadLoads(
-            start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-            node=nodes.astype(np.int64),
-            force=np.ascontiguousarray(forces.reshape(-1, 3)),
-            profile=np.array([self._row_of(load.profile) for load in loads], dtype=np.int64),
-        )
-
-    def _follower_fibres(self, pulls: Sequence[FibrePull]) -> FollowerFibres:
-        chains = [
-            (points, tension, self._row_of(pull.profile))
-            for pull in pulls
-            for points, tension in zip(pull.points, pull.tension_N, strict=True)
-        ]
-        sizes = [len(points) for points, _, _ in chains]
-        nodes, weights = self._carriers([points for points, _, _ in chains])
-        return FollowerFibres(
-            start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
-            nodes=nodes,
-            weights=weights,
-            position=np.concatenate([points.position for points, _, _ in chains] or [np.zeros((0, 3))]),
-            # one entry a vertex; the last vertex of a fibre starts no segment
-            tension=np.concatenate([np.append(t, 0.0) for _, t, _ in chains] or [np.zeros(0)]),
-            profile=np.array([p for _, _, p in chains], dtype=np.int64),
-        )
-
-    def _row_of(self, profile: Profile) -> int:
-        """Row of a profile in the activation table; equal profiles share one."""
-        for row, known in enumerate(self._profiles):
-            same = np.array_equal(known.time_s, profile.time_s) and np.array_equal(known.scale, profile.scale)
-            if same and known.lag_s == profile.lag_s:
-                return row
-        self._profiles.append(profile)
-        return len(self._profiles) - 1
-
-    def _carriers(self, chains: Sequence[MaterialPoints]) -> tuple[np.ndarray, np.ndarray]:
-        """Nodes (k, 8) in computing order and weights (k, 8) of all points; points fixed in space hang on the idle row."""
-        element = np.concatenate([points.element for points in chains] or [np.zeros(0, dtype=np.int64)])
-        natural = np.concatenate([points.natural for points in chains] or [np.zeros((0, 3))])
-        in_space = element < 0
-        nodes = self._place[self.model.mesh.hexes[np.where(in_space, 0, element)]]
-        nodes[in_space] = self.model.mesh.node_count
-        weights = shape_functions(natural)
-        weights[in_space] = 0.0
-        return np.ascontiguousarray(nodes), np.ascontiguousarray(weights)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, RunError
 from explicitfe.solve.simulation import Simulation, Snapshot
 from explicitfe.solve.stable_step import FRACTION
 
@@ -56,7 +57,7 @@ class Transient:
         self.simulation = simulation
         self.duration_s = duration_s
         self.step_s = step_s
-        edges = simulation.load_edges_s
+        edges = simulation.loads.edges_s
         self._marks = np.append(edges[(edges > 0.0) & (edges < duration_s * (1.0 - 1e-9))], duration_s)
         self._mark = 0
         self._since = 0  # steps since the limit was looked at
@@ -100,6 +101,21 @@ class Transient:
                 if not self.finished:
                     self._divide(self.step_s or FRACTION * self.limit_s)
         return None
+
+    def samples(self, every_s: float) -> Iterator[Snapshot]:
+        """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
+
+        Raises
+        ------
+        RunError : the run cannot go on; what it gave until then stands.
+        """
+        yield self.simulation.snapshot()
+        while not self.finished:
+            passed = int(np.floor(self.simulation.time_s / every_s + 1e-9))
+            status = self.advance_to(min((passed + 1) * every_s, self.duration_s))
+            if status is not None:
+                raise RunError(status.message)
+            yield self.simulation.snapshot()
 
     def _look(self) -> Status | None:
         """Find the stable limit of the present state, and the step from it."""

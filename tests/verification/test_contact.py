@@ -27,7 +27,7 @@ from explicitfe.compiled.jit import kernel
 from explicitfe.forces.contact import clearance, find_depth, follow, friction
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve import step as loop
+from explicitfe.solve import relax_step
 from explicitfe.solve.equilibrium import Relaxation
 
 HEIGHT = 0.02  # m, of the tool's lowest point at depth 0
@@ -41,7 +41,7 @@ TOOLS: dict[str, dict[int, float]] = {
 EVERY_TOOL = pytest.mark.parametrize("name", list(TOOLS))
 UNTIED = pytest.mark.parametrize("name", [name for name in TOOLS if name != "bonded-disc"])
 NODES, POINTS = 30, 40
-PRESS, TOUCH = kernel(loop.press), kernel(loop.touch)
+PRESS, TOUCH = kernel(relax_step.press), kernel(relax_step.touch)
 STIFFNESS = 50.0  # N/m, of a point, at most
 
 

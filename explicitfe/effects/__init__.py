@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from explicitfe.effects.effect import Effect, MaterialEffect, Measurement
+from explicitfe.effects.effect import Effect, MaterialEffect, Measurement, Rig, physics_of, readings_of, with_leaves
 from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.effects.material.fibres import Fibres
@@ -47,4 +47,4 @@ EFFECTS: dict[str, type[Effect]] = {
     "cycle-drift": CycleDrift,
 }
 
-__all__ = ["EFFECTS", "Effect", "MaterialEffect", "Measurement"]
+__all__ = ["EFFECTS", "Effect", "MaterialEffect", "Measurement", "Rig", "physics_of", "readings_of", "with_leaves"]

@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load, store
+from explicitfe.effects.affected import LawT, ModelT, SpecimenT, ToolT
+
+Conditions = Mapping[str, str | float | bool]  # of a measured test, as its dataset states them
 
 
 @dataclass(frozen=True)
@@ -83,8 +86,24 @@ class Sought:
         return -math.expm1(-coordinate) if self.kind == "rest" else coordinate
 
 
+@dataclass(frozen=True)
+class Rig:
+    """The machine between the tool and what is read, where a state is homogeneous and needs no tool of its own.
+
+    Attributes
+    ----------
+    compliance_m_N : what the rig gives way by [m/N].
+    preload_N : the force at which displacements begin to count [N].
+    """
+
+    compliance_m_N: float = 0.0
+    preload_N: float = 0.0
+
+
 class Effect(BaseModel, ABC):
-    """Parameters of one effect, as a scenario or a model file states them.
+    """Parameters of one effect, as a scenario or a model file states them, and what the effect says of itself.
+
+    Whoever computes a test asks these questions, and never which effect it is: a new effect then needs no line elsewhere.
 
     Attributes
     ----------
@@ -93,6 +112,14 @@ class Effect(BaseModel, ABC):
     requires : what the data must have to show it: time | unloading | two directions | repeats | tool | flat tool | bonded base |
         force that pulls | muscles.
     terms : how often it can be added, each time with parameters of its own.
+    shares_of_remainder : parameters that are a share of what the terms before leave, where there are several terms.
+    acts_on : what it changes: the material, the specimen (its shape, its layers, what holds it, its weight), the tool and the rig
+        that drives it, the reading, or the muscles.
+    pointwise : a homogeneous state stays homogeneous with it, so that one point of material answers and no mesh is needed.
+    without_tool : a test without a tool, such as a uniaxial one, can have it.
+    remembers : the material has a memory, so that a whole history must be computed.
+    depends_on_path : what came before changes the answer: it has a memory, or a contact that slips or sticks.
+    needs_half_body : at least a half of the body is computed with it, where a sector or a quarter does otherwise: a large mesh.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -101,29 +128,66 @@ class Effect(BaseModel, ABC):
     sought: ClassVar[Mapping[str, Sought]]
     requires: ClassVar[tuple[str, ...]] = ()
     terms: ClassVar[int] = 1
+    shares_of_remainder: ClassVar[tuple[str, ...]] = ()
+    acts_on: ClassVar[Literal["material", "specimen", "tool", "reading", "muscle"]]
+    pointwise: ClassVar[bool] = False
+    without_tool: ClassVar[bool] = False
+    remembers: ClassVar[bool] = False
+    depends_on_path: ClassVar[bool] = False
+    needs_half_body: ClassVar[bool] = False
 
     @classmethod
-    def made(cls, terms: Sequence[Mapping[str, float]]) -> Effect:
+    def from_terms(cls, terms: Sequence[Mapping[str, float]]) -> Self:
         """The effect from the values of what is sought, one mapping a term."""
         (values,) = terms
-        return cls(**values)
+        return cls.model_validate(values)
+
+    @classmethod
+    def stated_in(cls, conditions: Conditions) -> Self | None:
+        """The effect, where the conditions of a measured test state it themselves: a preload that was measured."""
+        return None
 
     @property
     @abstractmethod
     def strength(self) -> float:
         """Along the coordinate that ``about`` names; 0 is no effect."""
 
-    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+    @property
+    def transient(self) -> bool:
+        """Whether time passes in it: something happens while nothing moves."""
+        return False
+
+    @property
+    def breaks_symmetry(self) -> bool:
+        """Whether a thin sector of a body of revolution does not show it, so that a quarter at least is computed."""
+        return False
+
+    def in_test(self, conditions: Conditions) -> Self:
+        """The effect as it stands in a test under these conditions, such as with its fibres turned into the test's direction."""
+        return self
+
+    def in_law(self, law: LawT) -> LawT:
+        """A law with the effect in its constants."""
+        return law
+
+    def on_rig(self, rig: Rig) -> Rig:
+        """A rig with the effect in it, for tests that are computed without a tool's mesh."""
+        return rig
+
+    def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         """The tables of a specimen and its tool with the effect in them, before they are meshed."""
         return specimen, tool
 
-    def apply(self, model: Any) -> Any:
+    def apply(self, model: ModelT) -> ModelT:
         """The model with the effect in it."""
         return model
 
 
 class Measurement(Effect):
     """An effect of the measurement: the model is what it is, and is read differently."""
+
+    acts_on = "reading"
+    pointwise = True
 
     def true_displacement(self, displacement_m: np.ndarray) -> np.ndarray:
         """The tool's displacement [m] where the data say ``displacement_m``."""
@@ -137,8 +201,25 @@ class Measurement(Effect):
 class MaterialEffect(Effect):
     """An effect of the material: it changes what an element answers to its deformation."""
 
-    def apply(self, model: Any) -> Any:
+    acts_on = "material"
+    pointwise = True
+    without_tool = True
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: object) -> None:
+        """Refuse a class whose memory nobody would know of: its answer would be computed as if the past did not count."""
+        remembers = cls.memory is not MaterialEffect.memory
+        if cls.remembers != remembers or (remembers and not cls.depends_on_path):
+            raise TypeError(
+                f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; no other"
+            )
+
+    def apply(self, model: ModelT) -> ModelT:
         return replace(model, effects=(*model.effects, self))
+
+    @property
+    def transient(self) -> bool:
+        return self.values(1.0) != self.values(0.0)
 
     @property
     def numbers(self) -> int:
@@ -158,6 +239,21 @@ class MaterialEffect(Effect):
     @abstractmethod
     def values(self, increment_s: float) -> tuple[float, ...]:
         """The numbers that its leaves read, for a time increment [s]."""
+
+
+def readings_of(effects: Iterable[Effect]) -> tuple[Measurement, ...]:
+    """Those that change only what is read."""
+    return tuple(effect for effect in effects if isinstance(effect, Measurement))
+
+
+def physics_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """Those that change what happens, and not only what is read."""
+    return tuple(effect for effect in effects if not isinstance(effect, Measurement))
+
+
+def with_leaves(effects: Iterable[Effect]) -> tuple[MaterialEffect, ...]:
+    """Those that the kernels compute beside the law."""
+    return tuple(effect for effect in effects if isinstance(effect, MaterialEffect))
 
 
 @leaf

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.effects.affected import LawT, ModelT
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -26,11 +27,17 @@ class Compressible(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"poisson": Sought((0.49, 0.47, 0.4), 0.2, 0.499, none=0.499)}
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "material"
+    pointwise = True
+    without_tool = True
     poisson: float = Field(ge=0.0, lt=0.5, description="Poisson's ratio")
 
     @property
     def strength(self) -> float:
         return 1.0 - 2.0 * self.poisson
 
-    def apply(self, model: Any) -> Any:
-        return replace(model, material=model.material.model_copy(update={"poisson": self.poisson}))
+    def in_law(self, law: LawT) -> LawT:
+        return law.model_copy(update={"poisson": self.poisson})
+
+    def apply(self, model: ModelT) -> ModelT:
+        return replace(model, material=self.in_law(model.material))

@@ -34,6 +34,8 @@ class Drainage(MaterialEffect):
         "tau_s": Sought((0.01, 0.05, 0.25), 1e-3, 5.0, scale="duration_s", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("tool", "time")
+    remembers = True
+    depends_on_path = True
     share: float = Field(ge=0.0, lt=1.0, description="d, the share of the bulk modulus that is lost in the end")
     tau_s: float = Field(gt=0.0, description="time in which it drains [s]")
 

@@ -6,15 +6,17 @@ W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) where I4_bar > 1, nothing in compr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from explicitfe.compiled.simd import exp, maximum
-from explicitfe.effects.effect import Description, MaterialEffect, Sought, number
+from explicitfe.effects.effect import Conditions, Description, MaterialEffect, Sought, number
 
 AT = MEMORY = 0
+# Fibres in a test along them and across them, where the load is along z.
+DIRECTIONS = {"fibre": (0.0, 0.0, 1.0), "cross-fibre": (1.0, 0.0, 0.0)}
 
 
 class Fibres(MaterialEffect):
@@ -48,6 +50,15 @@ class Fibres(MaterialEffect):
     @property
     def strength(self) -> float:
         return self.k1_Pa
+
+    @property
+    def breaks_symmetry(self) -> bool:
+        return any(self.direction[:2])
+
+    def in_test(self, conditions: Conditions) -> Self:
+        """Turned into the direction in which the test loads them, where the test has one."""
+        direction = DIRECTIONS.get(str(conditions.get("direction")))
+        return self if direction is None else self.model_copy(update={"direction": direction})
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         a = np.array(self.direction) / np.linalg.norm(self.direction)

@@ -36,6 +36,8 @@ class Softening(MaterialEffect):
         "m_Pa": Sought((0.02, 0.1, 0.5), 2e-3, 10.0, scale="energy_Pa", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("unloading",)
+    remembers = True
+    depends_on_path = True
     inverse_r: float = Field(ge=0.0, lt=1.0, description="1/r, the largest share of the stress that can be lost")
     m_Pa: float = Field(gt=0.0, description="energy below which little softens [Pa]")
     beta: float = Field(default=0.1, ge=0.0, description="how the width of the transition grows with the past energy")

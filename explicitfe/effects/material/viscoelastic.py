@@ -9,7 +9,7 @@ Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -42,6 +42,9 @@ class Viscoelastic(MaterialEffect):
     }
     requires: ClassVar[tuple[str, ...]] = ("time",)
     terms: ClassVar[int] = 3
+    shares_of_remainder = ("g",)
+    remembers = True
+    depends_on_path = True
     g: tuple[float, ...] = Field(description="share of the sudden stress that each term loses")
     tau_s: tuple[float, ...] = Field(description="relaxation time of each term [s]")
 
@@ -56,7 +59,7 @@ class Viscoelastic(MaterialEffect):
         return self
 
     @classmethod
-    def made(cls, terms: Sequence[Mapping[str, float]]) -> Viscoelastic:
+    def from_terms(cls, terms: Sequence[Mapping[str, float]]) -> Self:
         """Of the stress that the terms before it leave, each term loses its share ``g``: together never all of it."""
         left, g = 1.0, []
         for term in terms:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.effects.affected import ModelT
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -26,13 +27,18 @@ class ActivationLag(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"tau_ms": Sought((5.0, 20.0, 60.0), 0.0, 300.0)}
     requires: ClassVar[tuple[str, ...]] = ("muscles",)
+    acts_on = "muscle"
     tau_ms: float = Field(ge=0.0, description="time constant [ms]")
 
     @property
     def strength(self) -> float:
         return self.tau_ms
 
-    def apply(self, model: Any) -> Any:
+    @property
+    def transient(self) -> bool:
+        return self.tau_ms > 0.0
+
+    def apply(self, model: ModelT) -> ModelT:
         if self.tau_ms == 0.0:
             return model
         tau = 1e-3 * self.tau_ms

@@ -26,6 +26,7 @@ class CycleDrift(Measurement):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"per_cycle": Sought((-0.03, -0.15, 0.03, 0.15), -0.5, 0.5)}
     requires: ClassVar[tuple[str, ...]] = ("repeats",)
+    without_tool = True
     per_cycle: float = Field(gt=-1.0, description="relative change a repeat")
 
     @property

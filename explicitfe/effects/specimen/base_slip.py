@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from explicitfe.compiled.arrays import Springs
+from explicitfe.effects.affected import AffectedModel, ModelT
 from explicitfe.effects.effect import Description, Effect, Sought
+from explicitfe.mesh.hexmesh import HexMesh
 
 
 class BaseSlip(Effect):
@@ -28,13 +30,14 @@ class BaseSlip(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"compliance_mm_kPa": Sought((0.03, 0.2, 1.0), 0.0, 30.0, scale="slip_mm_kPa")}
     requires: ClassVar[tuple[str, ...]] = ("tool", "bonded base")
+    acts_on = "specimen"
     compliance_mm_kPa: float = Field(ge=0.0, description="displacement of the base per sideways stress [mm/kPa]; 0 is bonded")
 
     @property
     def strength(self) -> float:
         return self.compliance_mm_kPa
 
-    def apply(self, model: Any) -> Any:
+    def apply(self, model: ModelT) -> ModelT:
         if self.compliance_mm_kPa == 0.0:
             return model
         mesh, held = model.mesh, model.held.copy()
@@ -54,7 +57,7 @@ class BaseSlip(Effect):
         return replace(model, held=held, support=Springs(base, stiffness))
 
 
-def _by_symmetry(model: Any, axis: int) -> np.ndarray:
+def _by_symmetry(model: AffectedModel, axis: int) -> np.ndarray:
     """Nodes whose component is held by a plane of symmetry: those of the plane, if its nodes above the base are held too."""
     mesh = model.mesh
     plane = np.abs(mesh.points[:, axis]) < 1e-12
@@ -62,7 +65,7 @@ def _by_symmetry(model: Any, axis: int) -> np.ndarray:
     return plane & bool(model.held[above, axis].all()) if above.any() else np.zeros(mesh.node_count, dtype=bool)
 
 
-def _areas(mesh: Any, base: np.ndarray) -> np.ndarray:
+def _areas(mesh: HexMesh, base: np.ndarray) -> np.ndarray:
     """Area of the base that each node stands for [m^2], (n,)."""
     inside = np.zeros(mesh.node_count, dtype=bool)
     inside[base] = True

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.effects.affected import SpecimenT, ToolT
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -25,11 +26,12 @@ class Gravity(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"acceleration_m_s2": Sought((9.81,), 0.0, 12.0)}
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "specimen"
     acceleration_m_s2: float = Field(default=9.81, ge=0.0, description="acceleration [m/s^2]")
 
     @property
     def strength(self) -> float:
         return self.acceleration_m_s2
 
-    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+    def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         return specimen.model_copy(update={"gravity_m_s2": (0.0, 0.0, -self.acceleration_m_s2)}), tool

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.effects.affected import SpecimenT, ToolT
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -28,6 +29,7 @@ class Layer(Effect):
         "thickness_mm": Sought((0.05, 0.2), 0.01, 0.6, scale="height_mm", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "specimen"
     thickness_mm: float = Field(gt=0.0, description="thickness [mm]")
     ratio: float = Field(gt=0.0, description="its moduli relative to the tissue below")
 
@@ -35,6 +37,6 @@ class Layer(Effect):
     def strength(self) -> float:
         return self.ratio - 1.0
 
-    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+    def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         changed = {"layer_mm": self.thickness_mm, "layer_stiffness_ratio": self.ratio}
         return type(specimen).model_validate(specimen.model_dump() | changed), tool

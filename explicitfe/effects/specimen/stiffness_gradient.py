@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
+from explicitfe.effects.affected import ModelT
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -27,13 +28,14 @@ class StiffnessGradient(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"g": Sought((-0.3, -0.7, 0.3, 0.7), -0.9, 0.9)}
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "specimen"
     g: float = Field(gt=-1.0, lt=1.0, description="stiffer below (positive) or above (negative)")
 
     @property
     def strength(self) -> float:
         return self.g
 
-    def apply(self, model: Any) -> Any:
+    def apply(self, model: ModelT) -> ModelT:
         mesh = model.mesh
         z = mesh.points[mesh.hexes].mean(axis=1)[:, 2]
         low, high = mesh.points[:, 2].min(), mesh.points[:, 2].max()

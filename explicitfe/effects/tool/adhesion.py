@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.effects.affected import ModelT, tool_of
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -29,6 +30,8 @@ class Adhesion(Effect):
         "reach_mm": Sought((0.03, 0.15), 0.005, 0.5, scale="displacement_mm", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("tool", "force that pulls")
+    acts_on = "tool"
+    depends_on_path = True
     stress_Pa: float = Field(ge=0.0, description="largest pull [Pa]")
     reach_mm: float = Field(default=0.2, gt=0.0, description="gap at which nothing is left of it [mm]")
 
@@ -36,5 +39,5 @@ class Adhesion(Effect):
     def strength(self) -> float:
         return self.stress_Pa
 
-    def apply(self, model: Any) -> Any:
-        return replace(model, tool=replace(model.tool, adhesion_Pa=self.stress_Pa, reach_m=1e-3 * self.reach_mm))
+    def apply(self, model: ModelT) -> ModelT:
+        return replace(model, tool=replace(tool_of(model), adhesion_Pa=self.stress_Pa, reach_m=1e-3 * self.reach_mm))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect, Sought
+from explicitfe.effects.affected import ModelT, tool_of
+from explicitfe.effects.effect import Description, Effect, Rig, Sought
 
 
 class Compliance(Effect):
@@ -26,11 +27,16 @@ class Compliance(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"compliance_mm_N": Sought((0.03, 0.1, 0.3), 0.0, 0.9, scale="compliance_mm_N")}
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "tool"
+    pointwise = True
     compliance_mm_N: float = Field(ge=0.0, description="compliance [mm/N]")
 
     @property
     def strength(self) -> float:
         return self.compliance_mm_N
 
-    def apply(self, model: Any) -> Any:
-        return replace(model, tool=replace(model.tool, compliance_m_N=1e-3 * self.compliance_mm_N))
+    def apply(self, model: ModelT) -> ModelT:
+        return replace(model, tool=replace(tool_of(model), compliance_m_N=1e-3 * self.compliance_mm_N))
+
+    def on_rig(self, rig: Rig) -> Rig:
+        return replace(rig, compliance_m_N=1e-3 * self.compliance_mm_N)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.effects.affected import SpecimenT, ToolT
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -25,11 +26,13 @@ class Friction(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"coefficient": Sought((0.1, 0.3, 1.0), 0.0, 1.0)}
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "tool"
+    depends_on_path = True
     coefficient: float = Field(ge=0.0, le=1.0, description="coefficient; at 1 next to nothing slips")
 
     @property
     def strength(self) -> float:
         return self.coefficient
 
-    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+    def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         return specimen, tool.model_copy(update={"friction": self.coefficient})

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar, Self
 
 from pydantic import Field
 
-from explicitfe.effects.effect import Description, Effect, Sought
+from explicitfe.effects.affected import ModelT, tool_of
+from explicitfe.effects.effect import Conditions, Description, Effect, Rig, Sought
 
 
 class Preload(Effect):
@@ -26,11 +27,27 @@ class Preload(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"force_N": Sought((0.005, 0.02, 0.08), 0.0, 0.3, scale="force_N")}
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    acts_on = "tool"
+    pointwise = True
     force_N: float = Field(ge=0.0, description="force at displacement 0 [N]")
 
     @property
     def strength(self) -> float:
         return self.force_N
 
-    def apply(self, model: Any) -> Any:
-        return replace(model, tool=replace(model.tool, preload_N=self.force_N))
+    def apply(self, model: ModelT) -> ModelT:
+        return replace(model, tool=replace(tool_of(model), preload_N=self.force_N))
+
+    def on_rig(self, rig: Rig) -> Rig:
+        return replace(rig, preload_N=self.force_N)
+
+    @classmethod
+    def stated_in(cls, conditions: Conditions) -> Self | None:
+        """Its force is that of each test, see ``in_test``."""
+        return cls(force_N=0.0) if "preload_N" in conditions else None
+
+    def in_test(self, conditions: Conditions) -> Self:
+        """With the force that was measured, where one was."""
+        if "preload_N" not in conditions:
+            return self
+        return self.model_copy(update={"force_N": max(float(conditions["preload_N"]), 0.0)})

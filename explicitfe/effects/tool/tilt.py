@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
+from explicitfe.effects.affected import ModelT, SpecimenT, ToolT, tool_of
 from explicitfe.effects.effect import Description, Effect, Sought
 
 
@@ -27,16 +28,22 @@ class Tilt(Effect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {"angle_deg": Sought((2.0, 5.0), 0.0, 12.0, kind="square")}
     requires: ClassVar[tuple[str, ...]] = ("tool", "flat tool")
+    acts_on = "tool"
+    needs_half_body = True
     angle_deg: float = Field(ge=-20.0, le=20.0, description="angle [degrees]")
 
     @property
     def strength(self) -> float:
         return self.angle_deg**2
 
-    def prepare(self, specimen: Any, tool: Any) -> tuple[Any, Any]:
+    @property
+    def breaks_symmetry(self) -> bool:
+        return self.angle_deg != 0.0
+
+    def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         if self.angle_deg != 0.0 and specimen.symmetry in ("sector", "quarter"):
             return specimen.model_copy(update={"symmetry": "half"}), tool
         return specimen, tool
 
-    def apply(self, model: Any) -> Any:
-        return replace(model, tool=replace(model.tool, tilt_rad=float(np.radians(self.angle_deg))))
+    def apply(self, model: ModelT) -> ModelT:
+        return replace(model, tool=replace(tool_of(model), tilt_rad=float(np.radians(self.angle_deg))))

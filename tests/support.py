@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KI
 from explicitfe.materials import Law
 from explicitfe.materials.neo_hooke import NeoHooke
 from explicitfe.materials.yeoh import Yeoh
+from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
@@ -47,15 +49,10 @@ def block_mesh(cells: Sequence[int], size: Sequence[float] | float = 0.01, disto
 
     Node sets ``x0``, ``x1``, ``y0``, ... are the six faces.
     """
-    nx, ny, nz = cells
     edge = np.broadcast_to(np.asarray(size, dtype=float), 3)
-    grid = np.stack(np.meshgrid(*(np.arange(n + 1) for n in cells), indexing="ij"), -1).reshape(-1, 3)
-    shift = np.random.default_rng(seed).uniform(-distort, distort, grid.shape)
-    number = np.arange(len(grid)).reshape(nx + 1, ny + 1, nz + 1)
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    hexes = np.stack([number[i : i + nx, j : j + ny, k : k + nz].ravel() for i, j, k in corners], axis=1)
-    sets = {f"{axis}{side}": np.flatnonzero(grid[:, k] == side * cells[k]) for k, axis in enumerate("xyz") for side in (0, 1)}
-    return HexMesh((grid + shift) * edge, hexes, sets)
+    mesh = box(cells, edge * np.asarray(cells))
+    shift = np.random.default_rng(seed).uniform(-distort, distort, mesh.points.shape)
+    return replace(mesh, points=mesh.points + shift * edge)
 
 
 @cache

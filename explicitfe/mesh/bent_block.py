@@ -18,6 +18,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from explicitfe.errors import InputError, nearest
+from explicitfe.mesh.box import grid_hexes
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions
 
 # The fewest elements along s, t and w with which the shape is still a tongue.
@@ -171,12 +172,9 @@ class ContourMap:
         points = np.concatenate([left, right], axis=1)
 
         number = np.arange((ns + 1) * (nw + 1) * (nt + 1)).reshape(ns + 1, nw + 1, nt + 1)
-        low, high = slice(None, -1), slice(1, None)
-        ring = [(low, low), (high, low), (high, high), (low, high)]
-        hexes = np.stack([number[i, j, k].ravel() for k in (low, high) for i, j in ring], axis=1)
         return HexMesh(
             points=points.reshape(-1, 3),
-            hexes=hexes,
+            hexes=grid_hexes(number),
             node_sets={name: _patch_nodes(patches, number) for name, patches in self.attachments.items()},
             named_points={name: _nearest_node(point, number) for name, point in self.named_points.items()},
         )

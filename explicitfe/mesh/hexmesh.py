@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from explicitfe.errors import InputError, nearest
+
 # Natural coordinates of the 8 corners in VTK order (VTK_HEXAHEDRON).
 CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], dtype=float
@@ -39,6 +41,31 @@ class HexMesh:
     @property
     def element_count(self) -> int:
         return len(self.hexes)
+
+    def nodes_of(self, name: str) -> np.ndarray:
+        """Node numbers (k,) of the set called ``name``.
+
+        Raises
+        ------
+        InputError : the mesh has no such set.
+        """
+        if name not in self.node_sets:
+            raise InputError(f'unknown node set "{name}"; {nearest(name, self.node_sets)}')
+        return self.node_sets[name]
+
+    def held(self, *names: str, along: str = "xyz") -> np.ndarray:
+        """Mask (n, 3) of the components that do not move: those ``along`` the axes named, of the nodes in the sets named.
+
+        ``mesh.held("z0")`` clamps a face, ``mesh.held("x0", along="x")`` lets it slide; ``|`` joins two masks.
+
+        Raises
+        ------
+        InputError : the mesh has no such set.
+        """
+        mask = np.zeros((self.node_count, 3), dtype=bool)
+        for name in names:
+            mask[np.ix_(self.nodes_of(name), ["xyz".index(axis) for axis in along])] = True
+        return mask
 
 
 @dataclass(frozen=True)

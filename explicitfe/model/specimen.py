@@ -14,8 +14,10 @@ from explicitfe.effects import Effect, MaterialEffect, Measurement
 from explicitfe.effects.muscle.activation_lag import ActivationLag
 from explicitfe.elements import hex8
 from explicitfe.errors import InputError
-from explicitfe.mesh.cylinder import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
+from explicitfe.mesh.box import gridded_block, ringed_block
+from explicitfe.mesh.cylinder import cylinder_mesh, sector_mesh
 from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
+from explicitfe.mesh.stations import stations
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model, NodalLoad, RotationalSymmetry, Tool
 from explicitfe.model.profile import Profile
@@ -146,7 +148,7 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
         _affordable(len(radii) * len(heights) * around)
         if specimen.symmetry == "sector":
             return sector_mesh(radii, heights, SECTOR_RAD)
-        return round_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=INNER * reach or np.inf)
+        return cylinder_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=INNER * reach or np.inf)
     quarters = COPIES["quarter"] / COPIES[specimen.symmetry]
     half = 0.5e-3 * specimen.size_mm[0], 0.5e-3 * specimen.size_mm[1]
     circle = zones[0][1] + 2.0 * size if zones else np.inf
@@ -154,12 +156,12 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
         radii = stations(circle, zones, largest_m=largest, growth=GROWTH, breaks_m=breaks)
         core = INNER * reach
         _affordable(2.0 * len(radii) * len(heights) * _around(specimen) * quarters)
-        return block_mesh(
+        return ringed_block(
             half, radii, heights, _around(specimen), specimen.symmetry, largest_m=largest, growth=GROWTH, core_m=core
         )
     x, y = (stations(h, [(0.0, h, size)] if zones else [], largest_m=largest, growth=GROWTH) for h in half)
     _affordable(len(x) * len(y) * len(heights) * quarters)
-    return grid_mesh(x, y, heights, specimen.symmetry)
+    return gridded_block(x, y, heights, specimen.symmetry)
 
 
 def _affordable(count: float) -> None:

@@ -12,6 +12,7 @@ from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, Progress, silent
 from explicitfe.materials.yeoh import Yeoh
+from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model
@@ -57,12 +58,9 @@ MORE: dict[str, tuple[str, tuple[str, ...]]] = {
 
 def block(cells: tuple[int, int, int], edge_m: float = 0.004) -> HexMesh:
     """A block of hexes with every node moved at random by up to 15 % of the edge."""
-    grid = np.stack(np.meshgrid(*(np.arange(n + 1) for n in cells), indexing="ij"), -1).reshape(-1, 3)
-    number = np.arange(len(grid)).reshape([n + 1 for n in cells])
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    nx, ny, nz = cells
-    hexes = np.stack([number[i : i + nx, j : j + ny, k : k + nz].ravel() for i, j, k in corners], axis=1)
-    return HexMesh((grid + np.random.default_rng(0).uniform(-0.15, 0.15, grid.shape)) * edge_m, hexes)
+    mesh = box(cells, [n * edge_m for n in cells])
+    shift = np.random.default_rng(0).uniform(-0.15, 0.15, mesh.points.shape) * edge_m
+    return HexMesh(mesh.points + shift, mesh.hexes)
 
 
 def problem(elements: int, element: str, threads: int | None = None) -> Simulation:

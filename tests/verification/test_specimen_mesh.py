@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from explicitfe.mesh.cylinder import block_mesh, grid_mesh, round_mesh, sector_mesh, stations
+from explicitfe.mesh.box import gridded_block, ringed_block
+from explicitfe.mesh.cylinder import cylinder_mesh, sector_mesh
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
 from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
+from explicitfe.mesh.stations import stations
 
 MM = 1e-3
 
@@ -62,13 +64,13 @@ def body(shape: str, name: str, symmetry: str = "quarter", around: int = 8) -> H
     """The specimen of a case as a cylinder, as a block with rings or as a block in a grid."""
     case = CASES[name]
     if shape == "round":
-        return round_mesh(case.radii, case.heights, around, symmetry)
+        return cylinder_mesh(case.radii, case.heights, around, symmetry)
     a, b = half_sizes(name)
     if shape == "block":
         largest = case.largest * MM
-        return block_mesh((a, b), case.radii, case.heights, around, symmetry, largest_m=largest)
+        return ringed_block((a, b), case.radii, case.heights, around, symmetry, largest_m=largest)
     x, y = (stations(half, np.array(case.zones) * MM, largest_m=case.largest * MM) for half in (a, b))
-    return grid_mesh(x, y, case.heights, symmetry)
+    return gridded_block(x, y, case.heights, symmetry)
 
 
 def half_sizes(name: str) -> tuple[float, float]:
@@ -290,13 +292,13 @@ def test_core_cells_match_the_rings():
 
 def test_core_stays_within_its_bound():
     radii = stations(30e-3, [], largest_m=2e-3, breaks_m=[5e-3])
-    free, bound = (round_mesh(radii, [0.0, 1e-3], 24, core_m=core) for core in (np.inf, 5e-3))
+    free, bound = (cylinder_mesh(radii, [0.0, 1e-3], 24, core_m=core) for core in (np.inf, 5e-3))
     wanted = radii[radii >= 5e-3] * ring_factor(24)
     found = bound.points[bound.node_sets["y0"], 0]
     assert np.isclose(found[:, None], wanted, rtol=1e-14, atol=0.0).any(axis=0).all()
     assert not np.isclose(free.points[free.node_sets["y0"], 0], wanted[0], rtol=1e-14, atol=0.0).any()
     # No station within the bound: the first ends the core.
-    least = round_mesh(radii, [0.0, 1e-3], 24, core_m=0.0)
+    least = cylinder_mesh(radii, [0.0, 1e-3], 24, core_m=0.0)
     assert np.isclose(least.points[:, 0], radii[1] * ring_factor(24), rtol=1e-14, atol=0.0).any()
     for mesh in (free, bound, least):
         assert assess(mesh).smallest_scaled_jacobian > 0.75
@@ -310,7 +312,7 @@ def test_block_mesh_has_the_volume_of_the_block_and_good_elements(around, aspect
     a = aspect * b
     radii = stations(share * min(a, b), [(0.6 * share * min(a, b), 0.8 * share * min(a, b), 0.4e-3)], largest_m=2.5e-3)
     heights = CASES["flat punch on a layer"].heights
-    mesh = block_mesh((a, b), radii, heights, around, largest_m=3e-3)
+    mesh = ringed_block((a, b), radii, heights, around, largest_m=3e-3)
     check(mesh, "block")
     assert (corner_jacobians(mesh.points, mesh.hexes) > 0.0).all()
     quality = assess(mesh)
@@ -413,17 +415,17 @@ def test_sets_lie_where_they_should(shape, name, symmetry):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda r, h: round_mesh(r, h, 7), "even number"),
-        (lambda r, h: round_mesh(r, h, 2), "even number"),
-        (lambda r, h: round_mesh(r, h, 8, "third"), "symmetry must be one of"),
-        (lambda r, h: round_mesh(r[1:], h, 8), "radii must rise"),
-        (lambda r, h: round_mesh(r, h[::-1], 8), "heights must rise"),
-        (lambda r, h: round_mesh(r, [0.0, np.inf], 8), "heights must rise"),
+        (lambda r, h: cylinder_mesh(r, h, 7), "even number"),
+        (lambda r, h: cylinder_mesh(r, h, 2), "even number"),
+        (lambda r, h: cylinder_mesh(r, h, 8, "third"), "symmetry must be one of"),
+        (lambda r, h: cylinder_mesh(r[1:], h, 8), "radii must rise"),
+        (lambda r, h: cylinder_mesh(r, h[::-1], 8), "heights must rise"),
+        (lambda r, h: cylinder_mesh(r, [0.0, np.inf], 8), "heights must rise"),
         (lambda r, h: sector_mesh(r, h, 0.0), "angle"),
         (lambda r, h: sector_mesh(r, h, np.nan), "angle"),
         (lambda r, h: sector_mesh([0.0], h, 0.1), "radii must rise"),
-        (lambda r, h: block_mesh((0.03, 0.02), r, h, 8, largest_m=0.01), "does not fit"),
-        (lambda r, h: grid_mesh(r, [0.0, 1.0, 1.0], h), "y must rise"),
+        (lambda r, h: ringed_block((0.03, 0.02), r, h, 8, largest_m=0.01), "does not fit"),
+        (lambda r, h: gridded_block(r, [0.0, 1.0, 1.0], h), "y must rise"),
     ],
 )
 def test_meshes_that_cannot_be(make, words):

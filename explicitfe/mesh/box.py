@@ -44,7 +44,7 @@ def box(cells: Sequence[int], size_m: Sequence[float]) -> HexMesh:
 
 
 def grid_hexes(number: np.ndarray) -> np.ndarray:
-    """The hexes (m, 8) of a grid of node numbers (k, l, n); their natural axes run along its axes, and the last counts fastest."""
+    """Hexes (m, 8) of a grid of node numbers (k, l, n): their natural axes run along its axes, and the last counts fastest."""
     low, high = slice(None, -1), slice(1, None)
     ring = [(low, low), (high, low), (high, high), (low, high)]
     return np.stack([number[i, j, k].ravel() for k in (low, high) for i, j in ring], axis=1)

@@ -69,8 +69,8 @@ class FileMuscle(Table):
     fibre: list[FibreTable] = Field(min_length=1)
 
 
-class ModelFile(Table):
-    """The model file's schema."""
+class MeshFile(Table):
+    """The schema of a model file: the mesh, and what is what in it."""
 
     title: str = ""
     source: str = ""
@@ -91,7 +91,7 @@ class ModelFile(Table):
         return named
 
     @model_validator(mode="after")
-    def _muscles_differ(self) -> ModelFile:
+    def _muscles_differ(self) -> MeshFile:
         names = [muscle.name for muscle in self.muscle]
         for name in names:
             if names.count(name) > 1:
@@ -113,9 +113,9 @@ def read_model_file(path: Path) -> Anatomy:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: this is not valid TOML: {error}.") from None
     try:
-        table = validated(ModelFile, data)
+        table = validated(MeshFile, data)
     except ValidationError as error:
-        raise InputError(f"{path}: {explain(error, data, ModelFile)}") from None
+        raise InputError(f"{path}: {explain(error, data, MeshFile)}") from None
 
     mesh_path = path.parent / table.mesh
     points, hexes, point_data = _read_mesh(mesh_path)

@@ -10,17 +10,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.effects import Effect, MaterialEffect, Measurement
-from explicitfe.effects.muscle.activation_lag import ActivationLag
-from explicitfe.elements import hex8
+from explicitfe.effects import Effect
 from explicitfe.errors import InputError
 from explicitfe.mesh.box import gridded_block, ringed_block
 from explicitfe.mesh.cylinder import cylinder_mesh, sector_mesh
 from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
 from explicitfe.mesh.stations import stations
 from explicitfe.model import catalogue
-from explicitfe.model.model import Model, NodalLoad, RotationalSymmetry, Tool
-from explicitfe.model.profile import Profile
+from explicitfe.model.effects import check_effects
+from explicitfe.model.gravity import gravity_load
+from explicitfe.model.model import Model, RotationalSymmetry, Tool
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 
 SECTOR_RAD = np.radians(1.0)
@@ -46,7 +45,7 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[E
     InputError : too many elements, an unknown material, an effect that does not go with the rest.
     """
     for effect in effects:
-        if isinstance(effect, ActivationLag):
+        if effect.acts_on == "muscle":
             raise InputError(f"effects: {effect.about.title} belongs to muscles; a specimen has none.")
         specimen, tool = effect.prepare(specimen, tool)
     check_effects(effects, specimen.element)
@@ -56,18 +55,13 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[E
     centres = mesh.points[mesh.hexes].mean(axis=1)
     in_layer = centres[:, 2] > 1e-3 * (specimen.thickness_mm - specimen.layer_mm)
     held, sector = _held(specimen, mesh)
-    loads = ()
-    if any(specimen.gravity_m_s2):
-        volumes = hex8.geometry(mesh.points[mesh.hexes])[:, hex8.VOLUME]
-        mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
-        force = mass[:, None] * np.array(specimen.gravity_m_s2)
-        loads = (NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant()),)
+    weight = (gravity_load(mesh, material, specimen.gravity_m_s2),) if any(specimen.gravity_m_s2) else ()
     model = Model(
         mesh=mesh,
         material=material,
         held=held,
         element=specimen.element,
-        loads=loads,
+        loads=weight,
         stiffness=np.where(in_layer, specimen.layer_stiffness_ratio, 1.0),
         tool=_tool(specimen, tool, mesh, size),
         sector=sector,
@@ -76,23 +70,6 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[E
     for effect in effects:
         model = effect.apply(model)
     return model
-
-
-def check_effects(effects: Sequence[Effect], element: str) -> None:
-    """Refuse effects of the material in an element that does not know them.
-
-    Raises
-    ------
-    InputError
-    """
-    for effect in effects:
-        if isinstance(effect, Measurement):
-            raise InputError(
-                f"effects: {effect.about.title} changes what is read, not what happens; it belongs to a prediction of data."
-            )
-    material = [effect.about.title for effect in effects if isinstance(effect, MaterialEffect)]
-    if material and element == "hex8-full":
-        raise InputError(f'effects: element = "hex8-full" knows no effects of the material ({material[0]}); take "hex8".')
 
 
 # ---- the mesh ----

@@ -7,21 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.effects import MaterialEffect
-from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.material.viscoelastic import from_damping
-from explicitfe.effects.muscle.activation_lag import ActivationLag
-from explicitfe.elements import hex8
 from explicitfe.errors import InputError, nearest
-from explicitfe.materials import Law
-from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
+from explicitfe.model.effects import check_effects
+from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.muscles import pull
 from explicitfe.model.own_mesh import read_model_file
-from explicitfe.model.profile import Profile
-from explicitfe.model.specimen import check_effects
 from explicitfe.scenario.transient import ModelTable, TransientScenario
 
 
@@ -61,7 +55,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         load = pull(mesh, anatomy.muscles[entry.name], entry)
         loads.append(load) if isinstance(load, NodalLoad) else pulls.append(load)
     if any(table.gravity_m_s2):
-        loads.append(_gravity(mesh, material, table.gravity_m_s2))
+        loads.append(gravity_load(mesh, material, table.gravity_m_s2))
 
     names = mesh.named_points if scenario.record.probes is None else scenario.record.probes
     for name in names:
@@ -85,16 +79,10 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
     effects = scenario.effects.chosen
     check_effects((*model.effects, *effects), table.element)
     for effect in effects:
-        if not isinstance(effect, MaterialEffect | ActivationLag | Compressible):
+        if effect.acts_on not in ("material", "muscle"):
             raise InputError(
                 f"effects: {effect.about.title} belongs to a tool or a specimen; a transient run knows effects of the material "
                 "and activation-lag."
             )
         model = effect.apply(model)
     return model, anatomy
-
-
-def _gravity(mesh: HexMesh, material: Law, acceleration: tuple[float, float, float]) -> NodalLoad:
-    volumes = hex8.geometry(mesh.points[mesh.hexes])[:, hex8.VOLUME]
-    mass = hex8.lumped_mass(mesh.hexes, volumes * material.density_kg_m3, mesh.node_count)
-    return NodalLoad("gravity", np.arange(mesh.node_count), mass[:, None] * np.array(acceleration), Profile.constant())

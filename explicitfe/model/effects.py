@@ -1,0 +1,27 @@
+"""Which effects a body cannot have, as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from explicitfe.effects import Effect, with_leaves
+from explicitfe.errors import InputError
+
+
+def check_effects(effects: Sequence[Effect], element: str) -> None:
+    """Refuse effects that change only what is read, and effects of the material in an element that cannot compute them.
+
+    Raises
+    ------
+    InputError
+    """
+    for effect in effects:
+        if effect.acts_on == "reading":
+            raise InputError(
+                f"effects: {effect.about.title} changes what is read, not what happens; it belongs to a prediction of data."
+            )
+    compiled = with_leaves(effects)
+    if compiled and element == "hex8-full":
+        raise InputError(
+            f'effects: element = "hex8-full" knows no effects of the material ({compiled[0].about.title}); take "hex8".'
+        )

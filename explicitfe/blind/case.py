@@ -1,53 +1,82 @@
-"""A case of a blind study: what it is to be, what is written down for the tool, and what is sealed."""
+"""A case of a blind study: what is asked for, and the dataset that is written for the tool."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from explicitfe.blind.identifiable import Separation
+from explicitfe.blind.grid import Conditions
 from explicitfe.blind.noise import Noise
+from explicitfe.blind.truth import NoiseTruth, Truth
+
+Value = str | float | list[str]  # of a key in a dataset
+Table = dict[str, Value]
 
 KINDS = ("control", "single", "double", "outside")
-# sd of a row, of the largest value of the dataset; simulated data are themselves no better than their mesh
+# Standard deviation of a row, as a share of the dataset's largest value. Simulated data are noisier, as they are no better than
+# their mesh.
 LEVELS = {"homogeneous": (0.003, 0.01, 0.03), "indentation": (0.01, 0.02, 0.05)}
-UNSTATED = 0.25  # share of the cases whose noise is not stated
+UNSTATED_NOISE_SHARE = 0.25  # in this share of the cases the dataset does not state its noise
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What a case is to be: kind, which control, effects or outsider, and its noise level."""
+class CaseRequest:
+    """What a case is to be.
+
+    Attributes
+    ----------
+    kind : control | single | double | outside.
+    subjects : the control, the hidden effects, or the law that is not in the library.
+    level : of the noise.
+    """
 
     kind: str
-    what: tuple[str, ...]
+    subjects: tuple[str, ...]
     level: float
 
 
 @dataclass(frozen=True)
-class Told:
+class NoiseStatement:
     """Whether the dataset states its noise, and the scatter between its tests."""
 
     noise: bool
     repeats: bool = False
 
     def table(self, noise: Noise, key: str, exact: str | None, factor: float = 1.0) -> dict[str, float]:
-        """The dataset's [noise]: ``key`` is that of what is predicted, ``exact`` that of what is imposed."""
-        found = {}
+        """The table [noise] of the dataset.
+
+        Parameters
+        ----------
+        key : the key for the noise of the predicted column.
+        exact : the key for the noise of the imposed column, which has none.
+        factor : from the unit of the noise to that of the key.
+        """
+        entries = {}
         if self.noise:
-            found[key] = float(f"{factor * noise.sd:.6g}")
+            entries[key] = float(f"{factor * noise.sd:.6g}")
             if exact is not None:
-                found[exact] = 0.0
+                entries[exact] = 0.0
         if self.repeats:
-            found["repeat_sd_fraction"] = noise.scale_sd
-        return found
+            entries["repeat_sd_fraction"] = noise.scale_sd
+        return entries
+
+    def truth(self, noise: Noise) -> NoiseTruth:
+        """The noise as the sealed file has it."""
+        return {
+            "level": noise.level,
+            "sd": noise.sd,
+            "rho": noise.rho,
+            "scale_sd": noise.scale_sd,
+            "offset_sd": noise.offset_sd,
+            "stated": self.noise,
+            "repeats_stated": self.repeats,
+        }
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class CaseCurve:
     """One curve of the dataset.
 
     Attributes
@@ -60,8 +89,8 @@ class Measured:
     rows: np.ndarray
     group: str | None
     split: str | None
-    conditions: dict[str, Any]
-    own: dict[str, dict[str, Any]]
+    conditions: Conditions
+    own: dict[str, Table]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,56 +100,25 @@ class Case:
     Attributes
     ----------
     title, test, specimen, tool, noise : of the dataset, as it states them; lengths may be wrong.
-    columns : beside the time.
+    columns : their names, beside the time.
     truth : for the sealed file.
     """
 
     title: str
     test: str
     columns: tuple[str, str]
-    specimen: dict[str, Any]
-    tool: dict[str, Any] | None
+    specimen: Table
+    tool: Table | None
     noise: dict[str, float]
-    curves: list[Measured]
-    truth: dict[str, Any] = field(default_factory=dict)
-
-
-def sealed(
-    wanted: Wanted,
-    effects: Mapping[str, Mapping[str, Any]],
-    constants: tuple[float, float],
-    noise: Noise,
-    told: Told,
-    apart: Separation | None,
-) -> dict[str, Any]:
-    """The truth that cases of all families have in common."""
-    outside = wanted.kind == "outside"
-    return {
-        "kind": wanted.kind,
-        "sub": wanted.what[0] if wanted.kind in ("control", "outside") else None,
-        "effects": {} if outside else dict(effects),
-        "outside": dict(effects) if outside else {},
-        "C10_Pa": constants[0],
-        "C20_Pa": constants[1],
-        "noise": {
-            "level": noise.level,
-            "sd": noise.sd,
-            "rho": noise.rho,
-            "scale_sd": noise.scale_sd,
-            "offset_sd": noise.offset_sd,
-            "stated": told.noise,
-            "repeats_stated": told.repeats,
-        },
-        "identifiable": None if apart is None else apart.identifiable,
-        "separation": None if apart is None else {"baseline": apart.baseline, "rivals": apart.rivals, "nearest": apart.nearest},
-    }
+    curves: list[CaseCurve]
+    truth: Truth
 
 
 # ---- on disk ----
 
 
 def write(case: Case, folder: Path, name: str) -> None:
-    """The dataset of a case, without its truth."""
+    """Write the dataset of a case, without its truth."""
     lines = [
         'format = "explicitfe-dataset/1"',
         f"name = {_value(name)}",
@@ -134,14 +132,16 @@ def write(case: Case, folder: Path, name: str) -> None:
     for curve in case.curves:
         lines += ["", "[[curve]]", f"id = {_value(curve.id)}", f"file = {_value(f'{curve.id}.csv')}"]
         lines += [f"{key} = {_value(value)}" for key, value in (("group", curve.group), ("split", curve.split)) if value]
-        lines += [f"{key} = {_value(value)}" for key, value in (*curve.own.items(), ("conditions", curve.conditions)) if value]
+        lines += [f"{key} = {_value(table)}" for key, table in curve.own.items() if table]
+        if curve.conditions:
+            lines += [f"conditions = {_value(curve.conditions)}"]
         text = "\n".join(f"{t:.9g},{x:.9g},{y:.9g}" for t, x, y in curve.rows)
         (folder / f"{curve.id}.csv").write_text(f"time_s,{','.join(case.columns)}\n{text}\n", encoding="utf-8")
     (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _value(value: Any) -> str:
-    """As TOML writes it."""
+def _value(value: Value | Table | Conditions) -> str:
+    """The value as TOML writes it."""
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{key} = {_value(inner)}' for key, inner in value.items())} }}"
     if isinstance(value, list):

@@ -1,35 +1,35 @@
-"""What a homogeneous specimen answers, by numerics of its own: closed forms in numpy and scipy.
+"""The answer of a homogeneous specimen, by numerics of its own: closed forms in numpy and scipy.
 
-Nothing here shares code with the simulator. The pressure follows from the free sides, and the little change of volume from the
-pressure; relaxation is a banded solve over fine increments of all tests at once; what has no closed form (fibres across, a rig
-that gives way) is found for all instants together by Newton's method.
+Nothing here shares code with the simulator. The pressure follows from the free sides, and the small change of volume from the
+pressure. Relaxation is one banded solve over fine increments of all tests. Where there is no closed form (fibres across the
+load, a rig with compliance), Newton's method solves for all instants together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_banded
 from scipy.special import erf
 
-from explicitfe.blind.grid import Grid, Mode, Planned
+from explicitfe.blind.grid import Effects, Grid, HomogeneousRun, Mode
 
-Effects = Mapping[str, Mapping[str, Any]]  # name -> parameters, both as in a model file
+INCREMENTS_PER_ROW = 8  # from one row to the next, where the material remembers
+NEWTON_ITERATIONS = 200  # at most; a handful is usual
+NEWTON_TOLERANCE = 1e-10  # Newton's method stops at this change of a stretch or of a volume ratio.
+PLATEN_TOLERANCE_SHARE = 1e-8  # of the largest displacement: the change of a platen's depth at which Newton's method stops
+SMALLEST_SLOPE_N_M = 1e-300  # avoids a division by zero where nothing touches
+SLICES_OVER_HEIGHT = 12  # of a specimen whose moduli change with depth
+TABLE_STRETCHES = 3000  # of a tabulated law
+SMALLEST_TABLE_STRETCH = 0.15  # No test compresses as far as this.
 
-PARTS = 8  # increments from one row to the next where the material remembers
-TURNS = 200
-EXACT = 1e-10  # of the unknown: where Newton's method stops
-CLOSE = 1e-8  # the same for a platen's way
-TINY = 1e-300
-SLICES = 12  # of a specimen whose moduli change with depth
-TABLE = 3000  # stretches of a tabulated law
-SOFTEST = 0.15  # smallest stretch of that table
+
+Series = Callable[[float], list[tuple[float, float]]]  # height [m] -> slices: share of the height, factor of the moduli
 
 
 class Bench:
-    """A test bench: the planned curves, ready to be measured again and again.
+    """A test bench: the planned curves, computed for any constants and effects.
 
     Parameters
     ----------
@@ -38,14 +38,14 @@ class Bench:
     poisson : of the material at small strains; 0.5 keeps the volume.
     """
 
-    def __init__(self, plan: Sequence[Planned], mode: Mode, poisson: float = 0.499) -> None:
+    def __init__(self, plan: Sequence[HomogeneousRun], mode: Mode, poisson: float = 0.499) -> None:
         self.poisson = poisson
         self.plan = tuple(plan)
         self.mode = mode
         self.lengths = [len(curve.time_s) for curve in plan]
         self.time_s = np.concatenate([curve.time_s for curve in plan])
         self._repeat = np.repeat([curve.repeat for curve in plan], self.lengths)
-        self._grids = {parts: Grid(self.plan, parts, mode) for parts in (1, PARTS)}
+        self._grids = {parts: Grid(self.plan, parts, mode) for parts in (1, INCREMENTS_PER_ROW)}
 
     def curves(self, values: np.ndarray) -> list[np.ndarray]:
         """Rows of all curves (n,), curve by curve."""
@@ -61,27 +61,30 @@ class Bench:
     ) -> np.ndarray:
         """The predicted column at all rows (n,): nominal stress or shear stress [Pa], or the force of a platen [N].
 
-        ``parts``: increments from row to row; 1 where nothing relaxes. ``recovers``: tissue that relaxes and that a platen has
-        left goes its own way; otherwise it is led by the platen all the same, without a force, which is much quicker.
+        Parameters
+        ----------
+        parts : increments from row to row; 1 where nothing relaxes.
+        recovers : tissue that relaxes recovers freely when a platen has left it. Otherwise it follows the platen all the same,
+            without a force, which is much quicker.
         """
         effects = effects or {}
         remembers = "viscoelastic" in effects or "power-law" in effects
-        parts = parts or (PARTS if remembers else 1)
+        parts = parts or (INCREMENTS_PER_ROW if remembers else 1)
         if parts not in self._grids:
             self._grids[parts] = Grid(self.plan, parts, self.mode)
         grid = self._grids[parts]
         poisson = effects.get("compressible", {}).get("poisson", self.poisson)
         law = _Law(C10_Pa, C20_Pa, poisson, effects, grid)
         if self.mode == "platen":
-            found = _platen(law, effects, recovers)[grid.rows]
+            column = _platen(law, effects, recovers)[grid.rows]
         else:
-            found = (law.shear if self.mode == "shear" else law.uniaxial)(grid.imposed)[grid.rows]
+            column = (law.shear if self.mode == "shear" else law.uniaxial)(grid.imposed)[grid.rows]
         drift = effects.get("cycle-drift", {}).get("per_cycle", 0.0)
-        found = found * (1.0 + drift * (self._repeat - 1.0))
+        column = column * (1.0 + drift * (self._repeat - 1.0))
         if "stick-slip" in effects:
-            found = found + _jumps(self, effects["stick-slip"])
-        found = found + effects.get("force-offset", {}).get("offset_N", 0.0)
-        return found + effects.get("force-drift", {}).get("rate_N_s", 0.0) * self.time_s
+            column = column + _jumps(self, effects["stick-slip"])
+        column = column + effects.get("force-offset", {}).get("offset_N", 0.0)
+        return column + effects.get("force-drift", {}).get("rate_N_s", 0.0) * self.time_s
 
 
 def _platen(law: _Law, effects: Effects, recovers: bool) -> np.ndarray:
@@ -90,26 +93,26 @@ def _platen(law: _Law, effects: Effects, recovers: bool) -> np.ndarray:
     offset: float | np.ndarray = 1e-3 * effects.get("contact-offset", {}).get("offset_mm", 0.0)
     if "preload" in effects:
         offset = _touch_at(law, effects["preload"]["force_N"])
-    way = tool = grid.approached(offset)
+    imposed = depth = grid.approach_with(offset)
     compliance = 1e-3 * effects.get("compliance", {}).get("compliance_mm_N", 0.0)
     lifts = law.relaxes and recovers
     if compliance == 0.0 and not lifts:
-        return np.maximum(law.force(np.maximum(way, 0.0)), 0.0)
+        return np.maximum(law.force(np.maximum(imposed, 0.0)), 0.0)
     step = 1e-6 * grid.height_m
-    for _ in range(TURNS):
-        tool = tool if lifts else np.maximum(tool, 0.0)
-        force = law.force(tool)
-        slope = (law.force(tool + step, at_once=True) - law.force(tool - step, at_once=True)) / (2.0 * step)
+    for _ in range(NEWTON_ITERATIONS):
+        depth = depth if lifts else np.maximum(depth, 0.0)
+        force = law.force(depth)
+        slope = (law.force(depth + step, at_once=True) - law.force(depth - step, at_once=True)) / (2.0 * step)
         if not lifts:
             force, slope = np.maximum(force, 0.0), np.where(force > 0.0, slope, 0.0)
-        gap = tool - way + compliance * force
-        # where the platen touches there is no gap, elsewhere no force
-        touches = (force > slope * gap) if lifts else np.ones(len(way), dtype=bool)
-        change = np.where(touches, -gap / (1.0 + compliance * slope), -force / np.maximum(slope, TINY))
-        tool = tool + change
-        if np.abs(change).max() <= CLOSE * np.abs(way).max():
+        gap = depth - imposed + compliance * force
+        # Where the platen touches the gap is zero, elsewhere the force.
+        touches = (force > slope * gap) if lifts else np.ones(len(imposed), dtype=bool)
+        change = np.where(touches, -gap / (1.0 + compliance * slope), -force / np.maximum(slope, SMALLEST_SLOPE_N_M))
+        depth = depth + change
+        if np.abs(change).max() <= PLATEN_TOLERANCE_SHARE * np.abs(imposed).max():
             break
-    return np.where(touches, np.maximum(law.force(tool if lifts else np.maximum(tool, 0.0)), 0.0), 0.0)
+    return np.where(touches, np.maximum(law.force(depth if lifts else np.maximum(depth, 0.0)), 0.0), 0.0)
 
 
 class _Law:
@@ -133,25 +136,25 @@ class _Law:
         """Shear stress P_xz (m,) [Pa] at F_xz: T_xz + k T_zz, in which the pressure has no part."""
         I1 = 3.0 + amount**2
         a = self._isotropic(I1)
-        T13, T33 = self._relaxed(np.stack([a * I1 * amount / 3.0, a * (1.0 - I1 / 3.0)], axis=1)).T
+        T13, T33 = self._relax(np.stack([a * I1 * amount / 3.0, a * (1.0 - I1 / 3.0)], axis=1)).T
         return T13 + amount * T33 + self._beyond(amount)
 
     def uniaxial(self, stretch: np.ndarray, *, at_once: bool = False) -> np.ndarray:
         """Nominal stress (m,) [Pa]; ``at_once``: nothing relaxes."""
         if self.series is not None:
-            return self._in_series(stretch)
+            return self._in_series(self.series, stretch)
         z = stretch**2
         J = np.ones_like(stretch)
         turned = self.fibres is not None and self.grid.across.any()
         u = -0.5 * np.log(z)  # log of the squared stretch along x
-        for _ in range(TURNS):
+        for _ in range(NEWTON_ITERATIONS):
             free = np.log(J / stretch)
             u = self._lateral(np.where(self.grid.across, u, free), z, J, at_once) if turned else free
             x = np.exp(u)
             S = self._second_piola(x, z, J)
-            Tx, Tz = (S if at_once else self._relaxed(S))[:, ::2].T
+            Tx, Tz = (S if at_once else self._relax(S))[:, ::2].T
             wanted = self._volume(-Tx * x / J, J)
-            done = np.abs(wanted - J).max() <= EXACT
+            done = np.abs(wanted - J).max() <= NEWTON_TOLERANCE
             J = wanted
             if done:
                 break
@@ -173,7 +176,7 @@ class _Law:
             return J
         G = 2.0 * self.constants[0]
         K = 2.0 * G * (1.0 + self.poisson) / (3.0 * (1.0 - 2.0 * self.poisson))
-        # the pressure falls by about G where J grows by 1
+        # The pressure falls by about G where J grows by 1.
         return J + (pressure - 0.5 * K * (J - 1.0 / J)) / (K + G)
 
     def _isotropic(self, I1: np.ndarray) -> np.ndarray:
@@ -207,28 +210,28 @@ class _Law:
 
         def wrong(u: np.ndarray, at_once: bool) -> np.ndarray:
             S = self._second_piola(np.exp(u), z, J)
-            T = S if at_once else self._relaxed(S)
+            T = S if at_once else self._relax(S)
             return np.where(self.grid.across, T[:, 0] * np.exp(u) - T[:, 1] * J**2 * np.exp(-u) / z, 0.0)
 
-        for _ in range(TURNS):
+        for _ in range(NEWTON_ITERATIONS):
             slope = (wrong(u + 1e-6, True) - wrong(u - 1e-6, True)) / 2e-6
             change = wrong(u, at_once) / np.where(self.grid.across, slope, 1.0)
             u = u - np.clip(change, -0.3, 0.3)
-            if np.abs(change).max() <= EXACT:
+            if np.abs(change).max() <= NEWTON_TOLERANCE:
                 break
         return u
 
-    def _relaxed(self, S: np.ndarray) -> np.ndarray:
-        """What is left of the elastic stress (m, k) [Pa]."""
+    def _relax(self, S: np.ndarray) -> np.ndarray:
+        """The elastic stress (m, k) [Pa] after relaxation."""
         left = S
         for g, tau in self.terms:
-            left = left - g * self._faded(S, tau)
+            left = left - g * self._fade(S, tau)
         if self.power is not None:
             left = np.concatenate([_power_law(self.power, self.grid.increment_s[test], S[test]) for test in self.grid.tests])
         return left
 
-    def _faded(self, S: np.ndarray, tau_s: float) -> np.ndarray:
-        """Y with tau dY/dt = S - Y, for S that is straight between instants."""
+    def _fade(self, S: np.ndarray, tau_s: float) -> np.ndarray:
+        """Y of tau dY/dt = S - Y, where S is linear between instants."""
         x = self.grid.increment_s / tau_s
         kept = np.exp(-x)
         with np.errstate(invalid="ignore"):
@@ -243,35 +246,36 @@ class _Law:
         return solve_banded((1, 0), bands, gain, check_finite=False)
 
     def _beyond(self, strain: np.ndarray) -> np.ndarray:
-        """Stress of what is slack below a threshold [Pa]."""
+        """Stress [Pa] of a network that is slack below a threshold."""
         if self.threshold is None:
             return np.zeros_like(strain)
         return self.threshold["modulus_Pa"] * np.sign(strain) * np.maximum(np.abs(strain) - self.threshold["strain"], 0.0)
 
     def table(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stretches in compression, and the sudden nominal stress [Pa] of the law alone."""
-        stretch = np.linspace(SOFTEST, 1.0, TABLE)
+        """Stretches in compression, and the nominal stress [Pa] of the law alone, without relaxation."""
+        stretch = np.linspace(SMALLEST_TABLE_STRETCH, 1.0, TABLE_STRETCHES)
         return stretch, _Law(*self.constants[:2], self.poisson, {}, self.grid).uniaxial(stretch)
 
-    def _in_series(self, stretch: np.ndarray) -> np.ndarray:
-        """Nominal stress of slices of other moduli one upon the other, each free to widen."""
+    def _in_series(self, series: Series, stretch: np.ndarray) -> np.ndarray:
+        """Nominal stress of a stack of slices of different moduli, each free to widen."""
         table, stress = self.table()
-        found = np.empty_like(stretch)
+        stresses = np.empty_like(stretch)
         for height in np.unique(self.grid.height_m):
-            whole = sum(share * np.interp(stress / factor, stress, table) for share, factor in self.series(height))
+            whole = sum(share * np.interp(stress / factor, stress, table) for share, factor in series(height))
             here = self.grid.height_m == height
-            found[here] = np.interp(stretch[here], whole, stress)
-        return found
+            stresses[here] = np.interp(stretch[here], whole, stress)
+        return stresses
 
 
-def _series(effects: Effects) -> Callable[[float], list[tuple[float, float]]] | None:
-    """Shares of a height [m] and factors of the moduli there; None where they are the same everywhere."""
+def _series(effects: Effects) -> Series | None:
+    """The slices of a specimen whose moduli change with depth; None where they are the same everywhere."""
     if "layer" in effects:
         thickness, ratio = 1e-3 * effects["layer"]["thickness_mm"], effects["layer"]["ratio"]
         return lambda height: [(thickness / height, ratio), (1.0 - thickness / height, 1.0)]
     if "stiffness-gradient" in effects:
-        factors = 1.0 + effects["stiffness-gradient"]["g"] * (1.0 - 2.0 * (np.arange(SLICES) + 0.5) / SLICES)
-        return lambda height: [(1.0 / SLICES, float(factor)) for factor in factors]
+        depths = (np.arange(SLICES_OVER_HEIGHT) + 0.5) / SLICES_OVER_HEIGHT
+        factors = 1.0 + effects["stiffness-gradient"]["g"] * (1.0 - 2.0 * depths)
+        return lambda height: [(1.0 / SLICES_OVER_HEIGHT, float(factor)) for factor in factors]
     return None
 
 
@@ -285,9 +289,9 @@ def _power_law(power: Mapping[str, float], increment_s: np.ndarray, S: np.ndarra
 
 
 def _jumps(bench: Bench, slip: Mapping[str, float]) -> np.ndarray:
-    """A rig that sticks and slips: its drag grows with the way and lets go at once, at ways that differ by chance."""
+    """The drag of a rig that sticks and slips: it grows with the distance and lets go at once, at random distances."""
     rng = np.random.default_rng(int(slip["seed"]))
-    found = []
+    drags = []
     for curve in bench.plan:
         bent, limit, drag = 0.0, slip["way"] * rng.uniform(0.2, 1.0), np.zeros(len(curve.time_s))
         for row, step in enumerate(np.diff(curve.imposed), 1):
@@ -295,11 +299,11 @@ def _jumps(bench: Bench, slip: Mapping[str, float]) -> np.ndarray:
             if abs(bent) > limit:
                 bent, limit = -0.5 * np.sign(bent) * slip["way"] * rng.uniform(0.0, 0.4), slip["way"] * rng.uniform(0.5, 1.5)
             drag[row] = bent
-        found.append(slip["drag"] * drag / slip["way"])
-    return np.concatenate(found)
+        drags.append(slip["drag"] * drag / slip["way"])
+    return np.concatenate(drags)
 
 
 def _touch_at(law: _Law, force_N: float) -> np.ndarray:
-    """Depth (m,) [m] at which a platen bears a force, suddenly."""
+    """Depth (m,) [m] at which a platen carries a force, without relaxation."""
     table, stress = law.table()
     return law.grid.height_m * (1.0 - np.interp(-force_N / law.grid.area_m2, stress, table))

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 Mode = Literal["uniaxial", "shear", "platen"]
+Conditions = dict[str, float | str]  # of a curve, as in the dataset
+Parameters = dict[str, Any]  # of an effect, as a model file states them: numbers, or lists of numbers
+Effects = Mapping[str, Parameters]  # by their names
 
 
 @dataclass(frozen=True, eq=False)
-class Planned:
-    """A curve before it is measured.
+class HomogeneousRun:
+    """A curve before noise is added to it.
 
     Attributes
     ----------
@@ -21,7 +24,7 @@ class Planned:
     time_s (k,) : rows [s]; every corner of the programme is a row.
     imposed (k,) : stretch, amount of shear, or displacement of a platen [m].
     conditions : as in the dataset.
-    test : curves of one number are one test, one after the other.
+    test : number of the test. Curves of one test follow each other.
     split : "fit", "holdout", or None where the tool chooses.
     height_m, area_m2 : of the cylinder between platens.
     """
@@ -29,7 +32,7 @@ class Planned:
     id: str
     time_s: np.ndarray
     imposed: np.ndarray
-    conditions: dict[str, Any] = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=dict)
     test: int = 0
     split: str | None = None
     height_m: float = 1.0
@@ -37,7 +40,7 @@ class Planned:
 
     @property
     def repeat(self) -> float:
-        """The number that a drift from repeat to repeat counts."""
+        """The number of the repeat, which a drift from repeat to repeat is proportional to."""
         return float(self.conditions.get("repeat", self.conditions.get("cycle", 1)))
 
 
@@ -46,30 +49,31 @@ class Grid:
 
     Attributes
     ----------
-    imposed (m,) : what is imposed at the instants; increment_s (m,) [s] since the last one, 0 where a test begins.
+    imposed (m,) : the imposed value at the instants.
+    increment_s (m,) : time since the last instant [s], 0 where a test begins.
     rows (n,) : the instants that are rows of the data.
     tests : slices of the instants, one a test.
-    across (m,) : where the fibres lie across the load.
+    across (m,) : whether the fibres lie across the load.
     """
 
-    def __init__(self, plan: Sequence[Planned], parts: int, mode: Mode) -> None:
-        tests: dict[int, list[Planned]] = {}
+    def __init__(self, plan: Sequence[HomogeneousRun], parts: int, mode: Mode) -> None:
+        tests: dict[int, list[HomogeneousRun]] = {}
         for curve in plan:
             tests.setdefault(curve.test, []).append(curve)
         times, ways, rows, heights, areas, across, self.tests = [], [], [], [], [], [], []
         self._paces, self._first = [], []
         count = 0
         for curves in tests.values():
-            start, t, x = 0.0, [], []
+            start, times_of_curves = 0.0, []
             for curve in curves:
-                t.append(curve.time_s + start)
-                x.append(curve.imposed)
-                start = t[-1][-1]
-                later = curves[len(t)] if len(t) < len(curves) else None
-                start += 0.0 if later is None else later.time_s[1]  # the next one begins a row's step later
-            t, x = np.concatenate(t), np.concatenate(x)
+                times_of_curves.append(curve.time_s + start)
+                start = times_of_curves[-1][-1]
+                later = curves[len(times_of_curves)] if len(times_of_curves) < len(curves) else None
+                start += 0.0 if later is None else later.time_s[1]  # The next curve begins one row later.
+            t, x = np.concatenate(times_of_curves), np.concatenate([curve.imposed for curve in curves])
             fine = np.interp(np.arange((len(t) - 1) * parts + 1) / parts, np.arange(len(t)), t)
-            # A platen that is in already at the first row has come at the pace at which it goes on: room for that way.
+            # A platen that is in the tissue already at the first row approached at the pace of its first movement; these instants
+            # are for its approach.
             before = parts if mode == "platen" else 0
             times.append(np.concatenate([np.full(before, fine[0]), fine]))
             ways.append(np.concatenate([np.zeros(before), np.interp(fine, t, x)]))
@@ -90,12 +94,12 @@ class Grid:
         self.increment_s = np.diff(np.concatenate(times), prepend=0.0)
         self.increment_s[[test.start for test in self.tests]] = 0.0
 
-    def approached(self, offset_m: float | np.ndarray) -> np.ndarray:
-        """The way of the platen into the tissue (m,) [m]; the time of its approach is set where it is in already."""
-        way = self.imposed + offset_m
+    def approach_with(self, offset_m: float | np.ndarray) -> np.ndarray:
+        """Depths of the platen in the tissue (m,) [m]; sets the time of its approach, where it begins in the tissue."""
+        depths = self.imposed + offset_m
         for first, pace in zip(self._first, self._paces, strict=True):
-            depth = max(float(way[first.stop]), 0.0)
+            depth = max(float(depths[first.stop]), 0.0)
             parts = first.stop - first.start
-            way[first] = depth * np.arange(parts) / parts
+            depths[first] = depth * np.arange(parts) / parts
             self.increment_s[first.start + 1 : first.stop + 1] = depth / pace / parts
-        return way
+        return depths

@@ -1,38 +1,40 @@
-"""One homogeneous case, drawn from its own random numbers: a test, a tissue, what is hidden in it, its noise."""
+"""One homogeneous case, drawn at random: a test, a tissue, the effect that is hidden in it, and the noise."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from explicitfe.blind.case import UNSTATED, Case, Measured, Told, Wanted, sealed
+from explicitfe.blind.case import UNSTATED_NOISE_SHARE, Case, CaseCurve, CaseRequest, NoiseStatement, Table
 from explicitfe.blind.closed_forms import Bench
-from explicitfe.blind.identifiable import COARSE, Scales, Separation, scales, separation
+from explicitfe.blind.grid import Parameters
+from explicitfe.blind.identifiable import COARSE_INCREMENTS_PER_ROW, CaseSizes, Separation, case_sizes, separation
 from explicitfe.blind.noise import Noise, Whitener
-from explicitfe.blind.protocols import EFFECTS, PROGRAMMES, WAYS, Protocol, draw_protocol, shows
+from explicitfe.blind.protocols import DEFORMATIONS, EFFECTS, PROGRAMMES, Protocol, draw_protocol, shows
+from explicitfe.blind.truth import Truth, WrongLength, common_truth
 
 CONTROLS = ("white", "correlated", "scatter", "wrong-dimension")
 OUTSIDE = ("power-law", "threshold", "stick-slip")
-POISSON = 0.499
-C10_PA = (100.0, 3000.0)
-RATIO = 1.5  # largest C20 / C10
-CORRELATED = 0.2  # share of the cases with an effect whose noise is correlated
-RHO = (0.5, 0.95)
+POISSON_RATIO = 0.499  # the default of the simulator, so that Poisson's ratio alone is no hidden effect
+C10_RANGE_PA = (100.0, 3000.0)  # the tongue's is 192 Pa (Gerard et al. 2005)
+LARGEST_C20_OVER_C10 = 1.5
+CORRELATED_NOISE_SHARE = 0.2  # in this share of the cases with an effect the noise is correlated from row to row
+ROW_CORRELATION_RANGE = (0.5, 0.95)  # from row to row
 COLUMNS = {
     "uniaxial": ("stretch", "nominal_stress_Pa"),
     "shear": ("shear_strain", "shear_stress_Pa"),
     "platen": ("displacement_mm", "force_N"),
 }
-# keys of the noise of what is predicted and of what is imposed
+# Keys for the noise of the predicted column and of the imposed one.
 NOISE = {
     "uniaxial": ("stress_sd_Pa", "stretch_sd"),
     "shear": ("stress_sd_Pa", None),
     "platen": ("force_sd_N", "displacement_sd_mm"),
 }
-# largest plausible strengths of the library, which no hidden effect exceeds
-LARGEST = {
+# The largest strengths that the library calls plausible; no hidden effect exceeds them.
+LARGEST_STRENGTHS = {
     "third-yeoh": 1000.0,
     "fibres": 20000.0,
     "contact-offset": 1.0,
@@ -46,7 +48,10 @@ LARGEST = {
 
 def pairs() -> list[tuple[str, str]]:
     """Pairs of effects that some protocol can show together, in a fixed order."""
-    together = {pair for name, ways in WAYS.items() for way in ways for pair in _pairs(shows(name, way))}
+    together: set[tuple[str, str]] = set()
+    for name, deformations in DEFORMATIONS.items():
+        for deformation in deformations:
+            together.update(_pairs(shows(name, deformation)))
     return sorted(together)
 
 
@@ -56,135 +61,144 @@ def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def choices(kind: str) -> list[tuple[str, ...]]:
-    """What a kind can be; cases go round this list."""
+    """The subjects that a kind of case can have; the cases of a set take them in turn."""
     if kind == "double":
         return list(pairs())
     return [(name,) for name in {"control": CONTROLS, "single": EFFECTS, "outside": OUTSIDE}[kind]]
 
 
-def draw(rng: np.random.Generator, wanted: Wanted) -> Case:
-    """A case of that kind."""
-    protocol = _protocol(rng, wanted)
-    C10 = float(f"{np.exp(rng.uniform(*np.log(C10_PA))):.4g}")
-    C20 = 0.0 if rng.random() < 0.1 else float(f"{rng.uniform(0.0, RATIO) * C10:.4g}")
-    bench = Bench(protocol.plan, protocol.mode, POISSON)
-    size = scales(bench, C10, C20, bench.values(C10, C20))
-    effects = {} if wanted.kind == "control" else {name: _effect(rng, name, bench, size, C10, C20) for name in wanted.what}
-    whole = bench.values(C10, C20, effects, COARSE if "power-law" in effects else None)
-    noise = _noise(rng, wanted, float(np.abs(whole).max()))
-    measured = noise.added(rng, bench.curves(whole))
-    specimen, wrong = _specimen(rng, protocol, wanted)
-    told = Told(rng.random() >= UNSTATED, noise.scale_sd > 0.0 and rng.random() < 0.5)
+def draw(rng: np.random.Generator, request: CaseRequest) -> Case:
+    """Draw a case."""
+    protocol = _protocol(rng, request)
+    C10 = float(f"{np.exp(rng.uniform(*np.log(C10_RANGE_PA))):.4g}")
+    C20 = 0.0 if rng.random() < 0.1 else float(f"{rng.uniform(0.0, LARGEST_C20_OVER_C10) * C10:.4g}")
+    bench = Bench(protocol.plan, protocol.mode, POISSON_RATIO)
+    size = case_sizes(bench, C10, C20, bench.values(C10, C20))
+    effects = {} if request.kind == "control" else {name: _effect(rng, name, bench, size, C10, C20) for name in request.subjects}
+    whole = bench.values(C10, C20, effects, COARSE_INCREMENTS_PER_ROW if "power-law" in effects else None)
+    noise = _noise(rng, request, float(np.abs(whole).max()))
+    measured = noise.add_to(rng, bench.curves(whole))
+    specimen = _specimen(rng, protocol, request)
+    statement = NoiseStatement(rng.random() >= UNSTATED_NOISE_SHARE, noise.scale_sd > 0.0 and rng.random() < 0.5)
     group = "specimen-1" if noise.scale_sd == 0.0 and rng.random() < 0.5 else None
-    apart = _apart(bench, wanted, effects, (C10, C20), noise)
-    truth = sealed(wanted, effects, (C10, C20), noise, told, apart) | {
+    distances = _distances(bench, request, effects, (C10, C20), noise)
+    truth: Truth = {
+        **common_truth(request.kind, request.subjects[0], effects, (C10, C20), statement.truth(noise), distances),
         "protocol": protocol.name,
         "mode": protocol.mode,
         "test": protocol.test,
         "holdout": any(curve.split == "holdout" for curve in protocol.plan),
         "rows": {curve.id: len(curve.time_s) for curve in protocol.plan},
-        "wrong": wrong,
+        "wrong": specimen.wrong,
     }
     platen = protocol.mode == "platen"
     return Case(
         title=protocol.title,
         test=protocol.test,
         columns=COLUMNS[protocol.mode],
-        specimen=specimen,
+        specimen=specimen.table,
         tool={"shape": "platen", "control": "displacement", "friction": 0.0} if platen else None,
-        noise=told.table(noise, *NOISE[protocol.mode]),
-        curves=[_measured(protocol, k, values, specimen, group) for k, values in enumerate(measured)],
+        noise=statement.table(noise, *NOISE[protocol.mode]),
+        curves=[_curve(protocol, k, values, specimen, group) for k, values in enumerate(measured)],
         truth=truth,
     )
 
 
-def _measured(protocol: Protocol, number: int, values: np.ndarray, specimen: dict[str, Any], group: str | None) -> Measured:
+class _Specimen(NamedTuple):
+    """The table [specimen] as the dataset states it, the stated height, and which length is wrong, if any."""
+
+    table: Table
+    height_mm: float
+    wrong: WrongLength | None
+
+
+def _curve(protocol: Protocol, number: int, values: np.ndarray, specimen: _Specimen, group: str | None) -> CaseCurve:
     curve, first = protocol.plan[number], protocol.plan[0]
     if sum(other.test == curve.test for other in protocol.plan) > 1:
         group = f"specimen-{curve.test + 1}"
-    own = {}
-    if curve.height_m != first.height_m:  # a length that is stated wrongly is so by the same factor everywhere
-        own = {"specimen": {"height_mm": round(specimen["height_mm"] * curve.height_m / first.height_m, 4)}}
+    own: dict[str, Table] = {}
+    if curve.height_m != first.height_m:  # a length that is stated wrongly is wrong by the same factor everywhere
+        own = {"specimen": {"height_mm": round(specimen.height_mm * curve.height_m / first.height_m, 4)}}
     imposed = 1e3 * curve.imposed if protocol.mode == "platen" else curve.imposed
     rows = np.column_stack([curve.time_s, imposed, values])
-    return Measured(curve.id, rows, group, curve.split, curve.conditions, own)
+    return CaseCurve(curve.id, rows, group, curve.split, curve.conditions, own)
 
 
-def _protocol(rng: np.random.Generator, wanted: Wanted) -> Protocol:
-    if wanted.kind != "control":
-        needs = wanted.what if wanted.kind != "outside" else ()
+def _protocol(rng: np.random.Generator, request: CaseRequest) -> Protocol:
+    if request.kind != "control":
+        needs = request.subjects if request.kind != "outside" else ()
         only = {
             "power-law": ("ramp-hold", "hold-unload-rest"),
             "threshold": ("ramps", "ramp-hold", "hold-unload-rest", "cycles-in-one"),
             "stick-slip": ("ramps", "hold-unload-rest", "cycles-in-one"),
-        }.get(wanted.what[0], ())
+        }.get(request.subjects[0], ())
         return draw_protocol(rng, needs, only)
-    if wanted.what == ("scatter",):
+    if request.subjects == ("scatter",):
         return draw_protocol(rng, only=("repeats",))
-    return draw_protocol(rng, only=tuple(PROGRAMMES), platen=wanted.what == ("wrong-dimension",))
+    return draw_protocol(rng, only=tuple(PROGRAMMES), platen=request.subjects == ("wrong-dimension",))
 
 
-def _noise(rng: np.random.Generator, wanted: Wanted, largest: float) -> Noise:
-    correlated = wanted.what == ("correlated",) or (wanted.kind != "control" and rng.random() < CORRELATED)
-    rho = round(float(rng.uniform(*RHO)), 3) if correlated else 0.0
-    scatter = wanted.what == ("scatter",)
+def _noise(rng: np.random.Generator, request: CaseRequest, largest: float) -> Noise:
+    correlated = request.subjects == ("correlated",) or (request.kind != "control" and rng.random() < CORRELATED_NOISE_SHARE)
+    rho = round(float(rng.uniform(*ROW_CORRELATION_RANGE)), 3) if correlated else 0.0
+    scatter = request.subjects == ("scatter",)
     scale = round(float(rng.uniform(0.03, 0.10)), 4) if scatter else 0.0
-    return Noise(wanted.level, wanted.level * largest, rho, scale, 0.01 * largest if scatter else 0.0)
+    return Noise(request.level, request.level * largest, rho, scale, 0.01 * largest if scatter else 0.0)
 
 
-def _specimen(rng: np.random.Generator, protocol: Protocol, wanted: Wanted) -> tuple[dict[str, Any], dict[str, float] | None]:
-    """The table as the dataset states it, and by what factor which length of it is wrong."""
+def _specimen(rng: np.random.Generator, protocol: Protocol, request: CaseRequest) -> _Specimen:
     if protocol.radius_mm is None:
-        return {"shape": "point"}, None
+        return _Specimen({"shape": "point"}, np.nan, None)
     heights = [1e3 * curve.height_m for curve in protocol.plan]
-    table: dict[str, Any] = {"shape": "cylinder", "radius_mm": protocol.radius_mm, "height_mm": round(heights[0], 6)}
-    wrong = None
-    if wanted.what == ("wrong-dimension",):
+    lengths = {"radius_mm": protocol.radius_mm, "height_mm": round(heights[0], 6)}
+    assumed: Table = {}
+    wrong: WrongLength | None = None
+    if request.subjects == ("wrong-dimension",):
         key = str(rng.choice(["radius_mm", "height_mm"]))
         factor = 1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.03, 0.10))
-        table[key] = round(table[key] * factor, 3)
+        lengths[key] = round(lengths[key] * factor, 3)
         wrong = {"key": key, "factor": factor}
-        table["assumed"] = [key]
+        assumed = {"assumed": [key]}
     elif rng.random() < 0.3:
-        table["assumed"] = [str(rng.choice(["radius_mm", "height_mm"]))]
-    return table | {"base": "frictionless"}, wrong
+        assumed = {"assumed": [str(rng.choice(["radius_mm", "height_mm"]))]}
+    return _Specimen({"shape": "cylinder", **lengths, **assumed, "base": "frictionless"}, lengths["height_mm"], wrong)
 
 
-def _apart(
-    bench: Bench, wanted: Wanted, effects: Mapping[str, Mapping[str, Any]], constants: tuple[float, float], noise: Noise
+def _distances(
+    bench: Bench, request: CaseRequest, effects: Mapping[str, Parameters], constants: tuple[float, float], noise: Noise
 ) -> Separation | None:
-    """Separations, by the curves that a tool may use: not those that the dataset holds out."""
-    if wanted.kind == "control":
+    """The separations, by the curves that a tool may fit: those that the dataset holds out do not count."""
+    if request.kind == "control":
         return None
     remembers = {"viscoelastic", "power-law"} & set(effects)
-    true = bench.values(*constants, effects, COARSE if remembers else None, recovers=False)
+    true = bench.values(*constants, effects, COARSE_INCREMENTS_PER_ROW if remembers else None, recovers=False)
     whiten = Whitener(noise, bench.curves(true), [curve.split != "holdout" for curve in bench.plan])
-    return separation(bench, true, whiten, constants, () if wanted.kind == "outside" else wanted.what)
+    return separation(bench, true, whiten, constants, () if request.kind == "outside" else request.subjects)
 
 
 # ---- effects, from weak to strong ----
 
 
 def strength(rng: np.random.Generator, low: float, high: float, largest: float = np.inf) -> float:
-    """Between two values, logarithmic, but not above the largest plausible one."""
+    """A strength between two values, even on a logarithmic scale, but never above the largest plausible one."""
     high = min(high, largest)
     low = min(low, high)
     return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.4g}")
 
 
-def signed(rng: np.random.Generator, low: float, high: float, largest: float = np.inf) -> float:
-    """The same, of either sign."""
+def signed_strength(rng: np.random.Generator, low: float, high: float, largest: float = np.inf) -> float:
+    """A strength of either sign."""
     return float(rng.choice([-1.0, 1.0])) * strength(rng, low, high, largest)
 
 
-def _effect(rng: np.random.Generator, name: str, bench: Bench, size: Scales, C10_Pa: float, C20_Pa: float) -> dict[str, Any]:
+def _effect(rng: np.random.Generator, name: str, bench: Bench, size: CaseSizes, C10_Pa: float, C20_Pa: float) -> Parameters:
     """Parameters of an effect as a model file states them."""
     ways = np.concatenate([curve.imposed / curve.height_m for curve in bench.plan])
     strain = float(np.abs(ways - 1.0).max()) if bench.mode == "uniaxial" else float(np.abs(ways).max())
     stretch = 1.0 + strain if bench.mode == "uniaxial" and ways.max() > 1.0 else 1.0 - strain
     x = strain**2 if bench.mode == "shear" else stretch**2 + 2.0 / stretch - 3.0
     F, depth, span, W = size.force_N, size.depth_mm, size.longest_s, size.energy_Pa
-    most = LARGEST.get(name, np.inf)
+    most = LARGEST_STRENGTHS.get(name, np.inf)
     if name == "viscoelastic":
         return {"g": [strength(rng, 0.02, 0.6)], "tau_s": [strength(rng, 0.01 * span, 0.5 * span)]}
     if name == "softening":
@@ -195,15 +209,15 @@ def _effect(rng: np.random.Generator, name: str, bench: Bench, size: Scales, C10
     if name == "fibres":
         return {"k1_Pa": strength(rng, 0.02 * C10_Pa, 5.0 * C10_Pa, most), "k2": strength(rng, 0.3, 3.0)}
     if name == "cycle-drift":
-        return {"per_cycle": signed(rng, 0.003, 0.1)}
+        return {"per_cycle": signed_strength(rng, 0.003, 0.1)}
     if name == "contact-offset":
-        return {"offset_mm": signed(rng, 0.005 * depth, 0.15 * depth, most)}
+        return {"offset_mm": signed_strength(rng, 0.005 * depth, 0.15 * depth, most)}
     if name == "compliance":
         return {"compliance_mm_N": strength(rng, 0.005 * depth / F, 0.3 * depth / F, most)}
     if name == "force-offset":
-        return {"offset_N": signed(rng, 0.005 * F, 0.2 * F, most)}
+        return {"offset_N": signed_strength(rng, 0.005 * F, 0.2 * F, most)}
     if name == "force-drift":
-        return {"rate_N_s": signed(rng, 0.005 * F / span, 0.2 * F / span, most)}
+        return {"rate_N_s": signed_strength(rng, 0.005 * F / span, 0.2 * F / span, most)}
     if name == "power-law":
         t0 = strength(rng, 3e-4 * span, 0.02 * span)
         return {"share": strength(rng, 0.3, 0.9), "exponent": strength(rng, 0.15, 0.35), "t0_s": t0}
@@ -213,5 +227,5 @@ def _effect(rng: np.random.Generator, name: str, bench: Bench, size: Scales, C10
     assert name == "stick-slip"
     reach = 1e-3 * depth if bench.mode == "platen" else strain
     whole = float(np.abs(bench.values(C10_Pa, C20_Pa)).max())
-    way, drag = strength(rng, 0.08 * reach, 0.25 * reach), strength(rng, 0.02 * whole, 0.12 * whole)
-    return {"way": way, "drag": drag, "seed": int(rng.integers(1 << 31))}
+    length, drag = strength(rng, 0.08 * reach, 0.25 * reach), strength(rng, 0.02 * whole, 0.12 * whole)
+    return {"way": length, "drag": drag, "seed": int(rng.integers(1 << 31))}

@@ -12,19 +12,27 @@ from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
-from explicitfe.blind import homogeneous as cases
-from explicitfe.blind import under_a_tool as indentation
-from explicitfe.blind.case import KINDS, LEVELS, Wanted, write
+from explicitfe.blind import homogeneous, under_a_tool
+from explicitfe.blind.case import KINDS, LEVELS, CaseRequest, write
 from explicitfe.errors import InputError, Progress, silent
 
-DRAWN = {"homogeneous": cases, "indentation": indentation}
-SHARES = {"control": 0.275, "single": 0.55, "double": 0.1, "outside": 0.075}  # where only a number of cases is given
-PLAN = 1_000_003  # beside the seed: the order of the cases is drawn by itself
+FAMILIES = {"homogeneous": homogeneous, "indentation": under_a_tool}
+KIND_SHARES = {"control": 0.275, "single": 0.55, "double": 0.1, "outside": 0.075}  # where only a number of cases is given
+ORDER_SEED = 1_000_003  # With the seed of the set it seeds the order of the cases, apart from what is drawn for each case.
 MANIFEST = "made.json"
+
+
+class Manifest(TypedDict):
+    """What was asked for, and how long it took: the file ``made.json``, without anything of the truth."""
+
+    seed: int
+    family: str
+    count: int
+    wall_s: float
 
 
 def make(
@@ -36,22 +44,22 @@ def make(
     family: str = "homogeneous",
     processes: int = 1,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> Manifest:
     """Make cases.
 
     Parameters
     ----------
     out : a new or empty folder.
-    seed : of all that is drawn; case k depends on the seed, on k and on what kind it is to be.
-    count : cases, of all kinds; or
-    kinds : kind -> number of cases: control, single, double, outside.
+    seed : of all random numbers; case k depends on the seed, on k and on its kind.
+    count : number of cases, of all kinds together. Give either this or ``kinds``.
+    kinds : number of cases of each kind: control, single, double, outside.
     family : homogeneous (milliseconds a test) or indentation (simulated).
     processes : cases that are made at the same time.
     progress : called with the stage and the share of it that is done.
 
     Returns
     -------
-    JSON-able: the request and its wall time. Nothing of the truth.
+    The file ``made.json``.
 
     Raises
     ------
@@ -61,11 +69,11 @@ def make(
     out = Path(out)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}: this is not an empty folder; name a new one.")
-    if family not in DRAWN:
-        raise InputError(f'family = "{family}" is unknown; it can be {" or ".join(DRAWN)}.')
-    wanted = plan(seed, numbers(count, kinds, family), family)
-    seeds = np.random.SeedSequence(seed).spawn(len(wanted))
-    jobs = [(str(out), k + 1, family, wanted[k], seeds[k]) for k in range(len(wanted))]
+    if family not in FAMILIES:
+        raise InputError(f'family = "{family}" is unknown; it can be {" or ".join(FAMILIES)}.')
+    requests = plan(seed, numbers(count, kinds, family), family)
+    seeds = np.random.SeedSequence(seed).spawn(len(requests))
+    jobs = [(str(out), k + 1, family, requests[k], seeds[k]) for k in range(len(requests))]
     for folder in ("cases", "sealed"):
         (out / folder).mkdir(parents=True)
     done = 0
@@ -79,7 +87,7 @@ def make(
             _make_one(job)
             done += 1
             progress("make", done / len(jobs))
-    summary = {"seed": seed, "family": family, "count": len(wanted), "wall_s": time.perf_counter() - begin}
+    summary: Manifest = {"seed": seed, "family": family, "count": len(requests), "wall_s": time.perf_counter() - begin}
     (out / MANIFEST).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     return summary
 
@@ -90,7 +98,7 @@ def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> 
         raise InputError("give either a count of cases or a number for each kind.")
     possible = KINDS if family == "homogeneous" else KINDS[:2]
     if kinds is None:
-        shares = {kind: SHARES[kind] for kind in possible}
+        shares = {kind: KIND_SHARES[kind] for kind in possible}
         ends = np.round(count * np.cumsum(list(shares.values())) / sum(shares.values())).astype(int)
         return dict(zip(shares, np.diff(ends, prepend=0).tolist(), strict=True))
     for kind, number in kinds.items():
@@ -99,25 +107,25 @@ def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> 
     return dict(kinds)
 
 
-def plan(seed: int, kinds: Mapping[str, int], family: str) -> list[Wanted]:
-    """What each case is to be: evenly over effects and noise levels, in an order that tells nothing."""
+def plan(seed: int, kinds: Mapping[str, int], family: str) -> list[CaseRequest]:
+    """The requests for all cases, even over effects and noise levels, in an order that reveals nothing."""
     levels = LEVELS[family]
-    rng = np.random.default_rng([seed, PLAN])
-    wanted = []
+    rng = np.random.default_rng([seed, ORDER_SEED])
+    requests = []
     for kind, number in kinds.items():
-        choices = DRAWN[family].choices(kind)
+        choices = FAMILIES[family].choices(kind)
         start = int(rng.integers(len(choices))) if kind == "double" else 0
         for k in range(number):
             turn = k // len(choices)
-            wanted.append(Wanted(kind, choices[(start + k) % len(choices)], levels[(k + turn) % len(levels)]))
-    return [wanted[k] for k in rng.permutation(len(wanted))]
+            requests.append(CaseRequest(kind, choices[(start + k) % len(choices)], levels[(k + turn) % len(levels)]))
+    return [requests[k] for k in rng.permutation(len(requests))]
 
 
-def _make_one(job: tuple[str, int, str, Wanted, np.random.SeedSequence]) -> None:
-    out, number, family, wanted, seed = job
+def _make_one(job: tuple[str, int, str, CaseRequest, np.random.SeedSequence]) -> None:
+    out, number, family, request, seed = job
     name = f"case-{number:04d}"
     begin = time.perf_counter()
-    case = DRAWN[family].draw(np.random.default_rng(seed), wanted)
+    case = FAMILIES[family].draw(np.random.default_rng(seed), request)
     write(case, Path(out) / "cases" / name, name)
     truth = {"case": name, "family": family} | case.truth | {"made_in_s": time.perf_counter() - begin}
     (Path(out) / "sealed" / f"{name}.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")

@@ -28,17 +28,17 @@ class Noise:
     scale_sd: float = 0.0
     offset_sd: float = 0.0
 
-    def added(self, rng: np.random.Generator, curves: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def add_to(self, rng: np.random.Generator, curves: Sequence[np.ndarray]) -> list[np.ndarray]:
         """The curves (k,) as they are measured."""
-        found = []
+        measured = []
         for values in curves:
             steps = rng.standard_normal(len(values))
             steps[1:] *= np.sqrt(1.0 - self.rho**2)
             for row in range(1, len(steps) if self.rho > 0.0 else 0):
                 steps[row] += self.rho * steps[row - 1]
             factor, offset = 1.0 + self.scale_sd * rng.standard_normal(), self.offset_sd * rng.standard_normal()
-            found.append(factor * values + offset + self.sd * steps)
-        return found
+            measured.append(factor * values + offset + self.sd * steps)
+        return measured
 
 
 class Whitener:
@@ -62,7 +62,7 @@ class Whitener:
     def __call__(self, difference: np.ndarray) -> np.ndarray:
         """Whitened difference of all rows (n,); only of the curves that count."""
         parts = np.split(difference, self.ends)
-        return np.concatenate([self._whitened(part, k) for k, part in enumerate(parts) if self.counted[k]])
+        return np.concatenate([self._whiten(part, k) for k, part in enumerate(parts) if self.counted[k]])
 
     def _covariance(self, values: np.ndarray) -> np.ndarray:
         steps = np.arange(len(values))
@@ -73,7 +73,7 @@ class Whitener:
         )
         return rows + self.noise.scale_sd**2 * np.outer(values, values) + self.noise.offset_sd**2
 
-    def _whitened(self, part: np.ndarray, number: int) -> np.ndarray:
+    def _whiten(self, part: np.ndarray, number: int) -> np.ndarray:
         if self._roots is not None:
             return solve_triangular(self._roots[number], part, lower=True)
         white = part / self.noise.sd

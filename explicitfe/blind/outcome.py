@@ -1,14 +1,18 @@
-"""What a report is worth, once the truth is known: one word a case."""
+"""How good a report is, once the truth is known: one word for each case."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypedDict
+
+from explicitfe.blind.report import ToolReport
+from explicitfe.blind.truth import Truth
 
 ALARMS = ("effect-found", "ambiguous", "unexplained")
-SURE = 3.0  # sds by which the rms of noise alone may exceed its expectation
-# words in the order of the tables
+# By so many standard deviations the mean square of noise alone may exceed its expectation.
+LARGEST_RMS_EXCESS_SDS = 3.0
+# The words, in the order of the tables.
 SINGLE = ("right", "confidently wrong", "ambiguous, true named", "ambiguous, true not named", "missed", "unexplained", "failed")
 DOUBLE = (
     "both",
@@ -25,8 +29,19 @@ CONTROL = ("no-missing-effect", *ALARMS, "failed")
 WORDS = {"control": CONTROL, "single": SINGLE, "double": DOUBLE, "outside": OUTSIDE}
 
 
-def outcome(report: Mapping[str, Any], truth: Mapping[str, Any]) -> str:
-    """One of the words of the case's kind. A report without a verdict is that of a crash."""
+class Coverage(TypedDict):
+    """The 95 % interval of a parameter of a recovered model, and its width relative to the true value."""
+
+    name: str
+    true: float
+    low: float
+    high: float
+    covers: bool
+    width: float | None
+
+
+def outcome(report: ToolReport, truth: Truth) -> str:
+    """One of the words of the case's kind. A report without a verdict comes from a crash."""
     verdict = report.get("verdict", "failed")
     if verdict == "failed":
         return "failed"
@@ -42,48 +57,48 @@ def outcome(report: Mapping[str, Any], truth: Mapping[str, Any]) -> str:
     return (_single if kind == "single" else _double)(report, set(truth["effects"]))
 
 
-def named(report: Mapping[str, Any]) -> set[str]:
+def named_effects(report: ToolReport) -> set[str]:
     """All effects that a verdict names."""
     return set(report.get("effects", ())) | set(report.get("ambiguous_with", ()))
 
 
-def _single(report: Mapping[str, Any], true: set[str]) -> str:
+def _single(report: ToolReport, true: set[str]) -> str:
     if report["verdict"] == "ambiguous":
-        return "ambiguous, true named" if true <= named(report) else "ambiguous, true not named"
+        return "ambiguous, true named" if true <= named_effects(report) else "ambiguous, true not named"
     return "right" if set(report["effects"]) == true else "confidently wrong"
 
 
-def _double(report: Mapping[str, Any], true: set[str]) -> str:
-    found = set(report["effects"])
+def _double(report: ToolReport, true: set[str]) -> str:
+    named = set(report["effects"])
     if report["verdict"] == "ambiguous":
         return "ambiguous"
-    if found == true:
+    if named == true:
         return "both"
-    if not found < true:
+    if not named < true:
         return "confidently wrong"
     return "one, said to be all" if report.get("remainder") == "at-floor" else "one, remainder says so"
 
 
-def _outside(report: Mapping[str, Any], truth: Mapping[str, Any]) -> str:
+def _outside(report: ToolReport, truth: Truth) -> str:
     if report["verdict"] == "ambiguous":
         return "ambiguous"
-    return "an effect that predicts at the floor" if predicts(report, truth) else "confidently wrong"
+    return "an effect that predicts at the floor" if predicts_held_out(report, truth) else "confidently wrong"
 
 
-def predicts(report: Mapping[str, Any], truth: Mapping[str, Any]) -> bool:
+def predicts_held_out(report: ToolReport, truth: Truth) -> bool:
     """Whether every held-out curve is predicted up to its true noise, and there is one."""
     curves = report.get("final", {}).get("error", {}).get("curves", {})
     held = {name: curve["rmse"] for name, curve in curves.items() if curve.get("split") == "holdout"}
     square = truth["noise"]["rho"] ** 2
     for name, rmse in held.items():
-        # the sd of the mean square of n correlated normal numbers
+        # n correlated normal numbers have a mean square that scatters as that of fewer independent ones.
         free = truth["rows"][name] * (1.0 - square) / (1.0 + square)
-        if rmse > truth["noise"]["sd"] * math.sqrt(1.0 + SURE * math.sqrt(2.0 / free)):
+        if rmse > truth["noise"]["sd"] * math.sqrt(1.0 + LARGEST_RMS_EXCESS_SDS * math.sqrt(2.0 / free)):
             return False
     return bool(held)
 
 
-def recovered(report: Mapping[str, Any], truth: Mapping[str, Any]) -> bool:
+def recovers_truth(report: ToolReport, truth: Truth) -> bool:
     """Whether the final model has the effects of the truth, so that its parameters mean the same."""
     if truth["kind"] == "outside" or truth.get("wrong"):
         return False
@@ -93,24 +108,24 @@ def recovered(report: Mapping[str, Any], truth: Mapping[str, Any]) -> bool:
     return verdict == "effect-found" and set(report["effects"]) == set(truth["effects"])
 
 
-def intervals(report: Mapping[str, Any], truth: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Parameters of a recovered model: name, true value, 95 % interval, whether it covers, width relative to the true value."""
-    found = []
+def intervals(report: ToolReport, truth: Truth) -> list[Coverage]:
+    """Whether the intervals of a recovered model cover the true values of its parameters."""
+    rows: list[Coverage | None] = []
     for name, entry in report.get("final", {}).get("parameters", {}).items():
         if name in ("C10_Pa", "C20_Pa"):
             for value in entry.values():
-                found.append(_interval(name, float(truth[name]), value))
+                rows.append(_coverage(name, truth["C10_Pa"] if name == "C10_Pa" else truth["C20_Pa"], value))
             continue
         effect, _, parameter = name.partition(".")
         true = truth["effects"].get(effect, {}).get(parameter)
         if isinstance(true, list):
             true = true[0] if len(true) == 1 else None
         if true is not None:
-            found.append(_interval(name, float(true), entry))
-    return [row for row in found if row is not None]
+            rows.append(_coverage(name, float(true), entry))
+    return [row for row in rows if row is not None]
 
 
-def _interval(name: str, true: float, entry: Mapping[str, Any]) -> dict[str, Any] | None:
+def _coverage(name: str, true: float, entry: Mapping[str, Any]) -> Coverage | None:
     interval = entry.get("ci95")
     if interval is None or None in interval:
         return None

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from explicitfe.blind.grid import Mode, Planned
+from explicitfe.blind.grid import Conditions, HomogeneousRun, Mode
 
-ROWS = (50, 150)
-HOLD_FIRST = 0.02  # of a wait: its first row
+ROW_COUNT_RANGE = (50, 150)  # of a curve
+FIRST_ROW_OF_HOLD_SHARE = 0.02  # The first row of a hold comes after this share of it, as relaxation is quickest there.
 
 
 @dataclass(frozen=True)
@@ -20,9 +19,9 @@ class Protocol:
 
     Attributes
     ----------
-    name, title : of the programme; they say nothing of what the tissue is.
+    name, title : of the programme; they reveal nothing of the tissue.
     test : compression | tension | shear.
-    mode : what is imposed.
+    mode : the quantity that is imposed.
     plan : its curves.
     shows : effects of the library that it can show.
     radius_mm : of the cylinder between platens.
@@ -32,13 +31,13 @@ class Protocol:
     title: str
     test: str
     mode: Mode
-    plan: tuple[Planned, ...]
+    plan: tuple[HomogeneousRun, ...]
     shows: tuple[str, ...]
     radius_mm: float | None = None
 
 
 def programme(corners: Sequence[tuple[float, float]], rows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and what is imposed at them, corners among them; even on the way, from fine to coarse in a wait."""
+    """Times [s] and the imposed values at them: all corners, between them even on ramps and from fine to coarse in holds."""
     t, x = (np.array(column, dtype=float) for column in zip(*corners, strict=True))
     moves = np.diff(x) != 0.0
     weight = np.where(moves, 1.0 + np.abs(np.diff(x)) / np.abs(np.diff(x)).max(), 1.0)
@@ -47,7 +46,7 @@ def programme(corners: Sequence[tuple[float, float]], rows: int) -> tuple[np.nda
     for k, count in enumerate(counts):
         share = np.arange(1, count + 1) / count
         if not moves[k]:
-            share = np.expm1(share * np.log1p(1.0 / HOLD_FIRST)) * HOLD_FIRST
+            share = np.expm1(share * np.log1p(1.0 / FIRST_ROW_OF_HOLD_SHARE)) * FIRST_ROW_OF_HOLD_SHARE
         times.append(np.round(t[k] + share * (t[k + 1] - t[k]), 6))
     time_s = np.concatenate(times)
     return time_s, np.interp(time_s, t, x)
@@ -55,23 +54,23 @@ def programme(corners: Sequence[tuple[float, float]], rows: int) -> tuple[np.nda
 
 @dataclass(frozen=True)
 class _Draw:
-    """What all programmes of one dataset share."""
+    """The random choices that all programmes of one dataset share."""
 
     rng: np.random.Generator
     stretchable: bool = False
     sheared: bool = False
 
     def strain(self) -> float:
-        """The largest one."""
+        """The largest strain."""
         low, high = (0.3, 0.8) if self.sheared else (0.2, 0.6) if self.stretchable else (0.2, 0.4)
         return round(float(self.rng.uniform(low, high)), 2)
 
     def rate(self) -> float:
-        """Of the slowest ramp, per second."""
+        """The strain rate of the slowest ramp [1/s]."""
         return _nice(10.0 ** self.rng.uniform(-2.3, -1.0))
 
     def rows(self) -> int:
-        return int(self.rng.integers(*ROWS))
+        return int(self.rng.integers(*ROW_COUNT_RANGE))
 
 
 def _nice(value: float) -> float:
@@ -80,7 +79,7 @@ def _nice(value: float) -> float:
 
 # ---- programmes: strain against time, positive; each gives (corners, conditions, test) a curve ----
 
-_Curve = tuple[list[tuple[float, float]], dict[str, Any], int]
+_Curve = tuple[list[tuple[float, float]], Conditions, int]
 
 
 def _ramp_hold(draw: _Draw) -> tuple[str, list[_Curve], list[int]]:
@@ -93,7 +92,9 @@ def _ramp_hold(draw: _Draw) -> tuple[str, list[_Curve], list[int]]:
     for r in rates:
         for repeat in range(1, repeats + 1):
             ramp = strain / r
-            conditions = {"rate_per_s": r, "max_strain": strain, "hold_s": hold} | ({"repeat": repeat} if repeats > 1 else {})
+            conditions: Conditions = {"rate_per_s": r, "max_strain": strain, "hold_s": hold}
+            if repeats > 1:
+                conditions["repeat"] = repeat
             curves.append(([(0.0, 0.0), (ramp, strain), (ramp + hold, strain)], conditions, len(curves)))
     return "Ramp and hold at three rates", curves, list(range(repeats, 2 * repeats))
 
@@ -126,7 +127,7 @@ def _cycles_of_one(draw: _Draw) -> tuple[str, list[_Curve], list[int]]:
     for specimen, r in enumerate((rate, _nice(3.0 * rate))):
         for k in range(number):
             e = round(strain * (k + 1) / number, 3)
-            conditions = {"rate_per_s": r, "hold_s": dwell, "cycle": k + 1, "sample": "AB"[specimen]}
+            conditions: Conditions = {"rate_per_s": r, "hold_s": dwell, "cycle": k + 1, "sample": "AB"[specimen]}
             curves.append((_cycle(e, r, dwell), conditions, specimen))
     return "Load and unload cycles of growing amplitude", curves, []
 
@@ -162,7 +163,7 @@ def _repeats(draw: _Draw) -> tuple[str, list[_Curve], list[int]]:
     number = int(draw.rng.integers(4, 7))
     up = strain / rate
     corners = [(0.0, 0.0), (up, strain), (up + hold, strain), (2.0 * up + hold, 0.0)]
-    more = {"rate_per_s": rate, "max_strain": strain, "hold_s": hold}
+    more: Conditions = {"rate_per_s": rate, "max_strain": strain, "hold_s": hold}
     return "The same test again and again", [(corners, more | {"repeat": k + 1}, k) for k in range(number)], [number // 2]
 
 
@@ -174,14 +175,14 @@ def _directions(draw: _Draw) -> tuple[str, list[_Curve], list[int]]:
     for r in rates:
         for direction in ("fibre", "cross-fibre"):
             ramp = strain / r
-            conditions = {"rate_per_s": r, "max_strain": strain, "hold_s": hold, "direction": direction}
+            conditions: Conditions = {"rate_per_s": r, "max_strain": strain, "hold_s": hold, "direction": direction}
             curves.append(([(0.0, 0.0), (ramp, strain), (ramp + hold, strain)], conditions, len(curves)))
     return "Ramp and hold along and across the fibres", curves, [2, 3] if len(rates) == 3 else []
 
 
 _Programme = Callable[[_Draw], tuple[str, list[_Curve], list[int]]]
 _READINGS = ("contact-offset", "compliance", "force-offset", "force-drift")
-# name -> programme, effects of the material that it shows
+# name -> programme, effects of the material that it can show
 PROGRAMMES: dict[str, tuple[_Programme, tuple[str, ...]]] = {
     "ramp-hold": (_ramp_hold, ("viscoelastic", "third-yeoh")),
     "hold-unload-rest": (_hold_unload_rest, ("viscoelastic", "softening", "third-yeoh")),
@@ -191,8 +192,8 @@ PROGRAMMES: dict[str, tuple[_Programme, tuple[str, ...]]] = {
     "repeats": (_repeats, ("viscoelastic", "softening", "third-yeoh", "cycle-drift")),
     "directions": (_directions, ("fibres", "viscoelastic", "third-yeoh")),
 }
-# how a programme is carried out: compressed or pulled at a point, sheared, between platens
-WAYS: dict[str, tuple[str, ...]] = {
+# How a programme deforms a specimen: compressed or pulled at a point, sheared, or between platens.
+DEFORMATIONS: dict[str, tuple[str, ...]] = {
     "ramp-hold": ("compression", "tension", "shear", "platen"),
     "hold-unload-rest": ("compression", "tension", "shear", "platen"),
     "cycles-of-one": ("compression", "tension", "shear", "platen"),
@@ -204,30 +205,37 @@ WAYS: dict[str, tuple[str, ...]] = {
 EFFECTS = ("viscoelastic", "softening", "third-yeoh", "fibres", "cycle-drift", *_READINGS)
 
 
-def shows(name: str, way: str) -> tuple[str, ...]:
-    """Effects that a programme carried out in a way can show."""
-    # a drift of the load cell needs a hold
+def shows(name: str, deformation: str) -> tuple[str, ...]:
+    """The effects that a programme with a deformation can show."""
+    # A drift of the load cell needs a hold.
     readings = [effect for effect in _READINGS if effect != "force-drift" or name != "ramps"]
-    return (*PROGRAMMES[name][1], *(readings if way == "platen" else ()))
+    return (*PROGRAMMES[name][1], *(readings if deformation == "platen" else ()))
 
 
 def draw_protocol(
     rng: np.random.Generator, needs: Sequence[str] = (), only: Sequence[str] = (), platen: bool = False
 ) -> Protocol:
-    """A protocol that can show all effects of ``needs``, of the programmes ``only`` if given; ``platen``: between platens."""
+    """Draw a protocol.
+
+    Parameters
+    ----------
+    needs : effects that it has to show.
+    only : programmes to choose from; all, if none are given.
+    platen : whether it has to be between platens.
+    """
     possible = [
-        (name, way)
-        for name, ways in WAYS.items()
-        for way in ways
-        if set(needs) <= set(shows(name, way)) and (not only or name in only) and (way == "platen" or not platen)
+        (name, deformation)
+        for name, deformations in DEFORMATIONS.items()
+        for deformation in deformations
+        if set(needs) <= set(shows(name, deformation)) and (not only or name in only) and (deformation == "platen" or not platen)
     ]
     names = sorted({name for name, _ in possible})
     name = names[rng.integers(len(names))]
-    ways = [way for other, way in possible if other == name]
-    way = ways[rng.integers(len(ways))]
-    title, curves, interpolated = PROGRAMMES[name][0](_Draw(rng, way == "tension", way == "shear"))
+    deformations = [deformation for other, deformation in possible if other == name]
+    deformation = deformations[rng.integers(len(deformations))]
+    title, curves, interpolated = PROGRAMMES[name][0](_Draw(rng, deformation == "tension", deformation == "shear"))
     holds_out = bool(interpolated) and rng.random() < 0.5
-    total = int(rng.integers(*ROWS))
+    total = int(rng.integers(*ROW_COUNT_RANGE))
     radius = round(float(rng.uniform(8.0, 25.0)), 1)
     heights = _heights(rng, name, curves)
     plan = []
@@ -239,18 +247,18 @@ def draw_protocol(
             "tension": 1.0 + strain,
             "shear": strain,
             "platen": np.round(height * strain, 6) * 1e-3,
-        }[way]
+        }[deformation]
         split = None if not holds_out else "holdout" if number in interpolated else "fit"
-        size = {"height_m": 1e-3 * height, "area_m2": 1e-6 * np.pi * radius**2} if way == "platen" else {}
-        plan.append(Planned(f"curve-{number + 1}", time_s, imposed, dict(conditions), test, split, **size))
+        size = {"height_m": 1e-3 * height, "area_m2": 1e-6 * np.pi * radius**2} if deformation == "platen" else {}
+        plan.append(HomogeneousRun(f"curve-{number + 1}", time_s, imposed, dict(conditions), test, split, **size))
     return Protocol(
         name,
-        f"{title}, {'compression between platens' if way == 'platen' else way}",
-        "compression" if way == "platen" else way,
-        "platen" if way == "platen" else "shear" if way == "shear" else "uniaxial",
+        f"{title}, {'compression between platens' if deformation == 'platen' else deformation}",
+        "compression" if deformation == "platen" else deformation,
+        "platen" if deformation == "platen" else "shear" if deformation == "shear" else "uniaxial",
         tuple(plan),
-        shows(name, way),
-        radius if way == "platen" else None,
+        shows(name, deformation),
+        radius if deformation == "platen" else None,
     )
 
 

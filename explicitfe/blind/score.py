@@ -1,4 +1,4 @@
-"""The tool on every case, then the truth: reports first, sealed files only when all reports are there."""
+"""Run the tool on every case and score it: the sealed files are opened only when all reports are written."""
 
 from __future__ import annotations
 
@@ -8,15 +8,51 @@ import os
 import shutil
 import time
 import traceback
-from multiprocessing.process import BaseProcess
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import Any
+from typing import TypedDict, cast
 
-from explicitfe.blind import tables
 from explicitfe.blind.outcome import outcome
+from explicitfe.blind.report import ScoredCase, ToolReport
+from explicitfe.blind.tables import Tables, markdown, picture, tables_of
+from explicitfe.blind.truth import Truth
 from explicitfe.errors import InputError, Progress, silent
 
-LOOK_S = 0.2  # between two looks at the processes
+POLL_INTERVAL_S = 0.2  # between two looks at the processes
+
+
+class BriefCase(TypedDict):
+    """A case in ``score.json``."""
+
+    case: str
+    outcome: str
+    kind: str
+    sub: str | None
+    true: list[str]
+    identifiable: bool | None
+    protocol: str
+    noise: float
+    verdict: str | None
+    remainder: str | None
+    found: list[str] | None
+    ambiguous_with: list[str] | None
+    problem: str | None
+    wall_s: float | None
+
+
+class Score(TypedDict):
+    """The file ``score.json``."""
+
+    tables: Tables
+    cases: list[BriefCase]
+
+
+class CaseRun(TypedDict, total=False):
+    """How the run of a case ended: the file ``case-0001.run.json``."""
+
+    status: str
+    wall_s: float | None
+    problem: str
 
 
 def score(
@@ -26,14 +62,14 @@ def score(
     max_effects: int = 3,
     limit_s: float | None = None,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> Score:
     """Close the loop on every case that has no report yet, then score all of them.
 
     Parameters
     ----------
     directory : a folder of :func:`explicitfe.blind.make.make`; receives ``reports/``, score.json, score.md, confusion.png.
     processes : cases at the same time, each in a process of its own.
-    max_effects : passed on.
+    max_effects : the largest number of effects that ``close-loop`` may add.
     limit_s : a case that takes longer is stopped, and counts as failed.
     progress : called with the stage and the share of it that is done.
 
@@ -51,20 +87,20 @@ def score(
         raise InputError(f"{directory}: there are no cases here; make some first.")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the parallel part
     _run(directory, names, processes, max_effects, limit_s, progress)
-    rows = []
+    rows: list[ScoredCase] = []
     for name in names:
-        found, wall_s = _result(directory, name)
-        truth = json.loads((directory / "sealed" / f"{name}.json").read_text(encoding="utf-8"))
-        rows.append({"case": name, "truth": truth, "report": found, "outcome": outcome(found, truth), "wall_s": wall_s})
-    result = {"tables": tables.tables(rows), "cases": [_brief(row) for row in rows]}
+        report, wall_s = _result(directory, name)
+        truth = cast(Truth, json.loads((directory / "sealed" / f"{name}.json").read_text(encoding="utf-8")))
+        rows.append({"case": name, "truth": truth, "report": report, "outcome": outcome(report, truth), "wall_s": wall_s})
+    result: Score = {"tables": tables_of(rows), "cases": [_brief(row) for row in rows]}
     (directory / "score.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    (directory / "score.md").write_text(tables.markdown(result["tables"]), encoding="utf-8")
-    tables.picture(result["tables"]["confusion"], directory / "confusion.png")
+    (directory / "score.md").write_text(markdown(result["tables"]), encoding="utf-8")
+    picture(result["tables"]["confusion"], directory / "confusion.png")
     return result
 
 
-def _brief(row: dict[str, Any]) -> dict[str, Any]:
-    truth, found = row["truth"], row["report"]
+def _brief(row: ScoredCase) -> BriefCase:
+    truth, report = row["truth"], row["report"]
     return {
         "case": row["case"],
         "outcome": row["outcome"],
@@ -74,11 +110,11 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
         "identifiable": truth["identifiable"],
         "protocol": truth["protocol"],
         "noise": truth["noise"]["level"],
-        "verdict": found.get("verdict"),
-        "remainder": found.get("remainder"),
-        "found": found.get("effects"),
-        "ambiguous_with": found.get("ambiguous_with"),
-        "problem": found.get("problem"),
+        "verdict": report.get("verdict"),
+        "remainder": report.get("remainder"),
+        "found": report.get("effects"),
+        "ambiguous_with": report.get("ambiguous_with"),
+        "problem": report.get("problem"),
         "wall_s": row["wall_s"],
     }
 
@@ -87,24 +123,24 @@ def _brief(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _run(directory: Path, names: list[str], processes: int, max_effects: int, limit_s: float | None, progress: Progress) -> None:
-    """Reports of all cases that have none, a process a case: a crash takes nothing else with it."""
+    """Close the loop on all cases without a report, each in a process of its own: a crash stops nothing else."""
     reports = directory / "reports"
     reports.mkdir(exist_ok=True)
     left = [name for name in names if not (reports / name / "report.json").is_file()]
     context = multiprocessing.get_context("spawn")
-    running: dict[str, tuple[BaseProcess, float]] = {}
+    running: dict[str, tuple[SpawnProcess, float]] = {}
     todo = left[::-1]
     done = len(names) - len(left)
     progress("close-loop", done / len(names))
     while todo or running:
         while todo and len(running) < processes:
             name = todo.pop()
-            if (reports / name).is_dir():  # what an earlier crash left behind
+            if (reports / name).is_dir():  # an earlier crash left it behind
                 shutil.rmtree(reports / name)
             job = context.Process(target=_close, args=(str(directory), name, max_effects))
             job.start()
             running[name] = job, time.perf_counter()
-        time.sleep(LOOK_S)
+        time.sleep(POLL_INTERVAL_S)
         for name, (job, begin) in list(running.items()):
             taken = time.perf_counter() - begin
             late = limit_s is not None and taken > limit_s
@@ -133,9 +169,9 @@ def _close(directory: str, name: str, max_effects: int) -> None:
 
 
 def _record(reports: Path, name: str, taken: float, end: str) -> None:
-    """How a case ended."""
+    """Write down how the run of a case ended."""
     trace = reports / f"{name}.traceback"
-    run: dict[str, Any] = {"status": "done", "wall_s": taken}
+    run: CaseRun = {"status": "done", "wall_s": taken}
     if not (reports / name / "report.json").is_file():
         text = trace.read_text(encoding="utf-8") if trace.is_file() else end
         run = {"status": "crashed", "wall_s": taken, "problem": text}
@@ -143,11 +179,13 @@ def _record(reports: Path, name: str, taken: float, end: str) -> None:
     (reports / f"{name}.run.json").write_text(json.dumps(run, indent=1) + "\n", encoding="utf-8")
 
 
-def _result(directory: Path, name: str) -> tuple[dict[str, Any], float | None]:
-    """The report of a case, or of its crash; the seconds it took, if they are known."""
+def _result(directory: Path, name: str) -> tuple[ToolReport, float | None]:
+    """The report of a case, or of its crash, and the seconds that it took, if they are known."""
     reports = directory / "reports"
     ran = reports / f"{name}.run.json"
-    run = json.loads(ran.read_text(encoding="utf-8")) if ran.is_file() else {"wall_s": None, "problem": "never run"}
+    run: CaseRun = {"wall_s": None, "problem": "never run"}
+    if ran.is_file():
+        run = json.loads(ran.read_text(encoding="utf-8"))
     path = reports / name / "report.json"
     if path.is_file():
         return json.loads(path.read_text(encoding="utf-8")), run["wall_s"]

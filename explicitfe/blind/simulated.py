@@ -1,30 +1,40 @@
-"""Tests under a tool by the simulator, with other numerics than a fit's: a quarter of the body, other mesh and tolerance."""
+"""Tests under a tool by the simulator, with other numerics than a fit has: a quarter of the body, another mesh and tolerance."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from explicitfe.blind.closed_forms import Effects
+from explicitfe.blind.grid import Conditions
 from explicitfe.blind.protocols import FIRST_ROW_OF_HOLD_SHARE
-from explicitfe.effects import EFFECTS, Effect, MaterialEffect, Measurement
+from explicitfe.effects import EFFECTS, Effect, Measurement, physics_of, readings_of
 from explicitfe.errors import RunError
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Relaxation, Stuck
 
 POISSON_RATIO, DENSITY_KG_M3 = 0.499, 1040.0
-FULLY_SAMPLED_WAIT_SHARE = 0.15  # of the time: a wait from so long on gets all its instants
+FULLY_SAMPLED_WAIT_SHARE = (
+    0.15  # A hold of this share of the curve's time, or longer, gets all its instants; a shorter one fewer.
+)
 
 
 @dataclass(frozen=True)
 class MeshChoice:
-    """How a test is simulated: keys of a scenario's specimen, tolerance, instants of a way and of a wait."""
+    """How finely a test is simulated.
+
+    Attributes
+    ----------
+    symmetry, refinement : keys of a scenario's specimen.
+    tolerance : of the equilibrium.
+    moving : instants from zero to the largest imposed value.
+    waiting : instants of a long hold.
+    """
 
     symmetry: str
     refinement: float
@@ -39,24 +49,25 @@ SCREENING_MESH = MeshChoice("sector", 0.4, 1e-3, 6, 3)  # differences of runs on
 
 @dataclass(frozen=True, eq=False)
 class SimulatedTest:
-    """A curve before it is measured.
+    """A curve under a tool, before noise is added to it.
 
     Attributes
     ----------
-    specimen, tool : lengths [mm] and shapes as a dataset states them.
+    specimen, tool : lengths [mm] as a dataset states them; tool_shape : its shape.
     corners : (time [s], displacement [mm] or force [N]) of the programme.
-    by_force : what is imposed.
-    rows : time of the rows [s].
-    test : curves of one number follow each other.
+    by_force : whether the force is imposed, not the displacement.
+    rows : times of the rows [s].
+    test : number of the test. Curves of one test follow each other.
     """
 
     id: str
     specimen: Mapping[str, float]
-    tool: Mapping[str, Any]
+    tool_shape: str
+    tool: Mapping[str, float]
     corners: tuple[tuple[float, float], ...]
     by_force: bool
     rows: np.ndarray
-    conditions: dict[str, Any]
+    conditions: Conditions
     test: int
     split: str | None
 
@@ -87,7 +98,8 @@ class SimulatedTest:
             else:
                 wait = (t[k + 1] - t[k]) / (t[-1] - t[0])
                 count = max(round(numerics.waiting * min(wait / FULLY_SAMPLED_WAIT_SHARE, 1.0)), 1)
-                share = np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / FIRST_ROW_OF_HOLD_SHARE)) * FIRST_ROW_OF_HOLD_SHARE
+                first = FIRST_ROW_OF_HOLD_SHARE
+                share = np.expm1(np.arange(1, count + 1) / count * np.log1p(1.0 / first)) * first
             times.append(t[k] + share * (t[k + 1] - t[k]))
             corners.append(corners[-1] + len(share))
         at = np.concatenate(times)
@@ -97,16 +109,15 @@ class SimulatedTest:
 def simulate(
     curves: Sequence[SimulatedTest], constants: tuple[float, float], effects: Effects, numerics: MeshChoice
 ) -> list[np.ndarray]:
-    """What is read at the rows of each curve (k,): force [N], or displacement [m] where the force is imposed.
+    """The reading at the rows of each curve (k,): force [N], or displacement [m] where the force is imposed.
 
     Raises
     ------
     RunError : a state is not reached.
     """
     known = [EFFECTS[name](**parameters) for name, parameters in effects.items()]
-    readings = [effect for effect in known if isinstance(effect, Measurement)]
-    physics = [effect for effect in known if not isinstance(effect, Measurement)]
-    waits = any(isinstance(effect, MaterialEffect) and effect.values(1.0) != effect.values(0.0) for effect in physics)
+    readings, physics = readings_of(known), physics_of(known)
+    waits = any(effect.transient for effect in physics)
     answers = []
     for number in dict.fromkeys(curve.test for curve in curves):
         test = [curve for curve in curves if curve.test == number]
@@ -127,7 +138,8 @@ def _body(curve: SimulatedTest, constants: tuple[float, float], physics: Sequenc
         material=material | {"poisson": POISSON_RATIO, "density_kg_m3": DENSITY_KG_M3},
         **curve.specimen,
     )
-    body = Relaxation(specimen_model(specimen, ToolTable(**curve.tool), physics), numerics.tolerance, threads=1)
+    tool = ToolTable(shape=curve.tool_shape, **curve.tool)
+    body = Relaxation(specimen_model(specimen, tool, physics), numerics.tolerance, threads=1)
     body.compile()
     if isinstance(body.settle(), Stuck):
         raise RunError("the specimen does not come to rest.")
@@ -137,7 +149,7 @@ def _body(curve: SimulatedTest, constants: tuple[float, float], physics: Sequenc
 def _curve(
     body: Relaxation, curve: SimulatedTest, readings: Sequence[Measurement], numerics: MeshChoice, start_s: float, waits: bool
 ) -> np.ndarray:
-    """One curve of a test that goes on from what is already behind it; ``waits``: something happens while nothing moves."""
+    """One curve of a test, from the state where the last one ended; ``waits``: something happens while nothing moves."""
     offset = 0.0
     if not curve.by_force:
         offset = 1e3 * sum(float(effect.true_displacement(np.zeros(1))[0]) for effect in readings)
@@ -145,7 +157,7 @@ def _curve(
     answers = np.zeros(len(at))
     for k, (t, x) in enumerate(zip(at, imposed, strict=True)):
         if k == 0 and x == 0.0 and start_s == 0.0:
-            continue  # it just touches
+            continue  # The tool just touches.
         if k > 0 and x == imposed[k - 1] and not waits:
             answers[k] = answers[k - 1]
             continue

@@ -1,22 +1,74 @@
-"""From outcomes to tables: proportions with their Clopper-Pearson intervals, in JSON and in Markdown, and one picture."""
+"""Tables of the outcomes: proportions with their Clopper-Pearson intervals, in JSON and in Markdown, and one picture."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from scipy.stats import binomtest
 
 from explicitfe.blind import outcome as words
+from explicitfe.blind.report import ReportedHoldout, ScoredCase, ToolReport
 
-Row = Mapping[str, Any]  # a case: its truth, its report, its outcome
 OTHER = ("several", "ambiguous", "unexplained", "none", "failed")  # columns of the confusion matrix beside effects
 
 
-def proportion(count: int, of: int) -> dict[str, Any]:
+class Proportion(TypedDict):
+    """A count, and its share with the 95 % interval; None where nothing could be counted."""
+
+    count: int
+    of: int
+    share: float | None
+    ci95: list[float] | None
+
+
+class ParameterCoverage(Proportion):
+    """How often the interval of a parameter covers the truth, and its median width relative to the true value."""
+
+    median_width: float | None
+
+
+class HeldOut(TypedDict):
+    """Median errors of the held-out curves with the first and with the last model."""
+
+    cases: int
+    before: float | None
+    after: float | None
+
+
+class Seconds(TypedDict):
+    """How long the cases took [s]."""
+
+    median: float | None
+    largest: float | None
+    sum: float | None
+
+
+Outcomes = dict[str, dict[str, Proportion]]  # key of the cases -> word -> proportion
+Tables = TypedDict(
+    "Tables",
+    {
+        "headline": dict[str, Proportion],
+        "controls": Outcomes,
+        "identifiable singles": Outcomes,
+        "other singles": Outcomes,
+        "identifiable singles, by noise": Outcomes,
+        "controls, by noise": Outcomes,
+        "identifiable singles, noise stated or not": Outcomes,
+        "doubles": Outcomes,
+        "outside the library": Outcomes,
+        "confusion": dict[str, dict[str, int]],
+        "held-out error": dict[str, HeldOut],
+        "intervals": dict[str, ParameterCoverage],
+        "seconds": Seconds,
+    },
+)
+
+
+def proportion(count: int, of: int) -> Proportion:
     """A count, its share and the 95 % interval of that share (Clopper & Pearson 1934)."""
     if of == 0:
         return {"count": 0, "of": 0, "share": None, "ci95": None}
@@ -24,7 +76,7 @@ def proportion(count: int, of: int) -> dict[str, Any]:
     return {"count": count, "of": of, "share": count / of, "ci95": [float(interval.low), float(interval.high)]}
 
 
-def tables(rows: Sequence[Row]) -> dict[str, Any]:
+def tables_of(rows: Sequence[ScoredCase]) -> Tables:
     """All tables of a scored set."""
     kinds = {kind: [row for row in rows if row["truth"]["kind"] == kind] for kind in words.WORDS}
     singles = kinds["single"]
@@ -40,53 +92,60 @@ def tables(rows: Sequence[Row]) -> dict[str, Any]:
             "confidently wrong, other singles": _count(unclear, wrong),
             "confidently wrong, all with an effect": _count([*singles, *kinds["double"], *kinds["outside"]], wrong),
         },
-        "controls": _by(kinds["control"], lambda row: row["truth"]["sub"], words.CONTROL),
+        "controls": _by(kinds["control"], _subject, words.CONTROL),
         "identifiable singles": _by(clear, _effect, words.SINGLE),
         "other singles": _by(unclear, _effect, words.SINGLE),
         "identifiable singles, by noise": _by(clear, _level, words.SINGLE),
         "controls, by noise": _by(kinds["control"], _level, words.CONTROL),
         "identifiable singles, noise stated or not": _by(clear, _stated, words.SINGLE),
         "doubles": _by(kinds["double"], _clear, words.DOUBLE),
-        "outside the library": _by(kinds["outside"], lambda row: f"{row['truth']['sub']}, {_clear(row)}", words.OUTSIDE),
+        "outside the library": _by(kinds["outside"], lambda row: f"{_subject(row)}, {_clear(row)}", words.OUTSIDE),
         "confusion": confusion(rows),
-        "held-out error": {kind: _held_out(mine) for kind, mine in kinds.items() if mine},
+        "held-out error": {kind: _held_out(group) for kind, group in kinds.items() if group},
         "intervals": _coverage(rows),
         "seconds": _seconds(rows),
     }
 
 
-def _effect(row: Row) -> str:
+def _subject(row: ScoredCase) -> str:
+    return str(row["truth"]["sub"])
+
+
+def _effect(row: ScoredCase) -> str:
     return next(iter(row["truth"]["effects"]))
 
 
-def _level(row: Row) -> str:
+def _level(row: ScoredCase) -> str:
     return f"{100.0 * row['truth']['noise']['level']:g} %"
 
 
-def _stated(row: Row) -> str:
+def _stated(row: ScoredCase) -> str:
     return "stated" if row["truth"]["noise"]["stated"] else "not stated"
 
 
-def _clear(row: Row) -> str:
+def _clear(row: ScoredCase) -> str:
     return "identifiable" if row["truth"]["identifiable"] else "not identifiable"
 
 
-def _count(rows: Sequence[Row], word: str) -> dict[str, Any]:
+def _count(rows: Sequence[ScoredCase], word: str) -> Proportion:
     return proportion(sum(row["outcome"] == word for row in rows), len(rows))
 
 
-def _by(rows: Sequence[Row], key: Callable[[Row], str], possible: Sequence[str]) -> dict[str, dict[str, dict[str, Any]]]:
-    """Key of the cases -> word -> proportion; a last line for all of them."""
-    found = {}
+def _by(rows: Sequence[ScoredCase], key: Callable[[ScoredCase], str], possible: Sequence[str]) -> Outcomes:
+    """The proportions of the words, by a key of the cases; the last line is for all of them."""
+    table: Outcomes = {}
     for name in sorted({key(row) for row in rows}):
-        mine = [row for row in rows if key(row) == name]
-        found[name] = {word: _count(mine, word) for word in possible}
-    return found | {"all": {word: _count(rows, word) for word in possible}}
+        group = [row for row in rows if key(row) == name]
+        table[name] = {word: _count(group, word) for word in possible}
+    return table | {"all": {word: _count(rows, word) for word in possible}}
 
 
-def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
-    """What was in the data -> what was found -> number of cases; of controls, identifiable singles, and what is outside."""
-    found: dict[str, Counter[str]] = {}
+def confusion(rows: Sequence[ScoredCase]) -> dict[str, dict[str, int]]:
+    """The number of cases by what was in the data and what the tool found.
+
+    Controls, identifiable singles, and laws that are not in the library.
+    """
+    counts: dict[str, Counter[str]] = {}
     for row in rows:
         truth = row["truth"]
         if truth["kind"] == "control":
@@ -97,12 +156,12 @@ def confusion(rows: Sequence[Row]) -> dict[str, dict[str, int]]:
             name = f"outside: {truth['sub']}"
         else:
             continue
-        found.setdefault(name, Counter())[_found(row["report"])] += 1
-    order = sorted(found, key=lambda name: (name.startswith("outside"), name.startswith("none"), name))
-    return {name: dict(found[name]) for name in order}
+        counts.setdefault(name, Counter())[_verdict_word(row["report"])] += 1
+    order = sorted(counts, key=lambda name: (name.startswith("outside"), name.startswith("none"), name))
+    return {name: dict(counts[name]) for name in order}
 
 
-def _found(report: Mapping[str, Any]) -> str:
+def _verdict_word(report: ToolReport) -> str:
     verdict = report.get("verdict", "failed")
     if verdict != "effect-found":
         return {"no-missing-effect": "none"}.get(verdict, verdict)
@@ -110,34 +169,36 @@ def _found(report: Mapping[str, Any]) -> str:
     return effects[0] if len(effects) == 1 else "several"
 
 
-def _held_out(rows: Sequence[Row]) -> dict[str, Any]:
-    """Median nrmse of the held-out curves before and after, of the cases that have both."""
-    pairs = []
+def _held_out(rows: Sequence[ScoredCase]) -> HeldOut:
+    """The median nrmse of the held-out curves, of the cases that have it before and after."""
+    pairs: list[list[float]] = []
     for row in rows:
-        ends = [row["report"].get(end, {}).get("error", {}).get("holdout") or {} for end in ("baseline", "final")]
-        values = [end.get("nrmse") for end in ends]
-        if None not in values:
-            pairs.append(values)
+        fits = row["report"].get("baseline", {}), row["report"].get("final", {})
+        empty: ReportedHoldout = {}
+        errors = [(fit.get("error", {}).get("holdout") or empty).get("nrmse") for fit in fits]
+        numbers = [error for error in errors if error is not None]
+        if len(numbers) == len(fits):
+            pairs.append(numbers)
     before, after = np.median(pairs, axis=0).tolist() if pairs else (None, None)
     return {"cases": len(pairs), "before": before, "after": after}
 
 
-def _coverage(rows: Sequence[Row]) -> dict[str, Any]:
-    """Parameter -> how often its interval covers the truth, and the median relative width; recovered models only."""
-    found: dict[str, list[dict[str, Any]]] = {}
+def _coverage(rows: Sequence[ScoredCase]) -> dict[str, ParameterCoverage]:
+    """How often the interval of each parameter covers the truth; only of models that have the effects of the truth."""
+    intervals: dict[str, list[words.Coverage]] = {}
     for row in rows:
-        if words.recovered(row["report"], row["truth"]):
+        if words.recovers_truth(row["report"], row["truth"]):
             for interval in words.intervals(row["report"], row["truth"]):
-                found.setdefault(interval["name"], []).append(interval)
-    entries = {}
-    for name in sorted(found, key=lambda name: (name not in ("C10_Pa", "C20_Pa"), name)):
-        widths = [interval["width"] for interval in found[name] if interval["width"] is not None]
-        covered = proportion(sum(interval["covers"] for interval in found[name]), len(found[name]))
-        entries[name] = covered | {"median_width": float(np.median(widths)) if widths else None}
+                intervals.setdefault(interval["name"], []).append(interval)
+    entries: dict[str, ParameterCoverage] = {}
+    for name in sorted(intervals, key=lambda name: (name not in ("C10_Pa", "C20_Pa"), name)):
+        widths = [interval["width"] for interval in intervals[name] if interval["width"] is not None]
+        covered = proportion(sum(interval["covers"] for interval in intervals[name]), len(intervals[name]))
+        entries[name] = {**covered, "median_width": float(np.median(widths)) if widths else None}
     return entries
 
 
-def _seconds(rows: Sequence[Row]) -> dict[str, float | None]:
+def _seconds(rows: Sequence[ScoredCase]) -> Seconds:
     times = [row["wall_s"] for row in rows if row["wall_s"] is not None]
     if not times:
         return {"median": None, "largest": None, "sum": None}
@@ -147,21 +208,20 @@ def _seconds(rows: Sequence[Row]) -> dict[str, float | None]:
 # ---- for people ----
 
 
-def markdown(found: Mapping[str, Any]) -> str:
+def markdown(tables: Tables) -> str:
     """The tables as text."""
     parts = ["# Blind study", ""]
-    parts += _table(["", "share", "95 % interval", "cases"], ([name, *_cells(p)] for name, p in found["headline"].items()))
-    for name in (
-        "controls",
-        "controls, by noise",
-        "identifiable singles",
-        "other singles",
-        "identifiable singles, by noise",
-        "identifiable singles, noise stated or not",
-        "doubles",
-        "outside the library",
+    parts += _table(["", "share", "95 % interval", "cases"], ([name, *_cells(p)] for name, p in tables["headline"].items()))
+    for name, table in (
+        ("controls", tables["controls"]),
+        ("controls, by noise", tables["controls, by noise"]),
+        ("identifiable singles", tables["identifiable singles"]),
+        ("other singles", tables["other singles"]),
+        ("identifiable singles, by noise", tables["identifiable singles, by noise"]),
+        ("identifiable singles, noise stated or not", tables["identifiable singles, noise stated or not"]),
+        ("doubles", tables["doubles"]),
+        ("outside the library", tables["outside the library"]),
     ):
-        table = found[name]
         if table["all"] and next(iter(table["all"].values()))["of"] == 0:
             continue
         heads = list(table["all"])
@@ -171,25 +231,25 @@ def markdown(found: Mapping[str, Any]) -> str:
             ([key, str(next(iter(row.values()))["of"]), *(_short(p) for p in row.values())] for key, row in table.items()),
         )
     parts += ["", "## Confusion matrix", "", "Controls, identifiable singles, and what is outside the library.", ""]
-    columns = _columns(found["confusion"])
+    columns = _columns(tables["confusion"])
     parts += _table(
         ["in the data", *columns],
-        ([name, *(str(row.get(c, "")) for c in columns)] for name, row in found["confusion"].items()),
+        ([name, *(str(row.get(c, "")) for c in columns)] for name, row in tables["confusion"].items()),
     )
     parts += ["", "## Held-out error", "", "Median nrmse of the held-out curves, in % of their peak.", ""]
     parts += _table(
         ["", "cases", "before", "after"],
         (
             [kind, str(e["cases"]), _percent(e["before"], 2), _percent(e["after"], 2)]
-            for kind, e in found["held-out error"].items()
+            for kind, e in tables["held-out error"].items()
         ),
     )
     parts += ["", "## 95 % intervals", "", "Of the models that have the effects of the truth.", ""]
     parts += _table(
         ["parameter", "covers", "95 % interval", "cases", "median width, of the value"],
-        ([name, *_cells(entry), _percent(entry["median_width"], 1)] for name, entry in found["intervals"].items()),
+        ([name, *_cells(entry), _percent(entry["median_width"], 1)] for name, entry in tables["intervals"].items()),
     )
-    seconds = found["seconds"]
+    seconds = tables["seconds"]
     if seconds["median"] is not None:
         line = f"Seconds a case: median {seconds['median']:.0f}, largest {seconds['largest']:.0f}; all {seconds['sum']:.0f}."
         parts += ["", line]
@@ -197,7 +257,7 @@ def markdown(found: Mapping[str, Any]) -> str:
 
 
 def _columns(matrix: Mapping[str, Mapping[str, int]]) -> list[str]:
-    """Effects that were in the data or were found, and the other answers."""
+    """The effects that were in the data or in a verdict, and the other answers."""
     effects = [name for name in matrix if not name.startswith(("none (", "outside: "))]
     more = sorted({c for row in matrix.values() for c in row} - set(effects) - set(OTHER))
     return [*effects, *more, *OTHER]
@@ -212,15 +272,15 @@ def _percent(value: float | None, digits: int = 0) -> str:
     return "-" if value is None else f"{100.0 * value:.{digits}f} %"
 
 
-def _cells(p: Mapping[str, Any]) -> list[str]:
-    if p["share"] is None:
+def _cells(p: Proportion) -> list[str]:
+    if p["share"] is None or p["ci95"] is None:
         return ["-", "-", "0"]
     low, high = p["ci95"]
     return [_percent(p["share"], 1), f"{100.0 * low:.1f} to {100.0 * high:.1f} %", str(p["of"])]
 
 
-def _short(p: Mapping[str, Any]) -> str:
-    if p["share"] is None or p["count"] == 0:
+def _short(p: Proportion) -> str:
+    if p["share"] is None or p["ci95"] is None or p["count"] == 0:
         return "0"
     low, high = p["ci95"]
     return f"{p['count']} ({100.0 * p['share']:.0f} %, {100.0 * low:.0f} to {100.0 * high:.0f})"

@@ -10,20 +10,23 @@ import numpy as np
 import pytest
 
 from explicitfe.blind import tables
-from explicitfe.blind import under_a_tool as indentation
-from explicitfe.blind.case import Wanted, write
+from explicitfe.blind import under_a_tool
+from explicitfe.blind.case import CaseRequest, write
 from explicitfe.blind.closed_forms import Bench
-from explicitfe.blind.grid import Mode, Planned
-from explicitfe.blind.identifiable import ENOUGH, separation
+from explicitfe.blind.grid import HomogeneousRun, Mode
+from explicitfe.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE, separation
 from explicitfe.blind.make import make, numbers, plan
 from explicitfe.blind.noise import Noise, Whitener
 from explicitfe.blind.outcome import intervals, outcome
 from explicitfe.blind.protocols import programme
 from explicitfe.blind.score import score
 from explicitfe.errors import InputError
-from explicitfe.measured.dataset import Curve, NoiseTable, SpecimenTable, ToolTable, read_dataset
-from explicitfe.predict.predict import experiments, predict_test
-from explicitfe.predict.tissue import ModelFile
+from explicitfe.measured.curve import Curve
+from explicitfe.measured.read import read_dataset
+from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.predict.experiment import experiments
+from explicitfe.predict.predict import predict_test
+from explicitfe.predict.tissue import Tissue
 
 C10, C20 = 400.0, 300.0
 AREA_M2, HEIGHT_M = 7e-4, 0.02
@@ -32,25 +35,25 @@ SOFTENING = {"softening": {"inverse_r": 0.5, "m_Pa": 30.0}}
 CORNERS = ((0.0, 0.0), (3.0, 1.0), (30.0, 1.0), (33.0, 0.0), (50.0, 0.0))
 
 
-def planned(mode: Mode, way: float, **more) -> Planned:
+def planned(mode: Mode, way: float, **more) -> HomogeneousRun:
     """A ramp, a hold, unloading and rest, to a strain, an amount of shear or a displacement [m]."""
     time_s, share = programme(CORNERS, 90)
     size = {"height_m": HEIGHT_M, "area_m2": AREA_M2} if mode == "platen" else {}
-    return Planned("c", time_s, 1.0 + way * share if mode == "uniaxial" else way * share, **size, **more)
+    return HomogeneousRun("c", time_s, 1.0 + way * share if mode == "uniaxial" else way * share, **size, **more)
 
 
-def as_measured(plan: Sequence[Planned], mode: Mode) -> list[Curve]:
+def as_measured(plan: Sequence[HomogeneousRun], mode: Mode) -> list[Curve]:
     """The planned curves as the package reads them."""
     first, second = {
         "uniaxial": ("stretch", "nominal_stress_Pa"),
         "shear": ("shear_strain", "shear_stress_Pa"),
         "platen": ("displacement_m", "force_N"),
     }[mode]
-    specimen, tool = SpecimenTable(shape="point"), None
+    specimen, tool = MeasuredSpecimen(shape="point"), None
     if mode == "platen":
         radius_mm = 1e3 * float(np.sqrt(AREA_M2 / np.pi))
-        specimen = SpecimenTable(shape="cylinder", radius_mm=radius_mm, height_mm=1e3 * HEIGHT_M, base="frictionless")
-        tool = ToolTable(shape="platen", control="displacement", friction=0.0)
+        specimen = MeasuredSpecimen(shape="cylinder", radius_mm=radius_mm, height_mm=1e3 * HEIGHT_M, base="frictionless")
+        tool = MeasuredTool(shape="platen", control="displacement", friction=0.0)
     kind = "force-displacement" if mode == "platen" else mode
     return [
         Curve(
@@ -62,7 +65,7 @@ def as_measured(plan: Sequence[Planned], mode: Mode) -> list[Curve]:
             split=None,
             specimen=specimen,
             tool=tool,
-            noise=NoiseTable(),
+            noise=MeasuredNoise(),
             conditions=curve.conditions,
             time_s=curve.time_s,
             columns={first: curve.imposed, second: np.zeros_like(curve.imposed)},
@@ -71,8 +74,8 @@ def as_measured(plan: Sequence[Planned], mode: Mode) -> list[Curve]:
     ]
 
 
-def by_package(plan: Sequence[Planned], mode: Mode, effects: dict) -> np.ndarray:
-    model = ModelFile.model_validate({"constants": {"C10_Pa": C10, "C20_Pa": C20}, "effects": effects})
+def by_package(plan: Sequence[HomogeneousRun], mode: Mode, effects: dict) -> np.ndarray:
+    model = Tissue.model_validate({"constants": {"C10_Pa": C10, "C20_Pa": C20}, "effects": effects})
     found = {}
     for test in experiments(as_measured(plan, mode)):
         found |= {curve.id: p.values for curve, p in zip(test, predict_test(test, model), strict=True)}
@@ -98,7 +101,7 @@ def test_closed_forms():
 def test_relaxation_at_a_held_stretch():
     """After a hold of many times tau, 1 - g of the elastic stress is left; in shear at small strain that holds exactly."""
     time_s = np.concatenate([np.linspace(0.0, 0.1, 11), 0.1 + np.geomspace(0.1, 200.0, 60)])
-    curve = Planned("c", time_s, 1e-3 * np.minimum(time_s / 0.1, 1.0))
+    curve = HomogeneousRun("c", time_s, 1e-3 * np.minimum(time_s / 0.1, 1.0))
     bench = Bench([curve], "shear")
     whole, left = bench.values(C10, 0.0), bench.values(C10, 0.0, RELAXING)
     assert left[-1] / whole[-1] == pytest.approx(0.7, abs=1e-6)
@@ -147,7 +150,7 @@ def test_fibres_cycles_and_repeats_agree_with_the_package():
 def test_tissue_that_a_platen_left_agrees_with_the_package():
     """Unloaded faster than it recovers, and loaded again; instants of the package are interpolated."""
     time_s, share = programme(((0.0, 0.0), (3.0, 1.0), (6.0, 0.0), (9.0, 1.0), (20.0, 1.0)), 120)
-    plan = [Planned("c", time_s, 6e-3 * share, height_m=HEIGHT_M, area_m2=AREA_M2)]
+    plan = [HomogeneousRun("c", time_s, 6e-3 * share, height_m=HEIGHT_M, area_m2=AREA_M2)]
     effects = {"viscoelastic": {"g": [0.6], "tau_s": [2.0]}}
     bench = Bench(plan, "platen")
     mine, theirs = bench.values(C10, C20, effects), by_package(plan, "platen", effects)
@@ -160,7 +163,7 @@ def test_compliance_is_in_series():
     """d = d_tool + c F, and F is that of the rigid rig at d_tool."""
     curve = planned("platen", 5e-3)
     force = Bench([curve], "platen").values(C10, C20, {"compliance": {"compliance_mm_N": 0.6}})
-    tool = Planned("t", curve.time_s, curve.imposed - 0.6e-3 * force, height_m=HEIGHT_M, area_m2=AREA_M2)
+    tool = HomogeneousRun("t", curve.time_s, curve.imposed - 0.6e-3 * force, height_m=HEIGHT_M, area_m2=AREA_M2)
     np.testing.assert_allclose(Bench([tool], "platen").values(C10, C20), force, atol=1e-8)
 
 
@@ -170,7 +173,7 @@ def test_noise_is_whitened():
     curve = np.linspace(0.0, 100.0, 60)
     for noise in (Noise(0.01, 1.0, rho=0.8), Noise(0.01, 1.0, rho=0.5, scale_sd=0.1, offset_sd=2.0)):
         whiten = Whitener(noise, [curve, curve], [True, False])
-        rows = np.array([whiten(np.concatenate([noise.added(rng, [curve])[0] - curve, curve])) for _ in range(2000)])
+        rows = np.array([whiten(np.concatenate([noise.add_to(rng, [curve])[0] - curve, curve])) for _ in range(2000)])
         covariance = rows.T @ rows / len(rows)
         assert rows.shape[1] == len(curve)
         # a sample's entries scatter by about sqrt(2 / n)
@@ -185,15 +188,15 @@ def apart(effects: dict) -> float:
     true = bench.values(C10, C20, effects, 3)
     whiten = Whitener(Noise(0.01, 0.01 * float(np.abs(true).max())), bench.curves(true), [True, True])
     found = separation(bench, true, whiten, (C10, C20), list(effects))
-    assert found.identifiable == (min(found.baseline, *found.rivals.values()) >= ENOUGH)
+    assert found.identifiable == (min(found.baseline, *found.rivals.values()) >= SMALLEST_IDENTIFIABLE_DISTANCE)
     assert all(distance <= found.baseline for distance in found.rivals.values())
     return min(found.baseline, *found.rivals.values())
 
 
 def test_a_strong_effect_is_identifiable_and_a_vanishing_one_is_not():
-    assert apart(RELAXING) > 10.0 * ENOUGH
+    assert apart(RELAXING) > 10.0 * SMALLEST_IDENTIFIABLE_DISTANCE
     assert apart({"viscoelastic": {"g": [1e-4], "tau_s": [5.0]}}) < 1.0
-    assert apart(SOFTENING) > 10.0 * ENOUGH
+    assert apart(SOFTENING) > 10.0 * SMALLEST_IDENTIFIABLE_DISTANCE
 
 
 # ---- what is written ----
@@ -237,9 +240,9 @@ def test_the_seed_decides(tmp_path):
 
 def test_kinds_are_balanced():
     wanted = plan(1, {"single": 90}, "homogeneous")
-    counts = {(w.what, w.level) for w in wanted}
+    counts = {(w.subjects, w.level) for w in wanted}
     assert len(counts) == 27
-    assert {sum(w.what == what for w in wanted) for what, _ in counts} == {10}
+    assert {sum(w.subjects == what for w in wanted) for what, _ in counts} == {10}
     assert sum(numbers(100, None, "homogeneous").values()) == 100
     with pytest.raises(InputError, match="double"):
         numbers(None, {"double": 1}, "indentation")
@@ -247,8 +250,8 @@ def test_kinds_are_balanced():
 
 def test_an_indentation_reads_back(tmp_path, monkeypatch):
     """A control on a coarse mesh, so that it takes a moment only."""
-    monkeypatch.setattr(indentation, "DATA", indentation.SCREEN)
-    case = indentation.draw(np.random.default_rng(1), Wanted("control", ("wrong-dimension",), 0.01))
+    monkeypatch.setattr(under_a_tool, "DATA_MESH", under_a_tool.SCREENING_MESH)
+    case = under_a_tool.draw(np.random.default_rng(1), CaseRequest("control", ("wrong-dimension",), 0.01))
     write(case, tmp_path / "case", "case-0001")
     dataset = read_dataset(tmp_path / "case")
     wrong = case.truth["wrong"]

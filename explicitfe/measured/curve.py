@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -15,19 +15,18 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.measured.tables import (
     IDENTITY_CONDITIONS,
     PROGRAMME_CONDITIONS,
+    Conditions,
+    ConditionValue,
     MeasuredNoise,
     MeasuredSpecimen,
     MeasuredTool,
     RegistrationTable,
     Split,
-    Test,
+    TestKind,
 )
 
 Kind = Literal["force-displacement", "uniaxial", "shear", "trajectory"]
-
-
 TIME = "time_s"
-
 
 # Column of the file -> name and factor in SI.
 COLUMNS: dict[Kind, dict[str, tuple[str, float]]] = {
@@ -35,18 +34,23 @@ COLUMNS: dict[Kind, dict[str, tuple[str, float]]] = {
     "uniaxial": {"stretch": ("stretch", 1.0), "nominal_stress_Pa": ("nominal_stress_Pa", 1.0)},
     "shear": {"shear_strain": ("shear_strain", 1.0), "shear_stress_Pa": ("shear_stress_Pa", 1.0)},
 }
-
-
-# Noise that a kind of curve can have, and the column that it is of.
+# Kind of curve -> key of [noise] that it can have -> the column that is noisy.
 NOISE: dict[Kind, dict[str, str]] = {
     "force-displacement": {"force_sd_N": "force_N", "displacement_sd_mm": "displacement_mm"},
     "uniaxial": {"stress_sd_Pa": "nominal_stress_Pa", "stretch_sd": "stretch"},
     "shear": {"stress_sd_Pa": "shear_stress_Pa"},
     "trajectory": {"displacement_sd_mm": "the coordinates"},
 }
+# Column in SI -> unit in which it is printed, and factor.
+PRINTED_UNITS = {
+    "displacement_m": ("mm", 1e3),
+    "force_N": ("N", 1.0),
+    "nominal_stress_Pa": ("Pa", 1.0),
+    "shear_stress_Pa": ("Pa", 1.0),
+}
 
-
-_SAME_PROGRAMME = 0.05
+# Two digitisations of one curve read its rates and peaks off a picture: they agree within this share.
+_SAME_PROGRAMME_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,7 @@ class Curve:
     specimen: MeasuredSpecimen | None
     tool: MeasuredTool | None
     noise: MeasuredNoise
-    conditions: dict[str, Any]
+    conditions: Conditions
     time_s: np.ndarray
     columns: dict[str, np.ndarray] = field(default_factory=dict)
     sensors: dict[str, np.ndarray] = field(default_factory=dict)
@@ -81,16 +85,22 @@ class Curve:
     @property
     def defect(self) -> str | None:
         """What is wrong with the curve, in words; None if nothing is known."""
-        return self.conditions.get("defect")
+        defect = self.conditions.get("defect")
+        return None if defect is None else str(defect)
+
+    def number(self, condition: str) -> float | None:
+        """A condition that is a number; None where the curve has none, or has a word there."""
+        value = self.conditions.get(condition)
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
     @property
     def imposed(self) -> str:
-        """Name of the column that the test imposed; not of a trajectory."""
+        """Name of the column that the test imposed; a trajectory has none."""
         return self._driven()[0]
 
     @property
     def predicted(self) -> str:
-        """Name of the column that a model has to predict; not of a trajectory."""
+        """Name of the column that a model has to predict; a trajectory has none."""
         return self._driven()[1]
 
     @property
@@ -141,7 +151,7 @@ class Dataset:
 
     name: str
     title: str
-    test: Test
+    test: TestKind
     source: str
     license: str
     notes: str
@@ -192,34 +202,37 @@ def same_measurement(one: Curve, other: Curve) -> bool:
     if any(one.conditions.get(key) != other.conditions.get(key) for key in IDENTITY_CONDITIONS):
         return False
     for key in PROGRAMME_CONDITIONS:
-        a, b = one.conditions.get(key), other.conditions.get(key)
-        if (a is None) != (b is None) or (a is not None and not math.isclose(a, b, rel_tol=_SAME_PROGRAMME)):
+        a, b = one.number(key), other.number(key)
+        if a is None or b is None:
+            if a is not b:
+                return False
+        elif not math.isclose(a, b, rel_tol=_SAME_PROGRAMME_SHARE):
             return False
     return True
 
 
-def check_constants(curves: Sequence[Curve], where: str) -> None:
-    """InputError where a held-out curve has constants that nothing can be fitted to."""
+def check_constants(curves: Sequence[Curve], path: str) -> None:
+    """Raise InputError where a held-out curve has constants that no fit curve shares."""
     fitted = {curve.constants for curve in curves if curve.split != "holdout"}
     for curve in curves:
         if curve.constants not in fitted:
             raise InputError(
-                f'{where}: curve "{curve.id}" is held out, and no fit curve shares its constants "{curve.constants}"; '
+                f'{path}: curve "{curve.id}" is held out, and no fit curve shares its constants "{curve.constants}"; '
                 f'give one of them split = "fit", or let the curves share their constants.'
             )
 
 
-def check_sides(curves: Sequence[Curve], where: str) -> None:
-    """InputError where one measurement stands on both sides of the split."""
+def check_sides(curves: Sequence[Curve], path: str) -> None:
+    """Raise InputError where one measurement stands on both sides of the split."""
     for one, other in combinations(curves, 2):
         if {one.split, other.split} == {"fit", "holdout"} and same_measurement(one, other):
             raise InputError(
-                f'{where}: curves "{one.id}" and "{other.id}" are digitisations of one measurement and stand on two sides of '
+                f'{path}: curves "{one.id}" and "{other.id}" are digitisations of one measurement and stand on two sides of '
                 f"the split; give both the same split."
             )
 
 
-def _name_of(value: Any) -> str:
+def _name_of(value: ConditionValue) -> str:
     """A condition as a name: true for True, "a, b" for an array."""
     if isinstance(value, bool):
         return str(value).lower()
@@ -227,23 +240,15 @@ def _name_of(value: Any) -> str:
 
 
 def programme_of(curve: Curve) -> np.ndarray:
-    """The column that the test imposed (k,) SI."""
+    """What the test imposed over time: that column (k,) in SI."""
     return curve.columns[curve.imposed]
 
 
 def sd_of(curve: Curve, column: str) -> float | None:
-    """Noise of a column, SI; None is unknown."""
+    """Standard deviation of the noise of a column, in SI; None where it is unknown."""
     for key, of in NOISE[curve.kind].items():
         name, factor = COLUMNS[curve.kind][of]
         value = getattr(curve.noise, key)
         if name == column and value is not None:
             return float(value * factor)
     return None
-
-
-PRINTED_UNITS = {
-    "displacement_m": ("mm", 1e3),
-    "force_N": ("N", 1.0),
-    "nominal_stress_Pa": ("Pa", 1.0),
-    "shear_stress_Pa": ("Pa", 1.0),
-}

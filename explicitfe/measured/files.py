@@ -10,27 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    ValidationError,
-)
+from pydantic import BaseModel, ValidationError
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.measured.curve import COLUMNS, TIME, Kind
 from explicitfe.scenario.sentences import explain
 
 FILE_NAME = "dataset.toml"
-
-
-SMALLEST_CURVE = 3  # rows
-
+SMALLEST_CURVE_ROWS = 3  # Two rows are a straight line: no curve.
 
 _CELL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-
-
 _SENSOR = re.compile(r"(.+)_([xyz])_mm")
-
-
 _HEADER = re.compile(r"""\s*(\[\[?)\s*([A-Za-z_"'][^\[\],]*?)\s*\]\]?\s*(#.*)?$""")
 
 
@@ -48,7 +38,7 @@ class DatasetToml:
         self.lines = lines_of(path, f"give the dataset's folder, with a {FILE_NAME} and a CSV for each curve in it")
         try:
             self.data = tomllib.loads("\n".join(self.lines))
-        except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+        except ValueError as error:  # It is no TOML, or has a whole number of thousands of digits.
             raise InputError(f"{path}: this is not valid TOML: {error}.") from None
 
     def fault(self, keys: Sequence[str | int], sentence: str) -> InputError:
@@ -65,12 +55,12 @@ class DatasetToml:
         prefix: str = "",
     ) -> InputError:
         """What does not fit the schema; ``place`` turns a key's path in the data into one in the file."""
-        # The same one that the sentence is about: a misspelt key comes before the key that is missing for it.
+        # The sentence is about this problem: a misspelt key comes before the key that is missing because of it.
         problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
         return self.fault(place(problem["loc"]), prefix + explain(error, data, table))
 
     def _line(self, keys: Sequence[str | int]) -> int | None:
-        """Line of a key; of its table's head if it is not there."""
+        """Line of a key, or of the head of its table where the key is missing."""
         names = [key for key in keys if isinstance(key, str)] or [""]
         entry = next((key for key in keys[1:2] if isinstance(key, int)), 0)
         block: list[tuple[int, str]] = []
@@ -82,7 +72,7 @@ class DatasetToml:
                 seen += head[1] == "[[" and head[2] == section == names[0]
             if section == names[0] and entry == max(seen, 0):
                 block.append((number, line))
-        if not block:  # a key at the top, or an inline table
+        if not block:  # The key stands above all tables, or in an inline table.
             top = next((k for k, line in enumerate(self.lines) if _HEADER.match(line)), len(self.lines))
             block = list(enumerate(self.lines[:top], 1))
         elif len(names) > 1:
@@ -96,7 +86,7 @@ class DatasetToml:
 
 
 def lines_of(path: Path, advice: str) -> list[str]:
-    """Lines of a text file of any system, without a byte-order mark."""
+    """Lines of a text file, whatever ends them on the system that wrote it, without a byte-order mark."""
     try:
         raw = path.read_bytes()
     except OSError as error:
@@ -119,7 +109,7 @@ class CurveCsv:
         self.line_of = [number for number, line in enumerate(lines, 1) if line.strip()]
         filled = [lines[number - 1] for number in self.line_of]
         if not filled:
-            raise InputError(f"{path}: the file is empty; write a header and {SMALLEST_CURVE} rows at least.")
+            raise InputError(f"{path}: the file is empty; write a header and {SMALLEST_CURVE_ROWS} rows at least.")
         names = self._names(filled[0], sensors)
         del self.line_of[0]
         rows = self._numbers(filled[1:], names)
@@ -134,7 +124,7 @@ class CurveCsv:
         """Name -> positions (k, 3) [mm], in the order of the file; empty unless a trajectory."""
         if self.kind != "trajectory":
             return {}
-        names = dict.fromkeys(_SENSOR.fullmatch(column)[1] for column in self.data if column != TIME)
+        names = dict.fromkeys(match[1] for match in map(_SENSOR.fullmatch, self.data) if match)
         return {name: np.column_stack([self.data[f"{name}_{axis}_mm"] for axis in "xyz"]) for name in names}
 
     def _names(self, header: str, sensors: Iterable[str]) -> list[str]:
@@ -143,8 +133,8 @@ class CurveCsv:
         if len(names) == 1 and set(header) & set(";\t"):
             raise InputError(f"{where} the columns must be separated by commas, with a point in decimal numbers.")
         if self.kind == "trajectory":
-            found = dict.fromkeys(match[1] for match in map(_SENSOR.fullmatch, names) if match)
-            valid = [TIME, *(f"{sensor}_{axis}_mm" for sensor in dict.fromkeys([*found, *sensors]) for axis in "xyz")]
+            named = dict.fromkeys(match[1] for match in map(_SENSOR.fullmatch, names) if match)
+            valid = [TIME, *(f"{sensor}_{axis}_mm" for sensor in dict.fromkeys([*named, *sensors]) for axis in "xyz")]
             should = f"a trajectory has {TIME} and, for each sensor, <sensor>_x_mm, <sensor>_y_mm and <sensor>_z_mm"
         else:
             valid = [TIME, *COLUMNS[self.kind]]
@@ -164,10 +154,10 @@ class CurveCsv:
 
     def _numbers(self, rows: list[str], names: list[str]) -> np.ndarray:
         """All cells (k, columns)."""
-        if len(rows) < SMALLEST_CURVE:
+        if len(rows) < SMALLEST_CURVE_ROWS:
             last = self.line_of[-1] if rows else 1
             count = f"{len(rows)} row{'' if len(rows) == 1 else 's'}"
-            raise InputError(f"{self.path}, line {last}: the curve ends after {count}; it needs {SMALLEST_CURVE} at least.")
+            raise InputError(f"{self.path}, line {last}: the curve ends after {count}; it needs {SMALLEST_CURVE_ROWS} at least.")
         try:
             numbers = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
             if numbers.shape[1] == len(names) and np.isfinite(numbers).all():

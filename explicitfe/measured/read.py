@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from pydantic import (
-    BaseModel,
-    ValidationError,
-)
+from pydantic import BaseModel, ValidationError
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.measured.curve import COLUMNS, TIME, Curve, Dataset, Kind, check_constants, check_sides
@@ -18,6 +14,7 @@ from explicitfe.measured.tables import (
     SHAPE_KEYS,
     DatasetFile,
     MergedTables,
+    RawTable,
 )
 from explicitfe.measured.units import check_noise, check_units
 from explicitfe.scenario.table import validated
@@ -61,7 +58,7 @@ def read_dataset(path: Path | str) -> Dataset:
 
 
 def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
-    """Tables that the test needs or cannot have, and names that stand twice."""
+    """Raise InputError where the test lacks a table or has one that it cannot have, or where a name is used twice."""
     if table.test == "trajectory":
         owners: list[tuple[tuple[str | int, ...], BaseModel]] = [((), table)]
         owners += [(("curve", number), curve) for number, curve in enumerate(table.curve)]
@@ -97,12 +94,12 @@ def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
 
 
 def _check_files(table: DatasetFile, source: DatasetToml) -> None:
-    """Every curve has its CSV, and every CSV of the folder its curve."""
+    """Raise InputError unless every curve has its CSV, and every CSV of the folder its curve."""
     folder = source.path.parent
-    there = {entry.name for entry in folder.iterdir() if entry.is_file() and not entry.name.startswith(".")}
-    unlisted = sorted(name for name in there - {curve.file for curve in table.curve} if name.lower().endswith(".csv"))
+    files = {entry.name for entry in folder.iterdir() if entry.is_file() and not entry.name.startswith(".")}
+    unlisted = sorted(name for name in files - {curve.file for curve in table.curve} if name.lower().endswith(".csv"))
     for number, curve in enumerate(table.curve):
-        if curve.file not in there:
+        if curve.file not in files:
             hint = nearest(curve.file, unlisted) if unlisted else f"put it beside {source.path.name}."
             raise source.fault(("curve", number, "file"), f'the file "{curve.file}" of curve "{curve.id}" is missing; {hint}')
     if unlisted:
@@ -115,7 +112,7 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
     kind: Kind = (
         "force-displacement" if setup.tool is not None else table.test if table.test in ("shear", "trajectory") else "uniaxial"
     )
-    if setup.tool is not None and setup.specimen.shape == "point":
+    if setup.tool is not None and setup.specimen is not None and setup.specimen.shape == "point":
         raise source.fault(("specimen", "shape"), 'a specimen of shape "point" has no place for a [tool]; give it a size.')
     csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])
     check_units(csv, setup)
@@ -138,7 +135,8 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
     )
 
 
-def _merged(common: dict[str, Any] | None, own: dict[str, Any]) -> dict[str, Any] | None:
+def _merged(common: RawTable | None, own: RawTable) -> RawTable | None:
+    """A table of the dataset with the curve's own keys over it; keys of another shape do not carry over."""
     if common is None:
         return own or None
     if "shape" in own and own["shape"] != common.get("shape"):
@@ -157,7 +155,7 @@ def _setup(table: DatasetFile, number: int, source: DatasetToml) -> MergedTables
 
         def own(keys: Sequence[str | int]) -> bool:
             table_of_curve = getattr(entry, str(keys[0]))
-            return bool(table_of_curve) and (len(keys) == 1 or keys[1] in table_of_curve or not source.data.get(keys[0]))
+            return bool(table_of_curve) and (len(keys) == 1 or keys[1] in table_of_curve or not source.data.get(str(keys[0])))
 
         def place(keys: Sequence[str | int]) -> Sequence[str | int]:
             return ("curve", number, *keys) if own(keys) else keys

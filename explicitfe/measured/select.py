@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement, sd_of
+from explicitfe.measured.tables import ConditionValue
 
-SAME_MAXIMUM_SD = 3.0  # a row counts as the largest when it is so within this many sds of the imposed column
+# A row counts as the largest one when it is so within this many standard deviations of the imposed column: a hold is noise about
+# its value.
+SAME_MAXIMUM_SDS = 3.0
+# The noise says where a hold begins only where those are less than this share of the largest value.
+LARGEST_SLACK_SHARE = 0.01
+# A ramp that ends within so many rows of its largest value has no unloading to leave out.
+ROWS_OF_NO_UNLOADING = 2
 
 
 @dataclass(frozen=True)
@@ -31,12 +37,17 @@ class Group:
 
 
 def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dict[str, str]]:
-    """Groups of curves, and why which curve was left out.
+    """Choose the curves to fit.
 
     Parameters
     ----------
     fit_where : "KEY=VALUE" on conditions, ``group`` or ``id``: only curves that match all keys are fitted, the others
         predicted; a key given twice allows both values. A curve that the dataset holds out stays so.
+
+    Returns
+    -------
+    groups : curves that share their constants.
+    left_out : id of a curve -> why it is neither fitted nor predicted.
 
     Raises
     ------
@@ -70,14 +81,13 @@ def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dic
 
 
 def loading_rows(curve: Curve) -> int:
-    """Rows up to the first largest imposed value: an elastic law knows one way only."""
-    way = programme_of(curve)
-    way = np.abs(way - 1.0) if curve.imposed == "stretch" else np.abs(way) if curve.kind == "shear" else way
-    slack = SAME_MAXIMUM_SD * (sd_of(curve, curve.imposed) or 0.0)
-    largest = float(way.max())
-    # A hold is noise about its value; a ramp that ends there has no later rows to lose.
-    first = int(np.argmax(way >= largest - slack)) if slack < 0.01 * largest else int(np.argmax(way))
-    return len(way) if first >= len(way) - 2 else first + 1
+    """Rows up to the first largest imposed value: an elastic law answers the same in loading and unloading."""
+    programme = programme_of(curve)
+    load = np.abs(programme - 1.0) if curve.imposed == "stretch" else np.abs(programme) if curve.kind == "shear" else programme
+    slack = SAME_MAXIMUM_SDS * (sd_of(curve, curve.imposed) or 0.0)
+    largest = float(load.max())
+    first = int(np.argmax(load >= largest - slack)) if slack < LARGEST_SLACK_SHARE * largest else int(np.argmax(load))
+    return len(load) if first >= len(load) - ROWS_OF_NO_UNLOADING else first + 1
 
 
 def _wanted(dataset: Dataset, fit_where: Sequence[str]) -> dict[str, list[str]]:
@@ -100,11 +110,13 @@ def _matches(curve: Curve, wanted: dict[str, list[str]]) -> bool:
     return all(_text(_of(curve, key)) in values for key, values in wanted.items())
 
 
-def _of(curve: Curve, key: str) -> Any:
-    return {"id": curve.id, "group": curve.group}.get(key, curve.conditions.get(key))
+def _of(curve: Curve, key: str) -> ConditionValue | None:
+    if key in ("id", "group"):
+        return curve.id if key == "id" else curve.group
+    return curve.conditions.get(key)
 
 
-def _text(value: Any) -> str:
+def _text(value: ConditionValue | None) -> str:
     if value is None:
         return ""
     if isinstance(value, bool):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -18,41 +18,31 @@ from pydantic import (
 from explicitfe.errors import nearest
 from explicitfe.scenario.table import Table, Vector
 
-Test = Literal["indentation", "compression", "tension", "shear", "trajectory"]
-
-
+TestKind = Literal["indentation", "compression", "tension", "shear", "trajectory"]
 Split = Literal["fit", "holdout"]
+ConditionValue = str | int | float | bool | list[str | int | float | bool]
+Conditions = Mapping[str, ConditionValue]
+RawTable = dict[str, Any]  # A table of the file that is checked only when it is merged with that of the dataset.
 
-
-# Conditions that say which measurement a curve is: what was asked for (digitised, so equal to a few percent), and of what.
+# Two groups of conditions say which measurement a curve is: what the machine was asked for, which is digitised and therefore
+# equal to a few percent only, and what was measured.
 PROGRAMME_CONDITIONS = ("rate_per_s", "rate_mm_per_s", "max_strain", "max_stretch", "max_displacement_mm", "hold_s")
-
-
 IDENTITY_CONDITIONS = (
     "direction", "material", "sample", "spot", "piece", "day", "repeat", "cycle", "order", "phases", "site",
 )  # fmt: skip
-
-
 NUMERIC_CONDITIONS = (*PROGRAMME_CONDITIONS, "preload_N", "first_force_N")
 
-
+# Whole numbers have no limit in TOML: a larger one is no float.
 LARGEST_FLOAT = float(np.finfo(float).max)
 
 
-# Keys that belong to a shape: a curve that overrides the shape brings its own.
+# These keys belong to a shape: a curve that overrides the shape brings its own.
 SHAPE_KEYS = {"radius_mm", "height_mm", "size_mm", "edge_radius_mm"}
 
-
-# What lies outside was given in another unit. Wide: a curve that is merely unusual must pass.
+# A value outside these limits was given in another unit. They are wide: a test that is merely unusual must pass.
 _LENGTH_MM = (0.1, 1000.0)
-
-
-_THIN_MM = (0.01, 1000.0)  # layers and rounded edges
-
-
+_THIN_MM = (0.01, 1000.0)  # Layers and rounded edges are thinner than specimens.
 _DENSITY_KG_M3 = (100.0, 20_000.0)
-
-
 _STIFFNESS_RATIO = (1e-3, 1e3)
 
 
@@ -68,8 +58,6 @@ def _within(limits: tuple[float, float], unit: str, zero: bool = False) -> After
 
 
 Length = Annotated[float, _within(_LENGTH_MM, "mm")]
-
-
 Thickness = Annotated[float, _within(_THIN_MM, "mm", zero=True)]
 
 
@@ -87,7 +75,7 @@ def _friction(value: Any) -> Any:
 
 
 class _Described(Table):
-    """A table some of whose keys are inferred and not stated by the source."""
+    """A table that may name keys of its own that were inferred, because the source does not state them."""
 
     assumed: tuple[str, ...] = Field(default=(), description="keys of this table that the source does not state")
 
@@ -100,7 +88,7 @@ class _Described(Table):
         return self
 
     def _only(self, shape: str, needed: Iterable[str], possible: Iterable[str]) -> None:
-        """ValueError where a key of a shape is missing, or one stands that the shape does not have."""
+        """Raise ValueError where a key of the shape is missing, or a key is given that the shape does not have."""
         for key in needed:
             if getattr(self, key) is None:
                 raise ValueError(f'shape = "{shape}" needs {key}; add it')
@@ -122,7 +110,7 @@ class MeasuredSpecimen(_Described):
 
     @model_validator(mode="after")
     def _whole(self) -> MeasuredSpecimen:
-        needed = {"point": [], "cylinder": ["radius_mm", "height_mm"], "block": ["size_mm"]}[self.shape]
+        needed: list[str] = {"point": [], "cylinder": ["radius_mm", "height_mm"], "block": ["size_mm"]}[self.shape]
         self._only(self.shape, needed, ["radius_mm", "height_mm", "size_mm"])
         if self.layer_mm > 0.0 and self.shape == "point":
             raise ValueError('shape = "point" has no layer; take layer_mm out')
@@ -134,13 +122,18 @@ class MeasuredSpecimen(_Described):
 
     @property
     def thickness_mm(self) -> float:
-        """Height along the load [mm]; not of a point."""
-        return self.height_mm if self.size_mm is None else self.size_mm[2]
+        """Height along the load [mm]; a point has none."""
+        height_mm = self.height_mm if self.size_mm is None else self.size_mm[2]
+        assert height_mm is not None
+        return height_mm
 
     @property
     def face_mm2(self) -> float:
-        """Area of the loaded face [mm2]; not of a point."""
-        return math.pi * self.radius_mm**2 if self.size_mm is None else self.size_mm[0] * self.size_mm[1]
+        """Area of the loaded face [mm2]; a point has none."""
+        if self.size_mm is not None:
+            return self.size_mm[0] * self.size_mm[1]
+        assert self.radius_mm is not None
+        return math.pi * self.radius_mm**2
 
 
 class MeasuredTool(_Described):
@@ -217,7 +210,6 @@ class RegistrationTable(Table):
 
 
 def _is_number(value: Any) -> bool:
-    # Whole numbers have no limit in TOML; not all of them are floats, and none is compared wrongly.
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_FLOAT
 
 
@@ -229,10 +221,10 @@ class CurveTable(Table):
     constants: str = Field(default="all", min_length=1, description="curves of one name share their constants")
     group: str | None = Field(default=None, min_length=1, description="what shares one specimen or site; its own id if left out")
     split: Split | None = None
-    specimen: dict[str, Any] = Field(default={})
-    tool: dict[str, Any] = Field(default={})
-    noise: dict[str, Any] = Field(default={})
-    conditions: dict[str, Any] = Field(default={})
+    specimen: RawTable = Field(default={})
+    tool: RawTable = Field(default={})
+    noise: RawTable = Field(default={})
+    conditions: RawTable = Field(default={})
 
     @field_validator("id", "file")
     @classmethod
@@ -250,7 +242,7 @@ class CurveTable(Table):
 
     @field_validator("conditions")
     @classmethod
-    def _plain_values(cls, conditions: dict[str, Any]) -> dict[str, Any]:
+    def _plain_values(cls, conditions: RawTable) -> RawTable:
         for key, value in conditions.items():
             for entry in value if isinstance(value, list) else [value]:
                 if not isinstance(entry, str | bool) and not _is_number(entry):
@@ -268,16 +260,16 @@ class DatasetFile(Table):
     format: Literal["explicitfe-dataset/1"]
     name: str = Field(pattern=r"^[a-z0-9]+([-.][a-z0-9]+)*$", description="kebab-case")
     title: str
-    test: Test
+    test: TestKind
     source: str = ""
     license: str = ""
     notes: str = ""
     scenario: str | None = Field(default=None, min_length=1, description="scenario of a trajectory, relative to this file")
     sensor: list[SensorTable] = Field(default=[])
     registration: RegistrationTable | None = None
-    specimen: dict[str, Any] | None = None
-    tool: dict[str, Any] | None = None
-    noise: dict[str, Any] = Field(default={})
+    specimen: RawTable | None = None
+    tool: RawTable | None = None
+    noise: RawTable = Field(default={})
     curve: list[CurveTable] = Field(min_length=1)
 
 

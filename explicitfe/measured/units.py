@@ -1,4 +1,4 @@
-"""Whether numbers can be right: what lies far outside was given in another unit."""
+"""Whether the numbers of a curve can be right: a value far outside what soft tissue shows was given in another unit."""
 
 from __future__ import annotations
 
@@ -15,39 +15,27 @@ from explicitfe.measured.tables import (
     MergedTables,
 )
 
-_STRETCH = (0.05, 10.0)
-
-
-_SHEAR = 10.0
-
-
-_STRAIN_IN_METRES = 1e-3  # of the thickness: no displacement that was meant in metres exceeds it
-
-
-_DENT_IN_METRES = 1e-2  # of the tool's radius
-
-
-_PULL = 10.0  # thicknesses
-
-
-_PRESSURE_PA = (1.0, 1e8)
-
-
-_STRESS_PA = (1e-2, 1e9)
-
-
-_STIFFNESS_PA = (10.0, 1e9)  # largest stress over largest strain
-
-
-_COORDINATE_MM = (0.2, 1000.0)
+# All limits are wide: a curve that is merely unusual must pass.
+_STRETCH_LIMITS = (0.05, 10.0)
+_LARGEST_SHEAR_STRAIN = 10.0
+# A displacement given in metres is a thousandth of the one in mm: it stays below these shares of the specimen's thickness and of
+# the tool's radius.
+_METRES_THICKNESS_SHARE = 1e-3
+_METRES_RADIUS_SHARE = 1e-2
+_LARGEST_PULL_THICKNESSES = 10.0
+_PRESSURE_LIMITS_PA = (1.0, 1e8)
+_STRESS_LIMITS_PA = (1e-2, 1e9)
+_STIFFNESS_LIMITS_PA = (10.0, 1e9)  # Stiffness is the largest stress over the largest strain.
+_COORDINATE_LIMITS_MM = (0.2, 1000.0)
 
 
 def check_units(csv: CurveCsv, setup: MergedTables) -> None:
-    """InputError where values cannot be right unless in another unit."""
+    """Raise InputError where values can only be right in another unit."""
     if csv.kind == "force-displacement":
+        assert setup.specimen is not None and setup.tool is not None
         _check_tool_curve(csv, setup.specimen, setup.tool)
     elif csv.kind == "trajectory":
-        low, high = _COORDINATE_MM
+        low, high = _COORDINATE_LIMITS_MM
         coordinates = np.column_stack(list(csv.sensors().values()))
         largest = np.abs(coordinates).max(axis=1)
         row = int(largest.argmax())
@@ -61,16 +49,16 @@ def _check_homogeneous(csv: CurveCsv) -> None:
     first, second = COLUMNS[csv.kind]
     deformation, stress = csv.data[first], np.abs(csv.data[second])
     if csv.kind == "uniaxial":
-        low, high = _STRETCH
+        low, high = _STRETCH_LIMITS
         odd, advice = (deformation <= low) | (deformation >= high), "give length over length at rest, 1 at rest, no percent"
         strain = np.abs(deformation - 1.0)
     else:
-        odd, advice = np.abs(deformation) > _SHEAR, "give the tangent of the angle, no percent"
+        odd, advice = np.abs(deformation) > _LARGEST_SHEAR_STRAIN, "give the tangent of the angle, no percent"
         strain = np.abs(deformation)
     if odd.any():
         row = int(odd.argmax())
         raise csv.fault(row, f"{first} = {deformation[row]:g} is not possible; {advice}.")
-    row, low, high = int(stress.argmax()), *_STRESS_PA
+    row, low, high = int(stress.argmax()), *_STRESS_LIMITS_PA
     if not low <= stress[row] <= high:
         raise csv.fault(row, f"the largest {second} is {stress[row]:.3g} Pa, too {_extent(stress[row], low)}; give Pa.")
     _check_stiffness(csv, second, row, stress[row], strain.max(), "give Pa")
@@ -83,13 +71,13 @@ def _check_tool_curve(csv: CurveCsv, specimen: MeasuredSpecimen, tool: MeasuredT
     if displacement[deepest] >= thickness:
         sentence = f"displacement_mm = {displacement[deepest]:g} is deeper than the specimen is high, {thickness:g} mm"
         raise csv.fault(deepest, f"{sentence}; give both in mm.")
-    if displacement[highest] < -_PULL * thickness:
+    if displacement[highest] < -_LARGEST_PULL_THICKNESSES * thickness:
         sentence = f"displacement_mm = {displacement[highest]:g} pulls a specimen of {thickness:g} mm"
-        raise csv.fault(highest, f"{sentence} to over {_PULL:g} times its height; give both in mm.")
+        raise csv.fault(highest, f"{sentence} to over {_LARGEST_PULL_THICKNESSES:g} times its height; give both in mm.")
     farthest = int(np.abs(displacement).argmax())
     largest = abs(displacement[farthest])
-    # A small indenter needs only a small dent, in a high specimen too.
-    if largest < _STRAIN_IN_METRES * thickness and (radius is None or largest < _DENT_IN_METRES * radius):
+    # A small indenter needs only a small dent, whatever the height of the specimen.
+    if largest < _METRES_THICKNESS_SHARE * thickness and (radius is None or largest < _METRES_RADIUS_SHARE * radius):
         sentence = f"the largest displacement_mm is {largest:.3g}, next to nothing for a specimen of {thickness:g} mm"
         raise csv.fault(farthest, f"{sentence}; give it in mm.")
     if radius is None:
@@ -97,7 +85,7 @@ def _check_tool_curve(csv: CurveCsv, specimen: MeasuredSpecimen, tool: MeasuredT
     else:
         contact = min(radius, math.sqrt(2.0 * radius * largest)) if tool.shape == "sphere" else radius
         area, strain = math.pi * contact**2, largest / contact
-    row, low, high = int(force.argmax()), *_PRESSURE_PA
+    row, low, high = int(force.argmax()), *_PRESSURE_LIMITS_PA
     pressure = force[row] / (1e-6 * area)
     if not low <= pressure <= high:
         sentence = f"the largest force_N, {force[row]:.3g}, is {pressure:.3g} Pa on {area:.3g} mm2, too {_extent(pressure, low)}"
@@ -106,8 +94,8 @@ def _check_tool_curve(csv: CurveCsv, specimen: MeasuredSpecimen, tool: MeasuredT
 
 
 def _check_stiffness(csv: CurveCsv, column: str, row: int, stress: float, strain: float, advice: str) -> None:
-    low, high = _STIFFNESS_PA
-    # Held at rest, no stiffness shows.
+    low, high = _STIFFNESS_LIMITS_PA
+    # A specimen that is held at rest shows no stiffness.
     if strain > 0.0 and not low <= stress / strain <= high:
         sentence = (
             f"the largest {column} means a stiffness of about {stress / strain:.2g} Pa, too {_extent(stress / strain, low)}"
@@ -130,7 +118,7 @@ def check_noise(csv: CurveCsv, setup: MergedTables, table: DatasetFile, number: 
         columns = [possible[key]] if possible[key] in csv.data else [name for name in csv.data if name != TIME]
         largest = max(np.abs(csv.data[column] - (column == "stretch")).max() for column in columns)
         sd = getattr(setup.noise, key)
-        # A stretch held at 1 has no size to compare with.
+        # A stretch that is held at 1 has no size to compare with.
         if sd > largest > 0.0:
             sentence = f"[noise] {key} = {sd:g} exceeds all that {possible[key]} of {curve.file} holds, {largest:.3g}"
             raise source.fault(keys, f"{sentence}; give the standard deviation of one row in the key's unit.")

@@ -1,6 +1,6 @@
 """What the loop finds in simulated sensors of a tongue: hidden effect against noise.
 
-Prints the table of docs/close-loop-trajectories.md.
+Prints the table of docs/close-loop-displacements_of.md.
 
     OMP_NUM_THREADS=1 python benchmarks/sensor_study.py [--noise 0.05 0.2 0.5] [--hidden "lag 15 ms"] [--processes 2]
 
@@ -24,7 +24,9 @@ from scipy.spatial.transform import Rotation
 from explicitfe.close_loop.search import Closed, close
 from explicitfe.close_loop.statistics.refit import intervals
 from explicitfe.close_loop.statistics.system import Hypothesis
-from explicitfe.close_loop.trajectories.trajectories import LEVERS, Trajectories, trajectories, trajectory_system
+from explicitfe.close_loop.trajectories.levers import LEVERS
+from explicitfe.close_loop.trajectories.runs import displacements_of
+from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.measured.curve import Dataset
 from explicitfe.measured.read import read_dataset
 from explicitfe.run.prepare import prepare
@@ -139,7 +141,7 @@ def _displacements(duration_ms: float, mesh: str, settings: tuple[str, ...], tim
         path.write_text(SCENARIO.format(duration_ms=duration_ms, mesh=mesh), encoding="utf-8")
         body = prepare(path).model.mesh
         rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
-        return trajectories(path, settings, rest, times_s)[0]
+        return displacements_of(path, settings, rest, times_s)[0]
 
 
 def settings_of(hidden: tuple[str, float] | None, folder: Path) -> Mapping[str, Sequence[str]]:

@@ -21,7 +21,7 @@ from explicitfe.close_loop.statistics.noise import row_noise
 from explicitfe.close_loop.statistics.refit import Fitted, refit
 from explicitfe.close_loop.statistics.system import described
 from explicitfe.close_loop.trajectories.close import close_trajectories
-from explicitfe.close_loop.trajectories.trajectories import LEVERS
+from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
@@ -197,7 +197,7 @@ class _Work:
         self.system = replace(self.system, curves=kept)
 
     def _file(self, fit: Fitted, verdict: str) -> str:
-        model = self.system.model(fit.model)
+        model = self.system.tissue(fit.model)
         return model.model_copy(update={"title": f"{self.dataset.name}: {verdict}"}).text
 
     # ---- the report ----
@@ -228,7 +228,7 @@ class _Work:
         """Errors of all curves before and after, put into the report; the curves for its pictures."""
         every = (*self.system.curves, *self.sides.holdout)
         tests = experiments(every)
-        models = [self.system.model(fit.model) for fit in (before, after)]
+        models = [self.system.tissue(fit.model) for fit in (before, after)]
         answers = self.simulator.run([(test, model.text) for model in models for test in tests])
         shown: dict[str, dict[str, Any]] = {}
         floors = {one.id: last.covariance.floor_of(k) for k, one in enumerate(last.covariance.series)}

@@ -14,8 +14,9 @@ import pytest
 from command import command
 
 from explicitfe.close_loop.close import close_loop
-from explicitfe.close_loop.specimens.specimens import Simulator, Specimens
-from explicitfe.measured.dataset import read_dataset
+from explicitfe.close_loop.specimens.simulator import Simulator
+from explicitfe.close_loop.specimens.specimens import Specimens
+from explicitfe.measured.read import read_dataset
 from explicitfe.predict.predict import predict
 
 C10, C20, G, TAU_S = 300.0, 150.0, 0.4, 1.0
@@ -170,7 +171,7 @@ def test_a_planned_test_has_the_constants_of_its_own_group(tmp_path):
     both = system.start().at(system.start().x + [0.0, 0.0, 0.3, 0.0])
     C10 = both.values[2]
     assert both.values[0] != C10
-    alone = replace(system, curves=curves[3:]).model(both)
+    alone = replace(system, curves=curves[3:]).tissue(both)
     assert {name: c.C10_Pa for name, c in alone.constants.items()} == {"B": pytest.approx(C10)}
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from explicitfe.close_loop.split import split
 from explicitfe.errors import InputError
-from explicitfe.measured.dataset import Dataset, read_dataset
+from explicitfe.measured.curve import Dataset
+from explicitfe.measured.read import read_dataset
 
 
 def dataset(folder: Path, curves: dict[str, dict[str, Any]]) -> Dataset:

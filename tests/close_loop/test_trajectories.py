@@ -12,9 +12,11 @@ from explicitfe.close_loop.search import Closed, close
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.noise import scatter
 from explicitfe.close_loop.statistics.refit import intervals, refit
-from explicitfe.close_loop.trajectories.trajectories import LEVERS, Trajectories, trajectory_system
+from explicitfe.close_loop.trajectories.levers import LEVERS
+from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.errors import InputError
-from explicitfe.measured.dataset import Dataset, read_dataset
+from explicitfe.measured.curve import Dataset
+from explicitfe.measured.read import read_dataset
 from explicitfe.results.reader import open_result
 from explicitfe.run.run import run
 

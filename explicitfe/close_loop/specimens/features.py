@@ -1,33 +1,61 @@
-"""What measured curves have of what effects require."""
+"""What measured curves have of what effects require to be seen, such as time, unloading or repeats."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from explicitfe.close_loop.specimens.series import STILL
+from explicitfe.close_loop.specimens.series import WAITING_SHARE_OF_PACE, rest_of
+from explicitfe.close_loop.statistics.system import Series
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.measured.curve import Curve, programme_of
-
-HOLD, RATE = 0.1, 1.5  # share of a test that a hold lasts; factor between two rates
-
-
-PULLS = 0.01  # of the largest force: below zero by so much, a tool is pulled
+from explicitfe.predict.experiment import cycle_of
 
 
-BACK = 0.05  # of the range: a way back
+def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
+    """What the curves have, in the words of :attr:`explicitfe.effects.effect.Effect.requires`."""
+    features = set()
+    first = curves[0]
+    if first.tool is not None:
+        features.add("tool")
+        if first.tool.shape in ("flat-cylinder", "platen"):
+            features.add("flat tool")
+        loose = ("frictionless", "unknown") if first.tool.shape == "platen" else ("frictionless",)
+        if first.specimen is not None and first.specimen.base not in loose:
+            features.add("bonded base")
+    paces: dict[str, list[float]] = {}
+    cycles: dict[str, set[float]] = {}
+    directions: dict[str, set[str]] = {}
+    for curve, one in zip(curves, series, strict=True):
+        held = np.diff(one.time_s) @ (one.phase[1:] == "hold") / one.time_s[-1]
+        if curve.tool is not None and curve.force_N.min() < -THRESHOLDS.pull_share * np.abs(curve.force_N).max():
+            features.add("force that pulls")
+        if _unloading(curve) > THRESHOLDS.unloading_share:
+            features |= {"unloading", "time"}
+        if held > THRESHOLDS.hold_share:
+            features.add("time")
+        paces.setdefault(curve.constants, []).append(_loading_pace(curve))
+        cycles.setdefault(curve.constants, set()).add(cycle_of(curve))
+        directions.setdefault(curve.constants, set()).add(str(curve.conditions.get("direction")))
+    if any(max(p) > THRESHOLDS.rate_ratio * min(p) for p in paces.values()):
+        features.add("time")
+    if any(len(c) > 1 for c in cycles.values()):
+        features.add("repeats")
+    if any(len(d) > 1 for d in directions.values()):
+        features.add("two directions")
+    return features
 
 
-def _pace(curve: Curve) -> float:
-    """Median pace of the way in."""
-    way = programme_of(curve)
-    rest = 1.0 if curve.imposed == "stretch" else 0.0
-    moved = np.abs(way - rest)
+def _loading_pace(curve: Curve) -> float:
+    """Median pace of loading, in the unit of the imposed column per second."""
+    moved = np.abs(programme_of(curve) - rest_of(curve))
     pace = np.diff(moved) / np.diff(curve.time_s)
-    rising = pace > STILL * pace.max(initial=0.0)
+    rising = pace > WAITING_SHARE_OF_PACE * pace.max(initial=0.0)
     return float(np.median(pace[rising])) if rising.any() else 0.0
 
 
-def _way_back(curve: Curve) -> float:
-    """Largest way back, over the range."""
-    way = programme_of(curve)
-    moved = np.abs(way - (1.0 if curve.imposed == "stretch" else 0.0))
+def _unloading(curve: Curve) -> float:
+    """How far the programme returns towards rest, as a share of its range."""
+    moved = np.abs(programme_of(curve) - rest_of(curve))
     return float((np.maximum.accumulate(moved) - moved).max() / max(moved.max(), 1e-300))

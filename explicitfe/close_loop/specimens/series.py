@@ -3,41 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 
-from explicitfe.close_loop.statistics.noise import MEDIAN
+from explicitfe.close_loop.statistics.noise import MEDIAN_OF_ABSOLUTE_NORMAL
 from explicitfe.close_loop.statistics.system import Series
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.measured.course import bends
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of, sd_of
+from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
 
-EQUAL = 0.05  # of the range: programmes that agree so far are the same
+# Below this share of the fastest pace a tool waits: a motor that holds its place still moves a little.
+WAITING_SHARE_OF_PACE = 0.02
+# The fastest pace is that of the fastest tenth of the rows, because one step of a coarse table is faster than the tool ever was.
+# It is no less than this share of that one step, so that a test which mostly waits keeps its ramp.
+FAST_ROWS_QUANTILE = 0.9
+LEAST_SHARE_OF_FASTEST_STEP = 1e-2
+# A programme bends where a polyline would miss it by more than this share of its range, and than so many times its noise.
+BEND_SHARE_OF_RANGE = 5e-3
+BEND_NOISE_FACTOR = 3.0
+# The variance of fourth differences of independent rows over that of a row.
+FOURTH_DIFFERENCE_VARIANCE = 70.0
+# Programmes are compared at so many instants.
+COMPARED_INSTANTS = 50
 
 
-EQUAL_SIZE = 0.1  # of a length
-
-
-STILL = 0.02  # of the fastest pace: below it a tool waits
-
-
-SLACK, QUIET_SD = 5e-3, 3.0  # of the range, and of the imposed column's noise: no bend
+def rest_of(curve: Curve) -> float:
+    """The value of the imposed column in the state at rest."""
+    return 1.0 if curve.imposed == "stretch" else 0.0
 
 
 def series_of(curve: Curve, test: str, peers: str) -> Series:
-    way, y = programme_of(curve), curve.columns[curve.predicted]
-    span = max(float(np.ptp(way)), 1e-300)
+    """A measured curve as the loop sees it.
+
+    Parameters
+    ----------
+    test : what all curves of its test share.
+    peers : what all tests nominally equal to it share; "" if there are none.
+    """
+    programme, values = programme_of(curve), curve.columns[curve.predicted]
+    span = max(float(np.ptp(programme)), 1e-300)
     sd = sd_of(curve, curve.imposed)
-    if sd is None:  # as rough as it is
-        fourth = np.abs(np.diff(way, 4))
-        sd = float(np.median(fourth)) / (MEDIAN * np.sqrt(70.0)) if len(fourth) else 0.0
-    corners = bends(curve.time_s, way, max(SLACK * span, QUIET_SD * sd))
-    moved = np.abs(np.interp(curve.time_s, curve.time_s[corners], way[corners]) - (1.0 if curve.imposed == "stretch" else 0.0))
+    if sd is None:  # the programme is as noisy as it is rough
+        fourth = np.abs(np.diff(programme, 4))
+        roughness = MEDIAN_OF_ABSOLUTE_NORMAL * np.sqrt(FOURTH_DIFFERENCE_VARIANCE)
+        sd = float(np.median(fourth)) / roughness if len(fourth) else 0.0
+    corners = bends(curve.time_s, programme, max(BEND_SHARE_OF_RANGE * span, BEND_NOISE_FACTOR * sd))
+    moved = np.abs(np.interp(curve.time_s, curve.time_s[corners], programme[corners]) - rest_of(curve))
     pace = np.gradient(moved, curve.time_s)
-    # of all paces the fastest is one step of a coarse table; a tenth of the rows moves faster than a pace that counts
-    still = STILL * max(float(np.quantile(np.abs(pace), 0.9)), 1e-2 * float(np.abs(pace).max()))
+    fast = float(np.quantile(np.abs(pace), FAST_ROWS_QUANTILE))
+    still = WAITING_SHARE_OF_PACE * max(fast, LEAST_SHARE_OF_FASTEST_STEP * float(np.abs(pace).max()))
     phase = np.where(pace > still, "loading", np.where(pace < -still, "unloading", "hold"))
-    slope = _slope(way, y, span)
+    slope = _slope(programme, values, span)
     unit, factor = PRINTED_UNITS[curve.predicted]
     number = curve.conditions.get("repeat", curve.conditions.get("order", 0))
     return Series(
@@ -47,7 +64,7 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
         peers=peers,
         specimen="" if curve.group == curve.id else curve.group,
         constants=curve.constants,
-        measured=y,
+        measured=values,
         time_s=curve.time_s,
         noise_sd=sd_of(curve, curve.predicted),
         imposed_sd=slope * sd,
@@ -60,38 +77,43 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
     )
 
 
-def _slope(way: np.ndarray, y: np.ndarray, span: float) -> np.ndarray:
+def _slope(programme: np.ndarray, values: np.ndarray, span: float) -> np.ndarray:
     """How much the predicted column changes with the imposed one, at each row: a stiffening curve is steep at its end."""
-    degree = min(3, len(np.unique(way)) // 4)
-    line = np.polynomial.Polynomial.fit(way, y, degree) if degree and span > 1e-300 else None
-    return np.full(len(y), float(np.ptp(y)) / span) if line is None else np.abs(line.deriv()(way))
+    degree = min(3, len(np.unique(programme)) // 4)
+    line = np.polynomial.Polynomial.fit(programme, values, degree) if degree and span > 1e-300 else None
+    return np.full(len(values), float(np.ptp(values)) / span) if line is None else np.abs(line.deriv()(programme))
 
 
 def peers_of(curve: Curve, curves: Sequence[Curve]) -> str:
-    """The first curve that is nominally equal to this one, if it has such company."""
+    """The first of the curves that is nominally equal to this one, if another one is."""
     equal = [c.id for c in curves if _nominally_equal(c, curve)]
     return equal[0] if len(equal) > 1 else ""
 
 
 def _nominally_equal(one: Curve, other: Curve) -> bool:
+    """Whether two curves are one test on one kind of specimen, repeated."""
     same = one.constants == other.constants and one.kind == other.kind
     same = same and all(one.conditions.get(key) == other.conditions.get(key) for key in ("direction", "material", "cycle"))
     if not same or not _alike(one.tool, other.tool, ("radius_mm", "edge_radius_mm")):
         return False
     if not _alike(one.specimen, other.specimen, ("radius_mm", "height_mm", "layer_mm")):
         return False
+    share = THRESHOLDS.equal_programme_share
     end = min(one.time_s[-1], other.time_s[-1])
-    if end < (1.0 - 2.0 * EQUAL) * max(one.time_s[-1], other.time_s[-1]):
+    if end < (1.0 - 2.0 * share) * max(one.time_s[-1], other.time_s[-1]):
         return False
-    grid = np.linspace(0.0, end, 50)
+    grid = np.linspace(0.0, end, COMPARED_INSTANTS)
     a, b = (np.interp(grid, c.time_s, programme_of(c)) for c in (one, other))
-    return float(np.sqrt(np.mean((a - b) ** 2))) < EQUAL * max(float(np.ptp(a)), float(np.ptp(b)))
+    return float(np.sqrt(np.mean((a - b) ** 2))) < share * max(float(np.ptp(a)), float(np.ptp(b)))
 
 
-def _alike(one: Any, other: Any, lengths: Iterable[str]) -> bool:
+def _alike(
+    one: MeasuredSpecimen | MeasuredTool | None, other: MeasuredSpecimen | MeasuredTool | None, lengths: Iterable[str]
+) -> bool:
+    """Whether two tools, or two specimens, are of one shape and about one size."""
     if one is None or other is None:
         return one is other
     if one.shape != other.shape:
         return False
     pairs = [(getattr(one, key, None), getattr(other, key, None)) for key in lengths]
-    return all(a == b or (a and b and abs(a - b) < EQUAL_SIZE * max(a, b)) for a, b in pairs)
+    return all(a == b or (a and b and abs(a - b) < THRESHOLDS.equal_length_share * max(a, b)) for a, b in pairs)

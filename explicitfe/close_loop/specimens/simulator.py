@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
@@ -12,19 +12,16 @@ from zlib import crc32
 
 import numpy as np
 
-from explicitfe.effects.effect import MaterialEffect, Measurement
-from explicitfe.effects.material.compressible import Compressible
-from explicitfe.effects.tool.compliance import Compliance
-from explicitfe.effects.tool.preload import Preload
 from explicitfe.errors import InputError, RunError
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import parse_tissue
 
-Job = tuple[tuple[Curve, ...], str]
+Job = tuple[tuple[Curve, ...], str]  # a test, and the text of a tissue
+Run = list[np.ndarray] | str  # what each curve of the test answers in SI, or why it cannot be computed
 
 
-def _answer(job: Job) -> list[np.ndarray] | str:
+def _answer(job: Job) -> Run:
     test, text = job
     try:
         return [p.values for p in predict_test(test, parse_tissue(text))]
@@ -44,8 +41,8 @@ class Simulator:
         cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         self.processes = min(processes or cores, cores)
         self.runs = 0
-        self.watch = lambda: None  # called after each run, or while several go on
-        self._kept: dict[tuple[str, ...], list[np.ndarray] | str] = {}
+        self.watch: Callable[[], object] = lambda: None  # called after each run
+        self._kept: dict[tuple[str, ...], Run] = {}
         self._pool: ProcessPoolExecutor | None = None
 
     def close(self) -> None:
@@ -54,33 +51,33 @@ class Simulator:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def run(self, jobs: Sequence[Job]) -> list[list[np.ndarray] | str]:
+    def run(self, jobs: Sequence[Job]) -> list[Run]:
         """What the curves of each test answer in SI, or why they cannot."""
         keys = [(*map(_identity, test), text) for test, text in jobs]
         wanted = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._kept}
         todo = list(wanted.items())
-        # The first one here: it makes the machine code, which the other processes then only load.
+        # The first run is done here: it makes the machine code, which the other processes then only load.
         if todo and (self._pool is None or len(todo) == 1 or self.processes == 1):
-            self._keep(*todo[0])
+            self._compute(*todo[0])
             todo = todo[1:]
         if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
             try:
                 self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
-                for (key, _), found in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
-                    self._done(key, found)
+                for (key, _), run in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
+                    self._keep(key, run)
                 todo = []
-            except BrokenProcessPool:  # no process can be started from where this one came from
+            except BrokenProcessPool:  # a script that is read from standard input can start no process
                 self._pool, self.processes = None, 1
                 todo = [entry for entry in todo if entry[0] not in self._kept]
         for key, job in todo:
-            self._keep(key, job)
+            self._compute(key, job)
         return [self._kept[key] for key in keys]
 
-    def _keep(self, key: tuple[str, ...], job: Job) -> None:
-        self._done(key, _answer(job))
+    def _compute(self, key: tuple[str, ...], job: Job) -> None:
+        self._keep(key, _answer(job))
 
-    def _done(self, key: tuple[str, ...], found: list[np.ndarray] | str) -> None:
-        self._kept[key] = found
+    def _keep(self, key: tuple[str, ...], run: Run) -> None:
+        self._kept[key] = run
         self.runs += 1
         self.watch()
 
@@ -88,20 +85,17 @@ class Simulator:
 def _on_a_mesh(job: Job) -> bool:
     """Whether a run is that of a mesh, and not of one homogeneous state."""
     (first, *_), text = job
-    return first.tool is not None and (first.tool.shape != "platen" or _bends(text))
+    return first.tool is not None and (first.tool.shape != "platen" or not _is_pointwise(text))
 
 
 @lru_cache(maxsize=10_000)
-def _bends(text: str) -> bool:
-    return not all(isinstance(effect, POINTWISE) for effect in parse_tissue(text).effects.chosen)
+def _is_pointwise(text: str) -> bool:
+    """Whether a homogeneous state stays so with all effects of a tissue's text."""
+    return all(effect.pointwise for effect in parse_tissue(text).effects.chosen)
 
 
 @lru_cache(maxsize=10_000)
 def _identity(curve: Curve) -> str:
-    """Equal for curves that a model answers alike; what was measured does not count."""
+    """A text that is equal for curves that a model answers alike, whatever was measured in them."""
     course = crc32(np.concatenate([curve.time_s, programme_of(curve)]).tobytes())
     return f"{curve.specimen!r}|{curve.tool!r}|{curve.constants}|{curve.conditions!r}|{len(curve.time_s)}|{course}"
-
-
-# What a homogeneous state can have; anything else needs a mesh.
-POINTWISE = (MaterialEffect, Measurement, Compressible, Compliance, Preload)

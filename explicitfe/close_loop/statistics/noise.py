@@ -12,7 +12,8 @@ from explicitfe.close_loop.statistics.system import Series
 
 DEGREE = 5  # of the polynomial between two bends
 ROWS_A_TERM = 4  # so many rows carry one coefficient
-MEDIAN = 0.6745  # of |z| for a standard normal z
+# The median of |z| where z is standard normal.
+MEDIAN_OF_ABSOLUTE_NORMAL = 0.6745
 DOUBTED = 1.6  # a stated noise is believed until rows differ by so many times what it allows
 HIGHEST = 0.98  # correlation of neighbouring rows
 CORRELATIONS = tuple(float(r) for r in np.linspace(0.0, 0.96, 49))
@@ -107,7 +108,7 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     for one in series:
         rest = _rest(one)
         sizes = [np.median(np.abs(np.diff(rest, k))) / np.sqrt(comb(2 * k, k)) for k in ORDERS if len(rest) > k]
-        rough.append(float(np.sqrt(6.0) * min(sizes) / MEDIAN))
+        rough.append(float(np.sqrt(6.0) * min(sizes) / MEDIAN_OF_ABSOLUTE_NORMAL))
         weights.append(max(len(rest) - 2, 1))
     stated = [np.hypot(one.noise_sd or 0.0, float(np.sqrt(np.mean(one.imposed_sd**2)))) for one in series]
     known = [

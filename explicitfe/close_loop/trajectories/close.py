@@ -11,7 +11,8 @@ from explicitfe.close_loop.report import failed, mean_errors, told
 from explicitfe.close_loop.search import close
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import Fitted
-from explicitfe.close_loop.trajectories.trajectories import LEVERS, Trajectories, trajectory_system
+from explicitfe.close_loop.trajectories.levers import LEVERS
+from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.errors import InputError, RunError
 from explicitfe.measured.curve import Dataset
 from explicitfe.results import provenance

@@ -6,12 +6,9 @@ Every candidate is a few ``--set`` settings of the scenario, so whatever is foun
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -22,272 +19,36 @@ from explicitfe.close_loop.statistics.fingerprints import outside
 from explicitfe.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.close_loop.statistics.refit import derivatives
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.effects import EFFECTS
+from explicitfe.close_loop.trajectories.levers import FACTOR, LEVERS
+from explicitfe.close_loop.trajectories.registration import Registration, procrustes
+from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import InputError, RunError, nearest
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.measured.tables import RegistrationTable
-from explicitfe.mesh.hexmesh import shape_functions
-from explicitfe.mesh.muscle_lines import locate_in_mesh
 from explicitfe.model import catalogue
 from explicitfe.model.muscles import profile_of
 from explicitfe.model.tongue import anatomy_of
 from explicitfe.predict.tissue import toml_value
-from explicitfe.run.prepare import prepare
 from explicitfe.scenario.read import read_scenario
 from explicitfe.scenario.transient import TransientScenario
-from explicitfe.solve.transient import Transient
 
 AXES = "xyz"
 UNFORESEEN = 2.0  # such errors are smooth in time, so that they weigh more than noise of equal size
 BOTH = "a finer mesh of another element"
 SMALLEST = 1e-6  # m; noise of a row that is said to be exact
-FACTOR = Sought((0.5, 0.8, 1.25, 2.0), 0.1, 10.0, kind="log", none=1.0)
-GRAVITY = Sought((0.0, 3.0, 9.81), 0.0, 12.0)
-DAMPING = Sought((0.0, 20.0, 80.0, 240.0), 0.0, 1000.0)
-VISCOSITY = Sought((0.0, 0.02, 0.05, 0.1), 0.0, 0.3)
 FINER_CELLS = 1.5  # numbers of elements along each direction where no resolution is named
 STEPS = 0.5  # of the stable step
 OTHER_ELEMENT = {"hex8": "hex8-stiffness", "hex8-stiffness": "hex8", "hex8-full": "hex8"}
-
-Settings = tuple[str, ...]
-Job = tuple[Settings, tuple[float, ...]]
 
 
 # ---- candidates: settings of a scenario ----
 
 
-@dataclass(frozen=True)
-class Lever:
-    """A quantity of a scenario that may be wrong.
-
-    Attributes
-    ----------
-    title : in words, with the unit of the strength.
-    parameter : its name.
-    sought : how it is looked for from what the scenario says, or why it cannot be.
-    settings : ``key=value`` pairs for a strength.
-    """
-
-    title: str
-    parameter: str
-    sought: Callable[[TransientScenario], Sought | str]
-    settings: Callable[[TransientScenario, float], list[str]]
-
-
-def _lag(scenario: TransientScenario) -> Sought | str:
-    now = scenario.effects.activation_lag
-    found = replace(EFFECTS["activation-lag"].sought["tau_ms"], none=0.0 if now is None else now.tau_ms)
-    return found if _pulls(scenario) else "no muscle of the scenario pulls"
-
-
-def _pulls(scenario: TransientScenario) -> bool:
-    return any(muscle.force_N > 0.0 for muscle in scenario.muscle)
-
-
-def _weight(scenario: TransientScenario, strength: float) -> list[str]:
-    g = np.array(scenario.model.gravity_m_s2)
-    down = g / np.linalg.norm(g) if g.any() else np.array([0.0, 0.0, -1.0])
-    return [f"model.gravity_m_s2={[float(x) for x in strength * down]}"]
-
-
-def _forces(scenario: TransientScenario, factor: float) -> list[str]:
-    return [f"muscle.{k}.force_N={factor * muscle.force_N!r}" for k, muscle in enumerate(scenario.muscle)]
-
-
-def _moduli(scenario: TransientScenario, factor: float) -> list[str]:
-    table = catalogue.material(scenario.model.material).model_dump(exclude_defaults=True)
-    scaled = {key: factor * value if key.endswith("_Pa") else value for key, value in table.items() if key != "source"}
-    return [f"model.material={toml_value(scaled)}"]
-
-
-LEVERS: dict[str, Lever] = {
-    "activation-lag": Lever(
-        "lag of the muscles' forces behind their commands [ms]",
-        "tau_ms",
-        _lag,
-        lambda scenario, tau: [f"effects.activation-lag.tau_ms={tau!r}"],
-    ),
-    "damping": Lever(
-        "mass-proportional damping [1/s]",
-        "alpha_per_s",
-        lambda scenario: _about(DAMPING, scenario.model.damping.alpha_per_s),
-        lambda scenario, alpha: [f"model.damping.alpha_per_s={alpha!r}"],
-    ),
-    "viscosity": Lever(
-        "stiffness-proportional damping [s]",
-        "beta_s",
-        lambda scenario: (
-            _about(VISCOSITY, scenario.model.damping.beta_s)
-            if scenario.model.damping.beta_s > 0.0
-            else "the scenario has no model.damping.beta_s"
-        ),
-        lambda scenario, beta: [f"model.damping.beta_s={beta!r}"],
-    ),
-    "gravity": Lever(
-        "weight [m/s^2]",
-        "acceleration_m_s2",
-        lambda scenario: replace(GRAVITY, none=float(np.linalg.norm(scenario.model.gravity_m_s2))),
-        _weight,
-    ),
-    "force-scale": Lever(
-        "common factor of all muscle forces",
-        "factor",
-        lambda scenario: FACTOR if _pulls(scenario) else "no muscle of the scenario pulls",
-        _forces,
-    ),
-    "stiffness": Lever("common factor of the material's moduli", "factor", lambda scenario: FACTOR, _moduli),
-}
-
-
-def _about(sought: Sought, now: float) -> Sought:
-    """Strengths to try beside what the scenario has: nothing, and more by as much as to begin with."""
-    return replace(sought, values=(0.0, *(now + v for v in sought.values if v > 0.0)), high=now + sought.high, none=now)
-
-
 # ---- registration ----
 
 
-@dataclass(frozen=True, eq=False)
-class Registration:
-    """How the sensors' frame lies to the model's: x_model = scale R x + t.
-
-    Attributes
-    ----------
-    rotation : (3, 3) R.
-    centre, place : (3,) m; one point in the model's frame and in the sensors'.
-    """
-
-    rotation: np.ndarray
-    centre: np.ndarray
-    place: np.ndarray
-    scale: float
-
-    def to_sensors(self, positions: np.ndarray) -> np.ndarray:
-        """Positions (..., 3) m of the model in the sensors' frame."""
-        return (positions - self.centre) @ self.rotation / self.scale + self.place
-
-    @property
-    def table(self) -> RegistrationTable:
-        """As a dataset states it."""
-        shift = self.centre - self.scale * self.rotation @ self.place
-        rows = tuple(tuple(map(float, row)) for row in self.rotation)
-        return RegistrationTable.model_construct(
-            rotation=rows, translation=tuple(float(1e3 * x) for x in shift), scale=float(self.scale)
-        )
-
-
-def procrustes(table: RegistrationTable, model: np.ndarray, seen: np.ndarray) -> Registration:
-    """The registration, in the parts to be fitted, that brings positions (k, 3) m of a model nearest to those seen.
-
-    Umeyama (1991).
-    """
-    free = table.translation == "fit"
-    centre = model.mean(axis=0) if free else 1e-3 * np.array(table.translation)
-    place = seen.mean(axis=0) if free else np.zeros(3)
-    a, b = model - centre, seen - place
-    scale = 1.0 if table.scale == "fit" else table.scale
-    if table.rotation == "fit":
-        U, _, Vt = np.linalg.svd(a.T @ b)
-        rotation = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
-    else:
-        rotation = np.array(table.rotation)
-    if table.scale == "fit":
-        scale = float(np.sum(a * (b @ rotation.T)) / np.sum(b * b))
-    return Registration(rotation, centre, place, scale)
-
-
 # ---- runs ----
-
-
-def trajectories(path: Path, settings: Sequence[str], places: np.ndarray, times_s: Sequence[float]) -> tuple[np.ndarray, float]:
-    """Displacements of places of the body at times.
-
-    Parameters
-    ----------
-    path, settings : the scenario.
-    places : (s, 3) m, in the undeformed body.
-    times_s : (k,) rising; a state between two instants is that of the later one less its velocity, which misses by less than
-        half a squared step times the acceleration.
-
-    Returns
-    -------
-    (k, s, 3) m, and the smallest step taken [s].
-
-    Raises
-    ------
-    InputError, RunError : the scenario cannot be built, or does not come to the last of the times.
-    """
-    prepared = prepare(path, settings)
-    analysis = prepared.scenario.analysis
-    simulation = prepared.simulation
-    if times_s[-1] > 1e-3 * analysis.duration_ms * (1.0 + 1e-9):
-        raise InputError(
-            f"{path}: analysis.duration_ms = {analysis.duration_ms:g} ends before the data do, at {1e3 * times_s[-1]:g} ms."
-        )
-    points = locate_in_mesh(prepared.model.mesh, places)
-    nodes, weights = prepared.model.mesh.hexes[points.element], shape_functions(points.natural)
-    step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
-    transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
-    found = np.empty((len(times_s), *places.shape))
-    for row, time_s in enumerate(times_s):
-        status = transient.advance_to(time_s)
-        if status:
-            raise RunError(status.message)
-        now = simulation.snapshot()
-        u = now.displacement[nodes] + (time_s - now.time_s) * now.velocity[nodes]
-        found[row] = np.einsum("sa,sai->si", weights, u)
-    return found, transient.smallest_dt_s
-
-
-def _run(path: Path, places: np.ndarray, job: Job) -> tuple[np.ndarray, float] | str:
-    try:
-        return trajectories(path, job[0], places, job[1])
-    except (RunError, InputError) as error:
-        return str(error)
-
-
-class Runs:
-    """Runs of a scenario with different settings; what was computed once is kept.
-
-    Parameters
-    ----------
-    places : (s, 3) m, of the sensors in the undeformed body.
-    processes : at most so many.
-    """
-
-    def __init__(self, path: Path, places: np.ndarray, processes: int = 1) -> None:
-        self.path = path
-        self.places = places
-        self.processes = processes
-        self._kept: dict[Job, tuple[np.ndarray, float] | str] = {}
-        self._pool: ProcessPoolExecutor | None = None
-
-    def close(self) -> None:
-        """End its processes."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-            self._pool = None
-
-    def of(self, jobs: Iterable[Job]) -> list[tuple[np.ndarray, float] | str]:
-        """Displacements (k, s, 3) m and smallest step [s] of each job, or why it cannot be computed."""
-        jobs = list(jobs)
-        todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
-        # The first one here: it makes the machine code, which the other processes then only load.
-        if todo and not self._kept:
-            self._kept[todo[0]] = _run(self.path, self.places, todo[0])
-            del todo[0]
-        if self.processes > 1 and len(todo) > 1:
-            try:
-                self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
-                work = self._pool.map(_run, [self.path] * len(todo), [self.places] * len(todo), todo)
-                self._kept |= dict(zip(todo, work, strict=True))
-            except BrokenProcessPool:  # no process can be started from where this one came from
-                self._pool, self.processes = None, 1
-        for job in todo:
-            if job not in self._kept:
-                self._kept[job] = _run(self.path, self.places, job)
-        return [self._kept[job] for job in jobs]
 
 
 # ---- the system ----

@@ -1,0 +1,68 @@
+"""Sizes in the tests of specimens, of which the ranges of effects' parameters are multiples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from explicitfe.close_loop.statistics.system import Scales
+from explicitfe.effects import EFFECTS
+from explicitfe.measured.curve import Curve, programme_of
+
+# Under a tool the strain is about the depth over the tool's radius, and no larger than this.
+LARGEST_STRAIN_UNDER_A_TOOL = 0.6
+
+
+def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
+    """Sizes in the tests of some curves.
+
+    Parameters
+    ----------
+    C10, C20 : constants [Pa] of the tissue.
+    """
+    duration = max(float(c.time_s[-1]) for c in curves)
+    squares, energies = [], []  # I1 - 3, and the work per volume [Pa], of each curve
+    scales: dict[str, float] = {}
+    for curve in curves:
+        programme, values = programme_of(curve), curve.columns[curve.predicted]
+        if curve.kind == "uniaxial":
+            squares.append(float(np.max(programme**2 + 2.0 / programme - 3.0)))
+            energies.append(_work(programme, values))
+        elif curve.kind == "shear":
+            squares.append(float(np.max(programme**2)))
+            energies.append(_work(programme, values))
+        else:
+            assert curve.tool is not None and curve.specimen is not None
+            d, F = curve.displacement_m, curve.force_N
+            radius_mm = curve.tool.radius_mm
+            area = 1e-6 * (curve.specimen.face_mm2 if radius_mm is None else np.pi * radius_mm**2)
+            length = 1e-3 * (curve.specimen.thickness_mm if radius_mm is None else radius_mm)
+            squares.append(3.0 * min(float(np.abs(d).max()) / length, LARGEST_STRAIN_UNDER_A_TOOL) ** 2)
+            energies.append(_work(d, F) / (area * length))
+            largest = {"force_N": float(np.abs(F).max()), "displacement_mm": 1e3 * float(np.abs(d).max())}
+            for key, value in (
+                *largest.items(),
+                ("pressure_Pa", largest["force_N"] / area),
+                ("height_mm", curve.specimen.thickness_mm),
+                ("compliance_mm_N", largest["displacement_mm"] / largest["force_N"]),
+                ("drift_N_s", largest["force_N"] / duration),
+                ("slip_mm_kPa", curve.specimen.thickness_mm / (1e-3 * C10)),
+            ):
+                least = key == "height_mm"  # a layer must fit into the flattest specimen
+                scales[key] = (min if least else max)(scales.get(key, value), value)
+    square = max(squares)
+    scales |= {
+        "duration_s": duration,
+        "modulus_Pa": C10 + C20 * square,
+        "third_Pa": (C10 + 2.0 * C20 * square) / (3.0 * square**2),
+        "energy_Pa": max(max(energies), 1e-9),
+    }
+    # The scales of a tool are asked for without one too, but then nothing is tried in them.
+    names = {entry.scale for effect in EFFECTS.values() for entry in effect.sought.values() if entry.scale}
+    return Scales({name: scales.get(name, 1.0) for name in names})
+
+
+def _work(programme: np.ndarray, values: np.ndarray) -> float:
+    """The largest work that is done along a programme."""
+    return float(np.abs(np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(programme))).max())

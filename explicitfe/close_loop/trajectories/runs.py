@@ -1,0 +1,114 @@
+"""Runs of a scenario with different settings, read at the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from explicitfe.errors import InputError, RunError
+from explicitfe.mesh.hexmesh import shape_functions
+from explicitfe.mesh.muscle_lines import locate_in_mesh
+from explicitfe.run.prepare import prepare
+from explicitfe.solve.transient import Transient
+
+Settings = tuple[str, ...]
+
+
+Job = tuple[Settings, tuple[float, ...]]
+
+
+def displacements_of(
+    path: Path, settings: Sequence[str], places: np.ndarray, times_s: Sequence[float]
+) -> tuple[np.ndarray, float]:
+    """Displacements of places of the body at times.
+
+    Parameters
+    ----------
+    path, settings : the scenario.
+    places : (s, 3) m, in the undeformed body.
+    times_s : (k,) rising; a state between two instants is that of the later one less its velocity, which misses by less than
+        half a squared step times the acceleration.
+
+    Returns
+    -------
+    (k, s, 3) m, and the smallest step taken [s].
+
+    Raises
+    ------
+    InputError, RunError : the scenario cannot be built, or does not come to the last of the times.
+    """
+    prepared = prepare(path, settings)
+    analysis = prepared.scenario.analysis
+    simulation = prepared.simulation
+    if times_s[-1] > 1e-3 * analysis.duration_ms * (1.0 + 1e-9):
+        raise InputError(
+            f"{path}: analysis.duration_ms = {analysis.duration_ms:g} ends before the data do, at {1e3 * times_s[-1]:g} ms."
+        )
+    points = locate_in_mesh(prepared.model.mesh, places)
+    nodes, weights = prepared.model.mesh.hexes[points.element], shape_functions(points.natural)
+    step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
+    transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
+    found = np.empty((len(times_s), *places.shape))
+    for row, time_s in enumerate(times_s):
+        status = transient.advance_to(time_s)
+        if status:
+            raise RunError(status.message)
+        now = simulation.snapshot()
+        u = now.displacement[nodes] + (time_s - now.time_s) * now.velocity[nodes]
+        found[row] = np.einsum("sa,sai->si", weights, u)
+    return found, transient.smallest_dt_s
+
+
+def _run_job(path: Path, places: np.ndarray, job: Job) -> tuple[np.ndarray, float] | str:
+    try:
+        return displacements_of(path, job[0], places, job[1])
+    except (RunError, InputError) as error:
+        return str(error)
+
+
+class Runs:
+    """Runs of a scenario with different settings; what was computed once is kept.
+
+    Parameters
+    ----------
+    places : (s, 3) m, of the sensors in the undeformed body.
+    processes : at most so many.
+    """
+
+    def __init__(self, path: Path, places: np.ndarray, processes: int = 1) -> None:
+        self.path = path
+        self.places = places
+        self.processes = processes
+        self._kept: dict[Job, tuple[np.ndarray, float] | str] = {}
+        self._pool: ProcessPoolExecutor | None = None
+
+    def close(self) -> None:
+        """End its processes."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def of(self, jobs: Iterable[Job]) -> list[tuple[np.ndarray, float] | str]:
+        """Displacements (k, s, 3) m and smallest step [s] of each job, or why it cannot be computed."""
+        jobs = list(jobs)
+        todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
+        # The first one here: it makes the machine code, which the other processes then only load.
+        if todo and not self._kept:
+            self._kept[todo[0]] = _run_job(self.path, self.places, todo[0])
+            del todo[0]
+        if self.processes > 1 and len(todo) > 1:
+            try:
+                self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
+                work = self._pool.map(_run_job, [self.path] * len(todo), [self.places] * len(todo), todo)
+                self._kept |= dict(zip(todo, work, strict=True))
+            except BrokenProcessPool:  # no process can be started from where this one came from
+                self._pool, self.processes = None, 1
+        for job in todo:
+            if job not in self._kept:
+                self._kept[job] = _run_job(self.path, self.places, job)
+        return [self._kept[job] for job in jobs]

@@ -50,6 +50,13 @@ class AffectedLoad(AffectedPart, Protocol):
     def profile(self) -> AffectedPart: ...
 
 
+class AffectedNodalLoad(AffectedLoad, Protocol):
+    """Forces on nodes."""
+
+    @property
+    def of_muscle(self) -> bool: ...
+
+
 class AffectedSector(Protocol):
     """Nodes on the far side of a sector, and their partners on the near one."""
 
@@ -79,7 +86,7 @@ class AffectedModel(AffectedPart, Protocol):
     def effects(self) -> tuple[Any, ...]: ...
 
     @property
-    def loads(self) -> tuple[AffectedLoad, ...]: ...
+    def loads(self) -> tuple[AffectedNodalLoad, ...]: ...
 
     @property
     def pulls(self) -> tuple[AffectedLoad, ...]: ...

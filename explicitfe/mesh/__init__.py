@@ -1,1 +1,1 @@
-"""Meshes of 8-node hexahedra: what they are, how they are made, read and judged."""
+"""Meshes of 8-node hexahedra: what a mesh is, what makes one, and how good it is."""

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline, RectBivariateSpline
@@ -22,9 +23,9 @@ from explicitfe.mesh.box import grid_hexes
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions
 
 # The fewest elements along s, t and w with which the shape is still a tongue.
-_FEWEST = (4, 3, 4)
+_FEWEST_ELEMENTS = (4, 3, 4)
 
-_AXES = ("s", "t", "w")
+_AXIS_NAMES = ("s", "t", "w")
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class ContourMap:
         Raises
         ------
         InputError
-            The file cannot be read, a table is missing, unknown, of the wrong length or not made of numbers.
+            The file cannot be read, a table is missing, unknown, of the wrong length or holds other things than numbers.
         """
         path = Path(path)
         try:
@@ -88,7 +89,7 @@ class ContourMap:
         return cls.from_tables(tables, str(path))
 
     @classmethod
-    def from_tables(cls, tables: Mapping, where: str) -> ContourMap:
+    def from_tables(cls, tables: Mapping[str, Any], where: str) -> ContourMap:
         """The map from the parsed tables of a geometry file; ``where`` names the file in messages."""
         _known(tables, ("fixed", "axes", "contour", "half_width", "resolutions", "named_points", "attachments"), where)
         axes, contour = tables["axes"], tables["contour"]
@@ -228,7 +229,7 @@ def mirror(points: MaterialPoints, cells: Sequence[int]) -> MaterialPoints:
 
 
 def check_cells(cells: Sequence[int], where: str = "cells") -> tuple[int, int, int]:
-    """Three integers (ns, nt, nw) that a mesh can be made with.
+    """Three integers (ns, nt, nw) with which a mesh is possible.
 
     Raises
     ------
@@ -238,7 +239,7 @@ def check_cells(cells: Sequence[int], where: str = "cells") -> tuple[int, int, i
     valid = isinstance(cells, Sequence | np.ndarray) and not isinstance(cells, str) and len(cells) == 3
     if not valid or not all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in cells):
         raise InputError(f"{where}: give three integers [ns, nt, nw], the elements along s, t and w, not {cells!r}.")
-    for name, n, fewest in zip(_AXES, cells, _FEWEST, strict=True):
+    for name, n, fewest in zip(_AXIS_NAMES, cells, _FEWEST_ELEMENTS, strict=True):
         if n < fewest:
             raise InputError(f"{where}: n{name} = {n} elements along {name} are too few; give at least {fewest}.")
     ns, nt, nw = (int(n) for n in cells)
@@ -248,7 +249,7 @@ def check_cells(cells: Sequence[int], where: str = "cells") -> tuple[int, int, i
 
 
 def _plane(fraction: float, n: int) -> int:
-    """The plane of nodes nearest to a fraction of n elements; half-way: the upper one."""
+    """The plane of nodes nearest to a fraction of n elements; in the middle between two, the upper one."""
     return int(np.floor(fraction * n + 0.5))
 
 
@@ -276,7 +277,7 @@ def _nearest_node(point: tuple[float, float, float], number: np.ndarray) -> int:
     return int(number[_plane(s, ns), _plane(0.5 * (w + 1.0), nw), _plane(t, nt)])
 
 
-def _known(table: Mapping, names: Sequence[str], where: str) -> None:
+def _known(table: Mapping[str, Any], names: Sequence[str], where: str) -> None:
     """Refuse unknown and missing keys."""
     for key in table:
         if key not in names:
@@ -299,18 +300,18 @@ def _numbers(values: object, shape: tuple[int, ...], where: str) -> np.ndarray:
 
 
 def _axis(values: object, where: str) -> np.ndarray:
-    axis = _numbers(values, np.shape(values), where)
+    axis = _numbers(values, (len(values),) if isinstance(values, list) else (), where)
     if axis.ndim != 1 or len(axis) < 4 or axis[0] != 0.0 or axis[-1] != 1.0 or (np.diff(axis) <= 0.0).any():
         raise InputError(f"{where}: must rise from 0 to 1 in at least 4 values.")
     return axis
 
 
-def _patch(table: Mapping, where: str) -> Patch:
-    _known(table, _AXES, where)
+def _patch(table: Mapping[str, Any], where: str) -> Patch:
+    _known(table, _AXIS_NAMES, where)
     bounds = np.array(
         [
             _numbers(table[name], (2,), f"{where}: {name}") if isinstance(table[name], list) else [table[name]] * 2
-            for name in _AXES
+            for name in _AXIS_NAMES
         ],
         dtype=float,
     )

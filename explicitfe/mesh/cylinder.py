@@ -16,11 +16,11 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.section import extruded, joined, rising
 
 # The core's outline is this much circle, the rest square: three quads then meet at its corner with angles near 120 degrees.
-_ROUNDNESS = 0.5
+_CIRCLE_SHARE_OF_CORE = 0.5
 
 # One layer between core and circle for every so many elements around a quarter: the outline bulges by a fifth of its radius
 # at the corner, less than a layer can lose.
-_AROUND_PER_LAYER = 8
+_ELEMENTS_AROUND_PER_LAYER = 8
 
 
 def sector_mesh(radii_m: np.ndarray, heights_m: np.ndarray, angle_rad: float) -> HexMesh:
@@ -111,13 +111,13 @@ def butterfly(radii: np.ndarray, around: int, core_m: float) -> tuple[np.ndarray
     """
     if around < 4 or around % 2:
         raise ValueError(f"the elements around a quarter must be an even number of at least 4, not {around}")
-    cells, layers = around // 2, -(-around // _AROUND_PER_LAYER)
+    cells, layers = around // 2, -(-around // _ELEMENTS_AROUND_PER_LAYER)
     first = _first_ring(radii, cells + layers, core_m)
 
     phi = np.pi / 2.0 / around
     circle = _both_sides(np.column_stack([np.cos(np.arange(cells + 1) * phi), np.sin(np.arange(cells + 1) * phi)]))
     square = circle / circle.max(axis=1, keepdims=True)
-    outline = _ROUNDNESS * circle + (1.0 - _ROUNDNESS) * square
+    outline = _CIRCLE_SHARE_OF_CORE * circle + (1.0 - _CIRCLE_SHARE_OF_CORE) * square
     area = 0.5 * (outline[:-1, 0] * outline[1:, 1] - outline[:-1, 1] * outline[1:, 0]).sum()
     # The core has the area of the circle that leaves the layers as thick as its cells are wide.
     outline *= radii[first] * cells / (cells + layers) * np.sqrt(np.pi / 4.0 / area)

@@ -19,7 +19,7 @@ FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3,
 
 @dataclass(frozen=True)
 class HexMesh:
-    """Nodes and 8-node hexes with their named sets; never changed once made.
+    """Nodes and 8-node hexes with their named sets; never changed.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class HexMesh:
         """
         mask = np.zeros((self.node_count, 3), dtype=bool)
         for name in names:
-            mask[np.ix_(self.nodes_of(name), ["xyz".index(axis) for axis in along])] = True
+            mask[np.ix_(self.nodes_of(name), np.array(["xyz".index(axis) for axis in along]))] = True
         return mask
 
 

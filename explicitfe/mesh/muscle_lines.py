@@ -6,6 +6,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,13 +15,13 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions
 
-# The rounds of a search: which elements it tries, counted by the distance of their centres, and from where in them. The
+# The passes of a search: which elements each tries, counted by the distance of their centres, and from where in them. The
 # first ends it for most points, the second for large elements among small ones, the third where a nearly degenerate
 # element leads Newton astray from its centre.
-_ROUNDS = ((0, 8, np.zeros((1, 3))), (8, 64, np.zeros((1, 3))), (0, 32, 0.7 * CORNERS))
+_SEARCH_PASSES = ((0, 8, np.zeros((1, 3))), (8, 64, np.zeros((1, 3))), (0, 32, 0.7 * CORNERS))
 
-# A point counts as found when it is reached up to this share of the size of the mesh or of its element: rounding.
-_REACHED = 1e-10
+# A point is located when it is reached up to this share of the size of the mesh or of its element, which is rounding.
+_REACHED_SHARE = 1e-10
 
 _NEWTON_STEPS = 20
 
@@ -89,7 +90,7 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
     """The muscles of a file in the mesh of ``contour_map`` with these cells; the format stands at the top of the file.
 
     Every straight piece of a fibre is cut evenly so that no segment is longer than one element along s, t or w: the
-    points of the table stay, the fibre follows the mesh, and there are about as many points as elements on the way.
+    points of the table stay, the fibre follows the mesh, and there are about as many points as elements along it.
 
     Returns
     -------
@@ -112,7 +113,7 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
     return {name: _muscle(name, table, f"{path}: muscle {name}", contour_map, cells) for name, table in tables.items()}
 
 
-def _muscle(name: str, table: Mapping, where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:
+def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:
     required, optional = ("title", "action", "max_force_N", "fibres"), ("anchor_mm",)
     for key in table:
         if key not in required + optional:
@@ -179,7 +180,7 @@ def _from_anchor(anchor: np.ndarray, points: MaterialPoints) -> MaterialPoints:
     )
 
 
-def points_at_nodes(mesh: HexMesh, nodes: Sequence[int]) -> MaterialPoints:
+def points_at_nodes(mesh: HexMesh, nodes: Sequence[int] | np.ndarray) -> MaterialPoints:
     """Nodes as material points: each in the first element that holds it, at its corner.
 
     Raises
@@ -187,19 +188,19 @@ def points_at_nodes(mesh: HexMesh, nodes: Sequence[int]) -> MaterialPoints:
     InputError
         A node number out of range or a node of no element.
     """
-    nodes = np.asarray(nodes, dtype=np.int64)
-    outside = nodes[(nodes < 0) | (nodes >= mesh.node_count)]
+    numbers = np.asarray(nodes, dtype=np.int64)
+    outside = numbers[(numbers < 0) | (numbers >= mesh.node_count)]
     if len(outside):
         raise InputError(f"node {outside[0]} is not in the mesh: its nodes run from 0 to {mesh.node_count - 1}.")
     flat = mesh.hexes.ravel()
     first = np.full(mesh.node_count, -1)
     # Of repeated indices the last assignment stays: reversed, that is the first element.
     first[flat[::-1]] = np.arange(len(flat))[::-1]
-    place = first[nodes]
+    place = first[numbers]
     if (place < 0).any():
-        raise InputError(f"node {nodes[place < 0][0]} belongs to no element.")
+        raise InputError(f"node {numbers[place < 0][0]} belongs to no element.")
     element, corner = np.divmod(place, 8)
-    return MaterialPoints(element=element, natural=CORNERS[corner], position=mesh.points[nodes])
+    return MaterialPoints(element=element, natural=CORNERS[corner], position=mesh.points[numbers])
 
 
 def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5) -> MaterialPoints:
@@ -225,9 +226,9 @@ def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5)
     natural = np.zeros((len(positions), 3))
     distance = np.full(len(positions), np.inf)
     excess = np.full(len(positions), np.inf)
-    reached = _REACHED * np.ptp(mesh.points, axis=0).max()
+    reached = _REACHED_SHARE * np.ptp(mesh.points, axis=0).max()
     open_ = np.arange(len(positions))
-    for first, last, starts in _ROUNDS:
+    for first, last, starts in _SEARCH_PASSES:
         last = min(last, mesh.element_count)
         if not len(open_) or first >= last:
             continue
@@ -263,9 +264,9 @@ def _at(corners: np.ndarray, natural: np.ndarray) -> np.ndarray:
 
 
 def _inverse(corners: np.ndarray, positions: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Natural coordinates (k, 3) of positions (k, 3) in hexes with corners (k, 8, 3), and whether Newton got there."""
+    """Natural coordinates (k, 3) of positions (k, 3) in hexes with corners (k, 8, 3), and whether Newton's method converged."""
     natural = np.tile(start, (len(positions), 1))
-    reached = _REACHED * np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    reached = _REACHED_SHARE * np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     for _ in range(_NEWTON_STEPS):
         residual = positions - _at(corners, natural)
         if (np.linalg.norm(residual, axis=1) <= 1e-3 * reached).all():
@@ -275,8 +276,8 @@ def _inverse(corners: np.ndarray, positions: np.ndarray, start: np.ndarray) -> t
             [CORNERS[:, i] * factors[..., (i + 1) % 3] * factors[..., (i + 2) % 3] / 8.0 for i in range(3)], axis=-1
         )
         jacobian = np.einsum("kai,kaj->kij", corners, gradient)
-        # Bounded to a neighbourhood of the element: beyond it a distorted hex may fold and Newton wander off. The
-        # pseudo-inverse, because there the Jacobian may vanish.
+        # The search stays in a neighbourhood of the element: further away a distorted hex may fold, and Newton's method would
+        # wander off. As the Jacobian may vanish in it, its pseudo-inverse is taken.
         step = np.einsum("kij,kj->ki", np.linalg.pinv(jacobian), residual)
         natural = np.clip(natural + np.clip(step, -1.0, 1.0), -4.0, 4.0)
     return natural, np.linalg.norm(positions - _at(corners, natural), axis=1) <= reached

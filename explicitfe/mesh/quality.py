@@ -16,19 +16,20 @@ from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
 
 # The neighbours of each corner along xi, eta, zeta, and the sign of turning its edges towards growing xi, eta, zeta.
-_NEIGHBOURS = np.array([[1, 3, 4], [0, 2, 5], [3, 1, 6], [2, 0, 7], [5, 7, 0], [4, 6, 1], [7, 5, 2], [6, 4, 3]])
-_SIGNS = np.prod(-CORNERS, axis=1)
+_CORNER_NEIGHBOURS = np.array([[1, 3, 4], [0, 2, 5], [3, 1, 6], [2, 0, 7], [5, 7, 0], [4, 6, 1], [7, 5, 2], [6, 4, 3]])
+_CORNER_SIGNS = np.prod(-CORNERS, axis=1)
 
 # The 12 edges of a hex as pairs of corners.
-_EDGES = np.array([(a, b) for a in range(8) for b in _NEIGHBOURS[a] if a < b])
+_CORNERS_OF_EDGES = np.array([(a, b) for a in range(8) for b in _CORNER_NEIGHBOURS[a] if a < b])
 
 # A corner whose scaled Jacobian is below this counts as flat: far below any usable element, far above rounding.
-_FLAT = 1e-9
+_FLAT_SCALED_JACOBIAN = 1e-9
 
-_BATCH = 4096  # elements that are looked at together, in the cache
+# So many elements are assessed together: their arrays fit into the processor's cache.
+_BATCH_ELEMENTS = 4096
 
 # Gauss points of the 2 x 2 x 2 rule, exact for the volume of a trilinear hex.
-_GAUSS = CORNERS / np.sqrt(3.0)
+_GAUSS_POINTS = CORNERS / np.sqrt(3.0)
 
 
 def _corner_edges(points: np.ndarray, hexes: np.ndarray) -> Iterator[tuple[slice, int, np.ndarray]]:
@@ -36,11 +37,11 @@ def _corner_edges(points: np.ndarray, hexes: np.ndarray) -> Iterator[tuple[slice
 
     Part after part: a million elements then need megabytes, not half a gigabyte.
     """
-    for first in range(0, len(hexes), _BATCH):
-        part = slice(first, first + _BATCH)
+    for first in range(0, len(hexes), _BATCH_ELEMENTS):
+        part = slice(first, first + _BATCH_ELEMENTS)
         places = np.ascontiguousarray(points[hexes[part]].transpose(1, 2, 0))
         for corner in range(8):
-            yield part, corner, places[_NEIGHBOURS[corner]] - places[corner]
+            yield part, corner, places[_CORNER_NEIGHBOURS[corner]] - places[corner]
 
 
 def _determinant(a: np.ndarray) -> np.ndarray:
@@ -57,10 +58,10 @@ def corner_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     points : (n, 3) node positions, m.
     hexes : (m, 8) node numbers, VTK order.
     """
-    found = np.empty(hexes.shape)
+    determinants = np.empty(hexes.shape)
     for part, corner, edges in _corner_edges(points, hexes):
-        found[part, corner] = _SIGNS[corner] * _determinant(edges)
-    return found
+        determinants[part, corner] = _CORNER_SIGNS[corner] * _determinant(edges)
+    return determinants
 
 
 def scaled_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
@@ -68,7 +69,7 @@ def scaled_jacobians(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     scaled = np.zeros(hexes.shape)
     for part, corner, edges in _corner_edges(points, hexes):
         lengths = np.sqrt(np.prod(np.sum(edges * edges, axis=1), axis=0))
-        np.divide(_SIGNS[corner] * _determinant(edges), lengths, out=scaled[part, corner], where=lengths > 0.0)
+        np.divide(_CORNER_SIGNS[corner] * _determinant(edges), lengths, out=scaled[part, corner], where=lengths > 0.0)
     return scaled
 
 
@@ -76,7 +77,7 @@ def volumes(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     """Volume of every hex, (m,), m^3: exact for trilinear hexes."""
     corners = points[hexes]
     total = np.zeros(len(hexes))
-    for gauss in _GAUSS:
+    for gauss in _GAUSS_POINTS:
         factors = 1.0 + gauss * CORNERS
         gradient = np.stack([CORNERS[:, i] * factors[:, (i + 1) % 3] * factors[:, (i + 2) % 3] / 8.0 for i in range(3)])
         total += _determinant(np.einsum("ja,mai->jim", gradient, corners))
@@ -86,7 +87,7 @@ def volumes(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
 def edge_lengths(points: np.ndarray, hexes: np.ndarray) -> np.ndarray:
     """Length of the 12 edges of every hex, (m, 12), m."""
     corners = points[hexes]
-    return np.linalg.norm(corners[:, _EDGES[:, 1]] - corners[:, _EDGES[:, 0]], axis=-1)
+    return np.linalg.norm(corners[:, _CORNERS_OF_EDGES[:, 1]] - corners[:, _CORNERS_OF_EDGES[:, 0]], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def check(mesh: HexMesh, where: str) -> None:
     InputError
         In one sentence, with numbers counted from 0: no elements, an array of the wrong shape, a node that is not
         finite, a node number out of range, a node twice in an element, a flat or an inverted corner, an unused node.
-        The first fault found, in this order.
+        The first of these faults, in this order.
     """
     points, hexes = mesh.points, mesh.hexes
     if points.ndim != 2 or points.shape[1] != 3:
@@ -178,12 +179,12 @@ def check(mesh: HexMesh, where: str) -> None:
         )
 
     scaled = scaled_jacobians(points, hexes)
-    bad = np.flatnonzero(scaled.min(axis=1) < _FLAT)
+    bad = np.flatnonzero(scaled.min(axis=1) < _FLAT_SCALED_JACOBIAN)
     if len(bad):
         element = bad[0]
         corner = int(np.argmin(scaled[element]))
         node = hexes[element, corner]
-        if scaled[element, corner] > -_FLAT:
+        if scaled[element, corner] > -_FLAT_SCALED_JACOBIAN:
             fault = f"has no volume at corner {corner} (node {node}): its edges lie in a plane or have no length"
             remedy = "merge or move its nodes"
         elif (scaled[element] < 0.0).all():
@@ -203,9 +204,9 @@ def check(mesh: HexMesh, where: str) -> None:
         )
 
 
-def _more(found: np.ndarray, what: str) -> str:
+def _more(faulty: np.ndarray, what: str) -> str:
     """' (and 3 more elements)' after the first of several faults."""
-    count = len(found) - 1
+    count = len(faulty) - 1
     if count == 0:
         return ""
     return f" (and {count} more {what}{'s' if count > 1 else ''})"

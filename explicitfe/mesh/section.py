@@ -50,7 +50,7 @@ def mirrored(section: Section, axis: int) -> Section:
     image[moved] = len(points) + np.arange(len(moved))
     turned = points[moved]
     turned[:, axis] *= -1.0
-    # A mirror image turns clockwise: the other way around again.
+    # A mirror image counts clockwise, so the order of its corners is reversed.
     return Section(
         np.concatenate([points, turned]),
         np.concatenate([quads, image[quads[:, [0, 3, 2, 1]]]]),

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 # Marks of ``stations`` nearer than this share of the length are one: far below any element, far above rounding.
-_SAME = 1e-9
-
+_SAME_MARK_SHARE = 1e-9
 
 # How far the ratio of neighbouring cells may exceed ``growth`` where two intervals meet.
-_FIT = 1.05
+_GROWTH_TOLERANCE_RATIO = 1.05
 
 
 def stations(
@@ -40,33 +39,33 @@ def stations(
     ValueError
         A length or size that is not positive, a growth not above 1, a zone that stops before it starts, a break not finite.
     """
-    zones = np.array(zones, dtype=float).reshape(-1, 3)
-    positive = np.array([length_m, largest_m, *zones[:, 2]])
+    intervals = np.array(zones, dtype=float).reshape(-1, 3)
+    positive = np.array([length_m, largest_m, *intervals[:, 2]])
     if not (np.isfinite(positive).all() and (positive > 0.0).all()):
         raise ValueError("length, largest size and sizes of zones must be positive")
     if not growth > 1.0:
         raise ValueError(f"growth must be above 1, not {growth}")
-    if not (zones[:, 0] <= zones[:, 1]).all() or not np.isfinite(breaks_m).all():
+    if not (intervals[:, 0] <= intervals[:, 1]).all() or not np.isfinite(breaks_m).all():
         raise ValueError("a zone must not stop before it starts, breaks must be finite")
 
-    marks = [0.0, float(length_m)]
-    for mark in [*breaks_m, *zones[:, :2].ravel()]:
-        if 0.0 < mark < length_m and np.abs(np.array(marks) - mark).min() > _SAME * length_m:
-            marks.append(float(mark))
-    marks = np.sort(marks)
+    hits = [0.0, float(length_m)]
+    for mark in [*breaks_m, *intervals[:, :2].ravel()]:
+        if 0.0 < mark < length_m and np.abs(np.array(hits) - mark).min() > _SAME_MARK_SHARE * length_m:
+            hits.append(float(mark))
+    marks = np.sort(hits)
 
     while True:
-        positions = _divided(marks, zones, largest_m, np.log(growth))
+        positions = _divided(marks, intervals, largest_m, np.log(growth))
         cells = np.diff(positions)
         # A small cell between two marks is a zone of its own: the cells around have to grow from it.
         lower, upper = cells[:-1], cells[1:]
         small = np.union1d(
-            np.flatnonzero(upper > _FIT * growth * lower),
-            np.flatnonzero(lower > _FIT * growth * upper) + 1,
+            np.flatnonzero(upper > _GROWTH_TOLERANCE_RATIO * growth * lower),
+            np.flatnonzero(lower > _GROWTH_TOLERANCE_RATIO * growth * upper) + 1,
         )
         if len(small) == 0:
             return positions
-        zones = np.concatenate([zones, np.column_stack([positions[small], positions[small + 1], cells[small]])])
+        intervals = np.concatenate([intervals, np.column_stack([positions[small], positions[small + 1], cells[small]])])
 
 
 def _divided(marks: np.ndarray, zones: np.ndarray, largest: float, slope: float) -> np.ndarray:
@@ -100,7 +99,7 @@ def _divided(marks: np.ndarray, zones: np.ndarray, largest: float, slope: float)
     pieces = []
     ends = total[np.searchsorted(x, marks)]
     for mark, first, last in zip(marks[:-1], ends[:-1], ends[1:], strict=True):
-        whole = max(1, int(np.ceil(last - first - _SAME)))
+        whole = max(1, int(np.ceil(last - first - _SAME_MARK_SHARE)))
         goal = first + (last - first) * np.arange(1, whole) / whole
         k = np.searchsorted(total, goal, side="right") - 1
         part = goal - total[k]

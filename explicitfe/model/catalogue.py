@@ -40,15 +40,15 @@ def materials() -> dict[str, Law]:
     ------
     InputError : two models give the same name.
     """
-    found: dict[str, Law] = {}
+    laws: dict[str, Law] = {}
     places: dict[str, Path] = {}
     for path in sorted(_data("models").glob("*/materials.toml")):
         for name, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
-            if name in found:
+            if name in laws:
                 raise InputError(f'{path}: {places[name]} has a material "{name}" too; give one of them another name.')
             places[name] = path
-            found[name] = LAWS[table.get("law", "yeoh")][0].model_validate(table)
-    return found
+            laws[name] = LAWS[table.get("law", "yeoh")][0].model_validate(table)
+    return laws
 
 
 def material(choice: str | Law) -> Law:

@@ -24,12 +24,14 @@ class NodalLoad:
     nodes : (k,) node numbers.
     force_N : (k, 3) N at profile value 1.
     profile : its course in time.
+    of_muscle : a muscle pulls, so that the muscle's own dynamics shape the course.
     """
 
     name: str
     nodes: np.ndarray
     force_N: np.ndarray
     profile: Profile
+    of_muscle: bool = False
 
 
 @dataclass(frozen=True)

@@ -95,4 +95,4 @@ def _reference_load(
         nodes = mesh.hexes[chain.element[inside]]
         np.add.at(total, nodes, weights[:, :, None] * force[inside][:, None, :])
     nodes = np.flatnonzero(np.any(total != 0.0, axis=1))
-    return NodalLoad(name, nodes, total[nodes], profile)
+    return NodalLoad(name, nodes, total[nodes], profile, of_muscle=True)

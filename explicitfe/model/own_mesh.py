@@ -19,10 +19,10 @@ from explicitfe.model.anatomy import Anatomy
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import Table, Vector, validated
 
-_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-_SOLID = {"tetra", "pyramid", "wedge", "hexahedron"}
+_METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_SOLID_CELLS = {"tetra", "pyramid", "wedge", "hexahedron"}
 # Points of a fibre that lie nearer to each other than this share of the mesh are the same but for rounding.
-_SAME_POINT = 1e-9
+_SAME_POINT_SHARE = 1e-9
 
 
 class ByPointData(Table):
@@ -52,7 +52,7 @@ class FibreTable(Table):
     anchor: Vector | None = Field(default=None, description="origin fixed in space (bone), in the mesh's length unit")
 
     @model_validator(mode="after")
-    def _one_way(self) -> FibreTable:
+    def _nodes_or_points(self) -> FibreTable:
         if bool(self.nodes) == bool(self.points):
             raise ValueError("give either nodes or points, and not both")
         if len(self.nodes) + len(self.points) + (self.anchor is not None) < 2:
@@ -119,17 +119,17 @@ def read_model_file(path: Path) -> Anatomy:
 
     mesh_path = path.parent / table.mesh
     points, hexes, point_data = _read_mesh(mesh_path)
-    unit = _UNITS[table.length_unit]
+    unit = _METRES_PER_UNIT[table.length_unit]
     bare = HexMesh(points * unit, hexes)
     check(bare, str(mesh_path))
 
     def nodes(numbers: list[int], what: str) -> np.ndarray:
-        found = np.asarray(numbers, dtype=np.int64) - table.first_number
-        wrong = found[(found < 0) | (found >= len(points))]
+        places = np.asarray(numbers, dtype=np.int64) - table.first_number
+        wrong = places[(places < 0) | (places >= len(points))]
         if len(wrong):
             number = wrong[0] + table.first_number
             raise InputError(f"{path}: node {number} in {what} does not exist; the mesh has {len(points)} nodes.")
-        return found
+        return places
 
     sets = {
         name: _by_point_data(point_data, entry, f"{path}: node_sets.{name}")
@@ -173,14 +173,14 @@ def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray
     solids: dict[str, int] = {}
     hexes = []
     for cells in mesh.cells:
-        if cells.type.startswith(tuple(_SOLID)):
+        if cells.type.startswith(tuple(_SOLID_CELLS)):
             solids[cells.type] = solids.get(cells.type, 0) + len(cells.data)
         if cells.type == "hexahedron":
             hexes.append(cells.data)
     other = {kind: count for kind, count in solids.items() if kind != "hexahedron"}
     if other:
-        found = ", ".join(f"{count} {kind}" for kind, count in other.items())
-        raise InputError(f"{path}: the mesh holds {found} cells; only 8-node hexahedra can be computed, so mesh it with hexes.")
+        listed = ", ".join(f"{count} {kind}" for kind, count in other.items())
+        raise InputError(f"{path}: the mesh holds {listed} cells; only 8-node hexahedra can be computed, so mesh it with hexes.")
     if not hexes:
         raise InputError(f"{path}: the mesh holds no hexahedra.")
     points = np.asarray(mesh.points, dtype=float)
@@ -192,16 +192,16 @@ def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray
 def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where: str) -> np.ndarray:
     if entry.point_data not in point_data:
         raise InputError(f'{where}: the mesh has no point array "{entry.point_data}"; {nearest(entry.point_data, point_data)}')
-    found = np.flatnonzero(np.asarray(point_data[entry.point_data]).ravel() == entry.value)
-    if not len(found):
+    nodes = np.flatnonzero(np.asarray(point_data[entry.point_data]).ravel() == entry.value)
+    if not len(nodes):
         raise InputError(f"{where}: no node has {entry.point_data} = {entry.value:g}.")
-    return found
+    return nodes
 
 
 def _check_pieces(chain: MaterialPoints, mesh: HexMesh) -> None:
     """InputError where two points in a row are the same: the piece between them has no direction to pull in."""
     lengths = np.linalg.norm(np.diff(chain.position, axis=0), axis=1)
-    same = np.flatnonzero(lengths <= _SAME_POINT * np.ptp(mesh.points, axis=0).max())
+    same = np.flatnonzero(lengths <= _SAME_POINT_SHARE * np.ptp(mesh.points, axis=0).max())
     if len(same):
         x, y, z = 1e3 * chain.position[same[0]]
         raise InputError(f"two points in a row lie at the same place, ({x:.2f}, {y:.2f}, {z:.2f}) mm; take one of them out.")

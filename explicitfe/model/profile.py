@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class Profile:
         right = self._limit(time_s, "right")
         return np.where(time_s <= 0.0, right, 0.5 * (self._limit(time_s, "left") + right))
 
-    def _limit(self, time_s: np.ndarray, side: str) -> np.ndarray:
+    def _limit(self, time_s: np.ndarray, side: Literal["left", "right"]) -> np.ndarray:
         after = np.searchsorted(self.time_s, time_s, side=side)
         high, low = np.minimum(after, len(self.time_s) - 1), np.maximum(after - 1, 0)
         width = self.time_s[high] - self.time_s[low]
@@ -72,9 +73,9 @@ class Profile:
         slope[:-1] = (self._limit(knots[1:], "left") - start[:-1]) / np.diff(knots)
         value = np.zeros(len(knots))  # of f at the knots
         for k, width in enumerate(np.diff(knots)):
-            rest = value[k] - (start[k] - slope[k] * lag)
-            value[k + 1] = start[k] + slope[k] * (width - lag) + rest * np.exp(-width / lag)
-        k = np.clip(np.searchsorted(knots, time_s, side="right") - 1, 0, None)
-        since = np.maximum(time_s - knots[k], 0.0)
-        rest = value[k] - (start[k] - slope[k] * lag)
-        return start[k] + slope[k] * (since - lag) + rest * np.exp(-since / lag)
+            decaying = value[k] - (start[k] - slope[k] * lag)
+            value[k + 1] = start[k] + slope[k] * (width - lag) + decaying * np.exp(-width / lag)
+        before = np.clip(np.searchsorted(knots, time_s, side="right") - 1, 0, None)
+        since = np.maximum(time_s - knots[before], 0.0)
+        decaying = value[before] - (start[before] - slope[before] * lag)
+        return start[before] + slope[before] * (since - lag) + decaying * np.exp(-since / lag)

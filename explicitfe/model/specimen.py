@@ -1,4 +1,4 @@
-"""Scenario -> model of an indentation: a specimen of tissue and the tool that presses it.
+"""From the tables of a specimen and its tool to the model of an indentation.
 
 The mesh is fine where the tool's edge is and below it, and grows away from there. The surface is sampled at points of its faces
 for contact: Gauss points, and in a sector those of the line that turns into the surface.
@@ -22,19 +22,27 @@ from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import Model, RotationalSymmetry, Tool
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 
+# One degree: a polygon of so many sides has 5e-5 less area than its circle.
 SECTOR_RAD = np.radians(1.0)
+# How many of each part make the whole body.
 COPIES = {"sector": 2.0 * np.pi / SECTOR_RAD, "quarter": 4.0, "half": 2.0, "whole": 1.0}
-GROWTH = 1.3
-COARSEST = 0.1  # of the smaller of radius and height
+# Neighbouring elements differ by no more than this ratio, so that no large one hangs on a small one.
+CELL_GROWTH_RATIO = 1.3
+# Size of the largest elements, relative to the smaller of radius and height: ten across it.
+LARGEST_CELL_SHARE = 0.1
+# Nobody would wait for a larger mesh.
 MOST_ELEMENTS = 5e6
-AROUND = 8  # elements around a quarter
-POINTS = 2  # of contact along each edge of a face
-INNER = 0.7  # where the fine zone of a flat tool begins, of its radius: tissue slides outwards under it, into the edge
-REACH = 1.25  # of the tool's radius: how far from the axis the surface may come to touch it
-# Rough: only points that are about to lift still slip. A limit without end would let the force jump where a point lifts.
-STICK = 1.0
-# Elements at the edge, by default: of the rounding, of a ball's radius, of a bonded disc's radius.
-EDGE_SHARE, BALL_SHARE, DISC_SHARE = 0.4, 0.08, 1.0 / 60.0
+ELEMENTS_AROUND_A_QUARTER = 8
+# Along each edge of a face: two Gauss points integrate a pressure exactly that is cubic along it.
+CONTACT_POINTS_PER_EDGE = 2
+# The fine zone of a flat tool begins at this share of its radius, as tissue slides outwards under it, into the edge.
+FINE_ZONE_START_SHARE = 0.7
+# Points of the surface further from the axis than so many radii of the tool are left out: the tissue does not come from there.
+CONTACT_REACH_RADII = 1.25
+# A rough tool: only points that are about to lift still slip. A limit without end would let the force jump where a point lifts.
+STICK_COEFFICIENT = 1.0
+# Size of the elements at the tool's edge, by default, relative to the rounding, to a ball's radius and to a bonded disc's radius.
+EDGE_CELL_SHARE_OF_ROUNDING, EDGE_CELL_SHARE_OF_BALL, EDGE_CELL_SHARE_OF_DISC = 0.4, 0.08, 1.0 / 60.0
 
 
 def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[Effect] = ()) -> Model:
@@ -80,35 +88,31 @@ def _edge_size(specimen: SpecimenTable, tool: ToolTable) -> float:
     if specimen.edge_size_mm is not None:
         size = specimen.edge_size_mm
     elif tool.shape == "flat-cylinder":
-        size = EDGE_SHARE * tool.rounding_mm
+        size = EDGE_CELL_SHARE_OF_ROUNDING * tool.rounding_mm
     elif tool.shape == "sphere":
-        size = BALL_SHARE * tool.radius_mm
+        size = EDGE_CELL_SHARE_OF_BALL * tool.outer_radius_mm
     elif tool.shape == "bonded-disc":
-        size = DISC_SHARE * tool.radius_mm
+        size = EDGE_CELL_SHARE_OF_DISC * tool.outer_radius_mm
     else:
-        size = COARSEST * min(specimen.thickness_mm, _smallest_radius(specimen))
+        size = LARGEST_CELL_SHARE * min(specimen.thickness_mm, specimen.smallest_radius_mm)
     size *= 1e-3 / specimen.refinement
-    _affordable((1e-3 * specimen.thickness_mm / size) ** 2 / 100.0)  # before anything is cut that fine
+    # A rough lower bound of the number of elements, before anything is cut that fine.
+    _affordable((1e-3 * specimen.thickness_mm / size) ** 2 / 100.0)
     return size
-
-
-def _smallest_radius(specimen: SpecimenTable) -> float:
-    """Distance of the nearest side from the axis [mm]."""
-    return specimen.radius_mm if specimen.size_mm is None else 0.5 * min(specimen.size_mm[:2])
 
 
 def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
     height = 1e-3 * specimen.thickness_mm
-    largest = max(size, 1e-3 * COARSEST * min(specimen.thickness_mm, _smallest_radius(specimen)) / specimen.refinement)
+    largest = max(size, 1e-3 * LARGEST_CELL_SHARE * min(specimen.thickness_mm, specimen.smallest_radius_mm) / specimen.refinement)
     layer = 1e-3 * specimen.layer_mm
     top = min(size, 0.5 * layer) if layer > 0.0 else size
     zones = [(height - 2.0 * top, height, top)]
-    heights = stations(height, zones, largest_m=largest, growth=GROWTH, breaks_m=[height - layer] if layer else [])
+    heights = stations(height, zones, largest_m=largest, growth=CELL_GROWTH_RATIO, breaks_m=[height - layer] if layer else [])
 
     reach = 0.0 if tool.radius_mm is None else 1e-3 * tool.radius_mm
     breaks = []
     if tool.shape == "flat-cylinder":
-        zones = [(INNER * reach, reach + 0.5 * size, size)]
+        zones = [(FINE_ZONE_START_SHARE * reach, reach + 0.5 * size, size)]
     elif tool.shape == "sphere":
         zones = [(0.0, reach, size)]
     elif tool.shape == "bonded-disc":
@@ -119,24 +123,26 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
         breaks = [*breaks, 1e-3 * specimen.bonded_radius_mm]
 
     if specimen.size_mm is None:
-        radius = 1e-3 * specimen.radius_mm
-        radii = stations(radius, [z for z in zones if z[0] < radius], largest_m=largest, growth=GROWTH, breaks_m=breaks)
+        radius = 1e-3 * specimen.smallest_radius_mm
+        radii = stations(
+            radius, [z for z in zones if z[0] < radius], largest_m=largest, growth=CELL_GROWTH_RATIO, breaks_m=breaks
+        )
         around = 1 if specimen.symmetry == "sector" else COPIES["quarter"] / COPIES[specimen.symmetry] * _around(specimen)
         _affordable(len(radii) * len(heights) * around)
         if specimen.symmetry == "sector":
             return sector_mesh(radii, heights, SECTOR_RAD)
-        return cylinder_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=INNER * reach or np.inf)
+        return cylinder_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=FINE_ZONE_START_SHARE * reach or np.inf)
     quarters = COPIES["quarter"] / COPIES[specimen.symmetry]
     half = 0.5e-3 * specimen.size_mm[0], 0.5e-3 * specimen.size_mm[1]
     circle = zones[0][1] + 2.0 * size if zones else np.inf
     if circle < 0.95 * min(half):
-        radii = stations(circle, zones, largest_m=largest, growth=GROWTH, breaks_m=breaks)
-        core = INNER * reach
+        radii = stations(circle, zones, largest_m=largest, growth=CELL_GROWTH_RATIO, breaks_m=breaks)
+        core = FINE_ZONE_START_SHARE * reach
         _affordable(2.0 * len(radii) * len(heights) * _around(specimen) * quarters)
         return ringed_block(
-            half, radii, heights, _around(specimen), specimen.symmetry, largest_m=largest, growth=GROWTH, core_m=core
+            half, radii, heights, _around(specimen), specimen.symmetry, largest_m=largest, growth=CELL_GROWTH_RATIO, core_m=core
         )
-    x, y = (stations(h, [(0.0, h, size)] if zones else [], largest_m=largest, growth=GROWTH) for h in half)
+    x, y = (stations(h, [(0.0, h, size)] if zones else [], largest_m=largest, growth=CELL_GROWTH_RATIO) for h in half)
     _affordable(len(x) * len(y) * len(heights) * quarters)
     return gridded_block(x, y, heights, specimen.symmetry)
 
@@ -151,7 +157,7 @@ def _affordable(count: float) -> None:
 
 
 def _around(specimen: SpecimenTable) -> int:
-    return max(4, 2 * round(0.5 * AROUND * specimen.refinement))
+    return max(4, 2 * round(0.5 * ELEMENTS_AROUND_A_QUARTER * specimen.refinement))
 
 
 # ---- what holds and what presses ----
@@ -170,7 +176,7 @@ def _held(specimen: SpecimenTable, mesh: HexMesh) -> tuple[np.ndarray, Rotationa
     for plane, axis in (("x0", 0), ("y0", 1)):
         if plane in sets:
             held[sets[plane], axis] = True
-    # What slides as a whole, or turns, is not pressed there: the middle of the base is where it is.
+    # A body that slides could also drift or turn as a whole; nothing presses it to, so the middle of its base is held.
     held[base[away == 0.0], :2] = True
     sector = None
     if specimen.symmetry == "sector":
@@ -181,7 +187,7 @@ def _held(specimen: SpecimenTable, mesh: HexMesh) -> tuple[np.ndarray, Rotationa
 
 
 def _tool(specimen: SpecimenTable, tool: ToolTable, mesh: HexMesh, size: float) -> Tool:
-    radius = np.inf if tool.radius_mm is None else 1e-3 * tool.radius_mm
+    radius = 1e-3 * tool.outer_radius_mm
     tied = tool.shape == "bonded-disc"
     # A ball is all edge; its upper half has no wall.
     edge = {"flat-cylinder": 1e-3 * tool.rounding_mm, "sphere": radius}.get(tool.shape, 0.0)
@@ -189,13 +195,13 @@ def _tool(specimen: SpecimenTable, tool: ToolTable, mesh: HexMesh, size: float) 
     nodes, weights, areas = _sector_points(mesh, surface) if specimen.symmetry == "sector" else _face_points(mesh, surface)
     place = np.einsum("kc,kci->ki", weights, mesh.points[nodes])
     facing = np.where(place[:, 2] > 1e-3 * specimen.thickness_mm * (1.0 - 1e-9), areas, 0.0)
-    near = np.hypot(place[:, 0], place[:, 1]) <= (1.0 if tied else REACH) * radius
+    near = np.hypot(place[:, 0], place[:, 1]) <= (1.0 if tied else CONTACT_REACH_RADII) * radius
     return Tool(
         flat_radius_m=radius - edge,
         edge_radius_m=edge,
         wall=tool.shape == "flat-cylinder",
         height_m=1e-3 * specimen.thickness_mm,
-        friction=STICK if tool.friction == "stick" else float(tool.friction),
+        friction=STICK_COEFFICIENT if tool.friction == "stick" else float(tool.friction),
         nodes=nodes[near],
         weights=weights[near],
         areas_m2=areas[near],
@@ -207,7 +213,7 @@ def _tool(specimen: SpecimenTable, tool: ToolTable, mesh: HexMesh, size: float) 
 
 def _sector_points(mesh: HexMesh, surface: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contact points of a sector on its near plane: nodes (k, 4), weights (k, 4), and the areas (k,) m^2 of their arcs."""
-    share, weight = np.polynomial.legendre.leggauss(POINTS)
+    share, weight = np.polynomial.legendre.leggauss(CONTACT_POINTS_PER_EDGE)
     share, weight = 0.5 * (share + 1.0), 0.5 * weight
     parts = []
     for name in surface:
@@ -227,7 +233,7 @@ def _sector_points(mesh: HexMesh, surface: tuple[str, ...]) -> tuple[np.ndarray,
 def _face_points(mesh: HexMesh, surface: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Contact points of a body: nodes (k, 4) and shape functions (k, 4) of their faces, and areas (k,) m^2."""
     faces = np.concatenate([_faces(mesh, name) for name in surface])
-    share, weight = np.polynomial.legendre.leggauss(POINTS)
+    share, weight = np.polynomial.legendre.leggauss(CONTACT_POINTS_PER_EDGE)
     x, y = (grid.ravel() for grid in np.meshgrid(share, share))
     weight = np.outer(weight, weight).ravel()
     natural = np.column_stack([x, y, np.full(len(x), -1.0)])

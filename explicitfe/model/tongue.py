@@ -1,9 +1,11 @@
-"""TransientScenario -> model: names are looked up, muscles become loads."""
+"""From a transient scenario to its model: names are looked up, muscles become loads."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -16,14 +18,15 @@ from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.muscles import pull
 from explicitfe.model.own_mesh import read_model_file
-from explicitfe.scenario.transient import ModelTable, TransientScenario
+from explicitfe.materials import Law
+from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 
 def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
     """The anatomy that a ``[model]`` table asks for; paths are relative to ``folder``."""
     if table.file is not None:
         return read_model_file(folder / table.file)
-    assert table.name is not None  # the schema has checked that one of the two is there
+    assert table.name is not None  # the schema has checked that one of the two is given
     return catalogue.built_in(table.name, table.resolution, table.cells)
 
 
@@ -71,12 +74,12 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         pulls=tuple(pulls),
         probes={name: mesh.named_points[name] for name in names},
     )
-    if table.damping.beta_s > 0.0:
-        if scenario.effects.viscoelastic is not None:
-            raise InputError("model.damping.beta_s is a viscoelastic branch itself; give either it or effects.viscoelastic.")
-        material, branch = from_damping(material, table.damping.beta_s, 1e-3 * table.damping.tau_ms)
-        model = replace(model, material=material, effects=(branch,))
     effects = scenario.effects.chosen
+    if table.damping.beta_s > 0.0:
+        material, branch = from_damping(material, table.damping.beta_s, 1e-3 * table.damping.tau_ms)
+        if any(type(effect) is type(branch) for effect in effects):
+            raise InputError("model.damping.beta_s is a viscoelastic branch itself; give either it or effects.viscoelastic.")
+        model = replace(model, material=material, effects=(branch,))
     check_effects((*model.effects, *effects), table.element)
     for effect in effects:
         if effect.acts_on not in ("material", "muscle"):
@@ -86,3 +89,44 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
             )
         model = effect.apply(model)
     return model, anatomy
+
+
+def tongue_model(
+    forces_N: Mapping[str, float],
+    *,
+    material: str | Law = "gerard-2005",
+    resolution: Literal["coarse", "medium", "fine"] = "medium",
+    distribution: Literal["ends", "along", "volume"] = "ends",
+    direction: Literal["reference", "following"] = "reference",
+    alpha_per_s: float = 40.0,
+    beta_s: float = 0.0,
+) -> Model:
+    """The built-in tongue with muscles that pull from time 0 on.
+
+    Parameters
+    ----------
+    forces_N : muscle -> force summed over all its fibres, N; ``explicitfe list muscles`` names them.
+    material : a name of ``explicitfe list materials``, or a law with its constants.
+    resolution : of the mesh.
+    distribution, direction : how a force is shared along a fibre, and whether it follows the deformation (model/muscles.py).
+    alpha_per_s, beta_s : Rayleigh damping, 1/s and s; ``beta_s`` acts on the shear of the tissue, by a Maxwell branch.
+
+    Raises
+    ------
+    InputError : an unknown muscle, material or resolution.
+    """
+    scenario = TransientScenario(
+        title="tongue",
+        model=ModelTable(
+            name="tongue",
+            resolution=resolution,
+            material=material,
+            damping=Damping(alpha_per_s=alpha_per_s, beta_s=beta_s),
+        ),
+        muscle=[
+            MuscleTable(name=name, force_N=force, distribution=distribution, direction=direction)
+            for name, force in forces_N.items()
+        ],
+        analysis=AnalysisTable(duration_ms=1.0),
+    )
+    return assemble(scenario, Path())[0]

@@ -98,7 +98,7 @@ class ResultWriter:
             raise
         self._open_datasets()
         self._counts = (mesh.node_count, mesh.element_count)
-        self._noted: dict[str, list] = {name: [] for name in self._history}
+        self._noted: dict[str, list[float | np.ndarray]] = {name: [] for name in self._history}
         self._slots = [{name: self._file[slot][name] for name in (*restart, "seal")} for slot in layout.RESTART_SLOTS]
 
     def __enter__(self) -> Self:

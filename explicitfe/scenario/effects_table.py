@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from pydantic import Field, create_model
 
@@ -16,12 +16,12 @@ class EffectsBase(Table):
 
     @property
     def chosen(self) -> tuple[Effect, ...]:
-        """The effects that are there, in the order of the table."""
-        there = (getattr(self, name) for name in type(self).model_fields)
-        return tuple(effect for effect in there if effect is not None)
+        """The effects that the table states, in its order."""
+        effects = (getattr(self, name) for name in type(self).model_fields)
+        return tuple(effect for effect in effects if effect is not None)
 
-    def without(self, effects: Sequence[Effect]) -> EffectsBase:
-        """The others."""
+    def without(self, effects: Sequence[Effect]) -> Self:
+        """The table without these effects."""
         names = [name for name in type(self).model_fields if any(getattr(self, name) is effect for effect in effects)]
         return self.model_copy(update=dict.fromkeys(names))
 
@@ -29,7 +29,7 @@ class EffectsBase(Table):
 if TYPE_CHECKING:
     EffectsTable = EffectsBase
 else:
-    # One key an effect: a new effect is possible in scenarios without a word here. Names have dashes, attributes cannot.
+    # One key an effect: a new effect is possible in scenarios without a line here. Names have dashes, attributes cannot.
     EffectsTable = create_model(
         "EffectsTable",
         __base__=EffectsBase,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -60,8 +61,16 @@ class SpecimenTable(Table):
         """Along z."""
         if self.size_mm is not None:
             return self.size_mm[2]
-        assert self.height_mm is not None
+        assert self.height_mm is not None  # _one_shape has checked it
         return self.height_mm
+
+    @property
+    def smallest_radius_mm(self) -> float:
+        """Distance of the nearest side from the axis."""
+        if self.size_mm is not None:
+            return 0.5 * min(self.size_mm[:2])
+        assert self.radius_mm is not None  # _one_shape has checked it
+        return self.radius_mm
 
 
 def _coefficient(value: Any) -> Any:
@@ -93,6 +102,11 @@ class ToolTable(Table):
         if self.shape == "bonded-disc" and self.friction != 0.0:
             raise ValueError("a bonded disc is tied, it knows no friction")
         return self
+
+    @property
+    def outer_radius_mm(self) -> float:
+        """Its radius; infinite for a platen."""
+        return math.inf if self.radius_mm is None else self.radius_mm
 
     @property
     def rounding_mm(self) -> float:

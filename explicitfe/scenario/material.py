@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic import Discriminator, Tag
 
-from explicitfe.materials import LAWS
+from explicitfe.materials import LAWS, Law
 
 
-def law_of(value: Any) -> str:
+def _law_of(value: Any) -> str:
+    """Which of the alternatives of the key ``material`` a value is meant for: "name", or the name of a law."""
     if isinstance(value, str):
         return "name"
     return value.get("law", "yeoh") if isinstance(value, dict) else getattr(value, "law", "yeoh")
 
 
-# A name, or the constants of any law of the table: a new law is possible in scenarios without a word here.
-_kinds = [Annotated[str, Tag("name")], *(Annotated[law, Tag(name)] for name, (law, _) in LAWS.items())]
-
-
-Material = Annotated[Union[tuple(_kinds)], Discriminator(law_of)]  # noqa: UP007
+if TYPE_CHECKING:
+    Material = str | Law
+else:
+    # A name, or the constants of any law of the table: a new law is possible in scenarios without a line here.
+    _alternatives = [Annotated[str, Tag("name")], *(Annotated[law, Tag(name)] for name, (law, _) in LAWS.items())]
+    Material = Annotated[Union[tuple(_alternatives)], Discriminator(_law_of)]  # noqa: UP007

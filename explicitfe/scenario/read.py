@@ -70,8 +70,8 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **both}
 
 
-# What is set replaces its alternatives, keys of the same table.
-_REPLACES = {
+# Keys that exclude each other: whoever sets one takes its alternatives, keys of the same table, out.
+_ALTERNATIVES = {
     "model.cells": ("resolution",),
     "model.resolution": ("cells",),
     "model.name": ("file",),
@@ -95,23 +95,25 @@ def _apply(data: dict[str, Any], setting: str) -> None:
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a bare word is a string
     if isinstance(data.get(keys[0]), dict):
-        for other in _REPLACES.get(".".join(keys), ()):
+        for other in _ALTERNATIVES.get(".".join(keys), ()):
             data[keys[0]].pop(other, None)
     at: Any = data
     for depth, key in enumerate(keys):
         place = ".".join(keys[:depth]) or "the scenario"
         if isinstance(at, list):
             names = [entry.get("name", "") for entry in at if isinstance(entry, dict)]
-            found = [k for k, name in enumerate(names) if name == key] or ([int(key)] if key.isdigit() else [])
-            if len(found) > 1:
-                numbers = ", ".join(f"{place}.{k}" for k in found)
-                raise InputError(f'--set {setting}: "{key}" stands {len(found)} times in {place}; say which: {numbers}.')
-            if not found or found[0] >= len(at):
+            entries = [k for k, name in enumerate(names) if name == key] or ([int(key)] if key.isdigit() else [])
+            if len(entries) > 1:
+                numbers = ", ".join(f"{place}.{k}" for k in entries)
+                raise InputError(f'--set {setting}: "{key}" stands {len(entries)} times in {place}; say which: {numbers}.')
+            if not entries or entries[0] >= len(at):
                 raise InputError(f'--set {setting}: {place} has no entry "{key}"; {nearest(key, names)}')
-            key = found[0]
-        elif not isinstance(at, dict):
+            index: Any = entries[0]
+        elif isinstance(at, dict):
+            index = key
+        else:
             raise InputError(f"--set {setting}: {place} is a value, it has no key {key!r}.")
         if depth == len(keys) - 1:
-            at[key] = value
+            at[index] = value
         else:
-            at = at[key] if isinstance(at, list) else at.setdefault(key, {})
+            at = at[index] if isinstance(at, list) else at.setdefault(index, {})

@@ -12,7 +12,7 @@ from explicitfe.materials import LAWS
 
 
 def explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
-    """The first thing that is wrong, as one sentence with the key and what to do."""
+    """The first thing that is wrong with ``data`` as a ``table``, as one sentence with the key and what to do."""
     # A misspelt key comes before the key that is missing for it.
     problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     problem = problems[0]
@@ -58,14 +58,14 @@ def _inside(path: list[str]) -> str:
 
 def _valid_keys(table: type[BaseModel], keys: Sequence[Any]) -> list[str]:
     """Keys that the table at this place knows."""
-    current: Any = table
+    current: type[BaseModel] | None = table
     for key in keys:
-        if isinstance(key, int) or not isinstance(current, type):
+        if isinstance(key, int) or current is None:
             continue
         named = {field.alias or name: field for name, field in current.model_fields.items()}
         inner = named[key].annotation if key in named else None
         current = next((t for t in _tables(inner)), None)
-    return [field.alias or name for name, field in current.model_fields.items()] if isinstance(current, type) else []
+    return [field.alias or name for name, field in current.model_fields.items()] if current is not None else []
 
 
 def _tables(annotation: Any) -> Iterable[type[BaseModel]]:

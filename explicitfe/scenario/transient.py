@@ -10,10 +10,11 @@ from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.material import Material
 from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
 
+# The fields that a transient run can store.
 FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
 
 
-FIELDS: tuple[str, ...] = get_args(FieldName)
+FIELDS: tuple[FieldName, ...] = get_args(FieldName)
 
 
 class Damping(Table):

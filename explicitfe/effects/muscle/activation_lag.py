@@ -42,7 +42,7 @@ class ActivationLag(Effect):
         if self.tau_ms == 0.0:
             return model
         tau = 1e-3 * self.tau_ms
-        muscles = [load for load in model.loads if load.name != "gravity"]
+        muscles = [load for load in model.loads if load.of_muscle]
         lagged = {id(load): replace(load, profile=replace(load.profile, lag_s=tau)) for load in muscles}
         return replace(
             model,

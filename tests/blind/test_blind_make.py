@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.blind import tables
-from explicitfe.blind import under_a_tool
+from explicitfe.blind import tables, under_a_tool
 from explicitfe.blind.case import CaseRequest, write
 from explicitfe.blind.closed_forms import Bench
 from explicitfe.blind.grid import HomogeneousRun, Mode

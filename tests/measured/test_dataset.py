@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import ROOT
+from outside_data import SHARED_DATA, needs
 
 from explicitfe.errors import InputError
 from explicitfe.measured.curve import Curve, Dataset, same_measurement
 from explicitfe.measured.read import read_dataset
 
-MEASURED = ROOT.parent / "shared" / "data" / "measured"
+MEASURED = SHARED_DATA / "measured"
 
 Tables = dict[str, Any]
 Files = dict[str, str]
@@ -593,7 +593,7 @@ def _alter_bytes(path: Path, rng: np.random.Generator) -> None:
 
 # Real measurements -----------------------------------------------------------------------------------------------------------
 
-real = pytest.mark.skipif(not MEASURED.is_dir(), reason=f"the measured sets are not in {MEASURED}")
+real = needs(MEASURED)
 
 
 def of(data: Dataset, name: str) -> Curve:

@@ -1,4 +1,4 @@
-"""The dynamic cantilever against an independent solver (shared/data/reference/cantilever, made with another program).
+"""The dynamic cantilever against an independent solver: reference/cantilever of the shared data, made with another program.
 
 Block of 60 x 20 x 20 mm, clamped, 0.02 N upwards on the other end from t = 0 on; area mean of the end face. The reference with 12
 elements per 20 mm is known to 0.1 % at 120 ms and, between its own meshes of 8 and 12, to 1.7 % just after 30 ms.
@@ -6,14 +6,13 @@ elements per 20 mm is known to 0.1 % at 120 ms and, between its own meshes of 8 
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from outside_data import SHARED_DATA, needs
 from statics import cantilever
 
-FOLDER = Path(__file__).resolve().parents[3] / "shared" / "data" / "reference" / "cantilever"
-pytestmark = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"the reference solutions are not here: no {FOLDER}")
+FOLDER = SHARED_DATA / "reference" / "cantilever"
+pytestmark = needs(FOLDER)
 
 
 def largest_error(element: str, across: int, name: str, from_ms: int) -> float:

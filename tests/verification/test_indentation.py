@@ -1,9 +1,8 @@
 """Indentation against solutions of others: case A of the references (implicit programs), and layers of linear elasticity.
 
 Case A: cylinder of radius 35 mm and height 20 mm on a rigid base, Yeoh 191.5 / 90.6 Pa, pressed by a flat cylinder of 14 mm
-with an edge of 1 mm, or by a bonded disc. The best estimates and their +- are those of the table in
-data/reference/README.md of the folder shared with the project, the curves those of its indentation/*.csv: where these are not
-there, their test is skipped.
+with an edge of 1 mm, or by a bonded disc. The best estimates and their +- are copied here. The curves are not in the repository
+(``outside_data.py``): without them their test is skipped.
 """
 
 from __future__ import annotations
@@ -13,16 +12,16 @@ from functools import cache
 import layers
 import numpy as np
 import pytest
+from outside_data import SHARED_DATA, needs
 from scipy.interpolate import CubicSpline
-from support import ROOT
 
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
 LOADS = np.arange(1, 9) / 10.0  # N
-REFERENCES = ROOT.parent / "shared" / "data" / "reference" / "indentation"
-# mm at LOADS; shared/data/reference/README.md, "Indentation, case A"
+REFERENCES = SHARED_DATA / "reference" / "indentation"
+# mm at LOADS; reference/README.md of the shared data, "Indentation, case A"
 PUNCH_mm = np.array([1.0858, 2.0737, 2.9664, 3.7635, 4.4785, 5.1117, 5.6707, 6.1831])
 PUNCH_DOUBT_mm = np.array([0.002, 0.004, 0.006, 0.010, 0.012, 0.016, 0.027, 0.030])
 SOFTER_mm = np.array([1.1152, 2.1232, 3.0316, 3.8442, 4.5671, 5.2062, 5.7749, 6.3088])
@@ -130,14 +129,13 @@ def test_best_estimate_of_the_disc_at_half_a_newton(record_property):
     assert abs(ours[4] - one_order[4]) < abs(ours[4] - DISC_mm[4])
 
 
+@needs(REFERENCES)
 def test_case_a_curves(record_property):
     """The reference's curves at 0.2 mm, between 0.02 N and 0.8 N, not only at eight loads, by a spline through ours.
 
     1.5 % and what 0.2 mm is off itself at most: 0.4 % with the flat tool; the disc, which converges slowly, 2 % at 0.8 N.
     """
     files = {"punch": ("A_L2.csv", 0.004), "punch, nu = 0.49": ("A_L2_nu0.49.csv", 0.004), "disc": ("A_bonded_L2.csv", 0.02)}
-    if not REFERENCES.is_dir():
-        pytest.skip(f"no reference curves: {REFERENCES} is not there")
     for case, (file, doubt) in files.items():
         d_mm, F = np.loadtxt(REFERENCES / file, delimiter=",", skiprows=1).T
         inside = (F > 0.02) & (F <= 0.8)

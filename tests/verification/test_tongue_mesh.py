@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from outside_data import SHARED_DATA, needs
 
 from explicitfe.errors import InputError
 from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
@@ -17,11 +18,11 @@ from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_length
 
 ROOT = Path(__file__).resolve().parents[2]
 TONGUE = ROOT / "models" / "tongue"
-REAL = ROOT.parent / "shared" / "data" / "tongue" / "artisynth-hextongue"
+REAL = SHARED_DATA / "tongue" / "artisynth-hextongue"
 MUSCLES = ["GGa", "GGm", "GGp", "SL", "IL", "STY", "HG", "VERT", "TRANS", "GH", "MH"]
 RESOLUTIONS = ["coarse", "medium", "fine"]
 
-needs_real_mesh = pytest.mark.skipif(not REAL.is_dir(), reason=f"the real tongue mesh is not at {REAL}")
+needs_real_mesh = needs(REAL)
 
 
 @pytest.fixture(scope="module")

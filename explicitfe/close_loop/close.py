@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from explicitfe.close_loop.next_test import next_experiment
-from explicitfe.close_loop.report import SUMMARY, failed, mean_errors, told, write
-from explicitfe.close_loop.search import NOISE_SHARE, Closed, Step, close
+from explicitfe.close_loop.report import REPORT_FILE, failure_report, mean_errors, summary_of, write
+from explicitfe.close_loop.search import NOISE_SHARE, Outcome, Round, close
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Specimens
 from explicitfe.close_loop.split import Split, split
 from explicitfe.close_loop.statistics.fingerprints import DISTINCT, LEVEL, lack_of_fit
 from explicitfe.close_loop.statistics.noise import row_noise
-from explicitfe.close_loop.statistics.refit import Fitted, refit
-from explicitfe.close_loop.statistics.system import described
+from explicitfe.close_loop.statistics.refit import BestFit, refit
+from explicitfe.close_loop.statistics.system import values_by_name
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.effects import EFFECTS
@@ -91,7 +91,7 @@ def close_loop(
             raise InputError(f"--effects {name}: there is no such effect; {nearest(name, known)}")
     if max_effects < 0:
         raise InputError(f"--max-effects {max_effects}: it must be 0 or more.")
-    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
+    target = None if out is None else checked_target(Path(out), overwrite, summary=REPORT_FILE, what="report")
     if dataset.test == "trajectory" and constants_by is not None:
         raise InputError(f"{dataset.path}: a trajectory has no constants to group; leave --constants-by out.")
     if constants_by is not None:
@@ -164,7 +164,7 @@ class _Work:
                 watch=lambda what, share: self._at("trace", share, min(share + turn, 1.0)),
             )
         except RunError as error:
-            return self._head() | failed(str(error)), [], {}
+            return self._head() | failure_report(str(error)), [], {}
         self._at("trace", 1.0, 1.0)
         with_effects = closed.verdict in ("effect-found", "ambiguous") and bool(closed.effects)
         last = closed.steps[-1] if with_effects else closed.steps[0]
@@ -177,7 +177,7 @@ class _Work:
             after = refit(self.system, after.model, last.covariance, slopes=after.slopes) if with_effects else before
             self._at("decide", 1.0, 1.0)
         self._at("predict", 0.0, 0.8)
-        found = self._head() | told(closed, before, after, last)
+        found = self._head() | summary_of(closed, before, after, last)
         curves = self._errors(found, before, after, last)
         found["sensitivity_to_assumed"] = self._sensitivity(closed, before, after, last)
         self._at("predict", 0.8, 1.0)
@@ -196,7 +196,7 @@ class _Work:
             raise RunError(f"the simulator can follow none of the curves: {next(iter(why.values()))}")
         self.system = replace(self.system, curves=kept)
 
-    def _file(self, fit: Fitted, verdict: str) -> str:
+    def _file(self, fit: BestFit, verdict: str) -> str:
         model = self.system.tissue(fit.model)
         return model.model_copy(update={"title": f"{self.dataset.name}: {verdict}"}).text
 
@@ -224,7 +224,7 @@ class _Work:
             },
         }
 
-    def _errors(self, found: dict[str, Any], before: Fitted, after: Fitted, last: Step) -> list[dict[str, Any]]:
+    def _errors(self, found: dict[str, Any], before: BestFit, after: BestFit, last: Round) -> list[dict[str, Any]]:
         """Errors of all curves before and after, put into the report; the curves for its pictures."""
         every = (*self.system.curves, *self.sides.holdout)
         tests = experiments(every)
@@ -258,7 +258,7 @@ class _Work:
             found[side]["error"] = {name: mean_errors(rows, name) for name in ("fit", "holdout")} | {"curves": rows}
         return [shown[c.id] for c in every if len(shown.get(c.id, {})) and {"before", "after"} <= set(shown[c.id])]
 
-    def _sensitivity(self, closed: Closed, before: Fitted, after: Fitted, last: Step) -> dict[str, Any]:
+    def _sensitivity(self, closed: Outcome, before: BestFit, after: BestFit, last: Round) -> dict[str, Any]:
         """What each assumed length moves: constants, error and verdict, by a refit of both models."""
         found: dict[str, Any] = {}
         if closed.verdict == "failed":
@@ -282,12 +282,12 @@ class _Work:
                 if after is before and closed.verdict == "no-missing-effect" and lack_of_fit(one, plain).p <= LEVEL:
                     kept = "unexplained"
                 effects = list(closed.effects) if kept == closed.verdict else []
-                row |= {"verdict": kept, "effects": effects, "parameters": described(other.model)}
+                row |= {"verdict": kept, "effects": effects, "parameters": values_by_name(other.model)}
                 row["error_fit"] = float(np.mean(_errors_of(changed, other)))
                 found.setdefault(name, []).append(row)
         return {name: sorted(rows, key=lambda r: r["value"]) for name, rows in found.items()}
 
-    def _next(self, closed: Closed) -> dict[str, Any] | None:
+    def _next(self, closed: Outcome) -> dict[str, Any] | None:
         """A test that would tell apart what these data cannot."""
         step = closed.steps[-1]
         if not step.ambiguous_with or step.best is None:
@@ -301,7 +301,7 @@ class _Work:
         # the hardest pair decides
         return min(known, key=lambda entry: entry["separation"]) if known else None
 
-    def _warnings(self, closed: Closed, before: Fitted, after: Fitted, found: dict[str, Any]) -> list[str]:
+    def _warnings(self, closed: Outcome, before: BestFit, after: BestFit, found: dict[str, Any]) -> list[str]:
         notes = []
         for when, fit in (("before", before), ("after", after)):
             if fit.at_bound:
@@ -344,7 +344,7 @@ class _Work:
         return notes
 
 
-def _errors_of(system: Specimens, fit: Fitted) -> list[float]:
+def _errors_of(system: Specimens, fit: BestFit) -> list[float]:
     ends = np.cumsum([len(one.measured) for one in system.series])[:-1]
     parts = np.split(fit.answer, ends)
     return [

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.search import Closed, Step, numerical_share
-from explicitfe.close_loop.statistics.refit import Fitted, intervals
+from explicitfe.close_loop.search import Outcome, Round, numerical_share
+from explicitfe.close_loop.statistics.refit import BestFit, intervals
 from explicitfe.results.folder import whole_folder
 
-SUMMARY = "report.json"
+REPORT_FILE = "report.json"
 
 
-def told(closed: Closed, before: Fitted, after: Fitted, last: Step) -> dict[str, Any]:
+def summary_of(closed: Outcome, before: BestFit, after: BestFit, last: Round) -> dict[str, Any]:
     """What ``report.json`` holds of a loop; ``last`` is the step of the model after, and errors are still to come."""
     covariance, first = last.covariance, closed.steps[0]
     numerical = numerical_share(covariance, last.fit, list(covariance.floors))
@@ -60,7 +60,7 @@ def told(closed: Closed, before: Fitted, after: Fitted, last: Step) -> dict[str,
     }
 
 
-def parameters(fit: Fitted, step: Step) -> dict[str, Any]:
+def parameters(fit: BestFit, step: Round) -> dict[str, Any]:
     """Values with 95 % intervals; those of a series as the model file states them."""
     # What is left unexplained is no noise: it widens the intervals.
     left_over = step.lack.chi2 if fit.by_rows is None else fit.by_rows
@@ -79,7 +79,7 @@ def parameters(fit: Fitted, step: Step) -> dict[str, Any]:
     return found
 
 
-def failed(message: str) -> dict[str, Any]:
+def failure_report(message: str) -> dict[str, Any]:
     """The same where nothing could be fitted."""
     return {
         "verdict": "failed",
@@ -101,7 +101,7 @@ def failed(message: str) -> dict[str, Any]:
     }
 
 
-def _step(step: Step) -> dict[str, Any]:
+def _step(step: Round) -> dict[str, Any]:
     rows = []
     for score in sorted(step.scores, key=lambda s: (-s.drop, s.status)):
         name = score.candidate.effect
@@ -150,8 +150,8 @@ def write(target: Path, found: dict[str, Any], curves: list[dict[str, Any]], fil
     from explicitfe.view.report import page as loopreport
 
     with whole_folder(target) as folder:
-        names = [SUMMARY, *loopreport.write(folder, found, curves), *files]
+        names = [REPORT_FILE, *loopreport.write(folder, found, curves), *files]
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8")
         found["files"] = [str(target / name) for name in names]
-        (folder / SUMMARY).write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        (folder / REPORT_FILE).write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -33,7 +33,7 @@ from explicitfe.identify.summary import (
     root_mean_square,
     warnings_of_group,
 )
-from explicitfe.identify.write import write
+from explicitfe.identify.write import SUMMARY_FILE, write
 from explicitfe.measured.curve import PRINTED_UNITS
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.select import Group, select
@@ -89,7 +89,7 @@ def identify(
         raise InputError(f"--poisson {poisson:g}: it must lie between 0 and 0.4995.")
     if not 0.2 <= refinement <= 4.0:
         raise InputError(f"--refinement {refinement:g}: it must lie between 0.2 and 4.")
-    target = None if out is None else checked_target(Path(out), overwrite)
+    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY_FILE, what="identification")
     dataset = read_dataset(dataset_path)
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)

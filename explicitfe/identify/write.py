@@ -13,8 +13,10 @@ import numpy as np
 
 from explicitfe.errors import RunError
 from explicitfe.predict.setup import Setup
-from explicitfe.results.folder import SUMMARY, whole_folder
+from explicitfe.results.folder import whole_folder
 from explicitfe.solve.equilibrium import Equilibrium
+
+SUMMARY_FILE = "identify.json"
 
 STEPS = 8  # loads of the scenario and on the way to the deformed picture
 
@@ -80,9 +82,9 @@ def _fill(folder: Path, target: Path, summary: dict[str, Any], pictures: dict[st
     file_text = "".join(_material(name, group, summary) for name, group in summary["groups"].items() if "constants" in group)
     (folder / "material.toml").write_text(file_text, encoding="utf-8")
     names.append("material.toml")
-    summary["files"] = [str(target / name) for name in [SUMMARY, *names]]
+    summary["files"] = [str(target / name) for name in [SUMMARY_FILE, *names]]
     text = json.dumps(plain(summary), indent=2, allow_nan=False)
-    (folder / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    (folder / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
 
 
 def slug(name: str) -> str:

@@ -1,8 +1,7 @@
-"""Measured curves predicted by the simulator: constants and effects of a model file, in the test of a dataset."""
+"""``explicitfe predict``: measured curves predicted by the simulator, with the constants and effects of a model file."""
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -10,24 +9,23 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
-from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.measured.read import read_dataset
 from explicitfe.predict.experiment import CurveAnswer, effects_of, experiments
 from explicitfe.predict.homogeneous import predict_homogeneous
-from explicitfe.predict.tissue import Numerics, Tissue, parse_tissue, read_tissue
+from explicitfe.predict.tissue import Numerics, Tissue, effect_name, parse_tissue, read_tissue
 from explicitfe.predict.under_a_tool import predict_under_a_tool
 from explicitfe.results.folder import checked_target
+from explicitfe.results.prediction import PredictedCurve, PredictedRows, Prediction, PredictionError
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import validated
 
-SUMMARY = "predict.json"
+PREDICTION_FILE = "predict.json"
 
 
 def predict(
@@ -42,7 +40,7 @@ def predict(
     processes: int | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
-) -> dict[str, Any]:
+) -> Prediction:
     """Predict the curves of a dataset.
 
     Parameters
@@ -60,21 +58,21 @@ def predict(
 
     Returns
     -------
-    JSON-able summary; a curve that was not reached has the status "failed", a message, and no prediction.
+    What predict.json holds; a curve that was not reached has the status "failed", a message, and no prediction.
 
     Raises
     ------
-    InputError : a file, a key or an option that cannot be used.
+    InputError : a file, a key or an option cannot be used.
     """
     begin = time.perf_counter()
-    model = read_tissue(model_path)
+    tissue = read_tissue(model_path)
     dataset = read_dataset(dataset_path)
     if dataset.test == "trajectory":
         raise InputError(f"{dataset.path}: tests of specimens are predicted with a model file; this is a trajectory.")
-    model = _computed(model, refinement, density, tolerance)
-    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="prediction")
+    tissue = _with_numerics(tissue, refinement, density, tolerance)
+    target = None if out is None else checked_target(Path(out), overwrite, summary=PREDICTION_FILE, what="prediction")
     try:
-        dataset = model.grouped(dataset)
+        dataset = tissue.grouped(dataset)
     except InputError as error:
         raise InputError(f"{model_path}: {error}") from None
     known = [curve.id for curve in dataset.curves]
@@ -83,180 +81,181 @@ def predict(
             raise InputError(f'{dataset.path}: there is no curve "{name}"; {nearest(name, known)}')
     wanted = set(curves or known)
     tests = [test for test in experiments(dataset.curves) if wanted & {curve.id for curve in test}]
-    found = _all(tests, model, processes, progress)
-    rows = {}
-    for curve in dataset.curves:
-        if curve.id in wanted:
-            rows[curve.id] = _row(curve, found[curve.id])
-    done = [row for row in rows.values() if row["status"] == "predicted"]
-    sides: dict[str, list[float]] = {}
-    for row in done:
-        sides.setdefault(row["split"] or "all", []).append(row["nrmse"])
-    summary: dict[str, Any] = {
-        "dataset": dataset.name,
-        "model": str(model_path),
-        "effects": [EFFECTS_BY[type(effect)] for effect in model.effects.chosen],
-        **model.numerics.model_dump(),
-        "curves": rows,
-        "error": {side: {"curves": len(values), "nrmse": float(np.mean(values))} for side, values in sides.items()},
-        "assumed": sorted({text for p in found.values() if isinstance(p, CurveAnswer) for text in p.assumed}),
-        "wall_s": time.perf_counter() - begin,
-    }
-    if target is not None:
-        _write(target, summary, model, overwrite)
-    return summary
-
-
-EFFECTS_BY = {kind: name for name, kind in EFFECTS.items()}
-
-
-# ---- one test ----
+    answers = _predict_tests(tests, tissue, processes, progress)
+    rows = {curve.id: _row(curve, answers[curve.id]) for curve in dataset.curves if curve.id in wanted}
+    prediction = Prediction(
+        dataset=dataset.name,
+        model=str(model_path),
+        effects=[effect_name(effect) for effect in tissue.effects.chosen],
+        **tissue.numerics.model_dump(),
+        curves=rows,
+        error=_mean_errors(list(rows.values())),
+        assumed=sorted({text for a in answers.values() if isinstance(a, CurveAnswer) for text in a.assumed}),
+        wall_s=time.perf_counter() - begin,
+    )
+    return prediction if target is None else _write(target, prediction, tissue, overwrite)
 
 
 def predict_test(
     test: Sequence[Curve],
-    model: Tissue,
+    tissue: Tissue,
     *,
     refinement: float | None = None,
     density: float | None = None,
     tolerance: float | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[CurveAnswer]:
-    """What a model answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
+    """What a tissue answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
 
     Raises
     ------
-    InputError : an effect that does not go with the test, no constants for it.
+    InputError : an effect does not go with the test, or there are no constants for it.
     RunError : a state is not reached.
     """
     first = test[0]
-    effects = effects_of(first, model)
-    law = model.law(first)
+    effects = effects_of(first, tissue)
+    law = tissue.law(first)
     if first.kind in ("uniaxial", "shear"):
-        found = predict_homogeneous(test, law, effects)
+        answers = predict_homogeneous(test, law, effects)
         progress(1.0)
-        return found
-    return predict_under_a_tool(test, law, effects, _computed(model, refinement, density, tolerance).numerics, progress)
+        return answers
+    return predict_under_a_tool(test, law, effects, _with_numerics(tissue, refinement, density, tolerance).numerics, progress)
 
 
-def _computed(model: Tissue, refinement: float | None, density: float | None, tolerance: float | None) -> Tissue:
-    """The model with other numerics, where they are given."""
+def _with_numerics(tissue: Tissue, refinement: float | None, density: float | None, tolerance: float | None) -> Tissue:
+    """The tissue with other numerics, where they are given."""
     given = {"refinement": refinement, "density": density, "tolerance": tolerance}
-    data = model.numerics.model_dump() | {name: value for name, value in given.items() if value is not None}
+    data = tissue.numerics.model_dump() | {name: value for name, value in given.items() if value is not None}
     try:
-        return model.model_copy(update={"numerics": validated(Numerics, data)})
+        return tissue.model_copy(update={"numerics": validated(Numerics, data)})
     except ValidationError as error:
         raise InputError(explain(error, data, Numerics)) from None
-
-
-# ---- homogeneous ----
-
-
-# ---- under a tool ----
 
 
 # ---- all tests ----
 
 
-def _job(test: Sequence[Curve], text: str) -> list[CurveAnswer] | str:
+def _answers_or_message(test: Sequence[Curve], text: str) -> list[CurveAnswer] | str:
+    """What the tissue of a model file's text answers, or why it does not."""
     try:
         return predict_test(test, parse_tissue(text))
     except RunError as error:
         return str(error)
 
 
-def _all(
+def _predict_tests(
     tests: Sequence[Sequence[Curve]],
-    model: Tissue,
+    tissue: Tissue,
     processes: int | None,
     progress: Progress,
 ) -> dict[str, CurveAnswer | str]:
     """Curve -> its prediction, or what went wrong."""
-    found: dict[str, CurveAnswer | str] = {}
+    answers: dict[str, CurveAnswer | str] = {}
 
     def keep(test: Sequence[Curve], answer: list[CurveAnswer] | str) -> None:
         for number, curve in enumerate(test):
-            found[curve.id] = answer if isinstance(answer, str) else answer[number]
-        progress("predict", len(found) / sum(map(len, tests)))
+            answers[curve.id] = answer if isinstance(answer, str) else answer[number]
+        progress("predict", len(answers) / sum(map(len, tests)))
 
     progress("predict", 0.0)
-    # The first one here: it makes the machine code, which the other processes then only load.
-    text = model.text
-    keep(tests[0], _job(tests[0], text))
-    rest = list(tests[1:])
-    workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, len(rest))
+    # This process computes the first test: that makes the machine code, which the other processes then only load.
+    text = tissue.text
+    keep(tests[0], _answers_or_message(tests[0], text))
+    remaining = list(tests[1:])
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = min(cores, len(remaining))
     workers = min(workers, processes or workers)
     if workers > 1 and tests[0][0].tool is not None:
         try:
             with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-                jobs = {pool.submit(_job, test, text): test for test in rest}
+                jobs = {pool.submit(_answers_or_message, test, text): test for test in remaining}
                 for job in as_completed(jobs):
                     keep(jobs[job], job.result())
-            return found
-        except BrokenProcessPool:  # no process can be started from where this one came from
-            rest = [test for test in rest if test[0].id not in found]
-    for test in rest:
-        keep(test, _job(test, text))
-    return found
+            return answers
+        except BrokenProcessPool:  # Some callers, such as a script from standard input, cannot start processes.
+            remaining = [test for test in remaining if test[0].id not in answers]
+    for test in remaining:
+        keep(test, _answers_or_message(test, text))
+    return answers
 
 
-def _row(curve: Curve, found: CurveAnswer | str) -> dict[str, Any]:
+# ---- rows ----
+
+
+def _row(curve: Curve, answer: CurveAnswer | str) -> PredictedCurve:
     unit, factor = PRINTED_UNITS[curve.predicted]
+    imposed_unit, imposed_factor = {"displacement_m": ("mm", 1e3), "force_N": ("N", 1.0)}.get(curve.imposed, ("", 1.0))
     measured = factor * curve.columns[curve.predicted]
-    way_unit, way = {"displacement_m": ("mm", 1e3), "force_N": ("N", 1.0)}.get(curve.imposed, ("", 1.0))
-    row: dict[str, Any] = {
-        "status": "predicted",
+    columns = {
+        "time_s": curve.time_s.tolist(),
+        "imposed": (imposed_factor * programme_of(curve)).tolist(),
+        "measured": measured.tolist(),
+    }
+    row = {
         "split": curve.split,
         "constants": curve.constants,
         "quantity": curve.predicted.rsplit("_", 1)[0],
         "unit": unit,
-        "imposed": curve.imposed if not way_unit else curve.imposed.rsplit("_", 1)[0],
-        "imposed_unit": way_unit,
-        "rows": {
-            "time_s": curve.time_s.tolist(),
-            "imposed": (way * programme_of(curve)).tolist(),
-            "measured": measured.tolist(),
-        },
+        "imposed": curve.imposed.rsplit("_", 1)[0] if imposed_unit else curve.imposed,
+        "imposed_unit": imposed_unit,
     }
-    if isinstance(found, str):
-        return row | {"status": "failed", "message": found}
-    values = factor * found.values
-    row["rows"]["predicted"] = values.tolist()
+    if isinstance(answer, str):
+        return PredictedCurve(status="failed", rows=PredictedRows(**columns), message=answer, **row)
+    values = factor * answer.values
     rmse = float(np.sqrt(np.mean((values - measured) ** 2)))
     largest = float(np.abs(measured).max())
-    return row | {
-        "rmse": rmse,
-        "nrmse": rmse / largest if largest > 0.0 else None,
-        "largest_measured": largest,
-        "instants": found.instants,
-        "iterations": found.iterations,
-        "seconds": found.seconds,
-    }
+    return PredictedCurve(
+        status="predicted",
+        rows=PredictedRows(**columns, predicted=values.tolist()),
+        rmse=rmse,
+        nrmse=rmse / largest if largest > 0.0 else None,
+        largest_measured=largest,
+        instants=answer.instants,
+        iterations=answer.iterations,
+        seconds=answer.seconds,
+        **row,
+    )
+
+
+def _mean_errors(curves: Sequence[PredictedCurve]) -> dict[str, PredictionError]:
+    """Side -> mean error of the curves that have one."""
+    sides: dict[str, list[float]] = {}
+    for curve in curves:
+        if curve.nrmse is not None:
+            sides.setdefault(curve.split or "all", []).append(curve.nrmse)
+    return {side: PredictionError(curves=len(values), nrmse=float(np.mean(values))) for side, values in sides.items()}
 
 
 # ---- on disk ----
 
 
-def _write(target: Path, summary: dict[str, Any], model: Tissue, overwrite: bool) -> None:
-    """predict.json, model.toml and a CSV a curve."""
+def _write(target: Path, prediction: Prediction, tissue: Tissue, overwrite: bool) -> Prediction:
+    """Write predict.json, model.toml and a CSV a curve; the prediction with the list of these files."""
     try:
         target.mkdir(parents=True, exist_ok=True)
         for old in target.glob("*.csv") if overwrite else ():
             old.unlink()
-        files = ["model.toml", SUMMARY]
-        (target / "model.toml").write_text(model.text, encoding="utf-8")
-        for name, row in summary["curves"].items():
-            columns = row["rows"]
-            way = f"{row['imposed']}_{row['imposed_unit']}" if row["imposed_unit"] else row["imposed"]
-            head = ["time_s", way, *(f"{kind}_{row['quantity']}_{row['unit']}" for kind in columns if kind in SIDES)]
-            lines = [",".join(f"{value:.9g}" for value in line) for line in zip(*columns.values(), strict=True)]
-            (target / f"{name}.csv").write_text("\n".join([",".join(head), *lines]) + "\n", encoding="utf-8")
-            files.append(f"{name}.csv")
-        summary["files"] = [str(target / name) for name in files]
-        text = json.dumps(summary, indent=1, allow_nan=False)
-        (target / SUMMARY).write_text(text + "\n", encoding="utf-8")
+        (target / "model.toml").write_text(tissue.text, encoding="utf-8")
+        for name, curve in prediction.curves.items():
+            (target / f"{name}.csv").write_text(_csv(curve), encoding="utf-8")
+        names = ["model.toml", PREDICTION_FILE, *(f"{name}.csv" for name in prediction.curves)]
+        prediction = prediction.model_copy(update={"files": [str(target / name) for name in names]})
+        (target / PREDICTION_FILE).write_text(prediction.text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
+    return prediction
 
 
-SIDES = ("measured", "predicted")
+def _csv(curve: PredictedCurve) -> str:
+    """Time, what was imposed, what was measured, and what was predicted unless the curve failed."""
+    rows = curve.rows
+    quantity = f"{curve.quantity}_{curve.unit}"
+    columns = {
+        "time_s": rows.time_s,
+        f"{curve.imposed}_{curve.imposed_unit}" if curve.imposed_unit else curve.imposed: rows.imposed,
+        f"measured_{quantity}": rows.measured,
+    }
+    if rows.predicted is not None:
+        columns[f"predicted_{quantity}"] = rows.predicted
+    lines = [",".join(f"{value:.9g}" for value in line) for line in zip(*columns.values(), strict=True)]
+    return "\n".join([",".join(columns), *lines]) + "\n"

@@ -10,15 +10,20 @@ from pathlib import Path
 
 from explicitfe.errors import InputError
 
-SUMMARY = "identify.json"
 
+def checked_target(out: Path, overwrite: bool, *, summary: str, what: str) -> Path:
+    """The folder ``out``, if it may be written.
 
-def checked_target(out: Path, overwrite: bool, *, summary: str = SUMMARY, what: str = "identification") -> Path:
-    """The folder to write, if that may be: one that is new or empty, or, to be replaced, one with the ``summary`` of ``what``.
+    Parameters
+    ----------
+    out : a folder that is new or empty, or one that holds an earlier answer of the same command.
+    overwrite : whether an earlier answer may be replaced.
+    summary : the file by which an earlier answer is known, such as ``identify.json``.
+    what : how messages call such an answer, such as "identification".
 
     Raises
     ------
-    InputError : something is there that an identification did not make, or that is not to be replaced.
+    InputError : ``out`` is a file, or holds something else, or an earlier answer that is not to be replaced.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: this is a file; name a folder.")

@@ -11,6 +11,7 @@ import numpy as np
 
 from explicitfe.effects.material.viscoelastic import from_damping
 from explicitfe.errors import InputError, nearest
+from explicitfe.materials import Law
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.effects import check_effects
@@ -18,7 +19,6 @@ from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.muscles import pull
 from explicitfe.model.own_mesh import read_model_file
-from explicitfe.materials import Law
 from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 

@@ -134,7 +134,7 @@ def _time_panels(
         share = 0.24 * len(muscles) / (total - 1.5 - 0.24 * len(muscles))
         rows = [["muscles"] * len(rows[0]), *rows]
         heights = [share * sum(heights), *heights]
-    panels: dict[str, Axes] = figure.subplot_mosaic([list(row) for row in rows], height_ratios=heights)  # type: ignore[arg-type]  # lists are invariant
+    panels: dict[str, Axes] = figure.subplot_mosaic([list(row) for row in rows], height_ratios=heights)
     if muscles:
         strip = panels.pop("muscles")
         for k, muscle in enumerate(muscles):

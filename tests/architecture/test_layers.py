@@ -43,7 +43,7 @@ RANKS = [
 RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
 # Reading and drawing a result must not need the mechanics.
 ONLY = {"results": {"errors", "mesh"}, "view": {"errors", "mesh", "results"}}
-LAZY = ("pyvista", "matplotlib", "meshio")
+LAZY = ("pyvista", "matplotlib", "meshio", "jinja2")
 
 
 def name_of(path: Path) -> str:

@@ -16,7 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from explicitfe.view.report import page as loopreport
+from explicitfe.results.loop_report import Estimate, LoopReport, ReportCurve
+from explicitfe.view.report import pictures
+from explicitfe.view.report.axis import goes_one_way
+from explicitfe.view.report.page import EmbeddedPictures, html, write
+from explicitfe.view.report.reading import DrawnCurve, drawn_curves
+from explicitfe.view.report.words import headline, with_interval
 
 TITLES = {
     "viscoelastic": "viscoelastic relaxation",
@@ -38,7 +43,7 @@ UNTESTABLE = {
 
 def holds() -> list[dict[str, Any]]:
     """Muscle in compression, stress over time: the ramp takes 6 to 17 % of 300 s, and the stress relaxes by two thirds."""
-    rng, found = np.random.default_rng(1), []
+    rng, curves = np.random.default_rng(1), []
     cases = [(0.3, 0.05, "holdout"), (0.3, 0.01, "fit"), (0.3, 0.005, "fit"), (0.2, 0.01, "holdout"), (0.1, 0.01, "fit")]
     for direction, stiffness in (("cross-fibre", 1.0), ("fibre", 0.6)):
         for strain, rate, split in cases:
@@ -49,7 +54,7 @@ def holds() -> list[dict[str, Any]]:
             course = 0.35 + 0.65 * np.exp(-np.maximum(time - ramp, 0.0) / 25.0)
             after = elastic * np.where(time < ramp, 1.0 - 0.004 * time, course * (1.0 - 0.004 * ramp))
             measured = after + rng.normal(0.0, 12.0, len(time))
-            found.append(
+            curves.append(
                 {
                     "id": f"{direction}-max-{strain}-rate-{rate}",
                     "split": split,
@@ -63,18 +68,18 @@ def holds() -> list[dict[str, Any]]:
                     "sd": np.full(len(time), 15.4),
                 }
             )
-    return found
+    return curves
 
 
 def loops(count: int = 2) -> list[dict[str, Any]]:
     """Indentation there and back twice: force over time, as 1 200 rows."""
-    rng, found = np.random.default_rng(2), []
+    rng, curves = np.random.default_rng(2), []
     for number in range(count):
         time = np.linspace(0.0, 120.0, 1200)
         depth = (5.0 + number % 4) * np.abs(np.interp(time % 60.0, [0.0, 30.0, 60.0], [0.0, 1.0, 0.0]))
         before = 0.02 * depth + 0.004 * depth**2
         after = before * np.where(time % 60.0 < 30.0, 1.12, 0.86) * np.where(time < 30.0, 1.06, 0.98)
-        found.append(
+        curves.append(
             {
                 "id": f"p{number // 4 + 1:03d}-cycle-{number % 4 + 1}",
                 "split": "holdout" if number % 3 == 1 else "fit",
@@ -88,19 +93,19 @@ def loops(count: int = 2) -> list[dict[str, Any]]:
                 "sd": [0.004] * len(time),
             }
         )
-    return found
+    return curves
 
 
 def ramps() -> list[dict[str, Any]]:
     """Eight force steps upwards: displacement over force, no noise stated, the elastic model fits."""
-    rng, found = np.random.default_rng(3), []
+    rng, curves = np.random.default_rng(3), []
     for name, split in (("block-a", "fit"), ("block-b", "holdout"), ("block-c", "fit")):
         force = np.linspace(0.1, 0.8, 8)
         model = 4.2 * force**0.8
         row = {"id": name, "split": split, "x_label": "force (N)", "y_label": "displacement (mm)", "time_s": 30.0 * np.arange(8)}
         noise = rng.normal(0.0, 0.03, 8)
-        found.append(row | {"x": force, "measured": model + noise, "before": model, "after": model, "sd": None})
-    return found
+        curves.append(row | {"x": force, "measured": model + noise, "before": model, "after": model, "sd": None})
+    return curves
 
 
 def error(curves: list[dict[str, Any]], key: str, floor: float = 0.008) -> dict[str, Any]:
@@ -173,7 +178,7 @@ def base(curves: list[dict[str, Any]], unit: str, **more: Any) -> dict[str, Any]
     } | more
 
 
-def found() -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def one_effect() -> tuple[dict[str, Any], list[dict[str, Any]]]:
     curves = holds()
     visco = {"g": {"value": 0.652, "ci95": [0.631, 0.670]}, "tau_s": {"value": 24.8, "ci95": [22.9, 26.9]}}
     others = [without_score(name, "not-testable", why) for name, why in UNTESTABLE.items()]
@@ -233,8 +238,8 @@ def ambiguous(count: int = 20) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         scale = 1.0 + 0.13 * (number - 1) * (-1.0 if key == "tool.radius_mm" else 0.4)
         parameters = {"C10_Pa": {"all": {"value": 1237.4 * scale}}, "C20_Pa": {"all": {"value": 311.0 * scale**3}}}
         outcome = ("effect-found", ["base-slip"]) if other else ("ambiguous", ["friction"])
-        found = dict(zip(("verdict", "effects"), outcome, strict=True))
-        return {"value": value, "parameters": parameters, "error_fit": 0.011 + 0.002 * number} | found
+        judged = dict(zip(("verdict", "effects"), outcome, strict=True))
+        return {"value": value, "parameters": parameters, "error_fit": 0.011 + 0.002 * number} | judged
 
     candidates = [
         candidate("friction", 3120.0, 1e-7, 0.012, coefficient=0.42),
@@ -307,12 +312,12 @@ def failed() -> tuple[dict[str, Any], list[dict[str, Any]]]:
 def coarse_figures():
     """Few dots in the figures: drawing them is most of the time here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(loopreport, "DPI", 30)
+        patch.setattr(pictures, "PAGE_DOTS_PER_INCH", 30)
         yield
 
 
 BUILDERS = {
-    "effect-found": found,
+    "effect-found": one_effect,
     "ambiguous": ambiguous,
     "unexplained": unexplained,
     "no-missing-effect": nothing,
@@ -331,7 +336,22 @@ HEADLINES = {
 def written(request, tmp_path_factory) -> tuple[str, dict[str, Any], Path, list[str]]:
     folder = tmp_path_factory.mktemp("report")
     report, curves = BUILDERS[request.param]()
-    return request.param, report, folder, loopreport.write(folder, report, curves)
+    return request.param, report, folder, write(folder, *typed(report, curves))
+
+
+def typed(report: dict[str, Any], curves: list[dict[str, Any]]) -> tuple[LoopReport, list[ReportCurve]]:
+    """As the page takes them."""
+    return LoopReport.model_validate(report), [ReportCurve(**curve) for curve in curves]
+
+
+def page_of(report: dict[str, Any], curves: list[dict[str, Any]]) -> str:
+    """The page without its pictures."""
+    document, columns = typed(report, curves)
+    return html(document, drawn_curves(columns), EmbeddedPictures())
+
+
+def drawn(curves: list[dict[str, Any]]) -> list[DrawnCurve]:
+    return drawn_curves([ReportCurve(**curve) for curve in curves])
 
 
 def words(page: str) -> str:
@@ -374,19 +394,19 @@ def test_the_headline(written):
 )
 def test_headlines_of_what_cannot_be_told(effects, others, head):
     report = {"verdict": "ambiguous", "effects": effects, "ambiguous_with": others, "effect_titles": TITLES}
-    assert loopreport.headline(report) == head
+    assert headline(LoopReport.model_validate(report)) == head
 
 
 def test_two_effects_are_both_named():
-    assert loopreport.headline({"verdict": "effect-found", "effects": ["tilt", "base-slip"]}) == "Missing: tilt and base slip"
+    assert headline(LoopReport(verdict="effect-found", effects=["tilt", "base-slip"])) == "Missing: tilt and base slip"
 
 
 def test_numbers_on_the_page():
     """The errors of the held-out curves, the floor, the interval's digits and the number of independent data."""
-    report, curves = found()
+    report, curves = one_effect()
     report["baseline"]["error"]["holdout"] = {"nrmse": 0.2137, "rmse": 512.0}
     report["final"]["error"]["holdout"] = {"nrmse": 0.01362, "rmse": 31.0}
-    text = words(loopreport._page(report, curves, {})).replace("\u00a0", " ")
+    text = words(page_of(report, curves)).replace("\u00a0", " ")
     assert "Error on 4 held-out curves whole curves that the fit did not see 21 % before: elastic model 1.4 % after" in text
     assert "Floor 0.80 %" in text
     assert "512" not in text and "510 → 31 Pa root mean square" in text
@@ -397,7 +417,7 @@ def test_numbers_on_the_page():
 
 def test_without_hold_out_the_page_says_so():
     report, curves = failed()
-    text = words(loopreport._page(report, curves, {}))
+    text = words(page_of(report, curves))
     assert "Error on 1 fitted curve" in text and "no curve was held out" in text
 
 
@@ -416,9 +436,9 @@ def test_hostile_text_is_text(tmp_path):
     KEYS = set(re.findall(r'"(\w+)":', json.dumps(report))) - {"sha256"}
     report = poison(report)
     curves = [curve | {k: f"{curve[k]}{evil}" for k in ("id", "x_label", "y_label")} for curve in curves]
-    loopreport.write(tmp_path, report, curves)
+    write(tmp_path, *typed(report, curves))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "<script" not in page and '<img src="http' not in page and "alert(&quot;" in page
+    assert "<script" not in page and '<img src="http' not in page and "alert(&#34;" in page
     assert page.count("<img ") == 4
 
 
@@ -428,12 +448,14 @@ def test_any_key_may_be_missing(null):
     report, curves = ambiguous(1)
     report["sensitivity_to_assumed"].popitem()
     light = [{k: v[::40] if isinstance(v, list) else v for k, v in curve.items()} for curve in curves]
+    rows = drawn(light)
     for tree, top in leaving_out(report, null):
-        assert "</html>" in loopreport._page(tree, light, {})
+        document = LoopReport.model_validate(tree)
+        assert "</html>" in html(document, rows, EmbeddedPictures())
         if top in ("steps", "effect_titles"):
-            loopreport._ranking(tree)
-        if top == "sensitivity_to_assumed" and loopreport._assumed(tree):
-            loopreport._sensitivity(tree)
+            pictures.ranking(document)
+        if top == "sensitivity_to_assumed" and document.sensitivity_to_assumed:
+            pictures.sensitivity(document)
 
 
 def leaving_out(tree: dict[str, Any], null: bool) -> Iterator[tuple[dict[str, Any], str]]:
@@ -459,33 +481,40 @@ def leaving_out(tree: dict[str, Any], null: bool) -> Iterator[tuple[dict[str, An
 
 def test_any_column_may_be_missing():
     report, curves = ambiguous(2)
+    document = LoopReport.model_validate(report)
     light = [{k: v[::40] if isinstance(v, list) else v for k, v in curve.items()} for curve in curves]
     for key in light[0]:
-        rows = loopreport._in_order([{k: v for k, v in light[0].items() if k != key}, light[1] | {key: None}])
+        rows = drawn([{k: v for k, v in light[0].items() if k != key}, light[1] | {key: None}])
         assert len(rows) == (0 if key == "measured" else 2)
-        loopreport._before_after(report, rows)
-        loopreport._residuals(report, rows)
-        assert "</html>" in loopreport._page(report, rows, {})
+        pictures.before_after(document, rows)
+        pictures.residuals(document, rows)
+        assert "</html>" in html(document, rows, EmbeddedPictures())
 
 
 def test_next_to_nothing_is_enough(tmp_path):
     """No key, no curve, curves of NaN and of zeros."""
-    assert len(loopreport.write(tmp_path, {}, [])) == 4
+    assert len(write(tmp_path, LoopReport(), [])) == 4
     rows = [{"id": "a", "measured": [1.0, None, 3.0]}, {"measured": [0.0, 0.0], "before": [0.0, float("nan")]}, {"id": "b"}, {}]
-    assert len(loopreport.write(tmp_path, {"verdict": "effect-found"}, rows)) == 4
+    assert len(write(tmp_path, LoopReport(verdict="effect-found"), [ReportCurve(**row) for row in rows])) == 4
 
 
 def test_an_axis_is_the_imposed_quantity_unless_it_turns_back_or_is_held():
     time, up = np.linspace(0.0, 300.0, 60), np.linspace(1.0, 0.7, 60)
-    assert loopreport._one_way(time, up)
-    assert not loopreport._one_way(time, np.concatenate([up[:30], up[29::-1]]))
-    assert not loopreport._one_way(time, np.maximum(up, 0.8))
+    assert goes_one_way(time, up)
+    assert not goes_one_way(time, np.concatenate([up[:30], up[29::-1]]))
+    assert not goes_one_way(time, np.maximum(up, 0.8))
 
 
 def test_intervals_are_rounded_to_their_width():
-    said = loopreport._with_interval
-    assert said({"value": 1237.4, "ci95": [1180.2, 1301.9]}) == "1\u00a0240 (1\u00a0180 to 1\u00a0300)"
-    assert said({"value": 0.65213, "ci95": [0.6318, 0.6704]}) == "0.652 (0.632 to 0.670)"
-    assert said({"value": 3.0, "ci95": None}) == "3.00"
-    assert said({"value": [0.3, 0.2], "ci95": [[0.25, 0.35], None]}) == "0.30 (0.25 to 0.35); 0.200"
-    assert said(None) == "–"
+    assert with_interval(Estimate(value=1237.4, ci95=[1180.2, 1301.9])) == "1\u00a0240 (1\u00a0180 to 1\u00a0300)"
+    assert with_interval(Estimate(value=0.65213, ci95=[0.6318, 0.6704])) == "0.652 (0.632 to 0.670)"
+    assert with_interval(Estimate(value=3.0)) == "3.00"
+    assert with_interval(None) == "–"
+
+
+def test_effects_are_told_apart_from_the_separation_of_the_report():
+    pair = [{"a": "friction", "b": "tilt", "separation": 20.0}]
+    report = {"separations": pair, "thresholds": {"told_apart_separation": {"value": 30.0, "unit": "chi2"}}}
+    text = words(page_of(report, []))
+    assert "Told apart from a separation of 30 on" in text and "20.0 not told apart" in text.replace("  ", " ")
+    assert "20.0 told apart" in words(page_of({"separations": pair}, [])).replace("  ", " ")

@@ -1,0 +1,441 @@
+"""What each part of the page says, from a report: texts, lists and tables, without a mark of HTML."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from explicitfe.results.loop_report import LoopReport, ReportedCandidate, ReportedRound, Side, estimates
+from explicitfe.view.report.pictures import ROWS_WITHOUT_MEAN
+from explicitfe.view.report.reading import (
+    DrawnCurve,
+    assumed_values,
+    by_drop,
+    has_changed,
+    mean_error,
+    noise_is_known,
+    was_scored,
+)
+from explicitfe.view.report.tables import Bars, PageTable, bars, table
+from explicitfe.view.report.words import (
+    DASH,
+    REMAINDERS,
+    STATUSES,
+    VERDICTS,
+    bare,
+    baseline_name,
+    chance,
+    count,
+    effect_title,
+    finite,
+    headline,
+    joined,
+    model_names,
+    name_and_unit,
+    number,
+    percent,
+    plural,
+    quantity,
+    sentence,
+    shortened,
+    values_in_words,
+    with_interval,
+)
+
+# A longer headline gets smaller letters, so that it takes two lines at most.
+LONG_HEADLINE_LETTERS = 62
+# Lines beside the first picture: more would push it off the screen.
+MOST_FACTS = 8
+# Reports that do not state from which separation on two effects were told apart are of a time when it was this.
+TOLD_APART_SEPARATION = 16.0
+
+
+@dataclass(frozen=True)
+class ScoreNumber:
+    """A large number: ``stage`` is "before" or "after"."""
+
+    stage: str
+    error: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A line beside the first picture; ``target`` is the part of the page that it leads to."""
+
+    text: str
+    target: str = ""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors before and after, on held-out curves where there are any."""
+
+    title: str
+    note: str
+    numbers: list[ScoreNumber]
+    bars: Bars | None
+    facts: list[Fact]
+
+
+@dataclass(frozen=True)
+class FirstScreen:
+    """What is seen without scrolling; empty texts are left out."""
+
+    eyebrow: str
+    headline: str
+    is_long: bool
+    sentence: str
+    next_experiment: str
+    left: str
+    score: Score
+    alternative: str
+
+
+@dataclass(frozen=True)
+class SearchRound:
+    """A round of the search: what its model leaves, what was added, and the candidates.
+
+    Attributes
+    ----------
+    unscored : candidates that could not be scored; None where there are none, or the same as before.
+    as_before : how many could not be scored, where they are the same as before; else 0.
+    """
+
+    model: str
+    outcome: str
+    candidates: PageTable | None
+    unscored: PageTable | None
+    as_before: int
+
+
+@dataclass(frozen=True)
+class Separability:
+    """Which effects can be told apart, from which separation on, and what to measure next."""
+
+    told_apart_from: str
+    pairs: PageTable | None
+    next_experiment: str
+    would_tell: str
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise, numerics and the number of independent data."""
+
+    text: str
+    data: str
+    scatter: list[str]
+    rows: PageTable | None
+    numerical: PageTable | None
+
+    def __bool__(self) -> bool:
+        return bool(self.text or self.data or self.scatter or self.rows or self.numerical)
+
+
+@dataclass(frozen=True)
+class Split:
+    """Which curves were fitted, held out and left out; ``sides`` is (side, how many, which)."""
+
+    rule: str
+    sides: list[tuple[str, int, str]] = field(default_factory=list)
+    left_out: PageTable | None = None
+
+    def __bool__(self) -> bool:
+        return bool(self.rule or self.sides or self.left_out)
+
+
+def first_screen(report: LoopReport) -> FirstScreen:
+    """What is seen without scrolling."""
+    names = [shortened(name, 130) for name in (report.dataset, report.title) if name]
+    following = report.next_experiment if report.verdict == "ambiguous" else None
+    left = [REMAINDERS.get(report.remainder or "", ""), sentence(report.remainder_where)]
+    before, after = model_names(report)
+    head = headline(report)
+    return FirstScreen(
+        eyebrow=": ".join(names) or "closed loop",
+        headline=head,
+        is_long=len(head) > LONG_HEADLINE_LETTERS,
+        sentence=report.sentence,
+        next_experiment=sentence(following.protocol) if following else "",
+        left=" ".join(filter(None, left)),
+        score=_score(report),
+        alternative=f"Measured curves against the {before}" + (f" and the model {after}." if has_changed(report) else "."),
+    )
+
+
+def _score(report: LoopReport) -> Score:
+    """Errors before and after, and the floor, on held-out curves where there are any."""
+    held_out = finite(mean_error(report.baseline, "holdout").nrmse)
+    side: Side = "holdout" if held_out else "fit"
+    changed = has_changed(report)
+    models = (report.baseline, report.final) if changed else (report.baseline,)
+    errors = [mean_error(model, side).nrmse for model in models]
+    rows = [row for row in report.baseline.error.curves.values() if row.split == side]
+    floors = [row.floor for row in rows if finite(row.floor)]
+    floor = float(np.mean(floors)) if floors else None
+    curves = len(rows) or len(report.split.holdout if held_out else report.split.fit)
+    title = f"Error on {plural(curves, 'held-out curve' if held_out else 'fitted curve') if curves else 'the curves'}"
+    note = "whole curves that the fit did not see" if held_out else "no curve was held out: this shows the fit, not a prediction"
+    before, after = model_names(report)
+    labels = [f"before: {before}", f"after: {after}"] if changed else [before]
+    numbers = [
+        ScoreNumber(stage, percent(error), label)
+        for error, label, stage in zip(errors, labels, ("before", "after"), strict=False)
+    ]
+    largest = max([x for x in (*errors, floor) if finite(x)], default=0.0)
+    return Score(
+        title,
+        note,
+        numbers if any(map(finite, errors)) else [],
+        bars(errors, floor, largest),
+        _facts(report, side, floor),
+    )
+
+
+def _facts(report: LoopReport, side: Side, floor: float | None) -> list[Fact]:
+    """The lines beside the first picture."""
+    changed = has_changed(report)
+    models = (report.baseline, report.final) if changed else (report.baseline,)
+    rmse = [mean_error(model, side).rmse for model in models]
+    facts = []
+    if any(map(finite, rmse)):
+        facts.append(Fact(f"That is {' → '.join(number(x, 2) for x in rmse)} {report.unit or ''} root mean square."))
+    if finite(floor):
+        facts.append(Fact(f"Floor {percent(floor)}: noise and numerics; no model can be expected to get below it."))
+    if side == "holdout" and finite(mean_error(report.baseline, "fit").nrmse):
+        fitted = [percent(mean_error(model, "fit").nrmse) for model in models]
+        facts.append(Fact(f"{plural(len(report.split.fit), 'fitted curve')}: {' → '.join(fitted)}."))
+    if finite(report.n_eff):
+        facts.append(Fact(f"The fit rests on {count(report.n_eff)} independent data{_of_rows(report)}."))
+    for (key, group), estimate in estimates(report.final.parameters).items():
+        if changed and "." in key and len(facts) < MOST_FACTS:
+            words, unit = name_and_unit(report, key)
+            facts.append(Fact(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + "."))
+    if report.split.left_out:
+        facts.append(Fact(f"{plural(len(report.split.left_out), 'curve')} left out", "split"))
+    if warnings := list(filter(None, report.warnings)):
+        facts.append(Fact(plural(len(warnings), "warning"), "warnings"))
+    return facts
+
+
+def _of_rows(report: LoopReport) -> str:
+    """How many rows the fitted curves have, in words; empty where it is not known of all."""
+    fitted = report.split.fit
+    rows = [row.n for row in report.noise.rows if not fitted or row.curve in fitted]
+    known = [n for n in rows if finite(n)]
+    return f" in {count(sum(known))} rows" if rows and len(known) == len(rows) else ""
+
+
+def residual_caption(curves: Sequence[DrawnCurve]) -> str:
+    """What stands below the picture of what is left."""
+    known = noise_is_known(curves)
+    unit = "standard deviations of the noise" if known else "per cent of the largest measured value"
+    caption = f"Measured minus model, in {unit}, over time; held-out curves first."
+    if known:
+        caption += " Grey: two standard deviations; beyond them the scale is logarithmic where the misfit is large."
+    if any(len(curve.measured) > ROWS_WITHOUT_MEAN for curve in curves):
+        caption += " Long curves: faint every row, bold the mean over a sixtieth of them."
+    return caption
+
+
+def search_rounds(report: LoopReport) -> list[SearchRound]:
+    """The rounds of the search, each with its candidates."""
+    rounds: list[SearchRound] = []
+    added: list[str] = []
+    before: list[tuple[str, ...]] = []
+    for one in report.steps:
+        model = f"the {baseline_name(report)}{f' with {joined(added)}' if added else ''}"
+        p = one.p_residual
+        start = f"What {model} leaves would come from noise alone with p {chance(p, '= ')}. " if finite(p) else f"To {model}: "
+        unscored = [
+            (effect_title(report, row.effect), STATUSES.get(row.status or "", ""), row.reason)
+            for row in one.candidates
+            if not was_scored(row)
+        ]
+        same = bool(unscored) and unscored == before
+        rounds.append(
+            SearchRound(
+                start,
+                f"Added: {effect_title(report, one.chosen)}." if one.chosen else "Nothing was added.",
+                _candidates(report, one),
+                None if same else table(("effect", "status", "why"), _by_status(unscored), "ttw"),
+                len(unscored) if same else 0,
+            )
+        )
+        before = list(unscored) or before
+        added += [effect_title(report, one.chosen)] if one.chosen else []
+    return rounds
+
+
+def _by_status(rows: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """Rows of effect, status and reason in the order of their status."""
+    return sorted(rows, key=lambda row: row[1])
+
+
+def _candidates(report: LoopReport, one: ReportedRound) -> PageTable | None:
+    """The candidates that could be scored, the most significant first."""
+
+    def cells(row: ReportedCandidate) -> tuple[str, ...]:
+        return (
+            effect_title(report, row.effect),
+            STATUSES.get(row.status or "", ""),
+            number(row.chi2_drop),
+            chance(row.p_holm),
+            percent(row.cv_nrmse),
+            values_in_words(report, row.parameters),
+            row.reason,
+        )
+
+    head = ("effect", "status", "drop of χ²", "p (Holm)", "cross-validated error", "its parameters", "why")
+    shown = sorted(filter(was_scored, one.candidates), key=by_drop)
+    return table(head, map(cells, shown), "ttnnnww", [one.chosen is not None and row.effect == one.chosen for row in shown])
+
+
+def separability(report: LoopReport) -> Separability | None:
+    """Which effects can be told apart, and what to measure next; None where there is nothing to say."""
+    stated = report.thresholds.get("told_apart_separation")
+    least = stated.value if stated and stated.value is not None else TOLD_APART_SEPARATION
+    pairs = [
+        (
+            f"{effect_title(report, row.a)} and {effect_title(report, row.b)}",
+            number(row.separation),
+            ("told apart" if row.separation >= least else "not told apart") if finite(row.separation) else None,
+        )
+        for row in report.separations
+    ]
+    following = report.next_experiment
+    protocol = following.protocol if following else None
+    if not pairs and not protocol:
+        return None
+    would_tell = ""
+    if following and protocol and following.separates:
+        pair = " from ".join(effect_title(report, name) for name in following.separates)
+        size = f" (predicted separation {number(following.separation)})" if finite(following.separation) else ""
+        would_tell = f" This would tell {pair}{size}."
+    return Separability(f"{least:.0f}", table(("effects", "separation", ""), pairs, "tnt"), sentence(protocol), would_tell)
+
+
+def curve_errors(report: LoopReport) -> PageTable | None:
+    """The errors of every curve, held-out ones first."""
+    before, after = report.baseline.error.curves, report.final.error.curves
+    changed = has_changed(report)
+    every = {name: before.get(name) or after[name] for name in before | after}
+    names = sorted(every, key=lambda name: every[name].split != "holdout")
+    models = (before, after) if changed else (before,)
+    errors = {name: [model[name].nrmse if name in model else None for model in models] for name in names}
+    floors = {
+        name: next((model[name].floor for model in (after, before) if name in model and finite(model[name].floor)), None)
+        for name in names
+    }
+    largest = max((x for name in names for x in (*errors[name], floors[name]) if finite(x)), default=0.0)
+    rows = [
+        (
+            name,
+            "held out" if every[name].split == "holdout" else "fitted",
+            percent(errors[name][0]),
+            percent(errors[name][-1]) if changed else None,
+            percent(floors[name]),
+            number(models[-1][name].rmse if name in models[-1] else None, 2),
+            bars(errors[name], floors[name], largest),
+        )
+        for name in names
+    ]
+    head = (
+        "curve",
+        "",
+        "before" if changed else "error",
+        "after",
+        "floor",
+        f"rmse {'after ' if changed else ''}({report.unit or 'unit of the data'})",
+        "before, after; line: floor" if changed else "line: floor",
+    )
+    return table(head, rows, "ttnnnnb")
+
+
+def constants(report: LoopReport) -> PageTable | None:
+    """Fitted constants before and after, with their intervals."""
+    before, after = estimates(report.baseline.parameters), estimates(report.final.parameters)
+    changed = has_changed(report)
+    rows = [
+        (
+            quantity(report, key),
+            group,
+            with_interval(before.get((key, group))),
+            with_interval(after.get((key, group))) if changed else None,
+        )
+        for key, group in dict.fromkeys([*before, *after])
+    ]
+    head = ("", "of", "before (95 % interval)" if changed else "value (95 % interval)", "after (95 % interval)")
+    return table(head, rows, "ttnn")
+
+
+def noise(report: LoopReport) -> Noise:
+    """Noise, numerics and the number of independent data."""
+    unit = report.unit or ""
+    source = {True: "stated with the data", False: "estimated", None: DASH}
+    rows = [
+        (row.curve, number(row.sd, 2), number(row.rho, 2), source[row.stated], count(row.n), count(row.n_eff))
+        for row in report.noise.rows
+    ]
+    head = (
+        "curve",
+        f"noise of a row, sd ({unit})" if unit else "noise of a row, sd",
+        "correlation of rows",
+        "noise is",
+        "rows",
+        "independent data",
+    )
+    numerical = [(row.what, percent(row.share_of_noise)) for row in report.noise.numerical]
+    scatter = []
+    if finite(report.noise.scale_sd):
+        scatter.append(f"Scatter of whole curves in scale: {percent(report.noise.scale_sd)}.")
+    if finite(report.noise.offset_sd):
+        scatter.append(f"Scatter of whole curves in offset: {number(report.noise.offset_sd, 2)} {unit}.")
+    return Noise(
+        report.noise.text,
+        f"{count(report.n_eff)} independent data{_of_rows(report)}." if finite(report.n_eff) else "",
+        scatter,
+        table(head, rows, "tnntnn"),
+        table(("numerics: change of the prediction with", "share of the noise"), numerical, "tn"),
+    )
+
+
+def assumed(report: LoopReport) -> PageTable | None:
+    """What follows from other values of what the dataset assumes."""
+    rows = [
+        (
+            quantity(report, key) if position == 0 else "",
+            bare(row.value) if finite(row.value) else str(row.value or ""),
+            VERDICTS.get(row.verdict or "", ""),
+            joined([effect_title(report, name) for name in row.effects]),
+            percent(row.error_fit),
+            values_in_words(report, row.parameters),
+        )
+        for key, values in assumed_values(report).items()
+        for position, row in enumerate(values)
+    ]
+    return table(("assumed", "value", "verdict", "effects", "error of the fit", "parameters"), rows, "tnttnw")
+
+
+def split(report: LoopReport) -> Split:
+    """Which curves were fitted, held out and left out."""
+    sides = [("Fitted", report.split.fit), ("Held out", report.split.holdout)]
+    return Split(
+        report.split.rule,
+        [(side, len(names), ", ".join(names)) for side, names in sides if names],
+        table(("curve", "why"), report.split.left_out.items(), "tw"),
+    )
+
+
+def provenance(report: LoopReport) -> PageTable | None:
+    """What has to be known to compute the report again."""
+    rows = [
+        (key, value if isinstance(value, str) else json.dumps(value, ensure_ascii=False, default=str))
+        for key, value in report.provenance.items()
+        if value is not None
+    ]
+    return table(("", ""), rows, "tt")

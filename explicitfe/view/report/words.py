@@ -1,0 +1,193 @@
+"""Numbers, names and the verdict of a report in words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import TypeGuard
+
+import numpy as np
+
+from explicitfe.results.loop_report import Estimate, LoopReport, Parameters, estimates
+from explicitfe.view.report.reading import effects_of
+
+DASH = "–"
+NO_BREAK = "\u00a0"
+STATUSES = {
+    "significant": "significant",
+    "not-significant": "not significant",
+    "not-testable": "not testable",
+    "failed": "its fit failed",
+}
+VERDICTS = {
+    "failed": "the fit failed",
+    "no-missing-effect": "nothing missing",
+    "unexplained": "unexplained",
+    "ambiguous": "ambiguous",
+    "effect-found": "found",
+}
+REMAINDERS = {
+    "at-floor": "What is left is at the floor: noise and numerics explain it.",
+    "unexplained": "What is left is not explained.",
+    "ambiguous": "What is left is ambiguous: two effects may be at work and one was found.",
+}
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+# The unit stands at the end of a key: C10_Pa, density_kg_m3, k_per_s.
+UNIT = re.compile(r"_(kg_m3|(?:\w+_)?per_\w+|k?Pa|m?N|mm|m|s|ms|deg)$")
+# Below this p-value only its smallness is said: no data tell one smaller chance from another.
+SMALLEST_SAID_P = 1e-4
+# Below this share, 0.01 %, only its smallness is said.
+SMALLEST_SAID_SHARE = 1e-4
+
+
+def finite(value: object) -> TypeGuard[float]:
+    """Whether there is a number, and not NaN nor infinity."""
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def number(value: object, digits: int = 3) -> str:
+    """A number rounded to some digits, as a power of ten only where that is shorter; a dash where there is none."""
+    if not finite(value):
+        return DASH
+    value = float(f"{value:.{digits - 1}e}")
+    if value == 0.0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if not -4 < exponent < 6:
+        return f"{value / 10.0**exponent:.{max(digits - 2, 0)}f}·10{str(exponent).translate(SUPERSCRIPTS)}"
+    return f"{value:,.{max(digits - 1 - exponent, 0)}f}".replace(",", NO_BREAK)
+
+
+def bare(value: object) -> str:
+    """A number rounded to three digits, without zeros at the end."""
+    text = number(value)
+    return text.rstrip("0").rstrip(".") if "." in text and "·" not in text else text
+
+
+def count(value: object) -> str:
+    """A number of data: whole from ten on."""
+    if finite(value) and (value >= 10.0 or value == int(value)):
+        return f"{value:,.0f}".replace(",", NO_BREAK)
+    return number(value, 2)
+
+
+def plural(how_many: int, noun: str) -> str:
+    """Such as "1 curve" and "2 curves"."""
+    return f"{how_many} {noun}{'' if how_many == 1 else 's'}"
+
+
+def percent(share: object) -> str:
+    """A share of one in per cent, to two digits."""
+    if not finite(share):
+        return DASH
+    return f"< 0.01{NO_BREAK}%" if 0.0 <= share < SMALLEST_SAID_SHARE else f"{number(100.0 * share, 2)}{NO_BREAK}%"
+
+
+def chance(p: object, equals: str = "") -> str:
+    """A p-value; ``equals`` stands before it where it is not merely small."""
+    return "< 0.0001" if finite(p) and p < SMALLEST_SAID_P else equals + number(p, 2)
+
+
+def with_interval(estimate: Estimate | None) -> str:
+    """A value and its 95 % interval, rounded to two digits of the interval's width."""
+    if estimate is None or not finite(estimate.value):
+        return DASH
+    if len(estimate.ci95) != 2 or not all(map(finite, estimate.ci95)):
+        return number(estimate.value)
+    low, high = estimate.ci95
+    width = high - low
+    if 1e-4 < width < 1e6:
+        places = 1 - math.floor(math.log10(width))
+        shown = [f"{round(x, places):,.{max(places, 0)}f}".replace(",", NO_BREAK) for x in (estimate.value, low, high)]
+    else:
+        shown = [number(x) for x in (estimate.value, low, high)]
+    return f"{shown[0]} ({shown[1]} to {shown[2]})"
+
+
+def effect_title(report: LoopReport, effect: str | None) -> str:
+    """The name of an effect in words."""
+    return report.effect_titles.get(effect or "") or str(effect or "").replace("-", " ")
+
+
+def name_and_unit(report: LoopReport, key: str) -> tuple[str, str]:
+    """``viscoelastic.tau_s`` in words and its unit: "viscoelastic relaxation: tau" and "s"."""
+    owner, _, name = key.rpartition(".")
+    unit = UNIT.search(name)
+    words = (name[: unit.start()] if unit else name).replace("_", " ")
+    measure = re.sub(r"^/", "1/", re.sub(r"_?per_", "/", unit[1])).replace("kg_m3", "kg/m³") if unit else ""
+    return f"{effect_title(report, owner)}: {words}" if owner else words, measure
+
+
+def quantity(report: LoopReport, key: str) -> str:
+    """A key in words, with its unit in brackets."""
+    words, unit = name_and_unit(report, key)
+    return f"{words} ({unit})" if unit else words
+
+
+def values_in_words(report: LoopReport, parameters: Parameters) -> str:
+    """All values of some parameters in one line."""
+    parts = []
+    for (key, group), estimate in estimates(parameters).items():
+        words, unit = name_and_unit(report, key)
+        parts.append(f"{words}{f' of {group}' if group else ''} {bare(estimate.value)} {unit}".rstrip())
+    return "; ".join(parts)
+
+
+def sentence(text: str | None) -> str:
+    """A text with a capital at its start and a full stop at its end."""
+    text = (text or "").strip()
+    return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""
+
+
+def joined(names: Sequence[str], word: str = "and") -> str:
+    """Such as "a, b and c"."""
+    return f"{', '.join(names[:-1])} {word} {names[-1]}" if len(names) > 1 else "".join(names)
+
+
+def shortened(name: object, most: int) -> str:
+    """A name with at most so many letters; what is left out in the middle is an ellipsis."""
+    name = str(name)
+    return name if len(name) <= most else f"{name[: most // 2]}…{name[-(most - most // 2 - 1) :]}"
+
+
+def effect_titles(report: LoopReport) -> tuple[list[str], list[str], list[str]]:
+    """As :func:`effects_of`, with titles in words."""
+    titles = [[effect_title(report, effect) for effect in group] for group in effects_of(report)]
+    return titles[0], titles[1], titles[2]
+
+
+def baseline_name(report: LoopReport) -> str:
+    """What the baseline is: the law of a specimen, or the scenario of sensors that moved."""
+    return "elastic model" if "C10_Pa" in report.baseline.parameters else "model as it was"
+
+
+def model_names(report: LoopReport) -> tuple[str, str]:
+    """What the model is before and after."""
+    effects = effect_titles(report)[0]
+    return baseline_name(report), f"with {joined(effects)}" if effects else "with the best candidate"
+
+
+def headline(report: LoopReport) -> str:
+    """The verdict in a few plain words."""
+    effects, rivals, sure = effect_titles(report)
+    match report.verdict:
+        case "failed":
+            return "The fit failed: nothing can be said about the model"
+        case "no-missing-effect":
+            return "Nothing is missing that these data can show"
+        case "unexplained":
+            return "Something is missing, and none of the known effects explains it"
+        case "effect-found" if effects:
+            return f"Missing: {joined(effects)}"
+        case "ambiguous" if not rivals:
+            return "These data cannot tell what is missing"
+        case "ambiguous" if sure:
+            return f"Missing: {joined(sure)}; then {joined(rivals, 'or')}, these data cannot tell which"
+        case "ambiguous" if len(rivals) == 1:
+            return f"Perhaps missing: {rivals[0]}; these data cannot confirm it"
+        case "ambiguous" if len(rivals) == 2:
+            return f"These data cannot tell {rivals[0]} from {rivals[1]}"
+        case "ambiguous":
+            return f"These data cannot tell apart {joined(rivals)}"
+    return f"Verdict: {report.verdict or 'none'}"

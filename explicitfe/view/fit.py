@@ -4,55 +4,100 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TypedDict
 
 import numpy as np
 
-from explicitfe.view.indentation import SHOWN, paint_section
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.view.indentation import ENERGY_LABEL, StatedTool, paint_section
+from explicitfe.view.palette import COLOURS, WIDTH_IN, new_figure, plain, save
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-WIDTH_IN, DPI = 10.0, 160
-# Okabe and Ito's colours, told apart with every kind of colour blindness.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
 MARKERS = "os^Dv"
-GRID = "0.88"
-MANY = 40  # rows: more are drawn as a line of dots, without error bars
-THRESHOLD = 3.84  # of chi2, 95 %
-NAMES = {"C10_Pa": "C10", "C20_Pa": "C20"}
+# A curve with more rows is drawn as a line of dots without error bars, which would hide it.
+ROWS_WITH_ERROR_BARS = 40
+# A constant with this rise of chi squared stands at an end of its 95 % interval: the quantile of one degree of freedom.
+CHI2_RISE_95_PERCENT = 3.84
+CONSTANT_NAMES = {"C10_Pa": "C10", "C20_Pa": "C20"}
 
 
-def fit(path: Path, title: str, curves: Sequence[Mapping[str, Any]], constants: Sequence[float]) -> None:
-    """Measured with error bars against the fitted model, and what is left.
+class GroupCurve(TypedDict):
+    """A measured curve and its model, in the units of the axes, each column (n,); ``split`` is "fit" or "holdout"."""
 
-    Parameters
-    ----------
-    curves : each with id, split, x_label, y_label, x, measured, sd, predicted, line_x, line_y.
-    """
-    figure = _figure(6.6)
+    split: str
+    x_label: str
+    y_label: str
+    x: np.ndarray
+    measured: np.ndarray
+    line_x: np.ndarray
+    line_y: np.ndarray
+
+
+class FittedCurve(GroupCurve):
+    """The same with the noise of its rows, one standard deviation, and the model at each row."""
+
+    id: str
+    sd: np.ndarray
+    predicted: np.ndarray
+
+
+class ConstantProfile(TypedDict):
+    """The likelihood of a constant: by how much chi squared rises over some values of it; ``ci95`` is its 95 % interval."""
+
+    name: str
+    best: float
+    sd: float
+    values: np.ndarray
+    rise: np.ndarray
+    ci95: tuple[float, float]
+
+
+class PaperTrace(TypedDict):
+    """The paper's iteration run by run: loads and measured displacements (k,), displacements (n, k), constants (n, 2) Pa."""
+
+    loads_N: np.ndarray
+    measured_mm: np.ndarray
+    displacements_mm: np.ndarray
+    constants: np.ndarray
+
+
+class DeformedSpecimen(TypedDict):
+    """A specimen under its tool: energy densities of the elements (m,), height of the tool's lowest point, load in words."""
+
+    mesh: HexMesh
+    displacement_m: np.ndarray
+    energy_Pa: np.ndarray
+    tool: StatedTool
+    lowest_mm: float
+    load: str
+
+
+def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Sequence[float]) -> None:
+    """Draw measured curves with error bars against the fitted model, and what is left; ``constants`` are C10 and C20, Pa."""
+    figure = new_figure(WIDTH_IN, 6.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1.0])
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
         held = curve["split"] == "holdout"
         label = f"{curve['id']}{', only predicted' if held else ''}"
         face = "none" if held else colour
-        rest = curve["measured"] - curve["predicted"]
-        for axes, values in ((upper, curve["measured"]), (lower, rest)):
+        residual = curve["measured"] - curve["predicted"]
+        for axes, values in ((upper, curve["measured"]), (lower, residual)):
             named = label if axes is upper else None
-            if len(values) > MANY:
+            if len(values) > ROWS_WITH_ERROR_BARS:
                 axes.plot(curve["x"], values, ".", ms=2.5, color=colour, mfc=face, alpha=0.6, label=named)
             else:
-                style = {
-                    "fmt": MARKERS[number // len(COLOURS) % len(MARKERS)],
-                    "ms": 5,
-                    "color": colour,
-                    "mfc": face,
-                    "capsize": 3,
-                    "lw": 1.0,
-                }
-                axes.errorbar(curve["x"], values, 2.0 * curve["sd"], label=named, **style)
+                axes.errorbar(
+                    curve["x"],
+                    values,
+                    2.0 * curve["sd"],
+                    label=named,
+                    fmt=MARKERS[number // len(COLOURS) % len(MARKERS)],
+                    ms=5,
+                    color=colour,
+                    mfc=face,
+                    capsize=3,
+                    lw=1.0,
+                )
         upper.plot(curve["line_x"], curve["line_y"], "--" if held else "-", color="black", lw=1.2, zorder=3)
     upper.plot([], [], "-", color="black", lw=1.2, label="model")
     upper.set_ylabel(curves[0]["y_label"])
@@ -60,31 +105,32 @@ def fit(path: Path, title: str, curves: Sequence[Mapping[str, Any]], constants: 
     lower.set_ylabel("measured − model")
     lower.set_xlabel(curves[0]["x_label"])
     upper.set_title(f"{title}: C10 = {constants[0]:.4g} Pa, C20 = {constants[1]:.4g} Pa", loc="left", fontsize=11)
-    bars = any(curve["sd"].any() and len(curve["x"]) <= MANY for curve in curves)
+    bars = any(curve["sd"].any() and len(curve["x"]) <= ROWS_WITH_ERROR_BARS for curve in curves)
     head = "bars: two standard deviations" if bars else None
     upper.legend(frameon=False, fontsize=8, ncols=1 + len(curves) // 8, title=head, title_fontsize=8, alignment="left")
     for axes in (upper, lower):
-        _plain(axes)
-    _save(figure, path)
+        plain(axes)
+    save(figure, path)
 
 
-def profiles(path: Path, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Profile likelihood of each constant beside the parabola of the curvature.
-
-    Parameters
-    ----------
-    rows : each with name, best, sd, values, rise, ci95.
-    """
-    figure = _figure(4.2)
+def profiles(path: Path, title: str, rows: Sequence[ConstantProfile]) -> None:
+    """Draw the profile likelihood of each constant beside the parabola of the curvature."""
+    figure = new_figure(WIDTH_IN, 4.2)
     for axes, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
-        values, name = row["values"], NAMES.get(row["name"], row["name"])
+        values, name = row["values"], CONSTANT_NAMES.get(row["name"], row["name"])
         axes.plot(values, row["rise"], color=COLOURS[0], lw=2.0, label="profile likelihood")
         if row["sd"] > 0.0:
             parabola = ((values - row["best"]) / row["sd"]) ** 2
             axes.plot(values, parabola, "--", color=COLOURS[1], lw=1.5, label="curvature at the optimum")
-        axes.axhline(THRESHOLD, color="0.4", lw=0.9)
+        axes.axhline(CHI2_RISE_95_PERCENT, color="0.4", lw=0.9)
         axes.annotate(
-            "95 %", (0.99, THRESHOLD), xycoords=("axes fraction", "data"), ha="right", va="bottom", color="0.3", fontsize=8
+            "95 %",
+            (0.99, CHI2_RISE_95_PERCENT),
+            xycoords=("axes fraction", "data"),
+            ha="right",
+            va="bottom",
+            color="0.3",
+            fontsize=8,
         )
         low, high = row["ci95"]
         axes.axvspan(max(low, values[0]), min(high, values[-1]), color="0.94", lw=0, zorder=-1)
@@ -92,23 +138,18 @@ def profiles(path: Path, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
         axes.set_xlim(values[0], values[-1])
         axes.set_xlabel(f"{name} (Pa)")
         axes.set_title(f"{name} = {row['best']:.4g} Pa, 95 %: {low:.4g} to {high:.4g}", loc="left", fontsize=10)
-        _plain(axes)
+        plain(axes)
     figure.axes[0].set_ylabel("rise of χ² above its least")
     figure.axes[0].legend(frameon=False, fontsize=8, loc="upper center")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-    _save(figure, path)
+    save(figure, path)
 
 
-def convergence(path: Path, title: str, trace: Mapping[str, Any]) -> None:
-    """The paper's iteration over the loads, from light to dark, and its constants run by run.
-
-    Parameters
-    ----------
-    trace : loads_N (k,), measured_mm (k,), displacements_mm (n, k), changed (n), constants (n, 2) Pa.
-    """
+def convergence(path: Path, title: str, trace: PaperTrace) -> None:
+    """Draw the paper's iteration over the loads, from light to dark, and its constants run by run."""
     from matplotlib import colormaps
 
-    figure = _figure(4.8)
+    figure = new_figure(WIDTH_IN, 4.8)
     left, right = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     runs = len(trace["displacements_mm"])
     for number, row in enumerate(trace["displacements_mm"]):
@@ -136,38 +177,33 @@ def convergence(path: Path, title: str, trace: Mapping[str, Any]) -> None:
     right.set_ylim(bottom=0.0)
     right.legend(frameon=False, fontsize=9)
     for axes in (left, right):
-        _plain(axes)
-    _save(figure, path)
+        plain(axes)
+    save(figure, path)
 
 
-def deformed(path: Path, title: str, shown: Mapping[str, Any]) -> None:
-    """The specimen cut through its axis under the tool, by strain energy density.
-
-    Parameters
-    ----------
-    shown : mesh, displacement_m, energy_Pa (m,), tool as a scenario has it, lowest_mm of the tool, load in words.
-    """
-    figure = _figure(6.0)
+def deformed(path: Path, title: str, shown: DeformedSpecimen) -> None:
+    """Draw the specimen, cut through its axis, under the tool, coloured by strain energy density."""
+    figure = new_figure(WIDTH_IN, 6.0)
     axes = figure.subplots()
     painted = paint_section(axes, shown["mesh"], shown["displacement_m"], shown["energy_Pa"], shown["tool"], shown["lowest_mm"])
     axes.set_title(f"{title}: {shown['load']}", loc="left", fontsize=11)
     bar = figure.colorbar(painted, ax=axes, orientation="horizontal", shrink=0.6, aspect=40, extend="max")
-    bar.set_label(f"strain energy density (Pa), up to what {100 * SHOWN:.0f} % of the section stay below")
-    _save(figure, path)
+    bar.set_label(ENERGY_LABEL)
+    save(figure, path)
 
 
-def materials(path: Path, panels: Mapping[str, Sequence[Mapping[str, Any]]], heads: Mapping[str, str]) -> None:
-    """Several groups of constants side by side: measured curves, fitted and held out, the model of each, and what is left.
+def materials(path: Path, panels: Mapping[str, Sequence[GroupCurve]], heads: Mapping[str, str]) -> None:
+    """Draw groups of constants side by side: measured curves, fitted and held out, the model of each, and what is left.
 
     Parameters
     ----------
-    panels : name -> curves, each with split, x, measured, line_x, line_y (the model at x), x_label, y_label.
-    heads : name -> a line in words.
+    panels : name of a group -> its curves, with the model at the measured rows.
+    heads : name of a group -> a line in words.
     """
     count = len(panels)
     columns = min(3, count)
     rows = -(-count // columns)
-    figure = _figure(4.6 * rows)
+    figure = new_figure(WIDTH_IN, 4.6 * rows)
     grid = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[2.0, 1.0] * rows)
     for number, (name, curves) in enumerate(panels.items()):
         row, column = divmod(number, columns)
@@ -176,8 +212,8 @@ def materials(path: Path, panels: Mapping[str, Sequence[Mapping[str, Any]]], hea
             label: str | None = {"fit": "fitted", "holdout": "only predicted"}[side]
             for curve in (c for c in curves if c["split"] == side):
                 upper.plot(curve["x"], curve["measured"], color=colour, lw=1.6, label=label)
-                rest = 100.0 * (curve["measured"] - curve["line_y"]) / np.abs(curve["measured"]).max()
-                lower.plot(curve["x"], rest, color=colour, lw=1.2)
+                residual = 100.0 * (curve["measured"] - curve["line_y"]) / np.abs(curve["measured"]).max()
+                lower.plot(curve["x"], residual, color=colour, lw=1.2)
                 label = None
         upper.plot(curves[0]["line_x"], curves[0]["line_y"], "--", color="black", lw=1.4, label="model")
         upper.set_title(f"{name}\n{heads[name]}", loc="left", fontsize=9)
@@ -187,28 +223,10 @@ def materials(path: Path, panels: Mapping[str, Sequence[Mapping[str, Any]]], hea
         lower.set_ylabel("left (% of\nthe largest)", fontsize=9)
         lower.set_xlabel(curves[0]["x_label"])
         for axes in (upper, lower):
-            _plain(axes)
+            plain(axes)
     grid[0, 0].legend(frameon=False, fontsize=8)
     for number in range(count, rows * columns):
         row, column = divmod(number, columns)
         grid[2 * row, column].remove()
         grid[2 * row + 1, column].remove()
-    _save(figure, path)
-
-
-def _figure(height_in: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, layout="constrained")
-
-
-def _plain(axes: Axes) -> None:
-    axes.grid(color=GRID, lw=0.6)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
-def _save(figure: Figure, path: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    FigureCanvasAgg(figure).print_png(path)
+    save(figure, path)

@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Required, TypedDict
 
 import numpy as np
 
 from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.results import Result
+from explicitfe.view.palette import COLOURS, ENERGY_MAP, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import PolyCollection
     from matplotlib.figure import Figure
 
-DPI = 160
-BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "0.45"
-MAP = "cividis_r"
-SHOWN = 0.99  # quantile of the area that the colours go up to: the element at a sharp edge would drown all others
+# The colours go up to what this share of the section's area stays below: the element at a sharp edge would drown all others.
+COLOURED_AREA_SHARE = 0.99
+ENERGY_LABEL = f"strain energy density (Pa), up to what {100 * COLOURED_AREA_SHARE:.0f} % of the section stay below"
+
+
+class StatedTool(TypedDict, total=False):
+    """A tool as a scenario states it."""
+
+    shape: Required[str]
+    radius_mm: float
+    edge_radius_mm: float
 
 
 def draw_indentation(result: Result, step: int, folder: Path) -> list[Path]:
-    """``<stem>-curve.png`` and ``<stem>-section.png`` of a result up to a step, the latter at its largest force; the files."""
+    """Draw ``<stem>-curve.png`` and ``<stem>-section.png`` of a result up to a step, the latter at its largest force."""
     step = int(np.argmax(result.history("force")[: step + 1]))
     paths = []
-    for name, picture in (("curve", _curve), ("section", _section)):
+    for name, picture in (("curve", _curve_figure), ("section", _section_figure)):
         figure = picture(result, step)
         path = folder / f"{result.path.stem}-{name}.png"
-        figure.savefig(path, dpi=DPI)
+        save(figure, path)
         paths.append(path)
     return paths
 
@@ -37,7 +44,7 @@ def draw_indentation(result: Result, step: int, folder: Path) -> list[Path]:
 def section_faces(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
     """Faces of elements that lie in the plane y = 0, on its side y > 0: node numbers (k, 4) and their elements (k,).
 
-    A face of an element that is collapsed on the axis is there as well: its nodes then have no doubles.
+    Of an element that is collapsed on the axis, only faces with four different nodes are taken.
     """
     flat = np.abs(mesh.points[:, 1]) < 1e-12
     faces = mesh.hexes[:, FACES]
@@ -48,12 +55,12 @@ def section_faces(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
     return corners[across & whole], element[across & whole]
 
 
-def tool_outline(tool: Mapping[str, Any], lowest_mm: float, up_to_mm: float, out_to_mm: float) -> np.ndarray:
+def tool_outline(tool: StatedTool, lowest_mm: float, up_to_mm: float, out_to_mm: float) -> np.ndarray:
     """Half of a tool's outline, from the axis outwards: (k, 2) of r and z [mm].
 
     Parameters
     ----------
-    tool : shape, radius_mm and edge_radius_mm as a scenario has them.
+    tool : all shapes but a platen have a radius.
     lowest_mm : z of its lowest point.
     up_to_mm, out_to_mm : where the picture ends.
     """
@@ -70,9 +77,9 @@ def tool_outline(tool: Mapping[str, Any], lowest_mm: float, up_to_mm: float, out
 
 
 def paint_section(
-    axes: Axes, mesh: HexMesh, displacement_m: np.ndarray, values: np.ndarray, tool: Mapping[str, Any], lowest_mm: float
+    axes: Axes, mesh: HexMesh, displacement_m: np.ndarray, values: np.ndarray, tool: StatedTool, lowest_mm: float
 ) -> PolyCollection:
-    """Draw the deformed section y = 0, coloured by values of the elements, and the tool; give what the colours belong to."""
+    """Draw the deformed section y = 0, coloured by values of the elements, and the tool; give what a colour bar belongs to."""
     from matplotlib.collections import PolyCollection
 
     faces, element = section_faces(mesh)
@@ -82,8 +89,8 @@ def paint_section(
     area = 0.5 * np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1))
     order = np.argsort(values[element])
     share = np.cumsum(area[order]) / area.sum()
-    top = values[element][order][min(np.searchsorted(share, SHOWN), len(order) - 1)]
-    painted = PolyCollection(polygons, array=values[element], cmap=MAP, edgecolors="0.5", linewidths=0.25)
+    top = values[element][order][min(np.searchsorted(share, COLOURED_AREA_SHARE), len(order) - 1)]
+    painted = PolyCollection(polygons, array=values[element], cmap=ENERGY_MAP, edgecolors="0.5", linewidths=0.25)
     painted.set_clim(0.0, max(float(top), 1e-300))
     axes.add_collection(painted)
     left, right = place[np.unique(faces), 0].min(), place[np.unique(faces), 0].max()
@@ -105,17 +112,18 @@ def paint_section(
     return painted
 
 
-def _curve(result: Result, step: int) -> Figure:
-    from matplotlib.figure import Figure
-
-    way, force = 1e3 * result.history("indentation"), result.history("force")
-    figure = Figure(figsize=(7.0, 5.0), layout="constrained")
+def _curve_figure(result: Result, step: int) -> Figure:
+    """Force against displacement over the whole run."""
+    displacement, force = 1e3 * result.history("indentation"), result.history("force")
+    figure = new_figure(7.0, 5.0)
     axes = figure.add_subplot()
-    down = np.append(True, np.diff(way) >= 0.0)
-    turn = len(way) if down.all() else int(np.argmin(down))
-    axes.plot(way[:turn], force[:turn], "o-", color=BLUE, lw=1.6, ms=5, label="loading")
-    if turn < len(way):
-        axes.plot(way[turn - 1 :], force[turn - 1 :], "s--", color=ORANGE, lw=1.4, ms=4.5, mfc="none", label="afterwards")
+    down = np.append(True, np.diff(displacement) >= 0.0)
+    turn = len(displacement) if down.all() else int(np.argmin(down))
+    axes.plot(displacement[:turn], force[:turn], "o-", color=COLOURS[0], lw=1.6, ms=5, label="loading")
+    if turn < len(displacement):
+        axes.plot(
+            displacement[turn - 1 :], force[turn - 1 :], "s--", color=COLOURS[1], lw=1.4, ms=4.5, mfc="none", label="afterwards"
+        )
         axes.legend(frameon=False, loc="upper left")
     axes.set_xlabel("displacement of the tool since first touch (mm)")
     axes.set_ylabel("force of the whole tool (N)")
@@ -128,27 +136,27 @@ def _curve(result: Result, step: int) -> Figure:
     return figure
 
 
-def _section(result: Result, step: int) -> Figure:
-    from matplotlib.figure import Figure
-
+def _section_figure(result: Result, step: int) -> Figure:
+    """The deformed section under the tool at a step."""
     scenario, tool = result.model["scenario"], result.model["tool"]
     specimen = scenario["model"]
     height = specimen["size_mm"][2] if "size_mm" in specimen else specimen["height_mm"]
-    way = 1e3 * result.history("indentation")[step]
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    displacement = 1e3 * result.history("indentation")[step]
+    figure = new_figure(9.0, 6.0)
     axes = figure.add_subplot()
     name = "strain_energy_density" if "strain_energy_density" in result.fields else None
     values = result.field(name, step) if name else np.zeros(result.mesh.element_count)
-    lowest = height - way - result.summary.get("touch_mm", 0.0)
+    lowest = height - displacement - result.summary.get("touch_mm", 0.0)
     painted = paint_section(axes, result.mesh, result.displacement(step), values, tool, lowest)
     if name:
         bar = figure.colorbar(painted, ax=axes, orientation="horizontal", shrink=0.6, aspect=40, extend="max")
-        bar.set_label(f"strain energy density (Pa), up to what {100 * SHOWN:.0f} % of the section stay below")
+        bar.set_label(ENERGY_LABEL)
     force = result.history("force")[step]
-    figure.suptitle(f"{_title(result)}\n{force:.4g} N at {way:.3f} mm", fontsize=11, x=0.02, ha="left")
+    figure.suptitle(f"{_title(result)}\n{force:.4g} N at {displacement:.3f} mm", fontsize=11, x=0.02, ha="left")
     return figure
 
 
 def _title(result: Result) -> str:
+    """The title of the scenario, and how the run ended where it did not finish."""
     title = result.model.get("scenario", {}).get("title", "")
     return title if result.status == "finished" else f"{title} (status: {result.status})"

@@ -345,8 +345,8 @@ class Relaxation(Body):
             if done < ITERATIONS_PER_LOOK:
                 return None
             first = residual if first == np.inf else first
-            idle = 0 if residual < SHARE_OF_RESIDUAL_THAT_IS_PROGRESS * best else idle
-            best = min(best, residual)
+            if residual < SHARE_OF_RESIDUAL_THAT_IS_PROGRESS * best:  # of the last progress: slow and steady counts too
+                idle, best = 0, residual
             progress(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
         return "not-converged"
 

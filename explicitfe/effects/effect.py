@@ -1,15 +1,15 @@
 """What every effect has in common: parameters with units, what it is and where it acts, how strong it is.
 
-An effect is one file. One of the material brings compiled leaves beside its parameters; ``forces/response.py`` binds them into
-the element's forces. Its numbers stand in ``Blocks.effects`` from place AT on, what it remembers in ``Blocks.old`` and ``new``
-from place MEMORY on: placeholders that are bound where the kernel is made.
+An effect is one file. One of the material brings compiled leaves beside its parameters and names the slots that they fill;
+``forces/response.py`` binds them into the element's forces. Its numbers stand in ``Blocks.effects`` from place AT on, what it
+remembers in ``Blocks.old`` and ``new`` from place MEMORY on: placeholders that are bound where the kernel is made.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Self
 
@@ -20,7 +20,7 @@ from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load, store
 from explicitfe.effects.affected import LawT, ModelT, SpecimenT, ToolT
 
-Conditions = Mapping[str, str | float | bool]  # of a measured test, as its dataset states them
+Conditions = Mapping[str, object]  # of a measured test, as its dataset states them
 
 
 @dataclass(frozen=True)
@@ -232,9 +232,14 @@ class MaterialEffect(Effect):
         return 0
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """What its leaves are compiled for, beside its place: such as the number of terms."""
-        return ()
+    def shape(self) -> Mapping[str, int]:
+        """What its leaves are compiled for beside its place, by placeholder: such as the number of terms."""
+        return {}
+
+    @classmethod
+    @abstractmethod
+    def leaves(cls) -> Mapping[str, Callable]:
+        """Slot of the response -> the leaf of this effect that fills it; ``SLOTS`` of forces/response.py lists the slots."""
 
     @abstractmethod
     def values(self, increment_s: float) -> tuple[float, ...]:

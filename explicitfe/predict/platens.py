@@ -1,7 +1,8 @@
-"""Tissue between platens without friction: a homogeneous state; the platen may lose contact, the rig may give way.
+"""Tissue between platens without friction: a homogeneous state; the platen may lose contact, and the rig may give way.
 
-The way of the tissue is found for all instants together, with the slope of a sudden small change: where the platen
-touches, way + compliance x force is what the machine went; where it does not, the tissue is free, and bears nothing.
+The unknown is the shortening of the tissue. It is found for all instants together, with the stiffness of the tissue in a sudden
+small change: where the platen touches, shortening + compliance x force is what the machine went; where it does not touch, the
+tissue is free and bears nothing.
 """
 
 from __future__ import annotations
@@ -12,21 +13,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.effects import Effect, MaterialEffect
-from explicitfe.effects.material.compressible import Compressible
-from explicitfe.effects.tool.compliance import Compliance
-from explicitfe.effects.tool.preload import Preload
+from explicitfe.effects.effect import Rig, with_leaves
 from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import Course
 from explicitfe.solve import point
 
-UNIFORM = (MaterialEffect, Compressible, Compliance, Preload)  # that leave the state homogeneous
-TURNS = 100
-DEPTH = 6  # turns that the next one is made from
-CLOSE = point.TOLERANCE  # of the height: a state is not known better
-STEP = 1e-5  # of the stretch, for the slope
-FAR = 1e-2  # of the height: the slope is found anew after so much of a change
-CAREFUL = 4  # parts of a step in which contact is lost or found
+MOST_CORRECTIONS = 100  # The search for a state is given up after this many.
+# Anderson's mixing combines this many corrections; more add little, as the system is nearly linear.
+MIXED_CORRECTIONS = 6
+# A state is known no better than to this share of the height: the tolerance of the law's own solver.
+SHORTENING_TOLERANCE_HEIGHT_SHARE = 1e-9
+# The stiffness is a central difference over this change of the stretch.
+STIFFNESS_STRETCH_CHANGE = 1e-5
+# The stiffness is computed again after the shortening has changed by this share of the height.
+STIFFNESS_VALID_HEIGHT_SHARE = 1e-2
+# The step in which contact is lost or found is cut into this many.
+STEPS_TO_LOSS_OF_CONTACT = 4
 
 
 @dataclass(frozen=True)
@@ -37,97 +40,98 @@ class Platens:
     ----------
     law, effects : the tissue.
     height_m, area_m2 : the specimen.
-    compliance_m_N : of the rig.
-    preload_N : force where the displacement counts from; it has come on in no time.
+    rig : compliance, and the preload where the displacement counts from; the preload has come on in no time.
     """
 
     law: Yeoh
     effects: tuple[MaterialEffect, ...]
     height_m: float
     area_m2: float
-    compliance_m_N: float = 0.0
-    preload_N: float = 0.0
+    rig: Rig
 
     @staticmethod
     def of(law: Yeoh, effects: Sequence[Effect], height_m: float, area_m2: float) -> Platens:
-        """With effects of ``UNIFORM``."""
-        rig = {}
+        """With effects that keep the state homogeneous."""
+        rig = Rig()
         for effect in effects:
-            if isinstance(effect, Compressible):
-                law = law.model_copy(update={"poisson": effect.poisson})
-            elif isinstance(effect, Compliance):
-                rig["compliance_m_N"] = 1e-3 * effect.compliance_mm_N
-            elif isinstance(effect, Preload):
-                rig["preload_N"] = effect.force_N
-        material = tuple(effect for effect in effects if isinstance(effect, MaterialEffect))
-        return Platens(law, material, height_m, area_m2, **rig)
+            law, rig = effect.in_law(law), effect.on_rig(rig)
+        return Platens(law, with_leaves(effects), height_m, area_m2, rig)
 
-    def followed(self, course: Course) -> tuple[Course, np.ndarray, bool]:
-        """The course, finer where contact is lost or found between instants; force (n,) N; whether it is so lost or found.
+    def follow(self, course: Course) -> tuple[Course, np.ndarray, bool]:
+        """Answer to a course.
+
+        Returns
+        -------
+        course : finer than the given one where contact is lost or found between instants.
+        force_N : (n,) at its instants.
+        loses_contact : whether contact is lost or found between instants.
 
         Raises
         ------
         RunError : no state is found.
         """
-        way, force, free = self._solved(course, np.maximum(course.imposed, 0.0))
-        lost = (force[:-1] > 0.0) & free[1:] | free[:-1] & (force[1:] > 0.0)
-        if not lost.any():
+        shortening, force, free = self._solve(course, np.maximum(course.imposed, 0.0))
+        changes = (force[:-1] > 0.0) & free[1:] | free[:-1] & (force[1:] > 0.0)
+        if not changes.any():
             return course, force, False
         finer = course
-        for number in np.flatnonzero(lost)[::-1] + 1:
-            finer = finer.split(int(number), CAREFUL)
-        return finer, self._solved(finer, np.interp(finer.time_s, course.time_s, way))[1], True
+        for number in np.flatnonzero(changes)[::-1] + 1:
+            finer = finer.split(int(number), STEPS_TO_LOSS_OF_CONTACT)
+        return finer, self._solve(finer, np.interp(finer.time_s, course.time_s, shortening))[1], True
 
-    def _solved(self, course: Course, way: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Way of the tissue [m], force [N], and whether the platen does not touch, (n,) each, from a guess of the way."""
-        start = self._preloaded()
-        machine = course.imposed + start + self.compliance_m_N * self.preload_N  # since first touch
-        small = CLOSE * self.height_m
-        at, slope = way, self._slope(way)
-        ways: list[np.ndarray] = []
-        changes: list[np.ndarray] = []
-        for _ in range(TURNS):
-            force = self._force(course.time_s, way, start)
-            if np.abs(way - at).max() > FAR * self.height_m:
-                at, slope = way, self._slope(way)
-            touching = (machine - self.compliance_m_N * force - way) / (1.0 + self.compliance_m_N * slope)
-            free = -force / slope
-            loose = touching < free - small
-            change = np.maximum(touching, free)
-            change[len(way) - int(np.argmin(loose[::-1])) :] = 0.0  # after the last contact nothing is borne
-            if np.abs(change).max() <= small:
-                return way, np.where(loose, 0.0, np.maximum(force, 0.0)), loose
-            if changes and np.abs(change).max() > np.abs(changes[-1]).max():
-                ways, changes = [], []  # it has led astray: a plain step
-            # Anderson's mixing: the combination of the last turns that leaves least to change
-            ways, changes = [*ways[-DEPTH:], way], [*changes[-DEPTH:], change]
-            moved, left = np.diff(ways, axis=0).T, np.diff(changes, axis=0).T
-            way = way + change - (moved + left) @ np.linalg.lstsq(left, change, rcond=None)[0]
-            way = np.clip(way, 0.0, 0.5 * (ways[-1] + self.height_m))
+    def _solve(self, course: Course, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shortening of the tissue [m], force [N], and whether the platen is off the tissue, (n,) each."""
+        compliance = self.rig.compliance_m_N
+        preloaded = self._preloaded()
+        machine = course.imposed + preloaded + compliance * self.rig.preload_N  # Here it counts from first touch.
+        tolerance = SHORTENING_TOLERANCE_HEIGHT_SHARE * self.height_m
+        shortening, stiffness_at, stiffness = guess, guess, self._stiffness(guess)
+        last_states: list[np.ndarray] = []
+        last_changes: list[np.ndarray] = []
+        for _ in range(MOST_CORRECTIONS):
+            force = self._force(course.time_s, shortening, preloaded)
+            if np.abs(shortening - stiffness_at).max() > STIFFNESS_VALID_HEIGHT_SHARE * self.height_m:
+                stiffness_at, stiffness = shortening, self._stiffness(shortening)
+            if_touching = (machine - compliance * force - shortening) / (1.0 + compliance * stiffness)
+            if_free = -force / stiffness
+            off = if_touching < if_free - tolerance
+            change = np.maximum(if_touching, if_free)
+            change[len(shortening) - int(np.argmin(off[::-1])) :] = 0.0  # After the last contact the tissue bears nothing.
+            if np.abs(change).max() <= tolerance:
+                return shortening, np.where(off, 0.0, np.maximum(force, 0.0)), off
+            if last_changes and np.abs(change).max() > np.abs(last_changes[-1]).max():
+                last_states, last_changes = [], []  # The mixing has led astray: a plain step is next.
+            # Anderson's mixing takes the combination of the last corrections that leaves least to change.
+            last_states = [*last_states[-MIXED_CORRECTIONS:], shortening]
+            last_changes = [*last_changes[-MIXED_CORRECTIONS:], change]
+            moves, drops = np.diff(last_states, axis=0).T, np.diff(last_changes, axis=0).T
+            shortening = shortening + change - (moves + drops) @ np.linalg.lstsq(drops, change, rcond=None)[0]
+            shortening = np.clip(shortening, 0.0, 0.5 * (last_states[-1] + self.height_m))
         raise RunError(
-            f"the way of the tissue is not found: after {TURNS} turns it still changes by {1e3 * np.abs(change).max():.2g} mm; "
-            "take a smaller compliance of the rig."
+            f"the way of the tissue is not found: after {MOST_CORRECTIONS} turns it still changes by "
+            f"{1e3 * np.abs(change).max():.2g} mm; take a smaller compliance of the rig."
         )
 
     def _preloaded(self) -> float:
-        """Way [m] at which tissue that is pressed in no time bears the preload."""
-        way, now = np.zeros(1), np.zeros(1)
-        for _ in range(TURNS):
-            change = (self.preload_N - self._force(now, way)) / self._slope(way)
-            way = np.minimum(way + change, 0.5 * (way + self.height_m))
-            if abs(change[0]) <= CLOSE * self.height_m:
-                return float(way[0])
-        raise RunError(f"the tissue does not bear a preload of {self.preload_N:g} N; take a smaller one.")
+        """Shortening [m] at which tissue that is pressed in no time bears the preload."""
+        shortening, now = np.zeros(1), np.zeros(1)
+        for _ in range(MOST_CORRECTIONS):
+            change = (self.rig.preload_N - self._force(now, shortening)) / self._stiffness(shortening)
+            shortening = np.minimum(shortening + change, 0.5 * (shortening + self.height_m))
+            if abs(change[0]) <= SHORTENING_TOLERANCE_HEIGHT_SHARE * self.height_m:
+                return float(shortening[0])
+        raise RunError(f"the tissue does not bear a preload of {self.rig.preload_N:g} N; take a smaller one.")
 
-    def _force(self, time_s: np.ndarray, way: np.ndarray, start: float = 0.0) -> np.ndarray:
-        """Force (n,) N of tissue that is shortened by ``way``, suddenly by ``start`` before; negative where it is pulled."""
-        times, ways = np.concatenate([time_s[:1], time_s[:1], time_s]), np.concatenate([[0.0, start], way])
-        return -self.area_m2 * point.uniaxial(self.law, self.effects, times, 1.0 - ways / self.height_m)[2:]
+    def _force(self, time_s: np.ndarray, shortening: np.ndarray, preloaded: float = 0.0) -> np.ndarray:
+        """Force (n,) N of tissue, which is shortened suddenly by ``preloaded`` before all instants; negative in tension."""
+        times = np.concatenate([time_s[:1], time_s[:1], time_s])
+        stretches = 1.0 - np.concatenate([[0.0, preloaded], shortening]) / self.height_m
+        return -self.area_m2 * point.uniaxial(self.law, self.effects, times, stretches)[2:]
 
-    def _slope(self, way: np.ndarray) -> np.ndarray:
+    def _stiffness(self, shortening: np.ndarray) -> np.ndarray:
         """Slope (n,) N/m of the force in a sudden change, in which nothing is remembered."""
         sudden = [effect for effect in self.effects if not effect.memory]
-        stretch = 1.0 - way / self.height_m
-        both = np.concatenate([stretch - STEP, stretch + STEP])
+        stretch = 1.0 - shortening / self.height_m
+        both = np.concatenate([stretch - STIFFNESS_STRETCH_CHANGE, stretch + STIFFNESS_STRETCH_CHANGE])
         low, high = np.split(point.uniaxial(self.law, sudden, np.zeros(len(both)), both), 2)
-        return self.area_m2 / self.height_m * (high - low) / (2.0 * STEP)
+        return self.area_m2 / self.height_m * (high - low) / (2.0 * STIFFNESS_STRETCH_CHANGE)

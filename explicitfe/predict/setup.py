@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal, TypedDict
 
 from explicitfe.errors import InputError, RunError
 from explicitfe.measured.curve import Curve
@@ -12,7 +13,43 @@ from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 
-SHARP = 28.0  # a sharp edge has no usable solution: it is rounded by the tool's radius over this
+# A sharp edge has no usable solution: the stress is infinite there. It is rounded by the tool's radius over this.
+RADIUS_OVER_SHARP_EDGE = 28.0
+# A displacement of 90 % of the thickness is a mistake of height or unit [m/mm].
+_LARGEST_DISPLACEMENT_M_MM = 9e-4
+
+
+class SpecimenKeys(TypedDict, total=False):
+    """Keys of a scenario's specimen, but for the material."""
+
+    symmetry: Literal["sector", "quarter"]
+    base: Literal["bonded", "sliding"]
+    refinement: float
+    radius_mm: float | None
+    height_mm: float | None
+    size_mm: list[float]
+    layer_mm: float
+    layer_stiffness_ratio: float
+    gravity_m_s2: list[float]
+
+
+class ToolKeys(TypedDict, total=False):
+    """Keys of a scenario's tool."""
+
+    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
+    radius_mm: float
+    edge_radius_mm: float
+    friction: float | Literal["stick"]
+
+
+class MaterialKeys(TypedDict):
+    """A tissue as a scenario states it."""
+
+    law: Literal["yeoh"]
+    C10_Pa: float
+    C20_Pa: float
+    poisson: float
+    density_kg_m3: float
 
 
 @dataclass(frozen=True)
@@ -23,26 +60,27 @@ class Setup:
     ----------
     specimen, tool : keys and values of the scenario's tables, without the material.
     poisson, density_kg_m3 : of the tissue.
-    assumed : what is supposed and not stated by the dataset, in words.
+    assumed : what is supposed because the dataset does not state it, in words.
     """
 
-    specimen: dict[str, Any]
-    tool: dict[str, Any]
+    specimen: SpecimenKeys
+    tool: ToolKeys
     poisson: float
     density_kg_m3: float
     assumed: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def key(self) -> str:
-        """Equal for equal tests; density counts under gravity only."""
+        """Two tests are equal where this text is; the density counts under gravity only."""
         heavy = any(self.specimen.get("gravity_m_s2", ()))
         return json.dumps([self.specimen, self.tool, self.poisson, self.density_kg_m3 if heavy else 0.0], sort_keys=True)
 
     def tables(self, C10_Pa: float, C20_Pa: float) -> tuple[SpecimenTable, ToolTable]:
         """The scenario's own tables, checked."""
-        return SpecimenTable(**self.specimen, material=self.material(C10_Pa, C20_Pa)), ToolTable(**self.tool)
+        specimen = SpecimenTable.model_validate({**self.specimen, "material": self.material(C10_Pa, C20_Pa)})
+        return specimen, ToolTable.model_validate(self.tool)
 
-    def material(self, C10_Pa: float, C20_Pa: float) -> dict[str, Any]:
+    def material(self, C10_Pa: float, C20_Pa: float) -> MaterialKeys:
         """The tissue as a scenario states it."""
         return {
             "law": "yeoh",
@@ -52,6 +90,24 @@ class Setup:
             "density_kg_m3": self.density_kg_m3,
         }
 
+    @property
+    def height_m(self) -> float:
+        """Height of the specimen along the load [m]."""
+        if "size_mm" in self.specimen:
+            return 1e-3 * self.specimen["size_mm"][2]
+        height_mm = self.specimen["height_mm"]
+        assert height_mm is not None
+        return 1e-3 * height_mm
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the specimen's loaded face [m2]."""
+        if "size_mm" in self.specimen:
+            return 1e-6 * (self.specimen["size_mm"][0] * self.specimen["size_mm"][1])
+        radius_mm = self.specimen["radius_mm"]
+        assert radius_mm is not None
+        return 1e-6 * (math.pi * radius_mm**2)
+
     def relaxation(self, C10_Pa: float, C20_Pa: float, tolerance: float = 1e-4) -> Relaxation:
         """A body of this test, settled, its tool at first touch.
 
@@ -59,7 +115,7 @@ class Setup:
         ------
         RunError : it does not come to rest.
         """
-        # One thread: the constants that are found do not depend on the machine's cores.
+        # One thread computes it: fitted constants must not depend on the number of cores.
         body = Relaxation(specimen_model(*self.tables(C10_Pa, C20_Pa)), tolerance, threads=1)
         body.compile()
         # Without gravity the body is at rest as it is, and the tool touches at 0.
@@ -69,18 +125,18 @@ class Setup:
 
 
 def setup_of(curve: Curve, poisson: float, refinement: float) -> Setup:
-    """The test of a curve with a tool, with what the dataset leaves open supposed.
+    """The test of a curve with a tool; what the dataset leaves open is supposed, and said in ``assumed``.
 
     Raises
     ------
-    InputError : the test is none that the simulator knows.
+    InputError : the simulator has no such test.
     """
     specimen, tool = curve.specimen, curve.tool
     assert specimen is not None and tool is not None
     given = (("specimen", specimen.assumed), ("tool", tool.assumed))
     assumed = [f"the {whose}'s {_words(key)}" for whose, keys in given for key in keys if key != "density_kg_m3"]
     platen = tool.shape == "platen"
-    base = {"bonded": "bonded", "frictionless": "sliding", "unknown": "sliding" if platen else "bonded"}[specimen.base]
+    slides = specimen.base == "frictionless" or (specimen.base == "unknown" and platen)
     if specimen.base == "unknown":
         assumed.append("both faces slide" if platen else "the base is bonded")
     friction: float | Literal["stick"] = 0.0
@@ -91,33 +147,33 @@ def setup_of(curve: Curve, poisson: float, refinement: float) -> Setup:
     elif tool.shape != "bonded-disc" and not (platen and specimen.base == "unknown"):
         assumed.append("no friction under the tool")
 
-    body: dict[str, Any] = {"base": base, "refinement": refinement}
+    body: SpecimenKeys = {"base": "sliding" if slides else "bonded", "refinement": refinement}
     if specimen.size_mm is None:
-        body |= {"symmetry": "sector", "radius_mm": specimen.radius_mm, "height_mm": specimen.height_mm}
+        body = {**body, "symmetry": "sector", "radius_mm": specimen.radius_mm, "height_mm": specimen.height_mm}
     else:
-        body |= {"symmetry": "quarter", "size_mm": list(specimen.size_mm)}
+        body = {**body, "symmetry": "quarter", "size_mm": list(specimen.size_mm)}
     if specimen.layer_mm > 0.0:
-        body |= {"layer_mm": specimen.layer_mm, "layer_stiffness_ratio": specimen.layer_stiffness_ratio}
-    hand: dict[str, Any] = {"shape": tool.shape}
+        body = {**body, "layer_mm": specimen.layer_mm, "layer_stiffness_ratio": specimen.layer_stiffness_ratio}
+    tool_keys: ToolKeys = {"shape": tool.shape}
     if tool.radius_mm is not None:
-        hand["radius_mm"] = tool.radius_mm
+        tool_keys["radius_mm"] = tool.radius_mm
     if tool.shape != "bonded-disc":
-        hand["friction"] = friction
+        tool_keys["friction"] = friction
     if tool.shape == "flat-cylinder":
         assert tool.radius_mm is not None
-        hand["edge_radius_mm"] = tool.edge_radius_mm or tool.radius_mm / SHARP
+        tool_keys["edge_radius_mm"] = tool.edge_radius_mm or tool.radius_mm / RADIUS_OVER_SHARP_EDGE
         if tool.edge_radius_mm == 0.0:
-            assumed.append(f"the tool's sharp edge is rounded by {hand['edge_radius_mm']:.3g} mm")
+            assumed.append(f"the tool's sharp edge is rounded by {tool_keys['edge_radius_mm']:.3g} mm")
     if curve.displacement_m.max() <= 0.0:
         raise InputError(
             f'curve "{curve.id}": the tool pulls only; tests under a tool are identified from pressing, displacement above 0.'
         )
-    if curve.displacement_m.max() > 9e-4 * specimen.thickness_mm:
+    if curve.displacement_m.max() > _LARGEST_DISPLACEMENT_M_MM * specimen.thickness_mm:
         raise InputError(
             f'curve "{curve.id}": the displacement reaches {1e3 * curve.displacement_m.max():.3g} mm of a specimen that is '
             f"{specimen.thickness_mm:g} mm thick; check height and unit."
         )
-    return Setup(body, hand, poisson, specimen.density_kg_m3, tuple(assumed))
+    return Setup(body, tool_keys, poisson, specimen.density_kg_m3, tuple(assumed))
 
 
 def _words(key: str) -> str:

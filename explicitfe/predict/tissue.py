@@ -1,4 +1,4 @@
-"""A model file: the constants of a tissue and the effects it has beside them, with which any dataset can be predicted.
+"""A tissue: its constants and the effects that it has beside them, with which any dataset can be predicted; and its model file.
 
 format = "explicitfe-model/1"
 poisson = 0.499
@@ -22,7 +22,7 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BeforeValidator, Field, ValidationError
 
@@ -30,19 +30,24 @@ from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve, Dataset
-from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
+from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool, RawTable
 from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import Table, validated
 
-FORMAT = "explicitfe-model/1"
-EVERY = "*"  # the group of constants that stands for all
+FORMAT: Literal["explicitfe-model/1"] = "explicitfe-model/1"
+EVERY = "*"  # This group of constants stands for all.
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
-_TABLES = {"specimen": MeasuredSpecimen, "tool": MeasuredTool}
+_MeasuredTable = TypeVar("_MeasuredTable", MeasuredSpecimen, MeasuredTool)
+
+
+def effect_name(effect: Effect) -> str:
+    """The name of an effect in the table of all effects."""
+    return next(name for name, kind in EFFECTS.items() if kind is type(effect))
 
 
 class Constants(Table):
-    """Yeoh's constants; those of a sudden load where there is relaxation."""
+    """Yeoh's constants; where the tissue relaxes, they are those of a sudden load."""
 
     C10_Pa: float = Field(gt=0.0, description="first constant [Pa]")
     C20_Pa: float = Field(default=0.0, ge=0.0, description="second constant [Pa]")
@@ -56,14 +61,14 @@ class Numerics(Table):
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual of an equilibrium")
 
 
-def _grouped(value: Any) -> Any:
+def _grouped(value: object) -> object:
     if not isinstance(value, dict) or not value:
         raise ValueError("must be a table with C10_Pa and C20_Pa, or one such table a group")
     return value if all(isinstance(v, dict | Constants) for v in value.values()) else {EVERY: value}
 
 
 class Tissue(Table):
-    """The schema of a model file."""
+    """Constants with effects; the schema of a model file."""
 
     format: Literal["explicitfe-model/1"] = FORMAT
     title: str = ""
@@ -71,8 +76,8 @@ class Tissue(Table):
     constants_by: str | None = Field(default=None, min_length=1, description='condition, or "group", that names the constants')
     constants: Annotated[dict[str, Constants], BeforeValidator(_grouped)]
     effects: EffectsTable = EffectsTable()
-    specimen: dict[str, Any] = Field(default={}, description="keys that replace the dataset's")
-    tool: dict[str, Any] = Field(default={}, description="keys that replace the dataset's")
+    specimen: RawTable = Field(default={}, description="keys that replace the dataset's")
+    tool: RawTable = Field(default={}, description="keys that replace the dataset's")
     numerics: Numerics = Numerics()
 
     def law(self, curve: Curve) -> Yeoh:
@@ -82,19 +87,19 @@ class Tissue(Table):
         ------
         InputError : the model has no constants for it.
         """
-        found = self.constants.get(curve.constants, self.constants.get(EVERY))
-        if found is None:
+        constants = self.constants.get(curve.constants, self.constants.get(EVERY))
+        if constants is None:
             raise InputError(
                 f'the model has no [constants.{_key(curve.constants)}], which curve "{curve.id}" needs; '
                 f"{nearest(curve.constants, self.constants)}"
             )
         density = {} if curve.specimen is None else {"density_kg_m3": curve.specimen.density_kg_m3}
-        return Yeoh(C10_Pa=found.C10_Pa, C20_Pa=found.C20_Pa, poisson=self.poisson, **density)
+        return Yeoh(C10_Pa=constants.C10_Pa, C20_Pa=constants.C20_Pa, poisson=self.poisson, **density)
 
     def with_effect(self, effect: Effect) -> Tissue:
-        """The model with one effect more, or another instead of one of its kind."""
-        name = next(key for key, kind in EFFECTS.items() if kind is type(effect))
-        return self.model_copy(update={"effects": self.effects.model_copy(update={name.replace("-", "_"): effect})})
+        """The tissue with one effect more, or another instead of one of its kind."""
+        key = effect_name(effect).replace("-", "_")
+        return self.model_copy(update={"effects": self.effects.model_copy(update={key: effect})})
 
     def grouped(self, dataset: Dataset) -> Dataset:
         """The dataset with its constants by ``constants_by`` and the keys of [specimen] and [tool] replaced.
@@ -107,26 +112,15 @@ class Tissue(Table):
             dataset = dataset.regrouped(self.constants_by)
         curves = []
         for curve in dataset.curves:
-            changed = {}
-            for name, table in _TABLES.items():
-                own = getattr(curve, name)
-                more = getattr(self, name)
-                if not more:
-                    continue
-                if own is None:
-                    raise InputError(f'the model replaces keys of [{name}], and curve "{curve.id}" has none; take them out.')
-                data = own.model_dump(exclude_unset=True, mode="json") | more
-                try:
-                    changed[name] = validated(table, data)
-                except ValidationError as error:
-                    raise InputError(f"[{name}] of the model: {explain(error, data, table)}") from None
-            curves.append(replace(curve, **changed))
+            specimen = _replaced("specimen", curve.specimen, self.specimen, MeasuredSpecimen, curve.id)
+            tool = _replaced("tool", curve.tool, self.tool, MeasuredTool, curve.id)
+            curves.append(replace(curve, specimen=specimen, tool=tool))
             self.law(curve)
         return replace(dataset, curves=tuple(curves))
 
     @property
     def text(self) -> str:
-        """The file's text; read again it gives the same model, bit by bit."""
+        """The text of its model file; read again it gives the same tissue, bit by bit."""
         lines = [f"format = {toml_value(self.format)}"]
         if self.title:
             lines.append(f"title = {toml_value(self.title)}")
@@ -148,8 +142,23 @@ class Tissue(Table):
         return "\n".join(lines) + "\n"
 
 
+def _replaced(
+    name: str, own: _MeasuredTable | None, keys: RawTable, table: type[_MeasuredTable], curve: str
+) -> _MeasuredTable | None:
+    """A table of a curve with the tissue's keys over its own."""
+    if not keys:
+        return own
+    if own is None:
+        raise InputError(f'the model replaces keys of [{name}], and curve "{curve}" has none; take them out.')
+    data = own.model_dump(exclude_unset=True, mode="json") | keys
+    try:
+        return validated(table, data)
+    except ValidationError as error:
+        raise InputError(f"[{name}] of the model: {explain(error, data, table)}") from None
+
+
 def read_tissue(path: Path | str) -> Tissue:
-    """A model file, checked.
+    """The tissue of a model file, checked.
 
     Raises
     ------
@@ -166,7 +175,7 @@ def read_tissue(path: Path | str) -> Tissue:
 
 
 def parse_tissue(text: str, name: str = "model") -> Tissue:
-    """A model from a file's text; see :func:`read_tissue`."""
+    """The tissue from a model file's text; see :func:`read_tissue`."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -179,15 +188,15 @@ def parse_tissue(text: str, name: str = "model") -> Tissue:
         raise InputError(f"{name}: {explain(error, data, Tissue).replace('the scenario', 'the model')}") from None
 
 
-def write_tissue(model: Tissue, path: Path | str) -> None:
-    """Write a model file.
+def write_tissue(tissue: Tissue, path: Path | str) -> None:
+    """Write a tissue's model file.
 
     Raises
     ------
     InputError : the place cannot be written.
     """
     try:
-        Path(path).write_text(model.text, encoding="utf-8")
+        Path(path).write_text(tissue.text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: this cannot be written ({error.strerror}).") from None
 
@@ -196,7 +205,7 @@ def _key(key: str) -> str:
     return key if _BARE.fullmatch(key) else toml_value(key)
 
 
-def toml_value(value: Any) -> str:
+def toml_value(value: object) -> str:
     """A value as TOML writes it."""
     if isinstance(value, bool):
         return str(value).lower()

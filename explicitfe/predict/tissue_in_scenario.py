@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from explicitfe.effects import EFFECTS, Effect, MaterialEffect
-from explicitfe.effects.material.compressible import Compressible
-from explicitfe.effects.muscle.activation_lag import ActivationLag
+from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
 from explicitfe.model import catalogue
 from explicitfe.predict.tissue import EVERY, Constants, Tissue, toml_value
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import Scenario
 
-IN_A_BODY = (MaterialEffect, Compressible, ActivationLag)
-UNDER_A_TOOL = ("material", "specimen", "contact", "boundary")  # where effects act that a specimen takes along to another test
+# A body takes these effects along into a run in time: what they act on is its own.
+ACTS_ON_A_BODY = ("material", "muscle")
+# A specimen takes along the effects that are there, in the words of their descriptions, whatever the test imposes.
+WHERE_IN_A_SPECIMEN = ("material", "specimen", "contact", "boundary")
 
 
 def tissue_settings(model: Tissue, scenario: Scenario, group: str | None = None) -> tuple[list[str], list[str]]:
@@ -67,4 +67,4 @@ def _constants(model: Tissue, group: str | None) -> Constants:
 
 def _belongs(kind: type[Effect], under_a_tool: bool) -> bool:
     """Whether an effect goes with the tissue into another run."""
-    return kind.about.where in UNDER_A_TOOL if under_a_tool else issubclass(kind, IN_A_BODY)
+    return kind.about.where in WHERE_IN_A_SPECIMEN if under_a_tool else kind.acts_on in ACTS_ON_A_BODY

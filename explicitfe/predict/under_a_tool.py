@@ -7,30 +7,31 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from explicitfe.effects import Effect, MaterialEffect, Measurement
-from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects import Effect
+from explicitfe.effects.effect import physics_of, readings_of
 from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import Course, course_of
 from explicitfe.measured.curve import Curve, programme_of, sd_of
 from explicitfe.model.specimen import specimen_model
 from explicitfe.predict.experiment import CurveAnswer, start_times
-from explicitfe.predict.platens import UNIFORM, Platens
+from explicitfe.predict.platens import STEPS_TO_LOSS_OF_CONTACT, Platens
 from explicitfe.predict.reading import reading, true_programme
 from explicitfe.predict.setup import is_uniform, setup_of
 from explicitfe.predict.tissue import Numerics
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Relaxation, Stuck
 
-CAREFUL, EARLY = 4, 1.2  # parts of the step in which a tool may lose contact; it may if 1.2 times the last fall would do
+# A tool may lose contact in the next step if 1.2 times the fall of the force in the last step would bring it to zero: 20 % more
+# is on the safe side.
+FALL_MARGIN_FACTOR = 1.2
+# The force of a tool falls to zero with this power of the depth (Hertz's for a sphere); that of a flat tool falls linearly.
+CONTACT_POWERS = {"sphere": 1.5}
 
 
-LIFTS = {"sphere": 1.5}  # power of the way with which the force of a tool falls to nothing; 1 for flat ones
-
-
-def has_waits(effects: Sequence[Effect]) -> bool:
-    """Whether anything happens to the material while nothing moves."""
-    return any(isinstance(effect, MaterialEffect) and effect.values(1.0) != effect.values(0.0) for effect in effects)
+def time_matters(effects: Sequence[Effect]) -> bool:
+    """Whether anything happens in a specimen while the tool waits; a specimen has no muscles."""
+    return any(effect.transient and effect.acts_on != "muscle" for effect in effects)
 
 
 def predict_under_a_tool(
@@ -40,65 +41,80 @@ def predict_under_a_tool(
     numerics: Numerics,
     progress: Callable[[float], None],
 ) -> list[CurveAnswer]:
+    """What a tissue answers to the curves of a test with a tool.
+
+    Raises
+    ------
+    RunError : a state is not reached.
+    """
     begin = time.perf_counter()
     first = test[0]
+    assert first.specimen is not None and first.tool is not None
     by_force = first.imposed == "force_N"
-    readings = [effect for effect in effects if isinstance(effect, Measurement)]
-    physics = [effect for effect in effects if not isinstance(effect, Measurement)]
+    readings, physics = readings_of(effects), physics_of(effects)
     setup = setup_of(first, law.poisson, numerics.refinement)
     time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, start_times(test), strict=True)])
-    way = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force) for curve in test])
+    programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force) for curve in test])
     tied = first.tool.shape == "bonded-disc"
-    uniform = is_uniform(setup) and not by_force and all(isinstance(effect, UNIFORM) for effect in physics)
+    uniform = is_uniform(setup) and not by_force and all(effect.pointwise for effect in physics)
     sd = sd_of(first, first.imposed) or 0.0
-    lifts = None if by_force or tied else LIFTS.get(first.tool.shape, 1.0)
-    course = course_of(time_s, way, sd=sd, waits=has_waits(physics), density=numerics.density, touches=not tied)
+    contact_power = None if by_force or tied else CONTACT_POWERS.get(first.tool.shape, 1.0)
+    course = course_of(time_s, programme, sd=sd, waits=time_matters(physics), density=numerics.density, touches=not tied)
     iterations = 0
     if uniform:
-        size = first.specimen
-        made = Platens.of(law, physics, 1e-3 * size.thickness_mm, 1e-6 * size.face_mm2)
+        platens = Platens.of(law, physics, 1e-3 * first.specimen.thickness_mm, 1e-6 * first.specimen.face_mm2)
         try:
-            course, answers, lost = made.followed(course)
-            lifts = lifts if lost else None
-        except RunError:  # the simulator gets there by smaller steps
+            course, answers, loses_contact = platens.follow(course)
+            contact_power = contact_power if loses_contact else None
+        except RunError:  # The simulator takes smaller steps and may get there.
             uniform = False
     if not uniform:
-        data = dict(setup.specimen)
-        if data["symmetry"] == "sector" and any(isinstance(e, Fibres) and any(e.direction[:2]) for e in physics):
-            data["symmetry"] = "quarter"
-        specimen = SpecimenTable(**data, material=law.model_dump())
-        # One thread: tests are shared out among processes, and what is predicted does not depend on the machine's cores.
-        body = Relaxation(specimen_model(specimen, ToolTable(**setup.tool), physics), numerics.tolerance, threads=1)
+        symmetry = setup.specimen["symmetry"]
+        if symmetry == "sector" and any(effect.breaks_symmetry for effect in physics):
+            symmetry = "quarter"
+        specimen = SpecimenTable.model_validate({**setup.specimen, "symmetry": symmetry, "material": law.model_dump()})
+        tool = ToolTable.model_validate(setup.tool)
+        # Tests are shared out among processes, so each has one thread: a prediction must not depend on the number of cores.
+        body = Relaxation(specimen_model(specimen, tool, physics), numerics.tolerance, threads=1)
         body.compile()
-        course, answers, iterations = _driven(body, course, by_force, lifts is not None, first.id, progress)
-    values = course.at(answers, time_s, lifts)
+        course, answers, iterations = _drive(body, course, by_force, contact_power is not None, first.id, progress)
+    values = course.at(answers, time_s, contact_power)
     seconds = (time.perf_counter() - begin) / len(test)
-    found = []
+    instants, iterations_of_each = len(course.time_s) // len(test), iterations // len(test)
+    predictions = []
     for curve in test:
-        mine, values = values[: len(curve.time_s)], values[len(curve.time_s) :]
-        instants, shared = len(course.time_s) // len(test), iterations // len(test)
-        found.append(CurveAnswer(reading(mine, curve, readings, by_force), instants, shared, seconds, setup.assumed))
-    return found
+        true, values = values[: len(curve.time_s)], values[len(curve.time_s) :]
+        read = reading(true, curve, readings, by_force)
+        predictions.append(CurveAnswer(read, instants, iterations_of_each, seconds, setup.assumed))
+    return predictions
 
 
-def _driven(
-    body: Relaxation, course: Course, by_force: bool, lifts: bool, name: str, progress: Callable[[float], None]
+def _drive(
+    body: Relaxation, course: Course, by_force: bool, loses_contact: bool, name: str, progress: Callable[[float], None]
 ) -> tuple[Course, np.ndarray, int]:
-    """The course, finer where the tool loses contact; force [N] or displacement [m] at its instants; iterations that took."""
-    rest = body.settle()
-    if isinstance(rest, Stuck):
+    """Impose a course on a body.
+
+    Returns
+    -------
+    course : finer than the given one where the tool loses contact.
+    answers : force [N] or displacement [m] at its instants.
+    iterations : of dynamic relaxation.
+    """
+    settled = body.settle()
+    if isinstance(settled, Stuck):
         raise RunError(f'curve "{name}": the body does not come to rest before the tool moves.')
     answers: list[float] = []
-    total = rest.iterations
+    iterations = settled.iterations
     push = body.press if by_force else body.move
-    number = cut = 0
+    number = finer_until = 0
     while number < len(course.time_s):
-        if lifts and number > max(1, cut) and _leaves(answers, course, number):
-            course, cut = course.split(number, CAREFUL), number + CAREFUL
+        if loses_contact and number > max(1, finer_until) and _may_lose_contact(answers, course, number):
+            course = course.split(number, STEPS_TO_LOSS_OF_CONTACT)
+            finer_until = number + STEPS_TO_LOSS_OF_CONTACT
         t, x = course.time_s[number], course.imposed[number]
-        # until a tool that does not stick touches, the body is at rest
-        idle = not any(answers) and (x <= 0.0 if lifts else x == 0.0 and not answers)
-        reached = rest if idle else push(float(x), at_s=float(t - course.time_s[0]))
+        # Until a tool that is not bonded touches, the body is at rest.
+        idle = not any(answers) and (x <= 0.0 if loses_contact else x == 0.0 and not answers)
+        reached = settled if idle else push(float(x), at_s=float(t - course.time_s[0]))
         if isinstance(reached, Stuck):
             unit, factor = ("N", 1.0) if by_force else ("mm", 1e3)
             place = ", ".join(f"{1e3 * c:.3g}" for c in reached.place_m)
@@ -106,15 +122,15 @@ def _driven(
                 f'curve "{name}": the model stops at {factor * reached.reached:.3g} {unit} of {factor * x:.3g} {unit}, '
                 f"{t:.3g} s ({reached.reason} at {place} mm); take another refinement."
             )
-        total += reached.iterations
+        iterations += reached.iterations
         answers.append(reached.displacement_m if by_force else reached.force_N)
         number += 1
         progress(number / len(course.time_s))
-    return course, np.array(answers), total
+    return course, np.array(answers), iterations
 
 
-def _leaves(force_N: Sequence[float], course: Course, number: int) -> bool:
+def _may_lose_contact(force_N: Sequence[float], course: Course, number: int) -> bool:
     """Whether the tool may lose contact on the step to an instant, by the line through the last two."""
     before, last = force_N[number - 2], force_N[number - 1]
     pace = (before - last) / (course.time_s[number - 1] - course.time_s[number - 2])
-    return 0.0 < last <= pace * (course.time_s[number] - course.time_s[number - 1]) * EARLY
+    return 0.0 < last <= pace * (course.time_s[number] - course.time_s[number - 1]) * FALL_MARGIN_FACTOR

@@ -94,7 +94,7 @@ def test_errors_before_and_after(closed):
     assert before["fit"]["rmse"] > 5.0 * after["fit"]["rmse"]
     assert after["fit"]["rmse"] == pytest.approx(sd, rel=0.4) and after["holdout"]["rmse"] == pytest.approx(sd, rel=0.4)
     for row in after["curves"].values():
-        assert row["nrmse"] == pytest.approx(row["floor"], rel=0.5)
+        assert row.nrmse == pytest.approx(row["floor"], rel=0.5)
     assert found["unit"] == "Pa" and found["n_eff"] <= 2 * ROWS
 
 
@@ -113,11 +113,11 @@ def test_what_is_written(closed):
 def test_the_model_file_reproduces_the_errors(closed, name, side):
     """The simulator reads the file and is off by what the report says, to rounding."""
     data, out, found = closed
-    rows = predict(data, out / name, processes=1)["curves"]
+    rows = predict(data, out / name, processes=1).curves
     assert set(rows) == set(found[side]["error"]["curves"])
     for curve, row in rows.items():
-        assert row["rmse"] == pytest.approx(found[side]["error"]["curves"][curve]["rmse"], rel=1e-6)
-        assert row["nrmse"] == pytest.approx(found[side]["error"]["curves"][curve]["nrmse"], rel=1e-6)
+        assert row.rmse == pytest.approx(found[side]["error"]["curves"][curve]["rmse"], rel=1e-6)
+        assert row.nrmse == pytest.approx(found[side]["error"]["curves"][curve]["nrmse"], rel=1e-6)
 
 
 def test_twice_the_same(closed, tmp_path):
@@ -158,9 +158,9 @@ def test_constants_of_two_groups(tmp_path):
     found = close_loop(data, out=tmp_path / "out", processes=1)
     assert set(found["baseline"]["parameters"]["C10_Pa"]) == {"A", "B"}
     assert found["effects"] == ["viscoelastic"]
-    rows = predict(data, tmp_path / "out" / "model.toml", processes=1)["curves"]
+    rows = predict(data, tmp_path / "out" / "model.toml", processes=1).curves
     for curve, row in rows.items():
-        assert row["rmse"] == pytest.approx(found["final"]["error"]["curves"][curve]["rmse"], rel=1e-6)
+        assert row.rmse == pytest.approx(found["final"]["error"]["curves"][curve]["rmse"], rel=1e-6)
 
 
 def test_a_planned_test_has_the_constants_of_its_own_group(tmp_path):
@@ -294,7 +294,7 @@ def put(file: str, pattern: str, new: str) -> Callable[[Path], None]:
     return change
 
 
-def scaled(by: float) -> Callable[[Path], None]:
+def with_stress_times(by: float) -> Callable[[Path], None]:
     """Stress in another unit."""
 
     def change(folder: Path) -> None:
@@ -320,8 +320,8 @@ BAD = {
     ),
     "a file that is not listed": (lambda folder: (folder / "more.csv").write_text("", encoding="utf-8"), ["more.csv", "list it"]),
     "a file that is missing": (lambda folder: (folder / ZERO).unlink(), [T, ZERO, "missing"]),
-    "stress in kPa and below": (scaled(1e-6), [ZERO, "line ", "nominal_stress_Pa", "too small"]),
-    "stress in uPa": (scaled(1e9), [ZERO, "line ", "nominal_stress_Pa", "too large"]),
+    "stress in kPa and below": (with_stress_times(1e-6), [ZERO, "line ", "nominal_stress_Pa", "too small"]),
+    "stress in uPa": (with_stress_times(1e9), [ZERO, "line ", "nominal_stress_Pa", "too large"]),
     "stretch in percent": (put(ZERO, "^0,1,", "0,100,"), [ZERO, "line 2", "percent"]),
     "held out without a fit curve": (
         put(T, 'id = "ramp-1"', 'id = "ramp-1"\nsplit = "holdout"\nconstants = "B"'),

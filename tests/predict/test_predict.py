@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,6 +21,7 @@ from explicitfe.measured.read import read_dataset
 from explicitfe.predict.experiment import effects_of, experiments
 from explicitfe.predict.predict import predict, predict_test
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue, read_tissue, write_tissue
+from explicitfe.results.prediction import Prediction
 from explicitfe.solve import point
 
 COARSE = 0.7
@@ -70,21 +72,20 @@ def _timed(path: Path, t: np.ndarray, conditions: str) -> Path:
 def test_a_curve_is_predicted_by_its_own_model(tmp_path):
     """Halving the increments changes less than 0.2 % of the peak, so the curve is nearer than that to one without increments."""
     data = muscle(tmp_path / "data", conditions=f"rate_per_s = {RATE}, max_strain = {STRAIN}")
-    found = predict(data, saved(tmp_path, model(PRONY)))
-    row = found["curves"]["one"]
-    rows = {key: np.array(values) for key, values in row["rows"].items()}
-    assert np.abs(rows["predicted"] - rows["measured"]).max() < 2e-3 * row["largest_measured"]
-    assert row["nrmse"] == pytest.approx(row["rmse"] / row["largest_measured"])
-    assert (row["quantity"], row["unit"], row["imposed"]) == ("nominal_stress", "Pa", "stretch")
-    assert found["error"]["all"] == {"curves": 1, "nrmse": row["nrmse"]}
-    assert row["seconds"] < 30.0
+    prediction = predict(data, saved(tmp_path, model(PRONY)))
+    curve = prediction.curves["one"]
+    assert np.abs(np.subtract(curve.rows.predicted, curve.rows.measured)).max() < 2e-3 * curve.largest_measured
+    assert curve.nrmse == pytest.approx(curve.rmse / curve.largest_measured)
+    assert (curve.quantity, curve.unit, curve.imposed) == ("nominal_stress", "Pa", "stretch")
+    assert prediction.document["error"]["all"] == {"curves": 1, "nrmse": curve.nrmse}
+    assert curve.seconds < 30.0
 
 
 def test_without_the_corner_of_its_programme_the_curve_would_be_off(tmp_path):
-    """Between rows the way is straight; a nominal programme has its corner there. The relaxation that begins then is missed."""
+    """Between rows a programme is straight; a nominal one has its corner there. The relaxation that begins then is missed."""
     plain = muscle(tmp_path / "plain")
-    off = predict(plain, saved(tmp_path, model(PRONY)))["curves"]["one"]["rows"]
-    assert np.abs(np.array(off["predicted"]) - off["measured"]).max() > 4e-3 * np.abs(off["measured"]).max()
+    rows = predict(plain, saved(tmp_path, model(PRONY))).curves["one"].rows
+    assert np.abs(np.subtract(rows.predicted, rows.measured)).max() > 4e-3 * np.abs(rows.measured).max()
 
 
 def test_fibres_lie_as_the_curve_says():
@@ -229,14 +230,16 @@ def test_numerics_of_the_model_file_are_used(tmp_path, soft):
 def test_in_parallel_as_one_by_one(tmp_path, soft):
     data = indentation(tmp_path / "data", copies=3)
     path = saved(tmp_path, model(PRONY))
-    found = predict(data, path, refinement=COARSE, processes=2, out=tmp_path / "out")
-    for row in found["curves"].values():
-        assert np.array_equal(row["rows"]["predicted"], soft[1.0].values)
-    assert (tmp_path / "out" / "predict.json").is_file()
+    prediction = predict(data, path, refinement=COARSE, processes=2, out=tmp_path / "out")
+    for curve in prediction.curves.values():
+        assert np.array_equal(curve.rows.predicted, soft[1.0].values)
+    text = (tmp_path / "out" / "predict.json").read_text(encoding="utf-8")
+    assert Prediction.model_validate_json(text) == prediction
+    assert json.loads(text) == prediction.document
     assert len((tmp_path / "out" / "curve-1.csv").read_text(encoding="utf-8").splitlines()) == 1 + len(programme()[0])
-    # with what it was computed with: the file alone makes the prediction again
+    # The file states how it was computed: it alone makes the prediction again.
     assert read_tissue(tmp_path / "out" / "model.toml") == model(PRONY, numerics=Numerics(refinement=COARSE))
-    assert (found["refinement"], found["density"], found["tolerance"]) == (COARSE, 1.0, 1e-4)
+    assert (prediction.refinement, prediction.density, prediction.tolerance) == (COARSE, 1.0, 1e-4)
     with pytest.raises(InputError, match="earlier prediction"):
         predict(data, path, refinement=COARSE, out=tmp_path / "out")
     (tmp_path / "other").mkdir()
@@ -254,11 +257,13 @@ def test_what_is_not_reached_is_said_and_the_rest_goes_on(tmp_path, monkeypatch)
 
     monkeypatch.setattr(module, "predict_test", broken)
     data = muscle(tmp_path / "data")
-    found = predict(data, saved(tmp_path, model()))
-    assert found["curves"]["one"]["status"] == "failed"
-    assert found["curves"]["one"]["message"] == "one breaks"
-    assert "predicted" not in found["curves"]["one"]["rows"]
-    assert found["error"] == {}
+    prediction = predict(data, saved(tmp_path, model()))
+    assert prediction.failures == {"one": "one breaks"}
+    curve = prediction.document["curves"]["one"]
+    assert curve["status"] == "failed"
+    assert "predicted" not in curve["rows"]
+    assert not curve.keys() & {"rmse", "nrmse", "instants"}
+    assert prediction.error == {}
 
 
 def test_cycles_of_one_specimen_are_one_test(tmp_path):
@@ -344,7 +349,7 @@ def test_where_no_homogeneous_state_is_found_the_simulator_goes_on(pressed, monk
         raise RunError("not found")
 
     exact = predict_test([pressed], model())[0].values
-    monkeypatch.setattr(Platens, "followed", none)
+    monkeypatch.setattr(Platens, "follow", none)
     found = predict_test([pressed], model())[0]
     assert found.iterations > 0
     assert np.abs(found.values - exact).max() < 1e-3 * exact.max()

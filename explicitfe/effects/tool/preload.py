@@ -50,4 +50,4 @@ class Preload(Effect):
         """With the force that was measured, where one was."""
         if "preload_N" not in conditions:
             return self
-        return self.model_copy(update={"force_N": max(float(conditions["preload_N"]), 0.0)})
+        return self.model_copy(update={"force_N": max(float(str(conditions["preload_N"])), 0.0)})

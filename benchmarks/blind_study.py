@@ -2,9 +2,9 @@
 
     python benchmarks/blind_study.py OUT [--seed 2026] [--processes 2] [--limit 1800] [--small] [--only homogeneous]
 
-OUT receives a folder a family, each with its cases, reports, score.json, score.md and confusion.png, and tables.md with both.
-What is there already is not made again, so that a study that was stopped goes on. Making the cases takes about half an
-hour for each family on one core; how long the tool takes is in the tables.
+OUT receives a folder for each family, with its cases, reports, score.json, score.md and confusion.png; tables.md holds both
+families. Cases and reports that exist are kept, so that a stopped study goes on. Making the cases takes about half an hour for
+each family on one core; the tables say how long the tool takes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ STUDY = {
     "homogeneous": {"control": 100, "single": 300, "double": 30, "outside": 24},
     "indentation": {"control": 16, "single": 26},
 }
-SMALL = 10  # a small study has so many times fewer cases
+FEWER_CASES = 10  # A small study has so many times fewer cases.
 
 
 def main() -> None:
@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--limit", type=float, default=None, help="seconds after which a case is stopped")
-    parser.add_argument("--small", action="store_true", help=f"{SMALL} times fewer cases")
+    parser.add_argument("--small", action="store_true", help=f"{FEWER_CASES} times fewer cases")
     parser.add_argument("--only", choices=STUDY)
     options = parser.parse_args()
     texts = []
@@ -40,7 +40,7 @@ def main() -> None:
             continue
         folder = options.out / family
         if options.small:
-            kinds = {kind: max(number // SMALL, 1) for kind, number in kinds.items()}
+            kinds = {kind: max(number // FEWER_CASES, 1) for kind, number in kinds.items()}
         progress = _progress(family)
         if not (folder / MANIFEST).is_file():
             make(folder, seed=options.seed, kinds=kinds, family=family, processes=options.processes, progress=progress)

@@ -16,9 +16,9 @@ from explicitfe.errors import RunError
 from explicitfe.measured.curve import Curve
 from explicitfe.predict.tissue import Tissue
 
-AT_BOUND = 1e-3  # of the logarithm of the range
-STEP = 1e-3  # relative, of an unknown
-FAR = 1e3  # residual of a model that a test breaks
+AT_BOUND = 1e-3  # A value this close to a bound, as a share of the logarithmic range, is at the bound.
+RELATIVE_STEP = 1e-3  # of an unknown, for its derivative
+BROKEN_TEST_RESIDUAL = 1e3  # the residual of a model that cannot be computed through a test
 Values = Mapping[str, float]
 
 
@@ -37,12 +37,12 @@ class EffectsFit:
 
     Attributes
     ----------
-    model, values : what was found.
-    nrmse : curve -> rms deviation relative to its largest measured value.
-    at_bound : unknowns that ended at a bound: the data want more than was allowed, or do not care.
-    costs : sum of squares of each start, increasing: near ones speak for the minimum.
-    evaluations : of all curves together.
-    converged : whether the best start did.
+    model, values : the fitted model, and the values of the unknowns.
+    nrmse : rms deviation of each curve, relative to its largest measured value.
+    at_bound : unknowns that ended at a bound: the data ask for more than is allowed, or do not depend on them.
+    costs : sum of squares of each start, increasing. If the first ones are close, the minimum is probably the global one.
+    evaluations : number of evaluations of all curves together.
+    converged : whether the best start converged.
     """
 
     model: Tissue
@@ -55,7 +55,7 @@ class EffectsFit:
 
 
 def series(shares: Sequence[float], tau_s: Sequence[float]) -> Viscoelastic:
-    """A Prony series from positive numbers without a limit: the stress of each term relative to that which stays."""
+    """A Prony series from positive numbers without a limit: the stress of each term relative to the long-term stress."""
     total = 1.0 + sum(shares)
     terms = sorted(zip(tau_s, shares, strict=True))
     return Viscoelastic(g=tuple(s / total for _, s in terms), tau_s=tuple(t for t, _ in terms))
@@ -77,10 +77,10 @@ def fit_effects(
 
     Parameters
     ----------
-    make : a model from the values of the unknowns.
-    answer : what a model predicts of the curves, in SI at their rows.
-    starts : the first is that of the unknowns, the others lie about it at random.
-    most : evaluations of a start, not counting those for slopes.
+    make : gives a model from the values of the unknowns.
+    answer : gives the prediction of a model for the curves, in SI at their rows.
+    starts : the first starts at the unknowns' own values, the others at random around them.
+    most : evaluations of a start, not counting those for derivatives.
     weights : weight of each row of a curve; 1 if left out, 0 leaves a row out.
 
     Raises
@@ -97,10 +97,10 @@ def fit_effects(
         nonlocal count
         count += 1
         try:
-            found = answer(curves, make(dict(zip(names, map(float, np.exp(x)), strict=True))))
+            answers = answer(curves, make(dict(zip(names, map(float, np.exp(x)), strict=True))))
         except RunError:
-            return np.full(sum(len(c.time_s) for c in curves), FAR)
-        return np.concatenate([s * (y - c.columns[c.predicted]) for s, y, c in zip(scale, found, curves, strict=True)])
+            return np.full(sum(len(c.time_s) for c in curves), BROKEN_TEST_RESIDUAL)
+        return np.concatenate([s * (y - c.columns[c.predicted]) for s, y, c in zip(scale, answers, curves, strict=True)])
 
     random = np.random.default_rng(seed)
     results = []
@@ -109,20 +109,27 @@ def fit_effects(
         inside = np.clip(begin, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
         results.append(
             least_squares(
-                residuals, inside, bounds=(low, high), diff_step=STEP, x_scale=1.0, max_nfev=most, ftol=tolerance, xtol=1e-5
+                residuals,
+                inside,
+                bounds=(low, high),
+                diff_step=RELATIVE_STEP,
+                x_scale=1.0,
+                max_nfev=most,
+                ftol=tolerance,
+                xtol=1e-5,
             )
         )
     results.sort(key=lambda r: r.cost)
     best = results[0]
-    if best.cost > 0.1 * FAR**2:
+    if best.cost > 0.1 * BROKEN_TEST_RESIDUAL**2:
         raise RunError("no start of the fit gives a model that can be computed; begin with stiffer constants.")
     values = dict(zip(names, map(float, np.exp(best.x)), strict=True))
-    rest = np.split(best.fun, np.cumsum([len(c.time_s) for c in curves])[:-1])
+    parts = np.split(best.fun, np.cumsum([len(c.time_s) for c in curves])[:-1])
     edge = AT_BOUND * (high - low)
     return EffectsFit(
         model=make(values),
         values=values,
-        nrmse={c.id: float(np.sqrt((r**2).sum())) for c, r in zip(curves, rest, strict=True)},
+        nrmse={c.id: float(np.sqrt((r**2).sum())) for c, r in zip(curves, parts, strict=True)},
         at_bound=tuple(n for n, x, a, b, e in zip(names, best.x, low, high, edge, strict=True) if x <= a + e or x >= b - e),
         costs=tuple(float(2.0 * r.cost) for r in results),
         evaluations=count,

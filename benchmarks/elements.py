@@ -64,7 +64,8 @@ def limit(values: list[float]) -> tuple[float, float]:
 def both_limits(solve: Callable[[str, int], float], meshes: tuple[int, int, int]) -> tuple[float, float, list[float]]:
     """Mean of the limits of hex8 and hex8-full, half their difference, and the orders.
 
-    Where the orders tell of no limit in sight, below a half: hex8-full on the finest mesh, and its last change.
+    Where an order is below a half, no limit is in sight: then the value is that of hex8-full on the finest mesh, and the doubt
+    is its last change.
     """
     values = [[solve(element, n) for n in meshes] for element in ("hex8", "hex8-full")]
     (a, p), (b, q) = (limit(v) for v in values)
@@ -110,8 +111,8 @@ def panel() -> str:
     value, doubt, orders = both_limits(lambda e, n: panel_tip(e, n)[0], (16, 32, 64))
     rows = []
     for label in ROWS:
-        found = [with_factor(label, lambda e, n=n: panel_tip(e, n)[0]) for n in (2, 4, 8, 16, 32)]
-        rows.append([label, *(f"{1e3 * w:.3f} ({100 * (w / value - 1):+.1f} %)" for w in found)])
+        deflections = [with_factor(label, lambda e, n=n: panel_tip(e, n)[0]) for n in (2, 4, 8, 16, 32)]
+        rows.append([label, *(f"{1e3 * w:.3f} ({100 * (w / value - 1):+.1f} %)" for w in deflections)])
         print(rows[-1], flush=True)
     return (
         f"Converged: {1e3 * value:.3f} ± {1e3 * doubt:.3f} mm (limits of hex8 and full from 16, 32 and 64; orders "
@@ -132,7 +133,7 @@ def blocks() -> str:
                     kind, element, str(n), f"{1e3 * r.energy:.3f}", f"{100 * (r.energy / reference - 1):+.1f}",
                     f"{100 * r.hourglass:.1f} / {100 * r.hourglass_largest:.1f}", f"{r.smallest_J:.3f}",
                     f"{r.folded} of {r.elements}",
-                    f"{r.balance:.0e}", f"{1e3 * r.rest:.3f}", "inverted" if r.status else "no",
+                    f"{r.balance:.0e}", f"{1e3 * r.end_displacement:.3f}", "inverted" if r.status else "no",
                 ])  # fmt: skip
                 print(rows[-1], flush=True)
     head = (
@@ -183,8 +184,8 @@ def dynamic() -> str:
     value, doubt, orders = both_limits(first_bending, (4, 8, 16))
     modes = []
     for label in ROWS:
-        found = [with_factor(label, lambda e, n=n: first_bending(e, n)) for n in (2, 4, 8)]
-        modes.append([label, *(f"{f:.4f} ({100 * (f / value - 1):+.2f} %)" for f in found)])
+        frequencies = [with_factor(label, lambda e, n=n: first_bending(e, n)) for n in (2, 4, 8)]
+        modes.append([label, *(f"{f:.4f} ({100 * (f / value - 1):+.2f} %)" for f in frequencies)])
         print(modes[-1], flush=True)
     return (
         table(("", "elements across", *(f"{t} ms" for t in at), "largest, 30 to 120 ms, %"), rows)
@@ -236,8 +237,8 @@ def main() -> None:
     text = arguments.out.read_text(encoding="utf-8")
     for name in arguments.only:
         mark, end = f"<!-- {name} -->", f"<!-- end {name} -->"
-        before, rest = text.split(mark)
-        text = before + mark + "\n\n" + SECTIONS[name]() + "\n\n" + end + rest.split(end)[1]
+        before, following = text.split(mark)
+        text = before + mark + "\n\n" + SECTIONS[name]() + "\n\n" + end + following.split(end)[1]
         arguments.out.write_text(text, encoding="utf-8")
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from explicitfe.identify.forward import UniformResponse
 from explicitfe.identify.identify import identify
-from explicitfe.measured.dataset import read_dataset
+from explicitfe.measured.read import read_dataset
 from explicitfe.predict.setup import setup_of
 from explicitfe.view import fit as fitfigures
 
@@ -24,11 +24,11 @@ def main() -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
-    found = identify(options.dataset, fit_where=["sample=A"], poisson=POISSON, refinement=REFINEMENT)
+    result = identify(options.dataset, fit_where=["sample=A"], poisson=POISSON, refinement=REFINEMENT)
     print("| mix | C10 (Pa) | C20 (Pa) | nrmse fitted | nrmse predicted | first force (N) | sticking faces would make C10, C20 |")
     print("|---|---|---|---|---|---|---|")
     heads = {}
-    for name, group in found["groups"].items():
+    for name, group in result["groups"].items():
         C10, C20 = (group["constants"][key]["value"] for key in ("C10_Pa", "C20_Pa"))
         fit, held = (100.0 * group["error"][side]["nrmse"] for side in ("fit", "holdout"))
         first = max((row["first_value"] for row in group["curves"].values()), key=abs)
@@ -38,11 +38,11 @@ def main() -> None:
             f"| {name} | {C10:.0f} | {C20:.0f} | {fit:.2f} % | {held:.2f} % | {first:+.3f} | "
             f"{100.0 * stick['C10_change']:+.0f} %, {100.0 * stick['C20_change']:+.0f} % |"
         )
-    print(f"\n{found['forward_runs']} forward runs, {found['wall_s']:.0f} s")
+    print(f"\n{result['forward_runs']} forward runs, {result['wall_s']:.0f} s")
     if options.picture is not None:
-        panels: dict[str, list[dict]] = {name: [] for name in found["groups"]}
+        panels: dict[str, list[dict]] = {name: [] for name in result["groups"]}
         for curve in read_dataset(options.dataset).curves:
-            group = found["groups"][curve.constants]
+            group = result["groups"][curve.constants]
             constants = [group["constants"][key]["value"] for key in ("C10_Pa", "C20_Pa")]
             response = UniformResponse(setup_of(curve, POISSON, REFINEMENT))
             panels[curve.constants].append(

@@ -1,4 +1,4 @@
-"""Identification of the constants of Gerard et al. (2005) from indentations made with other numerics than the fit's.
+"""Identification of the constants of Gerard et al. (2005) from indentations that other numerics made.
 
     python benchmarks/identify_table1.py [--out FILE] [--seeds 100]
 
@@ -31,8 +31,8 @@ LOADS_N = 0.1 * np.arange(1, 9)
 FORCE_SD_N, DISPLACEMENT_SD_M = 0.002, 10e-6
 BODY = {"radius_mm": 35.0, "height_mm": 20.0, "base": "bonded"}
 TOOL = {"shape": "flat-cylinder", "radius_mm": 14.0, "edge_radius_mm": 1.0, "friction": 0.0}
-MADE = Setup(BODY | {"symmetry": "quarter", "refinement": 2.0}, TOOL, 0.499, 1040.0)
-FITTED = Setup(BODY | {"symmetry": "sector", "refinement": 1.5}, TOOL, 0.499, 1040.0)
+DATA_SETUP = Setup(BODY | {"symmetry": "quarter", "refinement": 2.0}, TOOL, 0.499, 1040.0)
+FIT_SETUP = Setup(BODY | {"symmetry": "sector", "refinement": 1.5}, TOOL, 0.499, 1040.0)
 MADE_TOLERANCE = 1e-5
 DEEPEST_M = 6.6e-3
 
@@ -51,16 +51,16 @@ file = "loading.csv"
 
 
 def made_data(constants: tuple[float, float]) -> np.ndarray:
-    """Displacements [m] at all loads, smooth in them: the roughness of contact on a mesh is none of a specimen's."""
-    way = depths(DEEPEST_M, 16)
-    body = MADE.relaxation(*constants, tolerance=MADE_TOLERANCE)
-    run = np.array([body.move(float(depth)).force_N for depth in way])
-    smooth = smoothest(way, [run])
-    return smooth.inverse(smooth.coefficients(way, run)[0], LOADS_N)[0]
+    """Displacements [m] at all loads, smoothed over the loads: contact on a mesh is rough, a specimen is not."""
+    depths_m = depths(DEEPEST_M, 16)
+    body = DATA_SETUP.relaxation(*constants, tolerance=MADE_TOLERANCE)
+    run = np.array([body.move(float(depth)).force_N for depth in depths_m])
+    smooth = smoothest(depths_m, [run])
+    return smooth.inverse(smooth.coefficients(depths_m, run)[0], LOADS_N)[0]
 
 
 def noisy(exact_m: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Loads as they were read, and displacements at the true ones, both with noise."""
+    """Loads with noise, and the displacements at the true loads, with noise too."""
     rng = np.random.default_rng([2026, seed])
     loads = LOADS_N + FORCE_SD_N * rng.standard_normal(len(LOADS_N))
     return loads, exact_m + DISPLACEMENT_SD_M * rng.standard_normal(len(LOADS_N))
@@ -87,7 +87,7 @@ def largest(fit: PaperFit, measured_m: np.ndarray) -> str:
 
 
 def timed(exact_m: np.ndarray) -> tuple[float, dict]:
-    """Seconds of one identification through the public function, and what it found."""
+    """Seconds of one identification through the public function, and its result."""
     loads, measured = noisy(exact_m, 0)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "made"
@@ -97,8 +97,8 @@ def timed(exact_m: np.ndarray) -> tuple[float, dict]:
         rows = "".join(f"{k},{1e3 * d:.9g},{f:.9g}\n" for k, (d, f) in enumerate(zip(measured, loads, strict=True)))
         (folder / "loading.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}", encoding="utf-8")
         begin = time.perf_counter()
-        found = identify(folder, out=Path(name) / "out")
-        return time.perf_counter() - begin, found
+        result = identify(folder, out=Path(name) / "out")
+        return time.perf_counter() - begin, result
 
 
 def main() -> None:
@@ -106,13 +106,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     parser.add_argument("--seeds", type=int, default=100)
     options = parser.parse_args()
-    response = ToolResponse(FITTED, 7.3e-3)
+    response = ToolResponse(FIT_SETUP, 7.3e-3)
     response.add([*FIRST_Q, 0.2, 0.25, 0.325, 0.36, 0.4])
     exact = {name: made_data(truth) for name, truth in PAIRS.items()}
     paper_rows, fit_rows = [], []
     for name, truth in PAIRS.items():
         loads, measured = LOADS_N, exact[name]
-        paper = identify_by_paper(by_simulator(FITTED, loads), measured, first_guess(FITTED, loads[0], measured[0]))
+        paper = identify_by_paper(by_simulator(FIT_SETUP, loads), measured, first_guess(FIT_SETUP, loads[0], measured[0]))
         fits: list[Fit] = []
         passed = converged = 0
         for seed in range(options.seeds):
@@ -120,7 +120,7 @@ def main() -> None:
             again = identify_by_paper(
                 lambda C10, C20, loads=loads: response.at_force(loads, C10, C20)[0],
                 measured_noisy,
-                first_guess(FITTED, loads[0], measured_noisy[0]),
+                first_guess(FIT_SETUP, loads[0], measured_noisy[0]),
             )
             converged += again.status == "converged"
             passed += again.status == "converged" and bool(again.within.all())
@@ -142,7 +142,7 @@ def main() -> None:
                 f"{sum(covers(f.profile[key], truth[k]) for f in fits)} | {half:.3f} |"
             )
         print(paper_rows[-1], *fit_rows[-2:], sep="\n", flush=True)
-    seconds, found = timed(next(iter(exact.values())))
+    seconds, result = timed(next(iter(exact.values())))
     lines = [
         "| specimen | C10 / C20 (Pa) | paper's method | status, runs | largest error | points within | with noise, all within |",
         "|---|---|---|---|---|---|---|",
@@ -153,7 +153,7 @@ def main() -> None:
         "|---|---|---|---|---|---|---|---|---|",
         *fit_rows,
         "",
-        f"One identification with pictures and the table of what it hides: {found['forward_runs']} forward runs, "
+        f"One identification with pictures and the table of what it hides: {result['forward_runs']} forward runs, "
         f"{seconds:.0f} s. "
         f"Numerical noise of the response: {100.0 * response.roughness:.2f} % of the force. "
         f"Ratios of the response: {', '.join(f'{q:.3g}' for q in response.ratios)}; of the pairs: "

@@ -27,7 +27,7 @@ from test_indentation import CASES, LOADS, case_a  # noqa: E402
 from explicitfe.solve.equilibrium import Equilibrium  # noqa: E402
 
 ASKED_s = {"sector": 1.5, "quarter": 6.0}  # for eight loads on the default mesh
-TIGHT = 1e-6
+TIGHT_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ def run(case: str, friction: float | str = 0.0, tolerance: float = 1e-4, **speci
     points, seconds = [], []
     for load in LOADS:
         begin = time.perf_counter()
-        found = body.press(float(load))
+        state = body.press(float(load))
         seconds.append(time.perf_counter() - begin)
-        if not isinstance(found, Equilibrium):
-            raise SystemExit(f"{case}, {specimen}: {load:g} N was not reached: {found}")
-        points.append(found)
+        if not isinstance(state, Equilibrium):
+            raise SystemExit(f"{case}, {specimen}: {load:g} N was not reached: {state}")
+        points.append(state)
     return Curve(body.model.mesh.element_count, points, seconds)
 
 
@@ -74,22 +74,22 @@ def case_table(case: str, refinements: Iterable[float]) -> str:
     for symmetry, refinement in meshes:
         label = f"{symmetry}, refinement {refinement:g}"
         print(f"{case}: {label}", file=sys.stderr)
-        found = run(case, symmetry=symmetry, refinement=refinement)
-        tight = run(case, symmetry=symmetry, refinement=refinement, tolerance=TIGHT)
-        lines.append(row(f"{label}: mm", found.mm, ".4f"))
-        lines.append(row(f"{label}: off by %", 100.0 * (found.mm / wanted - 1.0), "+.2f"))
+        result = run(case, symmetry=symmetry, refinement=refinement)
+        tight = run(case, symmetry=symmetry, refinement=refinement, tolerance=TIGHT_TOLERANCE)
+        lines.append(row(f"{label}: mm", result.mm, ".4f"))
+        lines.append(row(f"{label}: off by %", 100.0 * (result.mm / wanted - 1.0), "+.2f"))
         costs.append(
             [
                 label,
-                str(found.elements),
-                f"{sum(found.seconds):.2f}",
-                " ".join(str(p.iterations) for p in found.points),
-                f"{100.0 * np.abs(found.mm / tight.mm - 1.0).max():.4f}",
+                str(result.elements),
+                f"{sum(result.seconds):.2f}",
+                " ".join(str(p.iterations) for p in result.points),
+                f"{100.0 * np.abs(result.mm / tight.mm - 1.0).max():.4f}",
                 f"{sum(tight.seconds):.2f}",
-                f"{max(p.penetration_m / p.displacement_m for p in found.points):.1e}",
-                f"{max(abs(p.reaction_N / p.force_N - 1.0) for p in found.points):.1e}",
-                f"{100.0 * max(p.hourglass_J / (p.internal_J + p.hourglass_J) for p in found.points):.1f}",
-                f"{min(p.smallest_J for p in found.points):.3f}",
+                f"{max(p.penetration_m / p.displacement_m for p in result.points):.1e}",
+                f"{max(abs(p.reaction_N / p.force_N - 1.0) for p in result.points):.1e}",
+                f"{100.0 * max(p.hourglass_J / (p.internal_J + p.hourglass_J) for p in result.points):.1f}",
+                f"{min(p.smallest_J for p in result.points):.3f}",
             ]
         )
     head = [
@@ -97,8 +97,8 @@ def case_table(case: str, refinements: Iterable[float]) -> str:
         "elements",
         "8 loads, s",
         "iterations",
-        f"change to {TIGHT:g}, %",
-        f"at {TIGHT:g}, s",
+        f"change to {TIGHT_TOLERANCE:g}, %",
+        f"at {TIGHT_TOLERANCE:g}, s",
         "penetration / indentation",
         "reaction off by",
         "hourglass, %",
@@ -108,12 +108,12 @@ def case_table(case: str, refinements: Iterable[float]) -> str:
 
 
 def friction_table() -> str:
-    """How far a rough tool sinks, mm; between the frictionless tool and the bonded disc."""
+    """Displacements of a rough tool, mm; they lie between those of the frictionless tool and of the bonded disc."""
     lines = []
     for friction in (0.0, 0.1, 0.3, 0.5, "stick"):
-        found = run("punch", friction)
-        lost = 100.0 * found.points[-1].friction_loss_J / max(found.points[-1].internal_J, 1e-300)
-        lines.append([*row(f"{friction}", found.mm, ".4f"), f"{lost:.1f}", f"{sum(found.seconds):.2f}"])
+        result = run("punch", friction)
+        lost = 100.0 * result.points[-1].friction_loss_J / max(result.points[-1].internal_J, 1e-300)
+        lines.append([*row(f"{friction}", result.mm, ".4f"), f"{lost:.1f}", f"{sum(result.seconds):.2f}"])
     disc = run("disc")
     lines.append([*row("bonded disc", disc.mm, ".4f"), "0.0", f"{sum(disc.seconds):.2f}"])
     head = ["friction", *(f"{load:.1f} N" for load in LOADS), "lost, % of internal", "s"]
@@ -121,7 +121,7 @@ def friction_table() -> str:
 
 
 def time_table(repeats: int = 3) -> str:
-    """Seconds of eight loads, best of a few, compiled before."""
+    """Seconds of eight loads, the best of some repeats, without compiling."""
     lines = []
     for symmetry, asked in ASKED_s.items():
         for case in CASES:

@@ -44,7 +44,7 @@ def share(measured: np.ndarray, predicted: np.ndarray) -> float:
 
 
 def tissue(values: Values, terms: int, poisson: float, **tables) -> Tissue:
-    """A model from long-term constants and the shares of its relaxing terms, relative to what stays."""
+    """A model from long-term constants and the shares of its relaxing terms, relative to the long-term stress."""
     shares = [values[f"s{k}"] for k in range(terms)]
     sudden = 1.0 + sum(shares)
     constants = Constants(C10_Pa=sudden * values["C10"], C20_Pa=sudden * values["C20"])
@@ -73,7 +73,7 @@ def muscle(dataset: Path, picture: Path | None) -> None:
     held = {d: f"{d}-max-0.3-rate-0.05" for d in directions}
     print("| law | fitted to | fitted curves (0.005, 0.01 /s) | held out 0.05 /s | held out, strain 0.1 | 0.2 | at a bound |")
     print("|---|---|---|---|---|---|---|")
-    found: dict[tuple, EffectsFit] = {}
+    fits: dict[tuple, EffectsFit] = {}
     for which in (directions[:1], directions[1:], directions):
         train = [curves[f"{d}-max-0.3-rate-{rate}"] for d in which for rate in ("0.005", "0.01")]
         for fibres in (False, True) if len(which) == 2 else (False,):
@@ -82,15 +82,15 @@ def muscle(dataset: Path, picture: Path | None) -> None:
                 if fibres:
                     unknowns |= {"k1": Unknown(0.1, 1e5, 300.0), "k2": Unknown(0.01, 50.0, 1.0)}
                 fit = fit_effects(train, unknowns, partial(tissue, terms=terms, poisson=0.499), every)
-                found[which, fibres, terms] = fit
+                fits[which, fibres, terms] = fit
                 cells = [", ".join(f"{100.0 * e:.1f}" for e in fit.nrmse.values())]
                 for names in (held.values(), *([f"{d}-max-{s}-rate-0.01" for d in directions] for s in ("0.1", "0.2"))):
-                    mine = [name for name in names if curves[name].conditions["direction"] in which]
-                    cells.append(", ".join(f"{error(name, fit.model):.1f}" for name in mine))
+                    chosen = [name for name in names if curves[name].conditions["direction"] in which]
+                    cells.append(", ".join(f"{error(name, fit.model):.1f}" for name in chosen))
                 law = "Yeoh" + " + fibres" * fibres + (f" + {terms} term{'s' * (terms > 1)}" if terms else "")
                 print(f"| {law} | {' and '.join(which)} | {' | '.join(cells)} | {', '.join(fit.at_bound) or '-'} |", flush=True)
     for key in ((directions[:1], False, 2), (directions[1:], False, 2), (directions, True, 2)):
-        print(f"\n{', '.join(key[0])}:\n{found[key].model.text}")
+        print(f"\n{', '.join(key[0])}:\n{fits[key].model.text}")
     if picture is None:
         return
     import matplotlib.pyplot as plt
@@ -99,12 +99,12 @@ def muscle(dataset: Path, picture: Path | None) -> None:
     for column, d in zip(rows.T, directions, strict=True):
         curve = curves[held[d]]
         order = np.unique(np.concatenate([np.linspace(0.0, 12.0, 400), np.geomspace(12.0, curve.time_s[-1], 100)]))
-        way = 1.0 - np.minimum(0.05 * order, 0.3)
-        smooth = replace(curve, time_s=order, columns={"stretch": way, "nominal_stress_Pa": order})
+        stretch = 1.0 - np.minimum(0.05 * order, 0.3)
+        smooth = replace(curve, time_s=order, columns={"stretch": stretch, "nominal_stress_Pa": order})
         laws = (
-            ("Yeoh, elastic", found[(d,), False, 0], {"color": GREY, "ls": "-"}),
-            ("Yeoh + 2 relaxing terms", found[(d,), False, 2], {"color": BLUE, "ls": "-"}),
-            ("one law for both directions: + fibres", found[directions, True, 2], {"color": RED, "ls": "--"}),
+            ("Yeoh, elastic", fits[(d,), False, 0], {"color": GREY, "ls": "-"}),
+            ("Yeoh + 2 relaxing terms", fits[(d,), False, 2], {"color": BLUE, "ls": "-"}),
+            ("one law for both directions: + fibres", fits[directions, True, 2], {"color": RED, "ls": "--"}),
         )
         for axes, until in zip(column, (12.0, None), strict=True):
             axes.plot(curve.time_s, -1e-3 * curve.nominal_stress_Pa, "o", ms=3.5, color="black", label="measured (held out)")
@@ -143,9 +143,9 @@ def silicone(dataset: Path, picture: Path | None, radii: Sequence[float]) -> Non
 
         def answer(asked: Sequence[Curve], model: Tissue, **how) -> list[np.ndarray]:
             begin = time.perf_counter()
-            found = list(pool.map(_one, [(model_curve(c, model), model.text, how) for c in asked]))
+            predictions = list(pool.map(_one, [(model_curve(c, model), model.text, how) for c in asked]))
             answer.seconds += time.perf_counter() - begin
-            return found
+            return predictions
 
         answer.seconds = 0.0
         fitted = [curves[name] for name in FITTED]
@@ -178,7 +178,7 @@ def silicone(dataset: Path, picture: Path | None, radii: Sequence[float]) -> Non
 
 
 def _scaled(measured: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
-    """The factor that brings a prediction nearest to the curve, as another C10 would, and the deviation that is left in %."""
+    """The factor that brings a prediction closest to the curve, as another C10 would, and the remaining deviation in %."""
     factor = float(predicted @ measured / (predicted @ predicted))
     return factor, share(measured, factor * predicted)
 
@@ -189,16 +189,16 @@ def model_curve(curve: Curve, model: Tissue) -> Curve:
 
 
 def _silicone_tissue(values: Values, terms: int, radius: float) -> Tissue:
-    """The preload that was measured, of each curve, stands for the number here."""
+    """The tissue; its preload is replaced by the measured one of each curve."""
     return tissue(values, terms, SILICONE_POISSON, tool={"radius_mm": radius}).with_effect(Preload(force_N=0.01))
 
 
 def _cut(curve: Curve) -> Curve:
-    """A curve, or where it goes deeper than 6 mm, its ramp up to there."""
-    way = curve.displacement_m
-    if way.max() <= 1.001 * DEEPEST_M:
+    """A curve, or its ramp down to 6 mm where it goes deeper."""
+    depth_m = curve.displacement_m
+    if depth_m.max() <= 1.001 * DEEPEST_M:
         return curve
-    rows = int(np.argmax(way > DEEPEST_M))
+    rows = int(np.argmax(depth_m > DEEPEST_M))
     return replace(curve, time_s=curve.time_s[:rows], columns={k: v[:rows] for k, v in curve.columns.items()})
 
 
@@ -210,10 +210,10 @@ def _draw_silicone(picture: Path, curves: dict[str, Curve], shown: dict, errors:
     for column, (name, what) in zip(rows.T, cases.items(), strict=True):
         curve = curves[name]
         x = 1e3 * curve.displacement_m
-        for axes, way, label in ((column[0], curve.time_s, "time (s)"), (column[1], x, "displacement (mm)")):
-            axes.plot(way, curve.force_N, color="black", lw=3.0, alpha=0.35, label="measured (held out)")
-            axes.plot(way, shown[0, name], color=GREY, lw=1.4, ls="--", label=f"Yeoh, elastic ({errors[0][name]:.1f} %)")
-            axes.plot(way, shown[2, name], color=BLUE, lw=1.4, label=f"Yeoh + 2 relaxing terms ({errors[2][name]:.1f} %)")
+        for axes, abscissa, label in ((column[0], curve.time_s, "time (s)"), (column[1], x, "displacement (mm)")):
+            axes.plot(abscissa, curve.force_N, color="black", lw=3.0, alpha=0.35, label="measured (held out)")
+            axes.plot(abscissa, shown[0, name], color=GREY, lw=1.4, ls="--", label=f"Yeoh, elastic ({errors[0][name]:.1f} %)")
+            axes.plot(abscissa, shown[2, name], color=BLUE, lw=1.4, label=f"Yeoh + 2 relaxing terms ({errors[2][name]:.1f} %)")
             axes.set_xlabel(label)
             axes.set_ylabel("force (N)")
             axes.set_ylim(-0.02, 1.15 * curve.force_N.max())
@@ -227,13 +227,13 @@ def _draw_silicone(picture: Path, curves: dict[str, Curve], shown: dict, errors:
 
 
 def cycles(picture: Path | None) -> None:
-    """The paper's protocol: five cycles of eight force steps up and down, each dwelled, with two causes of a loop."""
+    """The paper's protocol: five cycles of eight force steps up and down, each followed by a dwell, with two causes of a loop."""
     cases = {
         "softening (1/r 0.5, m 5 Pa)": ((Softening(inverse_r=0.5, m_Pa=5.0, beta=0.1),), 10.0),
         "slow relaxation (g 0.3, τ 60 s; dwell 10 s)": ((Viscoelastic(g=(0.3,), tau_s=(60.0,)),), 10.0),
     }
     steps = [round(0.1 * k, 1) for k in (*range(1, 9), *range(7, -1, -1))]
-    found = {}
+    courses = {}
     for name, (effects, dwell) in cases.items():
         begin = time.perf_counter()
         specimen = SpecimenTable(radius_mm=35.0, height_mm=20.0, material="gerard-2005")
@@ -249,14 +249,14 @@ def cycles(picture: Path | None) -> None:
                     reached = body.press(force, at_s=now)
                     assert isinstance(reached, Equilibrium), reached
                 course.append((cycle, force, 1e3 * reached.displacement_m))
-        found[name] = np.array(course)
-        rows = found[name]
+        courses[name] = np.array(course)
+        rows = courses[name]
         for cycle in range(5):
-            mine = rows[rows[:, 0] == cycle]
+            one = rows[rows[:, 0] == cycle]
             loop = _loop(rows[_of_cycle(rows, cycle)])
             print(
-                f"{name}: cycle {cycle + 1}: at 0.8 N {mine[mine[:, 1] == 0.8, 2][0]:.3f} mm, at 0.4 N up, down "
-                f"{', '.join(f'{d:.3f}' for d in mine[mine[:, 1] == 0.4, 2])} mm, left {mine[-1, 2]:.3f} mm, loop {loop:.3f} mJ"
+                f"{name}: cycle {cycle + 1}: at 0.8 N {one[one[:, 1] == 0.8, 2][0]:.3f} mm, at 0.4 N up, down "
+                f"{', '.join(f'{d:.3f}' for d in one[one[:, 1] == 0.4, 2])} mm, left {one[-1, 2]:.3f} mm, loop {loop:.3f} mJ"
             )
         print(f"{time.perf_counter() - begin:.0f} s", flush=True)
     if picture is None:
@@ -265,7 +265,7 @@ def cycles(picture: Path | None) -> None:
 
     figure, axes = plt.subplots(1, 2, figsize=(10.0, 4.4), sharey=True, sharex=True, layout="constrained")
     colours = plt.get_cmap("viridis")(np.linspace(0.0, 0.85, 5))
-    for ax, (name, rows) in zip(axes, found.items(), strict=True):
+    for ax, (name, rows) in zip(axes, courses.items(), strict=True):
         for cycle in range(5):
             where = _of_cycle(rows, cycle)
             ax.plot(rows[where, 2], rows[where, 1], "o-", ms=3.0, lw=1.2, color=colours[cycle], label=f"cycle {cycle + 1}")
@@ -278,13 +278,13 @@ def cycles(picture: Path | None) -> None:
 
 
 def _of_cycle(rows: np.ndarray, cycle: int) -> np.ndarray:
-    """Rows of a cycle, from where the one before ended."""
+    """Rows of a cycle, from the end of the last cycle on."""
     where = np.flatnonzero(rows[:, 0] == cycle)
     return where if cycle == 0 else np.concatenate([[where[0] - 1], where])
 
 
 def _loop(rows: np.ndarray) -> float:
-    """Area of a cycle [mJ]: the work up less the work down."""
+    """Area of a cycle [mJ]: the work of loading less that of unloading."""
     return float(np.sum(0.5 * (rows[1:, 1] + rows[:-1, 1]) * np.diff(rows[:, 2])))
 
 

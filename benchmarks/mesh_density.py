@@ -3,8 +3,8 @@
     python benchmarks/mesh_density.py OUT [--only sl-alone ...] [--largest HEXES] [--page docs]
 
 Vowel [i], GGp, GGa and SL alone on five tongues from 480 to 43 740 hexes, all of one family (every number of cells times 1,
-1.5, 2, 3 and 4.5), and the indentation on five specimens. What was computed stays in OUT, so a study that was stopped goes on;
-``--largest 0 --page docs`` only writes the page.
+1.5, 2, 3 and 4.5), and the indentation on five specimens. Results stay in OUT, so that a stopped study goes on;
+``--largest 0 --page docs`` writes the page only.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ PROBES = ("tip", "blade", "front", "dorsum", "back", "root", "base")
 
 @dataclass(frozen=True)
 class Case:
-    """A question whose answer is sought on finer and finer meshes; what follows ``element`` is of a tongue only."""
+    """A question that is answered on finer and finer meshes; the fields after ``element`` belong to a tongue only."""
 
     scenario: str
     element: str = "hex8"
@@ -113,7 +113,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Run:
-    """A case on one mesh; a specimen is a quarter unless it is to be a sector."""
+    """A case on one mesh; a specimen is a quarter, or a sector if asked for."""
 
     case: Case
     factor: float
@@ -121,12 +121,12 @@ class Run:
 
     @cached_property
     def settings(self) -> list[str]:
-        found = [f"model.element={self.case.element}", 'record.fields=["displacement"]']
+        lines = [f"model.element={self.case.element}", 'record.fields=["displacement"]']
         if not self.case.tongue:
             size = SECTOR_REFINEMENT if self.sector else COARSE_REFINEMENT * self.factor
-            return [*found, f"model.symmetry={'sector' if self.sector else 'quarter'}", f"model.refinement={size}"]
-        found += [f"model.cells={list(cells_of(self.factor))}", f"model.material={self.case.tissue}", "record.every_ms=5"]
-        return found + [f"muscle.{name}.distribution={self.case.distribution}" for name in MUSCLES[self.case.scenario]]
+            return [*lines, f"model.symmetry={'sector' if self.sector else 'quarter'}", f"model.refinement={size}"]
+        lines += [f"model.cells={list(cells_of(self.factor))}", f"model.material={self.case.tissue}", "record.every_ms=5"]
+        return lines + [f"muscle.{name}.distribution={self.case.distribution}" for name in MUSCLES[self.case.scenario]]
 
     @property
     def scenario_path(self) -> Path:
@@ -138,7 +138,7 @@ class Run:
 
     @property
     def key(self) -> str:
-        """Name of the file with its answer: another scenario text or setting is another file."""
+        """Name of the result's file; another scenario text or another setting gives another name."""
         digest = hashlib.sha256(json.dumps([self.scenario_path.read_text(), self.settings]).encode()).hexdigest()[:10]
         words = "-".join(self.case.words.replace(",", "").split())
         return f"{words}_{'sector' if self.sector else format(self.factor, 'g')}_{digest}"
@@ -170,15 +170,15 @@ def specimen_mesh(factor: float, sector: bool) -> HexMesh:
 
 
 def cases() -> list[Case]:
-    """The default element with both tissues and distributions, the others where motions are small and forces spread."""
-    found = [
+    """The default element with both tissues and distributions; the other elements with stiff tissue and spread forces only."""
+    listed = [
         Case(scenario, "hex8", tissue, distribution)
         for tissue, distribution, scenario in product((IN_VIVO, CADAVER), (ENDS, ALONG), MUSCLES)
     ]
     others = ("hex8-stiffness", "hex8-full")
-    found += [Case(scenario, element, IN_VIVO, ALONG) for element, scenario in product(others, MUSCLES)]
-    found += [Case(scenario, "hex8", IN_VIVO, ALONG, same_patches=True) for scenario in MUSCLES]
-    return [*found, *(Case(INDENTATION, element) for element in AFFORDED)]
+    listed += [Case(scenario, element, IN_VIVO, ALONG) for element, scenario in product(others, MUSCLES)]
+    listed += [Case(scenario, "hex8", IN_VIVO, ALONG, same_patches=True) for scenario in MUSCLES]
+    return [*listed, *(Case(INDENTATION, element) for element in AFFORDED)]
 
 
 def runs_of(case: Case) -> list[Run]:
@@ -186,7 +186,7 @@ def runs_of(case: Case) -> list[Run]:
 
 
 def study() -> list[Run]:
-    """All runs, the coarse meshes first: a study that is stopped has something of everything."""
+    """All runs, the coarse meshes first, so that a stopped study has results of every case."""
     every = [run for case in cases() for run in runs_of(case)]
     every.append(Run(Case(INDENTATION), FACTORS[-1], sector=True))
     return sorted(every, key=lambda run: run.mesh.element_count)
@@ -197,7 +197,7 @@ def study() -> list[Run]:
 
 @contextmanager
 def coarse_patches() -> Iterator[None]:
-    """Tongues that are made meanwhile are held where the coarse one is."""
+    """Within this context bones hold every tongue on the patches of the coarse one."""
     contour = catalogue.contour
     shape = contour("tongue")
     cells = np.array([COARSE[0], COARSE[1], COARSE[2] // 2])
@@ -217,7 +217,7 @@ def coarse_patches() -> Iterator[None]:
 
 
 def compute(run: Run, folder: Path) -> dict[str, Any]:
-    """Run, and keep what the page needs: ``mm``, quantity -> its components in mm, ``size_mm`` -> what 100 % of it are."""
+    """Run, and keep the numbers that the page needs: the components of each quantity (``mm``), and its 100 % (``size_mm``)."""
     with coarse_patches() if run.case.same_patches else nullcontext():
         summary = explicitfe.run(run.scenario_path, folder, settings=run.settings, overwrite=True)
     answer: dict[str, Any] = {
@@ -252,8 +252,8 @@ def compute(run: Run, folder: Path) -> dict[str, Any]:
 def tongue_quantities(result: Result, factor: float) -> tuple[dict[str, list[float]], dict[str, float]]:
     """Quantities in mm and their sizes.
 
-    Probes are read at their own place in the tissue, not at the node next to it, which is another place on every mesh; the
-    groove is cut where the front of the smooth shape is.
+    A probe is interpolated at its own place in the tissue: the nearest node would be another place on every mesh. The groove is
+    cut at the front section of the smooth shape.
     """
     shape = catalogue.contour("tongue")
     mesh = result.mesh
@@ -263,33 +263,33 @@ def tongue_quantities(result: Result, factor: float) -> tuple[dict[str, list[flo
     paths = 1e3 * np.stack([np.einsum("ka,kai->ki", weights, result.displacement(step)[nodes]) for step in every])
     u = result.displacement()
 
-    found = {name: [-float(paths[-1, k, 0]), float(paths[-1, k, 2])] for k, name in enumerate(PROBES)}
+    quantities = {name: [-float(paths[-1, k, 0]), float(paths[-1, k, 2])] for k, name in enumerate(PROBES)}
     sizes = dict(zip(PROBES, np.linalg.norm(np.diff(paths, axis=0), axis=2).sum(axis=0).tolist(), strict=True))
     often = np.linspace(result.times[0], result.times[-1], 1000)
     for name in ("tip", "dorsum"):
         away = CubicSpline(result.times, np.linalg.norm(paths[:, PROBES.index(name)], axis=1))(often)
-        found[f"{name}, largest"] = [float(away.max())]
+        quantities[f"{name}, largest"] = [float(away.max())]
         sizes[f"{name}, largest"] = sizes[name]
     cut = section(mesh, 0, float(shape.position(shape.named_points["front"])[0]))
     outline = midsagittal(mesh)
-    found["groove"] = [1e3 * groove_depth(cut.at(mesh.points), cut.at(mesh.points + u))]
+    quantities["groove"] = [1e3 * groove_depth(cut.at(mesh.points), cut.at(mesh.points + u))]
     highest = [float(outline.at(mesh.points + moved)[:, 2].max()) for moved in (0.0 * u, u)]
-    found["height"] = [1e3 * (highest[1] - highest[0])]
-    return found, sizes | {name: abs(found[name][0]) for name in ("groove", "height")}
+    quantities["height"] = [1e3 * (highest[1] - highest[0])]
+    return quantities, sizes | {name: abs(quantities[name][0]) for name in ("groove", "height")}
 
 
-def answers(folder: Path) -> dict[Run, dict[str, Any]]:
-    """What has been computed so far."""
-    found = {}
+def read_answers(folder: Path) -> dict[Run, dict[str, Any]]:
+    """The results of all runs that are finished."""
+    computed = {}
     for run in study():
         path = folder / f"{run.key}.json"
         if path.is_file():
-            found[run] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+            computed[run] = json.loads(path.read_text(encoding="utf-8"))
+    return computed
 
 
 def compute_all(folder: Path, only: Iterable[str], largest: int) -> None:
-    """Compute what is missing, and say how it goes."""
+    """Compute the missing runs, and print the progress."""
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [run for run in study() if run.case.scenario in only and run.mesh.element_count <= largest]
     missing = [run for run in wanted if not (folder / f"{run.key}.json").is_file()]
@@ -315,7 +315,7 @@ def compute_all(folder: Path, only: Iterable[str], largest: int) -> None:
 
 @dataclass(frozen=True)
 class Limit:
-    """Where a quantity goes, in mm, and how that was found; ``value`` is None where it goes nowhere."""
+    """The limit of a quantity on fine meshes, in mm, and the method that gave it; ``value`` is None if there is none."""
 
     value: np.ndarray | None
     how: str
@@ -343,9 +343,9 @@ def limit(h_mm: np.ndarray, values_mm: np.ndarray, size_mm: float) -> Limit:
     fits = []
     for p in (1, 2):
         columns = np.column_stack([np.ones_like(h_mm), h_mm**p])
-        found = np.linalg.lstsq(columns, values_mm, rcond=None)[0]
-        scatter = np.linalg.norm(columns @ found - values_mm) / np.sqrt(len(h_mm) - 2)
-        fits.append((scatter, p, found[0], scatter * np.sqrt(np.linalg.inv(columns.T @ columns)[0, 0])))
+        coefficients = np.linalg.lstsq(columns, values_mm, rcond=None)[0]
+        scatter = np.linalg.norm(columns @ coefficients - values_mm) / np.sqrt(len(h_mm) - 2)
+        fits.append((scatter, p, coefficients[0], scatter * np.sqrt(np.linalg.inv(columns.T @ columns)[0, 0])))
     _, p, value, doubt = min(fits, key=lambda fit: fit[0])
     if max(doubt, last) <= max(WITHIN * size_mm, ROUNDING_mm):
         return Limit(value, f"fit of order {p}, ± {doubt:.2g}")
@@ -385,7 +385,7 @@ class Course:
         return np.linalg.norm(self.values_mm[:-1] - self.values_mm[-1:], axis=1)
 
     def share(self, distance_mm: np.ndarray) -> np.ndarray:
-        """In % of the size; NaN for a quantity too small for that."""
+        """A distance in % of the size; NaN for a quantity that is too small."""
         return 100.0 * distance_mm / (self.size_mm if self.size_mm >= SHARE_FROM_mm else np.nan)
 
     @property
@@ -400,14 +400,14 @@ def size_of_hexes_mm(mesh: HexMesh) -> float:
     return 1e3 * float(volumes(mesh.points, mesh.hexes).mean() ** (1.0 / 3.0))
 
 
-def course(case: Case, quantity: str, found: dict[Run, dict[str, Any]]) -> Course:
+def course(case: Case, quantity: str, answers: dict[Run, dict[str, Any]]) -> Course:
     """The size, of which errors are a share, is that on the finest mesh."""
-    having = [run for run in runs_of(case) if quantity in found.get(run, {}).get("mm", {})]
+    having = [run for run in runs_of(case) if quantity in answers.get(run, {}).get("mm", {})]
     return Course(
         [run.factor for run in having],
         np.array([size_of_hexes_mm(run.mesh) for run in having]),
-        np.array([found[run]["mm"][quantity] for run in having]),
-        found[having[-1]]["size_mm"][quantity] if having else 0.0,
+        np.array([answers[run]["mm"][quantity] for run in having]),
+        answers[having[-1]]["size_mm"][quantity] if having else 0.0,
     )
 
 
@@ -426,7 +426,7 @@ def vector(values: np.ndarray | None) -> str:
 
 
 def over_meshes(factors: Sequence[float], cells: Sequence[str]) -> list[str]:
-    """One cell a factor; those without an answer stay empty."""
+    """One cell for each factor; cells without a result stay empty."""
     known = dict(zip(factors, cells, strict=True))
     return [known.get(factor, "") for factor in FACTORS]
 
@@ -448,7 +448,7 @@ def hexes_head(tongue: bool = True) -> list[str]:
     return [thousands(Run(case, factor).mesh.element_count) for factor in FACTORS]
 
 
-def meshes_part(found: dict[Run, dict[str, Any]]) -> str:
+def meshes_part(answers: dict[Run, dict[str, Any]]) -> str:
     """The meshes, and how much of their surface the bones hold."""
     rows = []
     for factor in FACTORS:
@@ -478,18 +478,18 @@ def held_area(mesh: HexMesh, bone: str) -> float:
 
 def groups() -> dict[tuple[str, str, str], list[Case]]:
     """The cases of the tongue by element, tissue and how it is pulled and held."""
-    found: dict[tuple[str, str, str], list[Case]] = {}
+    grouped: dict[tuple[str, str, str], list[Case]] = {}
     for case in cases():
         if case.tongue:
-            found.setdefault((case.element, case.tissue, case.pull), []).append(case)
-    return found
+            grouped.setdefault((case.element, case.tissue, case.pull), []).append(case)
+    return grouped
 
 
-def answer_part(found: dict[Run, dict[str, Any]]) -> str:
-    """All probes of all gestures in one row: errors where there is a limit, and changes from mesh to mesh, which need none."""
+def answer_part(answers: dict[Run, dict[str, Any]]) -> str:
+    """All probes of all gestures in one row: errors, where there is a limit, and changes from mesh to mesh, which need none."""
     off, apart, changed = [], [], []
     for (element, tissue, pull), some in groups().items():
-        courses = [(case.scenario, course(case, probe, found)) for case, probe in product(some, PROBES)]
+        courses = [(case.scenario, course(case, probe, answers)) for case, probe in product(some, PROBES)]
         judged = [(name, one) for name, one in courses if len(one.h_mm) >= FEWEST]
         without = [name for name, one in judged if one.limit.value is None]
         words = ", ".join(f"{name} {without.count(name)}" for name in MUSCLES if name in without)
@@ -516,18 +516,18 @@ def spread(some: Iterable[tuple[Sequence[float], np.ndarray]]) -> list[str]:
     return [f"{np.median(every[factor]):.1f} / {max(every[factor]):.1f}" if factor in every else "" for factor in FACTORS]
 
 
-def tip_part(found: dict[Run, dict[str, Any]]) -> str:
+def tip_part(answers: dict[Run, dict[str, Any]]) -> str:
     rows = []
     for (element, tissue, pull), some in groups().items():
         for case, probe in product(some, ("tip", "dorsum")):
-            one = course(case, probe, found)
+            one = course(case, probe, answers)
             labels = [case.scenario, probe, element, TISSUES[tissue], pull]
             rows.append([*labels, vector(one.limit.value), one.limit.how, *errors(one)])
     head = ("gesture", "probe", "element", "tissue", "distribution", "limit, mm", "found by", *hexes_head())
     return table(head, rows)
 
 
-def all_part(found: dict[Run, dict[str, Any]]) -> str:
+def all_part(answers: dict[Run, dict[str, Any]]) -> str:
     """Every quantity of the default element: values, limit, errors."""
     names = (*PROBES, "tip, largest", "dorsum, largest", "groove", "height")
     parts = []
@@ -536,7 +536,7 @@ def all_part(found: dict[Run, dict[str, Any]]) -> str:
             continue
         rows = []
         for name in names:
-            one = course(case, name, found)
+            one = course(case, name, answers)
             values = over_meshes(one.factors, [vector(value) for value in one.values_mm])
             rows.append([name, *values, vector(one.limit.value), one.limit.how, *errors(one)])
         head = ("", *hexes_head(), "limit", "found by", *(f"off, {count}" for count in hexes_head()))
@@ -544,19 +544,19 @@ def all_part(found: dict[Run, dict[str, Any]]) -> str:
     return "\n\n".join(parts)
 
 
-def runs_part(found: dict[Run, dict[str, Any]]) -> str:
+def runs_part(answers: dict[Run, dict[str, Any]]) -> str:
     """Steps, seconds and folded elements of every run, with its status where that is not "finished"."""
     rows = []
     for case in cases():
         cells, balances, hourglass = [], [], []
-        there = [run for run in runs_of(case) if run in found]
-        for run in there:
-            answer = found[run]
+        runs = [run for run in runs_of(case) if run in answers]
+        for run in runs:
+            answer = answers[run]
             status = "" if answer["status"] == "finished" else f"**{answer['status']}**: "
             cells.append(f"{status}{answer['steps']} / {answer['seconds']:.1f} / {answer['folded']}")
             balances.append(answer["balance"])
             hourglass.append(f"{100 * answer['hourglass']:.0f}")
-        cells = over_meshes([run.factor for run in there], cells)
+        cells = over_meshes([run.factor for run in runs], cells)
         largest = f"{max(balances):.0e}" if balances else ""
         labels = [case.scenario, case.element, TISSUES[case.tissue], case.pull]
         rows.append([*labels, *cells, largest, ", ".join(hourglass)])
@@ -564,12 +564,12 @@ def runs_part(found: dict[Run, dict[str, Any]]) -> str:
     return table(head, rows)
 
 
-def indentation_part(found: dict[Run, dict[str, Any]]) -> str:
-    """Displacement under each load; a fine sector besides, which is the same body computed another way."""
-    fine = found.get(Run(Case(INDENTATION), FACTORS[-1], sector=True))
+def indentation_part(answers: dict[Run, dict[str, Any]]) -> str:
+    """Displacement under each load; beside it that of a fine sector, which computes the same body in another way."""
+    fine = answers.get(Run(Case(INDENTATION), FACTORS[-1], sector=True))
     rows = []
     for element, name in product(AFFORDED, LOADS):
-        one = course(Case(INDENTATION, element), name, found)
+        one = course(Case(INDENTATION, element), name, answers)
         values = over_meshes(one.factors, [f"{value[0]:.3f}" for value in one.values_mm])
         value = "–" if one.limit.value is None else f"{one.limit.value[0]:.3f}"
         sector = f"{fine['mm'][name][0]:.3f}" if fine and name in fine["mm"] else ""
@@ -639,46 +639,46 @@ def finish(panels: np.ndarray, titles: Sequence[str], heading: str) -> None:
     panels.flat[0].figure.suptitle(heading, fontsize=11, x=0.01, ha="left")
 
 
-def draw_tongue(found: dict[Run, dict[str, Any]], path: Path) -> None:
+def draw_tongue(answers: dict[Run, dict[str, Any]], path: Path) -> None:
     """Tip and dorsum, both distributions, in-vivo tissue."""
     figure, panels = plt.subplots(2, 2, figsize=(10.0, 8.5), dpi=160, layout="constrained", sharex=True, sharey=True)
     titles = []
     for (distribution, probe), axes in zip(product((ENDS, ALONG), ("tip", "dorsum")), panels.flat, strict=True):
         for name, colour, marker in zip(MUSCLES, COLOURS, "osD^", strict=False):
-            draw_errors(axes, course(Case(name, "hex8", IN_VIVO, distribution), probe, found), name, colour, marker)
+            draw_errors(axes, course(Case(name, "hex8", IN_VIVO, distribution), probe, answers), name, colour, marker)
         titles.append(f"{probe}, distribution {distribution}")
     finish(panels, titles, "Tongue, in-vivo tissue, hex8: error of the displacement at 120 ms against the size of the hexes")
     figure.savefig(path)
     plt.close(figure)
 
 
-def draw_indentation(found: dict[Run, dict[str, Any]], path: Path) -> None:
+def draw_indentation(answers: dict[Run, dict[str, Any]], path: Path) -> None:
     """Three loads with the default element; the last load with every element."""
     figure, panels = plt.subplots(
         1, 2, figsize=(10.0, 5.0), dpi=160, layout="constrained", sharex=True, sharey=True, squeeze=False
     )
     left, right = panels.flat
     for name, colour, marker in zip((LOADS[0], LOADS[3], LOADS[-1]), COLOURS, "osD", strict=False):
-        draw_errors(left, course(Case(INDENTATION), name, found), name, colour, marker)
+        draw_errors(left, course(Case(INDENTATION), name, answers), name, colour, marker)
     for element, colour, marker in zip(AFFORDED, COLOURS[3:], "osD", strict=False):
-        draw_errors(right, course(Case(INDENTATION, element), LOADS[-1], found), element, colour, marker)
+        draw_errors(right, course(Case(INDENTATION, element), LOADS[-1], answers), element, colour, marker)
     titles = ["hex8, three loads", f"{LOADS[-1]}, every element"]
     finish(panels, titles, "Indentation: error of the tool's displacement against the size of the hexes")
     figure.savefig(path)
     plt.close(figure)
 
 
-def write_page(found: dict[Run, dict[str, Any]], folder: Path) -> None:
+def write_page(answers: dict[Run, dict[str, Any]], folder: Path) -> None:
     """Tables between the marks of mesh-density.md, and the pictures."""
     page = folder / "mesh-density.md"
     text = page.read_text(encoding="utf-8")
     for name, part in PARTS.items():
         mark, end = f"<!-- {name} -->", f"<!-- end {name} -->"
-        before, rest = text.split(mark)
-        text = before + mark + "\n\n" + part(found) + "\n\n" + end + rest.split(end)[1]
+        before, following = text.split(mark)
+        text = before + mark + "\n\n" + part(answers) + "\n\n" + end + following.split(end)[1]
     page.write_text(text, encoding="utf-8")
-    draw_tongue(found, folder / "pictures" / "mesh-density-tongue.png")
-    draw_indentation(found, folder / "pictures" / "mesh-density-indentation.png")
+    draw_tongue(answers, folder / "pictures" / "mesh-density-tongue.png")
+    draw_indentation(answers, folder / "pictures" / "mesh-density-indentation.png")
     print(f"written: {page}")
 
 
@@ -692,7 +692,7 @@ def main() -> None:
     arguments = parser.parse_args()
     compute_all(arguments.out, arguments.only, arguments.largest)
     if arguments.page:
-        write_page(answers(arguments.out), arguments.page)
+        write_page(read_answers(arguments.out), arguments.page)
 
 
 if __name__ == "__main__":

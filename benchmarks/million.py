@@ -1,9 +1,9 @@
-"""A million hexes: what building takes, what a step takes, and a run of 100 steps with stored results, in how much memory.
+"""A million hexes: the time to build the model and to take a step, and the time and memory of 100 steps with stored results.
 
     python benchmarks/million.py [--elements 1000000] [--json FILE]
 
-A block of 1 mm hexes of Yeoh tissue at Poisson's ratio 0.499, held at its bottom, under its own weight, as a mesh of one's own:
-built as every model is, with the order of computing, then run with four samples of all fields.
+A block of 1 mm hexes of Yeoh tissue at Poisson's ratio 0.499 stands on its bottom under its own weight. It is a mesh
+file of one's own: read, ordered and built as every model, then run with four samples of all fields.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ import h5py
 import meshio
 
 from explicitfe.compiled.simd import WIDTH
-from explicitfe.run.run import prepare, run
+from explicitfe.run.prepare import prepare
+from explicitfe.run.run import run
 from explicitfe.run.speed import block
 
 STEPS = 100
@@ -88,7 +89,7 @@ def main() -> None:
         begin = time.perf_counter()
         prepared = prepare(path)
         build_s = time.perf_counter() - begin
-        simulation = prepared.simulation
+        simulation = prepared.body
         count = len(simulation.hexes)
         say("build_s", build_s, f"reading, building and ordering: {build_s:.1f} s")
         arrays = [*simulation.blocks, *simulation.state, *simulation.nodes]

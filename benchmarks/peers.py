@@ -39,13 +39,14 @@ from explicitfe.compiled.jit import kernel
 from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
 from explicitfe.elements import hex8
 from explicitfe.forces import internal
-from explicitfe.materials import kinematics, yeoh
+from explicitfe.materials import kinematics, law_of
 from explicitfe.run.speed import ELEMENTS as TREATMENTS
 from explicitfe.run.speed import SIZES, problem
 from explicitfe.solve.kernels import ELEMENTS
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import FRACTION
 
+YEOH = law_of("yeoh")
 PEERS = ("warp", "jax")
 PACKAGES = {"warp": "warp-lang", "jax": "jax"}
 SAME_STEPS = 20
@@ -61,7 +62,7 @@ XLA_FLAGS = "--xla_disable_hlo_passes=fusion --xla_cpu_multi_thread_eigen=false 
 
 
 def plain(function: Any, replaced: dict[str, Any]) -> FunctionType:
-    """A leaf, and all leaves that it calls, as plain Python; globals named in ``replaced`` become what stands there."""
+    """A leaf, and all leaves that it calls, as plain Python; ``replaced`` gives other values to some globals."""
     function = getattr(function, "py_func", function)
     names = dict(function.__globals__)
     for name in function.__code__.co_names:
@@ -85,8 +86,8 @@ def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
 
     to_modes, deformation, corner_forces = part(hex8.to_modes), part(internal.kinematics), part(hex8.corner_forces)
     cofactor, determinant = part(kinematics.cofactor), part(kinematics.determinant)
-    invariant = part(kinematics.isochoric_invariant)
-    stress, slope, added, held = part(yeoh.stress), part(yeoh.slope), part(treatment.invariant), part(treatment.force)
+    stress, slope = part(YEOH.stress), part(YEOH.delta_slope)
+    added, held = part(treatment.invariant), part(treatment.force)
 
     def forces(corners: Sequence, g: Sequence, c: Sequence, h: Sequence) -> tuple:
         F, qx, qy, qz = deformation(tuple(to_modes(values) for values in corners), g)
@@ -95,7 +96,7 @@ def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
         delta = added(F, qx, qy, qz, h)
         P = stress(F, cof, J, delta, c)
         v = g[hex8.VOLUME]
-        *r, Q = held(F, qx, qy, qz, h, v * slope(invariant(F, J) + delta, c))
+        *r, Q = held(F, qx, qy, qz, h, v * slope(F, cof, J, delta, c))
         S = tuple(v * p + q for p, q in zip(P, Q, strict=True))
         return tuple(corner_forces(S[3 * i], S[3 * i + 1], S[3 * i + 2], r[i], g) for i in range(3))
 
@@ -109,7 +110,7 @@ def update(keep: float, gain: float, dt_s: float, inverse_mass: Any, u: Any, v: 
 
 
 class Counted:
-    """A number that remembers how it came about, so that + - * / can be counted, equal expressions once."""
+    """A number that remembers the operations which made it, so that + - * / can be counted, equal expressions once."""
 
     known: ClassVar[dict[tuple, Self]] = {}
 
@@ -118,14 +119,14 @@ class Counted:
 
     @classmethod
     def of(cls, sign: str, *made_of: Any) -> Self:
-        """The one number that is made so; ``known`` keeps what it is made of, so that no id comes twice."""
+        """The number with this operation and operands. ``known`` keeps the operands alive, so that no id is used twice."""
         parts = [value if isinstance(value, float) else id(value) for value in made_of]
         key = (sign, *(sorted(parts) if sign in ("+", "*") else parts))
         return cls.known.setdefault(key, cls(sign, *made_of))
 
     @classmethod
     def flops(cls, results: Iterable[Self]) -> int:
-        """Operations that the results need. A change of sign is free: it goes into the next sum."""
+        """Operations that the results need. A change of sign is free, as it becomes part of the next sum."""
         waiting, seen = list(results), {}
         while waiting:
             number = waiting.pop()
@@ -167,7 +168,7 @@ def flops(simulation: Simulation) -> float:
 
     root = newton(lambda value: Counted.of("guess", value))  # from the bits, by integers
     corners = [numbers(8) for _ in range(3)]
-    constants = [numbers(count) for count in (hex8.GEOMETRY, yeoh.CONSTANTS, treatment.CONSTANTS)]
+    constants = [numbers(count) for count in (hex8.GEOMETRY, YEOH.count, internal.hourglass_constants(treatment))]
     rows = element_forces(treatment, root)(corners, *constants)
     element = Counted.flops([Counted() - value for row in rows for value in row])
     node = Counted.flops([value for _ in range(3) for value in update(*numbers(7))])
@@ -183,7 +184,7 @@ def bytes_moved(simulation: Simulation) -> float:
 
 
 def working_set_bytes(simulation: Simulation) -> int:
-    """Room that the arrays of a step take."""
+    """Bytes of all arrays of a step."""
     blocks, state, nodes = simulation.blocks, simulation.state, simulation.nodes
     arrays = (blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, *nodes, *state, simulation._external)
     return sum(a.nbytes for a in arrays)
@@ -274,7 +275,7 @@ class InJax:
 
 
 class InWarp:
-    """One kernel with a thread an element, one with a thread a node; where Warp can, a step is a recorded graph."""
+    """One kernel with a thread for each element, one with a thread for each node; a step is a recorded graph where Warp can."""
 
     def __init__(self, simulation: Simulation, dt_s: float) -> None:
         import warp as wp
@@ -488,7 +489,7 @@ PROGRAMS: dict[str, Callable] = {"explicitfe": Ours, "warp": InWarp, "jax": InJa
 
 @kernel
 def triad(a, b, c, passes):
-    """a <- a + b c. What is stored was read before, so that no line is fetched in secret."""
+    """a <- a + b c. The array that is written has been read before, so that the write fetches no further line of the cache."""
     for _ in range(passes):
         for at in range(0, a.size, WIDTH):
             store(a, at, load(a, at) + load(b, at) * load(c, at))
@@ -513,7 +514,7 @@ def seconds(work: Callable[[], Any], clock: Callable[[], float] = time.process_t
 
 
 def bandwidth_GB_s(room_bytes: float) -> float:
-    """Bytes read and written per time by a triad whose three arrays take so much room together."""
+    """Bytes per time that a triad reads and writes; its three arrays have this size together."""
     entries = max(int(room_bytes / 24) // WIDTH, 1) * WIDTH
     a, b, c = np.zeros(entries), np.ones(entries), np.full(entries, 1e-3)
     triad(a, b, c, 1)
@@ -569,16 +570,16 @@ def differences(programs: dict[str, Any]) -> dict[str, float]:
         program.reset()
         program.run(SAME_STEPS)
     ours = programs["explicitfe"].displacement()
-    found = {
+    shares = {
         name: float(np.abs(program.displacement() - ours).max() / np.abs(ours).max())
         for name, program in programs.items()
         if name != "explicitfe"
     }
-    for name, difference in found.items():
+    for name, difference in shares.items():
         print(f"  {name} differs by {difference:.1e} after {SAME_STEPS} steps", file=sys.stderr, flush=True)
         if not difference < SAME:
             raise SystemExit(f"{name} does not compute the same: after {SAME_STEPS} steps it differs by {difference:.1e}.")
-    return found
+    return shares
 
 
 def best_s(turns: Sequence[tuple[str, Any]], clock: Callable[[], float]) -> dict[str, float]:
@@ -635,7 +636,7 @@ def compare(size: int, element: str, peers: Sequence[str], peak: float) -> dict[
 
 
 def two_threads(size: int, element: str) -> dict[str, float]:
-    """Nanoseconds of one and of two threads of ours by the clock on the wall, taking turns."""
+    """Nanoseconds of wall time of our program with one thread and with two, in turns."""
     programs = [(str(threads), Ours(*simulation_of(size, element, threads))) for threads in (1, 2)]
     ns = {name: 1e9 * value / size for name, value in best_s(programs, time.perf_counter).items()}
     return {"one_ns": ns["1"], "two_ns": ns["2"], "faster": ns["1"] / ns["2"]}
@@ -666,7 +667,7 @@ def table(figures: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     return head, rows
 
 
-def told(figures: dict[str, Any]) -> str:
+def machine_in_words(figures: dict[str, Any]) -> str:
     """The machine in one paragraph."""
     versions = ", ".join(f"{name} {number}" for name, number in figures["versions"].items())
     return (
@@ -680,7 +681,7 @@ def write(figures: dict[str, Any], folder: Path) -> None:
     """``peers.md`` and ``peers.png``."""
     folder.mkdir(parents=True, exist_ok=True)
     head, rows = table(figures)
-    lines = ["# The same step in explicitfe, Warp and JAX", "", told(figures), ""]
+    lines = ["# The same step in explicitfe, Warp and JAX", "", machine_in_words(figures), ""]
     lines += ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
     lines += ["", "GB/s: of a triad that takes as much room as the arrays of a step.", "", "![Times](peers.png)", ""]
     (folder / "peers.md").write_text("\n".join(lines))
@@ -726,7 +727,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
 
 def show(figures: dict[str, Any]) -> None:
     """The figures on stdout, a block an element and size: too many columns for a terminal."""
-    print(told(figures))
+    print(machine_in_words(figures))
     head, rows = table(figures)
     for cells in rows:
         print(f"\n{cells[0]}, {cells[1]} elements")

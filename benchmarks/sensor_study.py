@@ -1,6 +1,6 @@
-"""What the loop finds in simulated sensors of a tongue: hidden effect against noise.
+"""The verdicts of the loop on simulated sensors of a tongue, by hidden effect and noise.
 
-Prints the table of docs/close-loop-displacements_of.md.
+Prints the table of docs/close-loop-trajectories.md.
 
     OMP_NUM_THREADS=1 python benchmarks/sensor_study.py [--noise 0.05 0.2 0.5] [--hidden "lag 15 ms"] [--processes 2]
 
@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.search import Closed, close
+from explicitfe.close_loop.search import Outcome, close
 from explicitfe.close_loop.statistics.refit import intervals
 from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.close_loop.trajectories.levers import LEVERS
@@ -94,16 +94,16 @@ def simulate_sensors(
 
     Parameters
     ----------
-    hidden : gesture, or "*" for all of them -> settings of the scenario that nobody tells the fit.
-    numerics : settings that change how the data are computed, not what.
-    mesh : that of the fit, a line of its scenario; the sensors sit on its points.
+    hidden : settings of the scenario that the fit does not know, by gesture; "*" stands for all gestures.
+    numerics : settings that change the numerics of the data, not the physics.
+    mesh : the line of the fit's scenario that chooses its mesh; the sensors sit on points of this mesh.
     registration : "fit", or "given" where sensors are in the model's frame.
     """
     folder.mkdir(parents=True)
     scenario = folder / "scenario.toml"
     scenario.write_text(SCENARIO.format(duration_ms=float(duration_ms), mesh=mesh), encoding="utf-8")
     body = prepare(scenario).model.mesh
-    rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
+    at_rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
     times_s = np.arange(0.0, 1e-3 * duration_ms + 1e-9, 1.0 / rate_hz)
     random = np.random.default_rng(seed)
     lines = [
@@ -119,7 +119,7 @@ def simulate_sensors(
         lines.append('[registration]\nrotation = "fit"\ntranslation = "fit"')
     for name in gestures:
         settings = (*numerics, *GESTURES[name], *hidden.get("*", ()), *hidden.get(name, ()))
-        seen = rest + _displacements(float(duration_ms), mesh, settings, tuple(times_s))
+        seen = at_rest + _displacements(float(duration_ms), mesh, settings, tuple(times_s))
         if registration == "fit":
             seen = (seen - SHIFT_M) @ TURN
         seen = 1e3 * seen + noise_mm * random.standard_normal(seen.shape)
@@ -140,46 +140,46 @@ def _displacements(duration_ms: float, mesh: str, settings: tuple[str, ...], tim
         path = Path(folder) / "scenario.toml"
         path.write_text(SCENARIO.format(duration_ms=duration_ms, mesh=mesh), encoding="utf-8")
         body = prepare(path).model.mesh
-        rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
-        return displacements_of(path, settings, rest, times_s)[0]
+        at_rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
+        return displacements_of(path, settings, at_rest, times_s)[0]
 
 
 def settings_of(hidden: tuple[str, float] | None, folder: Path) -> Mapping[str, Sequence[str]]:
-    """Gesture -> settings of a hidden effect."""
+    """The settings of a hidden effect for each gesture."""
     if hidden is None:
         return {}
     path = folder / "plain.toml"
     path.write_text(SCENARIO.format(duration_ms=DURATION_MS, mesh=COARSE), encoding="utf-8")
-    found = {}
+    settings = {}
     for name, own in GESTURES.items():
         scenario, _ = read_scenario(path, own)
         assert isinstance(scenario, TransientScenario)
-        found[name] = LEVERS[hidden[0]].settings(scenario, hidden[1])
-    return found
+        settings[name] = LEVERS[hidden[0]].settings(scenario, hidden[1])
+    return settings
 
 
 def rms_mm(system: Trajectories, model: Hypothesis) -> float:
-    """Deviation of a model from what was measured [mm]."""
+    """Rms deviation of a model from the measured displacements [mm]."""
     (answer,) = system.answers([model])
     assert answer is not None
     return float(1e3 * np.sqrt(np.mean([np.mean((y - one.measured) ** 2) for y, one in zip(answer, system.series, strict=True)])))
 
 
-def row(name: str, noise_mm: float, system: Trajectories, found: Closed, seconds: float) -> str:
+def row(name: str, noise_mm: float, system: Trajectories, outcome: Outcome, seconds: float) -> str:
     """One line of the table."""
-    fit = found.steps[-1].fit
+    fit = outcome.steps[-1].fit
     ranges = [
         f"{p.name} {value:.4g} [{low:.4g}, {high:.4g}]"
         for p, value, (low, high) in zip(
-            fit.model.parameters, fit.model.values, intervals(fit, found.steps[-1].covariance), strict=True
+            fit.model.parameters, fit.model.values, intervals(fit, outcome.steps[-1].covariance), strict=True
         )
         if "." in p.name
     ]
-    first = found.steps[0]
-    named = found.effects or ((first.best, *first.ambiguous_with) if first.best else ())
+    first = outcome.steps[0]
+    named = outcome.effects or ((first.best, *first.ambiguous_with) if first.best else ())
     held = system.for_curves(c for c in system.dataset.curves if c.split == "holdout")
-    before, after = (rms_mm(held, step.fit.model) for step in (found.steps[0], found.steps[-1]))
-    cells = [name, f"{noise_mm:g}", found.verdict, found.remainder, ", ".join(named), "; ".join(ranges)]
+    before, after = (rms_mm(held, step.fit.model) for step in (outcome.steps[0], outcome.steps[-1]))
+    cells = [name, f"{noise_mm:g}", outcome.verdict, outcome.remainder, ", ".join(named), "; ".join(ranges)]
     return f"| {' | '.join(cells)} | {before:.2f} -> {after:.2f} | {seconds:.0f} |"
 
 
@@ -208,8 +208,8 @@ def main() -> None:
                 )
                 fitted = [c for c in dataset.curves if c.split == "fit"]
                 system = trajectory_system(dataset, fitted, chosen.processes)
-                found = close(system, max_effects=2, rows=system.rows)
-                print(row(hidden, noise_mm, system, found, time.perf_counter() - begin), flush=True)
+                outcome = close(system, max_effects=2, rows=system.rows)
+                print(row(hidden, noise_mm, system, outcome, time.perf_counter() - begin), flush=True)
                 system.runs.close()
 
 

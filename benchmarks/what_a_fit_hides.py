@@ -2,7 +2,7 @@
 
     python benchmarks/what_a_fit_hides.py [--out docs/identify-hides.md]
 
-The constants are the paper's, 191.5 and 90.6 Pa, the test is its flat cylinder on a specimen of 35 x 20 mm.
+The constants are those of Gerard et al. (2005), 191.5 and 90.6 Pa; a flat cylinder presses a specimen of 35 x 20 mm.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LOADS_N = 0.1 * np.arange(1, 9)
 DEEPEST_M = 7.1e-3
 REFINEMENT = 1.5
 SD_M = 10e-6
-BASE = Setup(
+BASE_SETUP = Setup(
     {"symmetry": "sector", "radius_mm": 35.0, "height_mm": 20.0, "base": "bonded", "refinement": REFINEMENT},
     {"shape": "flat-cylinder", "radius_mm": 14.0, "edge_radius_mm": 1.0, "friction": 0.0},
     0.499,
@@ -34,7 +34,7 @@ BASE = Setup(
 
 
 def changed(body: dict[str, Any] | None = None, hand: dict[str, Any] | None = None, **more: Any) -> Setup:
-    return replace(BASE, specimen=BASE.specimen | (body or {}), tool=BASE.tool | (hand or {}), **more)
+    return replace(BASE_SETUP, specimen=BASE_SETUP.specimen | (body or {}), tool=BASE_SETUP.tool | (hand or {}), **more)
 
 
 CASES = [
@@ -48,24 +48,24 @@ CASES = [
 
 
 def response(setup: Setup, constants: tuple[float, float]) -> ToolResponse:
-    """Good for the refit of constants like these."""
-    made = ToolResponse(setup, DEEPEST_M)
-    made.add([*FIRST_Q, ratio(*constants), 0.15])
-    return made
+    """The response of the tool near these constants, good enough to refit them."""
+    tool_response = ToolResponse(setup, DEEPEST_M)
+    tool_response.add([*FIRST_Q, ratio(*constants), 0.15])
+    return tool_response
 
 
 def displacements(setup: Setup) -> np.ndarray:
-    """Exact data, smooth: the roughness of the mesh is none of physics."""
+    """Exact data, smoothed, as the roughness of contact on a mesh is not physics."""
     deepest = 1.3 * DEEPEST_M
     while True:
         try:
-            way = depths(deepest, 20)
-            run = forces(setup, *TRUTH, way)
+            depths_m = depths(deepest, 20)
+            run = forces(setup, *TRUTH, depths_m)
             break
-        except RunError:  # so soft that the deepest is not reached, nor needed
+        except RunError:  # A soft tissue does not reach the largest depth, and does not need it.
             deepest *= 0.93
-    smooth = smoothest(way, [run])
-    return smooth.inverse(smooth.coefficients(way, run)[0], LOADS_N)[0]
+    smooth = smoothest(depths_m, [run])
+    return smooth.inverse(smooth.coefficients(depths_m, run)[0], LOADS_N)[0]
 
 
 def refit(model: CurveModel, measured_m: np.ndarray) -> tuple[Fit, np.ndarray]:
@@ -78,26 +78,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path)
     out = parser.parse_args().out
-    base = response(BASE, TRUTH)
+    base = response(BASE_SETUP, TRUTH)
     truth_m = base.at_force(LOADS_N, *TRUTH)[0]
     observed = Observed("paper", LOADS_N, truth_m, 0.0, SD_M, CurveModel(base, True))
     fit = least_squares_fit([observed], profile=False)
-    hidden, _ = what_a_fit_hides(BASE, [observed], fit, CASES)
+    hidden, _ = what_a_fit_hides(BASE_SETUP, [observed], fit, CASES)
     lines = [
         "| wrong | data with it, fitted without: C10, C20 | left (rms, max) | data without it, fitted with: C10, C20 | left "
         "(rms, max) | `identify` says | left (rms) |",
         "|---|---|---|---|---|---|---|",
     ]
-    for case, told in zip(CASES, hidden, strict=True):
+    for case, shift in zip(CASES, hidden, strict=True):
         without, left_without = refit(CurveModel(base, True), displacements(case.setup))
         row = [case.name, _factors(without), _left(left_without)]
-        if case.name == "gravity":  # then the size of the constants is no mere scale
+        if case.name == "gravity":  # With gravity the size of the constants is no mere scale.
             row += ["", ""]
         else:
-            guess = (TRUTH[0] * (1.0 + float(told.change[0])), max(TRUTH[1] * (1.0 + float(told.change[1])), 0.0))
-            made, left_made = refit(CurveModel(response(case.setup, guess), True), truth_m)
-            row += [_factors(made), _left(left_made)]
-        row += [f"× {1.0 + told.change[0]:.2f}, × {1.0 + told.change[1]:.2f}", f"{1e6 * told.left:.1f} µm"]
+            guess = (TRUTH[0] * (1.0 + float(shift.change[0])), max(TRUTH[1] * (1.0 + float(shift.change[1])), 0.0))
+            corrected, left_made = refit(CurveModel(response(case.setup, guess), True), truth_m)
+            row += [_factors(corrected), _left(left_made)]
+        row += [f"× {1.0 + shift.change[0]:.2f}, × {1.0 + shift.change[1]:.2f}", f"{1e6 * shift.left:.1f} µm"]
         lines.append(f"| {' | '.join(row)} |")
         print(lines[-1], flush=True)
     text = "\n".join(lines) + "\n"

@@ -286,7 +286,7 @@ class BlockRun:
     folded : most elements with a corner Jacobian <= 0 at any sample; ``elements`` : of how many.
     smallest_J : smallest J of any integration point in any step.
     balance : largest energy balance error.
-    rest : m. Largest displacement at the end.
+    end_displacement : m. Largest displacement at the end.
     """
 
     status: str | None
@@ -297,7 +297,7 @@ class BlockRun:
     elements: int
     smallest_J: float
     balance: float
-    rest: float
+    end_displacement: float
     steps: int
 
 
@@ -353,7 +353,7 @@ def block_run(kind: str, element: str, n: int) -> BlockRun:
         elements=mesh.element_count,
         smallest_J=snapshot.smallest_J,
         balance=ledger.balance_error,
-        rest=float(np.abs(snapshot.displacement).max()),
+        end_displacement=float(np.abs(snapshot.displacement).max()),
         steps=simulation.steps,
     )
 

@@ -1,4 +1,4 @@
-"""The architecture: imports point to lower layers only, and what only one place may do is done there only.
+"""The architecture: imports point to lower layers only, and some things are done in one place only.
 
 Read from the source with ``ast``; nothing is imported. A new module has to be given its place in ``RANKS``.
 """
@@ -99,7 +99,7 @@ def at_import_time(tree: ast.Module) -> ast.Module:
 
 
 def violations(module: str, tree: ast.AST) -> list[str]:
-    """Imports of a module that do not point down, in words."""
+    """Sentences about the imports of a module that do not point down."""
     source = unit_of(module)
     wrong = []
     for target_module, line in inside(tree):
@@ -132,7 +132,7 @@ def test_no_circle():
 
 
 def test_the_check_sees_what_it_should():
-    """Imports that point up, to a sibling or past ONLY are found, inside functions too."""
+    """The check reports imports that point up, to a sibling or past ONLY, also inside functions."""
     up = "def f():\n    from explicitfe.solve.simulation import Simulation\n"
     assert violations("forces.contact", ast.parse(up)) == ["forces.contact:2 imports solve.simulation"]
     assert violations("materials.yeoh", ast.parse("from explicitfe import mesh")) == ["materials.yeoh:1 imports mesh"]
@@ -161,7 +161,7 @@ def test_only_results_reads_and_writes_hdf5():
 
 @pytest.mark.parametrize("library", LAZY)
 def test_slow_libraries_are_imported_where_they_are_used(library):
-    """Only inside functions, so that nobody waits for what they do not use; and somewhere, or the name here is stale."""
+    """They are imported inside functions only, so that nobody waits for a library without using it; and they are used at all."""
     for module, tree in TREES.items():
         early = [line for name, line in imports(at_import_time(tree)) if name.split(".")[0] == library]
         assert not early, f"{module} imports {library} when it is imported"
@@ -179,7 +179,7 @@ def test_no_test_names_a_path_of_one_machine():
 
 
 def test_the_command_starts_without_numpy():
-    """So that it can still say how many threads the linear algebra gets, and answers ``--help`` at once."""
+    """Then the command can still set the number of threads of the linear algebra, and answers ``--help`` at once."""
     code = "import sys, explicitfe.cli; print('numpy' in sys.modules, 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == ["False", "False"]

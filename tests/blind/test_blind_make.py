@@ -1,4 +1,4 @@
-"""The generator of blind cases: its numerics, what it writes and what it does not, what it calls identifiable; and the scorer."""
+"""The generator of blind cases and the scorer: numerics, files that are written, and which effects are called identifiable."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ SOFTENING = {"softening": {"inverse_r": 0.5, "m_Pa": 30.0}}
 CORNERS = ((0.0, 0.0), (3.0, 1.0), (30.0, 1.0), (33.0, 0.0), (50.0, 0.0))
 
 
-def planned(mode: Mode, way: float, **more) -> HomogeneousRun:
-    """A ramp, a hold, unloading and rest, to a strain, an amount of shear or a displacement [m]."""
+def planned(mode: Mode, largest: float, **more) -> HomogeneousRun:
+    """A ramp, a hold, unloading and rest; ``largest`` is a strain, an amount of shear or a displacement [m]."""
     time_s, share = programme(CORNERS, 90)
     size = {"height_m": HEIGHT_M, "area_m2": AREA_M2} if mode == "platen" else {}
-    return HomogeneousRun("c", time_s, 1.0 + way * share if mode == "uniaxial" else way * share, **size, **more)
+    return HomogeneousRun("c", time_s, 1.0 + largest * share if mode == "uniaxial" else largest * share, **size, **more)
 
 
 def as_measured(plan: Sequence[HomogeneousRun], mode: Mode) -> list[Curve]:
@@ -75,10 +75,10 @@ def as_measured(plan: Sequence[HomogeneousRun], mode: Mode) -> list[Curve]:
 
 def by_package(plan: Sequence[HomogeneousRun], mode: Mode, effects: dict) -> np.ndarray:
     model = Tissue.model_validate({"constants": {"C10_Pa": C10, "C20_Pa": C20}, "effects": effects})
-    found = {}
+    values = {}
     for test in experiments(as_measured(plan, mode)):
-        found |= {curve.id: p.values for curve, p in zip(test, predict_test(test, model), strict=True)}
-    return np.concatenate([found[str(k)] for k in range(len(plan))])
+        values |= {curve.id: p.values for curve, p in zip(test, predict_test(test, model), strict=True)}
+    return np.concatenate([values[str(k)] for k in range(len(plan))])
 
 
 # ---- the generator's numerics ----
@@ -86,8 +86,8 @@ def by_package(plan: Sequence[HomogeneousRun], mode: Mode, effects: dict) -> np.
 
 def test_closed_forms():
     """Incompressible Yeoh: P = 2 W' (l - l^-2) in compression and tension, 2 W' k in shear; F = -A P between platens."""
-    for way in (-0.35, 0.6):
-        curve = planned("uniaxial", way)
+    for strain in (-0.35, 0.6):
+        curve = planned("uniaxial", strain)
         stretch = curve.imposed
         slope = C10 + 2.0 * C20 * (stretch**2 + 2.0 / stretch - 3.0)
         values = Bench([curve], "uniaxial", poisson=0.5).values(C10, C20)
@@ -98,7 +98,7 @@ def test_closed_forms():
 
 
 def test_relaxation_at_a_held_stretch():
-    """After a hold of many times tau, 1 - g of the elastic stress is left; in shear at small strain that holds exactly."""
+    """After a hold of many times tau the stress is 1 - g of the elastic one; in shear at small strain that is exact."""
     time_s = np.concatenate([np.linspace(0.0, 0.1, 11), 0.1 + np.geomspace(0.1, 200.0, 60)])
     curve = HomogeneousRun("c", time_s, 1e-3 * np.minimum(time_s / 0.1, 1.0))
     bench = Bench([curve], "shear")
@@ -109,7 +109,7 @@ def test_relaxation_at_a_held_stretch():
 
 
 @pytest.mark.parametrize(
-    ("mode", "way", "effects", "tolerance"),
+    ("mode", "largest", "effects", "tolerance"),
     [
         ("uniaxial", -0.35, {}, 1e-6),
         ("uniaxial", 0.5, SOFTENING, 1e-6),
@@ -120,26 +120,26 @@ def test_relaxation_at_a_held_stretch():
         ("platen", 5e-3, {"force-offset": {"offset_N": 0.05}, "force-drift": {"rate_N_s": 0.001}}, 3e-3),
     ],
 )
-def test_agrees_with_the_package(mode, way, effects, tolerance):
-    """Of the peak; platens are interpolated between instants there."""
-    plan = [planned(mode, way)]
-    mine, theirs = Bench(plan, mode).values(C10, C20, effects), by_package(plan, mode, effects)
-    assert np.abs(mine - theirs).max() < tolerance * np.abs(theirs).max()
+def test_agrees_with_the_package(mode, largest, effects, tolerance):
+    """Within a share of the peak; it is larger for platens, as the package interpolates them between instants."""
+    plan = [planned(mode, largest)]
+    ours, theirs = Bench(plan, mode).values(C10, C20, effects), by_package(plan, mode, effects)
+    assert np.abs(ours - theirs).max() < tolerance * np.abs(theirs).max()
 
 
 def test_incompressible_is_within_the_difference_of_poissons_ratio():
     plan = [planned("uniaxial", -0.35)]
-    mine, theirs = Bench(plan, "uniaxial", poisson=0.5).values(C10, C20), by_package(plan, "uniaxial", {})
-    assert 1e-5 < np.abs(mine - theirs).max() / np.abs(theirs).max() < 3e-3
+    ours, theirs = Bench(plan, "uniaxial", poisson=0.5).values(C10, C20), by_package(plan, "uniaxial", {})
+    assert 1e-5 < np.abs(ours - theirs).max() / np.abs(theirs).max() < 3e-3
 
 
 def test_fibres_cycles_and_repeats_agree_with_the_package():
     fibres = {"fibres": {"k1_Pa": 800.0, "k2": 2.0}}
     plan = [planned("uniaxial", -0.28, conditions={"direction": d}, test=k) for k, d in enumerate(("fibre", "cross-fibre"))]
     np.testing.assert_allclose(Bench(plan, "uniaxial").values(C10, C20, fibres), by_package(plan, "uniaxial", fibres), atol=1e-4)
-    plan = [planned("uniaxial", way, conditions={"cycle": k + 1}) for k, way in enumerate((-0.2, -0.3))]
-    mine, theirs = Bench(plan, "uniaxial").values(C10, C20, RELAXING), by_package(plan, "uniaxial", RELAXING)
-    assert np.abs(mine - theirs).max() < 1e-3 * np.abs(theirs).max()
+    plan = [planned("uniaxial", strain, conditions={"cycle": k + 1}) for k, strain in enumerate((-0.2, -0.3))]
+    ours, theirs = Bench(plan, "uniaxial").values(C10, C20, RELAXING), by_package(plan, "uniaxial", RELAXING)
+    assert np.abs(ours - theirs).max() < 1e-3 * np.abs(theirs).max()
     drift = {"cycle-drift": {"per_cycle": 0.05}}
     plan = [planned("uniaxial", -0.2, conditions={"repeat": k + 1}, test=k) for k in range(3)]
     values = np.split(Bench(plan, "uniaxial").values(C10, C20, drift), 3)
@@ -147,15 +147,15 @@ def test_fibres_cycles_and_repeats_agree_with_the_package():
 
 
 def test_tissue_that_a_platen_left_agrees_with_the_package():
-    """Unloaded faster than it recovers, and loaded again; instants of the package are interpolated."""
+    """Tissue unloaded faster than it recovers, and loaded again; the package interpolates between instants."""
     time_s, share = programme(((0.0, 0.0), (3.0, 1.0), (6.0, 0.0), (9.0, 1.0), (20.0, 1.0)), 120)
     plan = [HomogeneousRun("c", time_s, 6e-3 * share, height_m=HEIGHT_M, area_m2=AREA_M2)]
     effects = {"viscoelastic": {"g": [0.6], "tau_s": [2.0]}}
     bench = Bench(plan, "platen")
-    mine, theirs = bench.values(C10, C20, effects), by_package(plan, "platen", effects)
+    ours, theirs = bench.values(C10, C20, effects), by_package(plan, "platen", effects)
     largest = np.abs(theirs).max()
-    assert np.abs(mine - theirs).max() < 4e-3 * largest
-    assert np.abs(mine - bench.values(C10, C20, effects, recovers=False)).max() > 5e-3 * largest
+    assert np.abs(ours - theirs).max() < 4e-3 * largest
+    assert np.abs(ours - bench.values(C10, C20, effects, recovers=False)).max() > 5e-3 * largest
 
 
 def test_compliance_is_in_series():
@@ -186,10 +186,10 @@ def apart(effects: dict) -> float:
     bench = Bench([planned("shear", 0.6), planned("shear", 0.3, test=1)], "shear")
     true = bench.values(C10, C20, effects, 3)
     whiten = Whitener(Noise(0.01, 0.01 * float(np.abs(true).max())), bench.curves(true), [True, True])
-    found = separation(bench, true, whiten, (C10, C20), list(effects))
-    assert found.identifiable == (min(found.baseline, *found.rivals.values()) >= SMALLEST_IDENTIFIABLE_DISTANCE)
-    assert all(distance <= found.baseline for distance in found.rivals.values())
-    return min(found.baseline, *found.rivals.values())
+    distances = separation(bench, true, whiten, (C10, C20), list(effects))
+    assert distances.identifiable == (min(distances.baseline, *distances.rivals.values()) >= SMALLEST_IDENTIFIABLE_DISTANCE)
+    assert all(distance <= distances.baseline for distance in distances.rivals.values())
+    return min(distances.baseline, *distances.rivals.values())
 
 
 def test_a_strong_effect_is_identifiable_and_a_vanishing_one_is_not():
@@ -206,18 +206,18 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
+def study(tmp_path_factory) -> Path:
     out = tmp_path_factory.mktemp("blind") / "study"
     make(out, seed=5, kinds={"control": 4, "outside": 1})
     return out
 
 
-def test_datasets_read_back_and_tell_nothing(made):
-    folders = sorted((made / "cases").iterdir())
+def test_datasets_read_back_and_tell_nothing(study):
+    folders = sorted((study / "cases").iterdir())
     assert [path.name for path in folders] == [f"case-{k:04d}" for k in range(1, 6)]
     for folder in folders:
         dataset = read_dataset(folder)
-        truth = json.loads((made / "sealed" / f"{folder.name}.json").read_text())
+        truth = json.loads((study / "sealed" / f"{folder.name}.json").read_text())
         assert dataset.name == truth["case"] == folder.name
         assert 3 <= len(dataset.curves) <= 6
         text = (folder / "dataset.toml").read_text().lower()
@@ -248,7 +248,7 @@ def test_kinds_are_balanced():
 
 
 def test_an_indentation_reads_back(tmp_path, monkeypatch):
-    """A control on a coarse mesh, so that it takes a moment only."""
+    """A control on a coarse mesh, to save time. Most of it is compiling, the first time on a machine."""
     monkeypatch.setattr(under_a_tool, "DATA_MESH", under_a_tool.SCREENING_MESH)
     case = under_a_tool.draw(np.random.default_rng(1), CaseRequest("control", ("wrong-dimension",), 0.01))
     write(case, tmp_path / "case", "case-0001")
@@ -282,50 +282,50 @@ def test_outcome_of_a_single(verdict, effects, more, word):
 
 def test_outcomes_of_other_kinds():
     two = TRUTH | {"kind": "double", "effects": {"viscoelastic": {}, "friction": {}}}
-    found = {"verdict": "effect-found", "effects": ["friction"], "remainder": "at-floor"}
-    assert outcome(found, two) == "one, said to be all"
-    assert outcome(found | {"remainder": "unexplained"}, two) == "one, remainder says so"
-    assert outcome(found | {"effects": ["friction", "viscoelastic"]}, two) == "both"
+    report = {"verdict": "effect-found", "effects": ["friction"], "remainder": "at-floor"}
+    assert outcome(report, two) == "one, said to be all"
+    assert outcome(report | {"remainder": "unexplained"}, two) == "one, remainder says so"
+    assert outcome(report | {"effects": ["friction", "viscoelastic"]}, two) == "both"
     beyond = TRUTH | {"kind": "outside", "effects": {}, "noise": {"sd": 1.0, "rho": 0.0}, "rows": {"a": 100}}
     curve = {"split": "holdout", "rmse": 1.0}
-    assert outcome(found | {"final": {"error": {"curves": {"a": curve}}}}, beyond) == "an effect that predicts at the floor"
-    assert outcome(found | {"final": {"error": {"curves": {"a": curve | {"rmse": 2.0}}}}}, beyond) == "confidently wrong"
+    assert outcome(report | {"final": {"error": {"curves": {"a": curve}}}}, beyond) == "an effect that predicts at the floor"
+    assert outcome(report | {"final": {"error": {"curves": {"a": curve | {"rmse": 2.0}}}}}, beyond) == "confidently wrong"
     assert outcome({"verdict": "ambiguous"}, {"kind": "control"}) == "ambiguous"
 
 
 def test_intervals():
     entry = {"value": 1.0, "ci95": [90.0, 110.0]}
     parameters = {"C10_Pa": {"all": entry}, "viscoelastic.g": {"value": 0.2, "ci95": [0.1, 0.2]}}
-    found = {row["name"]: row for row in intervals({"final": {"parameters": parameters}}, TRUTH)}
-    assert found["C10_Pa"]["covers"] and found["C10_Pa"]["width"] == pytest.approx(0.2)
-    assert not found["viscoelastic.g"]["covers"]
+    rows = {row["name"]: row for row in intervals({"final": {"parameters": parameters}}, TRUTH)}
+    assert rows["C10_Pa"]["covers"] and rows["C10_Pa"]["width"] == pytest.approx(0.2)
+    assert not rows["viscoelastic.g"]["covers"]
 
 
 def test_proportions():
-    """0 of 10: the upper end is 1 - 0.025^(1/10)."""
-    found = tables.proportion(0, 10)
-    assert found["ci95"] == pytest.approx([0.0, 1.0 - 0.025**0.1])
+    """For 0 of 10 the upper end of the interval is 1 - 0.025^(1/10)."""
+    none = tables.proportion(0, 10)
+    assert none["ci95"] == pytest.approx([0.0, 1.0 - 0.025**0.1])
 
 
-def test_score_with_reports_that_are_there(made):
-    """Nothing is run where a report is there; the tables count what the reports say."""
-    for path in (made / "cases").iterdir():
-        progress = made / "reports" / path.name / "report.json"
-        progress.parent.mkdir(parents=True)
-        progress.write_text(json.dumps({"verdict": "unexplained", "effects": [], "remainder": "unexplained"}))
-    result = score(made)
+def test_score_with_reports_that_are_there(study):
+    """A case with a report is not run again; the tables count the verdicts of the reports."""
+    for path in (study / "cases").iterdir():
+        report = study / "reports" / path.name / "report.json"
+        report.parent.mkdir(parents=True)
+        report.write_text(json.dumps({"verdict": "unexplained", "effects": [], "remainder": "unexplained"}))
+    result = score(study)
     assert result["tables"]["headline"]["false alarms in controls"]["count"] == 4
     assert result["tables"]["outside the library"]["all"]["unexplained"]["share"] == 1.0
-    assert "100.0 %" in (made / "score.md").read_text()
-    assert (made / "confusion.png").stat().st_size > 5000
-    assert json.loads((made / "score.json").read_text()) == result
+    assert "100.0 %" in (study / "score.md").read_text()
+    assert (study / "confusion.png").stat().st_size > 5000
+    assert json.loads((study / "score.json").read_text()) == result
 
 
-def test_a_case_that_cannot_be_run_is_a_failure(made):
-    """It takes nothing else with it, and the score says why."""
-    (made / "cases" / "case-0001" / "dataset.toml").unlink()
-    (made / "reports" / "case-0001" / "report.json").unlink()
-    found = {row["case"]: row for row in score(made)["cases"]}
-    assert found["case-0001"]["outcome"] == "failed"
-    assert "Error" in found["case-0001"]["problem"]
-    assert found["case-0002"]["outcome"] != "failed"
+def test_a_case_that_cannot_be_run_is_a_failure(study):
+    """A crash does not stop the other cases, and the score gives its reason."""
+    (study / "cases" / "case-0001" / "dataset.toml").unlink()
+    (study / "reports" / "case-0001" / "report.json").unlink()
+    cases = {row["case"]: row for row in score(study)["cases"]}
+    assert cases["case-0001"]["outcome"] == "failed"
+    assert "Error" in cases["case-0001"]["problem"]
+    assert cases["case-0002"]["outcome"] != "failed"

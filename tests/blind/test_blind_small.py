@@ -1,7 +1,7 @@
-"""A small blind set: data of other numerics with nothing, one effect or two hidden in them, through the whole loop.
+"""A small blind set through the whole loop: data made with other numerics, with no effect or one effect hidden in them.
 
-What the tool says is compared with what was sealed before. Seven cases prove no rate; they show that the chain holds together and
-that nothing of it is confidently wrong here. The study with its rates is benchmarks/blind_study.py.
+The verdicts are compared with the sealed truth. Seven cases prove no rate; they show that the chain works and that no verdict is
+confidently wrong here. The study with its rates is benchmarks/blind_study.py. This is the slowest test: SECONDS.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ SEED = 12
 
 def test_a_small_set(tmp_path: Path) -> None:
     make(tmp_path / "cases", seed=SEED, kinds={"control": 3, "single": 4}, family="homogeneous")
-    found = score(tmp_path / "cases", processes=2)
-    outcomes = {case["case"]: (case["kind"], case["outcome"], case["true"]) for case in found["cases"]}
+    result = score(tmp_path / "cases", processes=2)
+    outcomes = {case["case"]: (case["kind"], case["outcome"], case["true"]) for case in result["cases"]}
     assert len(outcomes) == 7
     assert all(outcome == "no-missing-effect" for kind, outcome, _ in outcomes.values() if kind == "control"), outcomes
     assert not any(outcome in ("confidently wrong", "failed") for _, outcome, _ in outcomes.values()), outcomes

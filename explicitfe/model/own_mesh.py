@@ -6,7 +6,7 @@ import contextlib
 import io
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
@@ -32,7 +32,7 @@ class ByPointData(Table):
     value: float
 
 
-def _node_set(value: Any) -> Any:
+def _node_set(value: object) -> object:
     if isinstance(value, list) and all(type(node) is int for node in value):
         return value
     if isinstance(value, dict) and value.keys() == ByPointData.model_fields.keys():
@@ -84,7 +84,7 @@ class MeshFile(Table):
 
     @field_validator("node_sets", "named_points")
     @classmethod
-    def _names_can_be_stored(cls, named: dict[str, Any]) -> dict[str, Any]:
+    def _names_can_be_stored(cls, named: dict[str, object]) -> dict[str, object]:
         for name in named:
             if not name.strip() or name == "." or "/" in name or "\0" in name:
                 raise ValueError(f'"{name}" cannot be a name in a result file: give one of letters and digits, without "/"')

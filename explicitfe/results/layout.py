@@ -1,4 +1,4 @@
-"""What stands where in a result file: the one place that the writer and the reader take it from.
+"""What stands where in a result file: writer and reader both take it from here.
 
 A result is plain HDF5 and at the same time a temporal VTKHDF UnstructuredGrid with a static mesh: N nodes, E hexes,
 T stored steps. ``[T]`` marks a dataset that, until the run ends, has room for more steps than are stored: ``NSteps``
@@ -33,15 +33,15 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from zlib import crc32
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from explicitfe.mesh.hexmesh import HexMesh
 
-FORMAT = 1
+FORMAT_VERSION = 1
 POINT_DATA = "VTKHDF/PointData"
 CELL_DATA = "VTKHDF/CellData"
 STEPS = "VTKHDF/Steps"
@@ -54,7 +54,7 @@ NAMED_POINTS = "explicitfe/named_points"
 HISTORY = "explicitfe/history"
 RESTART_SLOTS = ("explicitfe/restart/slot0", "explicitfe/restart/slot1")
 
-VTK_HEXAHEDRON = 12
+VTK_HEXAHEDRON = 12  # the number of this cell type in VTK
 # Bytes kept for what is only known at the end, so that the end of a run overwrites and does not rearrange.
 STATUS_BYTES = {"state": 32, "message": 4096, "summary": 262144}
 # HDF5 lists up to 64 chunks in one node of its index. While that suffices, lengthening a file is safe from a kill at
@@ -104,8 +104,8 @@ def create(
     cell_fields: Mapping[str, Quantity],
     history: Mapping[str, Quantity],
     scenario_text: str,
-    model: Mapping[str, Any],
-    provenance: Mapping[str, Any],
+    model: Mapping[str, object],
+    provenance: Mapping[str, object],
     restart: Mapping[str, np.ndarray],
     capacity: int,
 ) -> None:
@@ -145,7 +145,7 @@ def create(
     make_room(file, 0, capacity)
 
     own = file.create_group("explicitfe")
-    own.attrs["format"] = FORMAT
+    own.attrs["format"] = FORMAT_VERSION
     for name, size in STATUS_BYTES.items():
         file.create_dataset(f"{STATUS}/{name}", data=b"", dtype=h5py.string_dtype("utf-8", size))
     file[SCENARIO] = scenario_text
@@ -227,7 +227,7 @@ def seal(sequence: int, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array([sequence, checksum], dtype=np.uint64)
 
 
-def to_json(value: Any) -> str:
+def to_json(value: object) -> str:
     """JSON text; numpy arrays and numbers become lists and numbers."""
     return json.dumps(value, indent=1, ensure_ascii=False, default=lambda item: item.tolist())
 
@@ -241,7 +241,7 @@ def _reserve(file: h5py.File, size: int) -> None:
         os.posix_fallocate(file.id.get_vfd_handle(), file.id.get_filesize(), size)
 
 
-def _growing(file: h5py.File, name: str, shape: tuple[int, ...], dtype: Any, chunk: int) -> h5py.Dataset:
+def _growing(file: h5py.File, name: str, shape: tuple[int, ...], dtype: npt.DTypeLike, chunk: int) -> h5py.Dataset:
     """An empty dataset that can be lengthened along its first axis.
 
     Its chunks are placed in the file and filled with zeros when it is lengthened. So storing a step writes numbers and

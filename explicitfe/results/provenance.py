@@ -8,20 +8,34 @@ import subprocess
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 
-def provenance() -> dict[str, Any]:
-    """Versions, commit, machine and start time of this run, ready for JSON.
+class Provenance(TypedDict):
+    """Versions (None where not installed), commit, machine and start time of a run.
 
-    Returns
-    -------
-    dict with ``explicitfe``, ``commit`` (None outside a git checkout; ends in ``-dirty`` when files were changed),
-    ``python``, ``numpy``, ``numba``, ``h5py`` (None where not installed), ``platform``, ``processor``, ``cores``,
-    ``started_utc`` (ISO 8601).
+    ``commit`` is None outside a git checkout and ends in ``-dirty`` when files were changed; ``started_utc`` is ISO 8601.
     """
+
+    explicitfe: str | None
+    numpy: str | None
+    numba: str | None
+    h5py: str | None
+    python: str
+    commit: str | None
+    platform: str
+    processor: str
+    cores: int | None
+    started_utc: str
+
+
+def provenance() -> Provenance:
+    """Where a run comes from that starts now, on this machine."""
     return {
-        **{package: _version(package) for package in ("explicitfe", "numpy", "numba", "h5py")},
+        "explicitfe": _version("explicitfe"),
+        "numpy": _version("numpy"),
+        "numba": _version("numba"),
+        "h5py": _version("h5py"),
         "python": platform.python_version(),
         "commit": _commit(Path(__file__).resolve().parents[2]),
         "platform": platform.platform(),
@@ -46,10 +60,10 @@ def _commit(checkout: Path) -> str | None:
     command = ["git", "--no-optional-locks", "-C", str(checkout)]
     command += ["describe", "--always", "--dirty", "--abbrev=40", "--exclude", "*"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
+        described = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True)
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip()
+    return described.stdout.strip()
 
 
 def _processor() -> str:

@@ -15,6 +15,7 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import layout
 from explicitfe.results.layout import Quantity
+from explicitfe.results.provenance import Provenance
 
 if TYPE_CHECKING:
     import pyvista
@@ -109,9 +110,10 @@ class Result:
         return json.loads(self._text(layout.MODEL))
 
     @property
-    def provenance(self) -> dict[str, Any]:
-        """Versions, commit, machine and start time; see :func:`explicitfe.results.provenance`."""
-        return json.loads(self._text(layout.PROVENANCE))
+    def provenance(self) -> Provenance:
+        """Versions, commit, machine and start time."""
+        stored: Provenance = json.loads(self._text(layout.PROVENANCE))
+        return stored
 
     @cached_property
     def mesh(self) -> HexMesh:
@@ -206,8 +208,8 @@ class Result:
         grid = pyvista.wrap(reader.GetOutputDataObject(0))
         # VTK before 9.3 shows the first step at all times and says nothing.
         if not np.array_equal(grid.point_data.get("displacement"), self.displacement(step), equal_nan=True):
-            found = ".".join(map(str, pyvista.vtk_version_info))
-            raise InputError(f"VTK {found} does not show step {step} of {self.path} as stored; install VTK 9.3 or later")
+            version = ".".join(map(str, pyvista.vtk_version_info))
+            raise InputError(f"VTK {version} does not show step {step} of {self.path} as stored; install VTK 9.3 or later")
         if warped:
             grid.points = grid.points + grid.point_data["displacement"]
         return grid
@@ -269,19 +271,19 @@ class Result:
     def _text(self, name: str) -> str:
         return self._read(self._file[name]).decode()
 
-    def _read(self, dataset: h5py.Dataset, rows: Any = ()) -> Any:
+    def _read(self, dataset: h5py.Dataset, rows: slice | np.integer | tuple[()] = ()) -> Any:
         try:
             return dataset[rows]
         except OSError as error:
             raise self._damaged(f"{dataset.name} cannot be read") from error
 
     def _check_layout(self) -> None:
-        """InputError unless everything that the other methods take for granted is there."""
+        """InputError unless the file has everything that the other methods take for granted."""
         try:
             if "explicitfe" not in self._file or "VTKHDF" not in self._file:
                 raise InputError(f"{self.path} is an HDF5 file but no result of explicitfe")
             version = int(self._file["explicitfe"].attrs["format"])
-            if version > layout.FORMAT:
+            if version > layout.FORMAT_VERSION:
                 raise InputError(f"{self.path} has format {version}, newer than this explicitfe; install a newer one")
             parts = (layout.STATUS, layout.SCENARIO, layout.MODEL, layout.PROVENANCE, layout.NODE_SETS)
             for part in (*parts, layout.NAMED_POINTS, layout.HISTORY, *layout.RESTART_SLOTS):

@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import h5py
 import numpy as np
+import numpy.typing as npt
 
 from explicitfe.errors import InputError, RunError
 from explicitfe.mesh.hexmesh import HexMesh
@@ -33,7 +34,7 @@ class ResultWriter:
 
     Parameters
     ----------
-    path : where the finished result shall stand; ends in ``.vtkhdf``. Missing folders are made.
+    path : the finished result; ends in ``.vtkhdf``. Missing folders are made.
     mesh : the reference mesh; its node sets and named points are stored too.
     point_fields, cell_fields : name -> quantity, what :meth:`sample` gets beside ``displacement`` (m), which is always
         stored.
@@ -59,9 +60,9 @@ class ResultWriter:
         cell_fields: Mapping[str, Quantity] | None = None,
         history: Mapping[str, Quantity] | None = None,
         scenario_text: str,
-        model: Mapping[str, Any],
-        provenance: Mapping[str, Any],
-        restart: Mapping[str, Any] | None = None,
+        model: Mapping[str, object],
+        provenance: Mapping[str, object],
+        restart: Mapping[str, npt.ArrayLike] | None = None,
         expected_samples: int = 64,
         overwrite: bool = False,
     ) -> None:
@@ -73,7 +74,7 @@ class ResultWriter:
         self._finished = False
         self._rows = 0
         self._restarts = 0
-        restart = {name: np.asarray(value) for name, value in (restart or {}).items()}
+        declared = {name: np.asarray(value) for name, value in (restart or {}).items()}
         self._file = _create_file(self.path, self.running_path, overwrite)
         try:
             layout.create(
@@ -85,7 +86,7 @@ class ResultWriter:
                 scenario_text=scenario_text,
                 model=model,
                 provenance=provenance,
-                restart=restart,
+                restart=declared,
                 capacity=self._capacity,
             )
             self._write_status(RUNNING, "", "{}")
@@ -99,7 +100,7 @@ class ResultWriter:
         self._open_datasets()
         self._counts = (mesh.node_count, mesh.element_count)
         self._noted: dict[str, list[float | np.ndarray]] = {name: [] for name in self._history}
-        self._slots = [{name: self._file[slot][name] for name in (*restart, "seal")} for slot in layout.RESTART_SLOTS]
+        self._slots = [{name: self._file[slot][name] for name in (*declared, "seal")} for slot in layout.RESTART_SLOTS]
 
     def __enter__(self) -> Self:
         return self
@@ -154,7 +155,7 @@ class ResultWriter:
         for name, value in row.items():
             self._noted[name].append(value)
 
-    def restart(self, arrays: Mapping[str, Any]) -> None:
+    def restart(self, arrays: Mapping[str, npt.ArrayLike]) -> None:
         """Store the state to go on from, over the older of the two slots; safe from a kill when this returns.
 
         Parameters
@@ -163,22 +164,22 @@ class ResultWriter:
         """
         number = self._restarts + 1
         slot = self._slots[number % 2]
-        arrays = {name: np.asarray(value) for name, value in arrays.items()}
-        if arrays.keys() | {"seal"} != slot.keys():
-            raise ValueError(f"restart state has {sorted(arrays)}, declared were {sorted(slot.keys() - {'seal'})}")
-        for name, array in arrays.items():
+        state = {name: np.asarray(value) for name, value in arrays.items()}
+        if state.keys() | {"seal"} != slot.keys():
+            raise ValueError(f"restart state has {sorted(state)}, declared were {sorted(slot.keys() - {'seal'})}")
+        for name, array in state.items():
             if (array.shape, array.dtype) != (slot[name].shape, slot[name].dtype):
                 raise ValueError(f"restart array {name} is {array.dtype} {array.shape}, not as declared")
         try:
-            for name, array in arrays.items():
+            for name, array in state.items():
                 slot[name][...] = array
-            slot["seal"][...] = layout.seal(number, arrays)
+            slot["seal"][...] = layout.seal(number, state)
             self._file.flush()
         except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
         self._restarts = number
 
-    def finish(self, status: str, message: str, summary: Mapping[str, Any]) -> Path:
+    def finish(self, status: str, message: str, summary: Mapping[str, object]) -> Path:
         """Store how the run ended, close the file and give it its final name.
 
         Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -73,9 +73,9 @@ class SpecimenTable(Table):
         return self.radius_mm
 
 
-def _coefficient(value: Any) -> Any:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if value != "stick" and not (number and 0.0 <= value <= 1.0):
+def _coefficient(value: object) -> object:
+    possible = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= 1.0
+    if value != "stick" and not possible:
         raise ValueError('must be a coefficient from 0 to 1, or "stick"')
     return value
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Union
+from typing import TYPE_CHECKING, Annotated, Union
 
 from pydantic import Discriminator, Tag
 
 from explicitfe.materials import LAWS, Law
 
 
-def _law_of(value: Any) -> str:
+def _law_of(value: object) -> str:
     """Which of the alternatives of the key ``material`` a value is meant for: "name", or the name of a law."""
     if isinstance(value, str):
         return "name"

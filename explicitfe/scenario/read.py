@@ -19,7 +19,7 @@ from explicitfe.scenario.transient import TransientScenario
 Scenario = TransientScenario | IndentationScenario
 
 
-def kind_of(data: Any) -> type[TransientScenario] | type[IndentationScenario]:
+def kind_of(data: object) -> type[TransientScenario] | type[IndentationScenario]:
     """The schema that parsed TOML is meant for: by its model or its type of analysis."""
     model, analysis = (data.get(key) if isinstance(data, dict) else None for key in ("model", "analysis"))
     specimen = isinstance(model, dict) and model.get("name") == "specimen"
@@ -64,7 +64,7 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     return scenario, header + text
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> dict[str, object]:
     """The JSON schema of a scenario, for editors."""
     both = TypeAdapter(Scenario).json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **both}
@@ -84,7 +84,7 @@ _ALTERNATIVES = {
 }
 
 
-def _apply(data: dict[str, Any], setting: str) -> None:
+def _apply(data: dict[str, object], setting: str) -> None:
     """Set one ``key=value`` in the parsed scenario."""
     path, equals, text = setting.partition("=")
     keys = path.strip().split(".")
@@ -94,9 +94,10 @@ def _apply(data: dict[str, Any], setting: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # a bare word is a string
-    if isinstance(data.get(keys[0]), dict):
+    table = data.get(keys[0])
+    if isinstance(table, dict):
         for other in _ALTERNATIVES.get(".".join(keys), ()):
-            data[keys[0]].pop(other, None)
+            table.pop(other, None)
     at: Any = data
     for depth, key in enumerate(keys):
         place = ".".join(keys[:depth]) or "the scenario"

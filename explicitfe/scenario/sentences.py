@@ -11,9 +11,9 @@ from explicitfe.errors import nearest
 from explicitfe.materials import LAWS
 
 
-def explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
+def explain(error: ValidationError, data: object, table: type[BaseModel]) -> str:
     """The first thing that is wrong with ``data`` as a ``table``, as one sentence with the key and what to do."""
-    # A misspelt key comes before the key that is missing for it.
+    # A misspelt key is named before the key that is missing because of it.
     problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
     problem = problems[0]
     keys = [key for key in problem["loc"] if key not in {"name", *LAWS} or key == problem["loc"][-1]]
@@ -35,17 +35,18 @@ def explain(error: ValidationError, data: Any, table: type[BaseModel]) -> str:
     return f"{sentence.rstrip('.')}{more}" + ("" if sentence.endswith("?") and not more else ".")
 
 
-def _where(keys: Iterable[Any], data: Any) -> list[str]:
+def _where(keys: Iterable[int | str], data: object) -> list[str]:
     """The path of a key as a user would say it: entries of an array by their name."""
     path: list[str] = []
+    part: Any = data
     for key in keys:
         try:
-            data = data[key]
+            part = part[key]
         except (KeyError, IndexError, TypeError):
-            data = None
-        if isinstance(data, dict) and isinstance(key, int) and path:
-            # A table of an array: by its name, or else by its number, from 1 as a person counts.
-            name = data.get("name")
+            part = None
+        if isinstance(part, dict) and isinstance(key, int) and path:
+            # A table of an array goes by its name, or else by its number, from 1 as a person counts.
+            name = part.get("name")
             path[-1:] = [path[-1], name] if isinstance(name, str) else [f"{path[-1]} {key + 1}"]
         else:
             path.append(str(key))
@@ -56,7 +57,7 @@ def _inside(path: list[str]) -> str:
     return f" in [{'.'.join(path)}]" if path else ""
 
 
-def _valid_keys(table: type[BaseModel], keys: Sequence[Any]) -> list[str]:
+def _valid_keys(table: type[BaseModel], keys: Sequence[int | str]) -> list[str]:
     """Keys that the table at this place knows."""
     current: type[BaseModel] | None = table
     for key in keys:
@@ -68,7 +69,8 @@ def _valid_keys(table: type[BaseModel], keys: Sequence[Any]) -> list[str]:
     return [field.alias or name for name, field in current.model_fields.items()] if current is not None else []
 
 
-def _tables(annotation: Any) -> Iterable[type[BaseModel]]:
+def _tables(annotation: object) -> Iterable[type[BaseModel]]:
+    """The tables that an annotation names, such as SpecimenTable in ``list[SpecimenTable] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):

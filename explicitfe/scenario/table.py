@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -18,7 +18,7 @@ class Table(BaseModel):
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
 
 
-def validated(table: type[AnyTable], data: Mapping[str, Any]) -> AnyTable:
+def validated(table: type[AnyTable], data: Mapping[str, object]) -> AnyTable:
     """Parsed TOML as a table of the schema, strictly: "2" is no number. Strict JSON lets arrays be tuples, 2 be 2.0.
 
     Raises

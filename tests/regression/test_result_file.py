@@ -569,7 +569,7 @@ def test_what_is_no_result_is_told_so(tmp_path):
     newer = tmp_path / "newer.vtkhdf"
     newer.write_bytes(whole.read_bytes())
     with h5py.File(newer, "r+") as file:
-        file["explicitfe"].attrs["format"] = layout.FORMAT + 1
+        file["explicitfe"].attrs["format"] = layout.FORMAT_VERSION + 1
     with start(tmp_path / "going.vtkhdf") as run:
         add(run, 0)
     for name, words in (

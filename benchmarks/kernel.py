@@ -16,7 +16,8 @@ import tempfile
 from pathlib import Path
 
 from explicitfe.compiled.simd import WIDTH
-from explicitfe.run.run import prepare, run
+from explicitfe.run.prepare import prepare
+from explicitfe.run.run import run
 from explicitfe.run.speed import ELEMENTS, SIZES, nanoseconds, problem
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -42,7 +43,7 @@ def main() -> None:
     for mesh in MESHES:
         for threads in (1, 2):
             settings = [mesh, f"analysis.threads={threads}"]
-            simulation = prepare(ROOT / "scenarios" / "vowel-i.toml", settings).simulation
+            simulation = prepare(ROOT / "scenarios" / "vowel-i.toml", settings).body
             simulation.compile()
             ns = nanoseconds(simulation)
             with tempfile.TemporaryDirectory() as folder:

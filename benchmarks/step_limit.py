@@ -22,7 +22,7 @@ from explicitfe.compiled.arrays import SMALLEST_J
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model
-from explicitfe.run.run import prepare
+from explicitfe.run.prepare import prepare
 from explicitfe.solve.kernels import ELEMENTS
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import Transient
@@ -192,14 +192,14 @@ def deformed_ratios(mesh: HexMesh, noise: float, element: str) -> tuple[float, f
 def run_ratios(scenario: Path, settings: list[str]) -> tuple[str, float, float]:
     """How a run of 120 ms ended, and the largest and the median ratio of its step to the limit of its state at every ms."""
     prepared = prepare(scenario, settings)
-    transient = Transient(prepared.simulation, 0.120)
+    transient = Transient(prepared.body, 0.120)
     shares, status = [], None
     for time_s in np.arange(1, 121) * 1e-3:
         status = transient.advance_to(time_s)
         if status:
             break
-        state = Simulation(prepared.model, displacement=prepared.simulation.displacement)
-        shares.append(prepared.simulation.dt_s / state.stable_limit(100))
+        state = Simulation(prepared.model, displacement=prepared.body.displacement)
+        shares.append(prepared.body.dt_s / state.stable_limit(100))
     return status.state if status else "finished", max(shares), float(np.median(shares))
 
 

@@ -6,24 +6,20 @@ Words for people go to stderr through rich; ``--json`` prints one object on stdo
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
-from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Columns
 
 from explicitfe import __version__
-from explicitfe.errors import InputError, Progress, RunError
-from explicitfe.view import terminal as show
+from explicitfe.errors import InputError, RunError
+from explicitfe.view.json_text import json_text
+from explicitfe.view.progress import following
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -81,24 +77,18 @@ def run(
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
     """
-    from explicitfe.run.run import run as run_scenario
+    from explicitfe.run.prepare import prepare
+    from explicitfe.run.run import result_path
 
-    put, notes = _tissue(scenario, tissue, tissue_group)
-    with _progress() as progress:
-        summary = run_scenario(
-            scenario, out, settings=[*put, *(settings or ())], notes=notes, overwrite=overwrite, progress=progress
-        )
+    tissue_settings, notes = _tissue(scenario, tissue, tissue_group)
+    with following(_console) as progress:
+        analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
+        summary = analysis.run(result_path(scenario, out), overwrite=overwrite, progress=progress)
         if plots:
-            from explicitfe.view.draw import draw
-
             progress("draw", 0.0)
-            summary["plots"] = [str(path) for path in draw(Path(summary["result"]))]
+            summary["plots"] = [str(path) for path in analysis.draw(Path(summary["result"]))]
             progress("draw", 1.0)
-    if as_json:
-        _print_json(summary)
-    else:
-        Console().print(show.summary(summary))
-        _print_notes(summary)
+    _answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"])
     if summary["status"] != "finished":
         _console.print(f"[red]{summary['status']}[/red]: {escape(summary['message'])}", soft_wrap=True, highlight=False)
         raise typer.Exit(130 if summary["status"] == "interrupted" else 1)
@@ -133,9 +123,10 @@ def identify(
     Example: [bold]explicitfe identify my-dataset --out fit[/bold]
     """
     from explicitfe.identify.identify import identify as identify_constants
+    from explicitfe.view.terminal.identify import identification_notes, identification_tables
 
-    with _progress() as progress:
-        found = identify_constants(
+    with following(_console) as progress:
+        identification = identify_constants(
             dataset,
             method=method,
             out=out,
@@ -146,12 +137,8 @@ def identify(
             overwrite=overwrite,
             progress=progress,
         )
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.identification(found))
-        _print_notes({"warnings": list(show.identification_notes(found))})
-    if any(group.get("status") == "failed" for group in found["groups"].values()):
+    _answer(identification, as_json, lambda: identification_tables(identification), list(identification_notes(identification)))
+    if any(group.get("status") == "failed" for group in identification["groups"].values()):
         raise typer.Exit(1)
 
 
@@ -174,18 +161,16 @@ def predict(
     Example: [bold]explicitfe predict my-dataset --model model.toml[/bold]
     """
     from explicitfe.predict.predict import predict as predict_dataset
+    from explicitfe.view.terminal.predict import prediction_table
 
-    with _progress() as progress:
-        found = predict_dataset(
+    with following(_console) as progress:
+        prediction = predict_dataset(
             dataset, model, out=out, curves=curves or (), refinement=refinement, overwrite=overwrite, progress=progress
         )
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.prediction(found))
-        failures = [f"{name}: {row['message']}" for name, row in found["curves"].items() if row["status"] != "predicted"]
-        _print_notes({"warnings": failures + [f"assumed: {text}" for text in found["assumed"]]})
-    if any(row["status"] != "predicted" for row in found["curves"].values()):
+    failures = [f"{name}: {message}" for name, message in prediction.failures.items()]
+    notes = failures + [f"assumed: {text}" for text in prediction.assumed]
+    _answer(prediction.document, as_json, lambda: prediction_table(prediction), notes)
+    if failures:
         raise typer.Exit(1)
 
 
@@ -218,9 +203,10 @@ def close_loop(
     """
     from explicitfe.close_loop.close import close_loop as close
     from explicitfe.measured.files import folder_name
+    from explicitfe.view.terminal.close_loop import loop_tables
 
-    with _progress() as progress:
-        found = close(
+    with following(_console) as progress:
+        report = close(
             dataset,
             out=out or Path("outputs") / f"close-loop-{folder_name(dataset)}",
             holdout=holdout or (),
@@ -230,12 +216,8 @@ def close_loop(
             overwrite=overwrite,
             progress=progress,
         )
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.loop(found))
-        _print_notes(found)
-    if found["verdict"] == "failed":
+    _answer(report, as_json, lambda: loop_tables(report), report["warnings"])
+    if report["verdict"] == "failed":
         raise typer.Exit(1)
 
 
@@ -249,13 +231,11 @@ def design_test(
     Example: [bold]explicitfe design-test scenarios/protocols/gerard-2005.toml[/bold]
     """
     from explicitfe.close_loop.design import design_test as design
+    from explicitfe.view.terminal.close_loop import design_table
 
-    with _progress() as progress:
-        found = design(protocol, progress=progress)
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.design(found))
+    with following(_console) as progress:
+        answer = design(protocol, progress=progress)
+    _answer(answer, as_json, lambda: design_table(answer))
 
 
 _blind = typer.Typer(no_args_is_help=True, help="Test close-loop on data with an undeclared effect in it.")
@@ -275,16 +255,15 @@ def check(
 
     Example: [bold]explicitfe check scenarios/vowel-i.toml --set model.resolution=fine[/bold]
     """
-    from explicitfe.run.check import check as check_scenario
+    from explicitfe.run.prepare import prepare
 
-    put, notes = _tissue(scenario, tissue, tissue_group)
-    with _progress() as progress:
-        found = check_scenario(scenario, [*put, *(settings or ())], progress)
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.check(str(scenario), found))
-    _print_notes({"warnings": notes})
+    tissue_settings, notes = _tissue(scenario, tissue, tissue_group)
+    with following(_console) as progress:
+        analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
+        report = analysis.check(progress)
+    _answer(report, as_json, lambda: analysis.check_table(report))
+    for note in notes:
+        _note(note)
 
 
 @app.command()
@@ -294,14 +273,11 @@ def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf)."
     Example: [bold]explicitfe inspect outputs/vowel-i.vtkhdf[/bold]
     """
     from explicitfe.results import open_result
+    from explicitfe.view.terminal.stored import result_table
 
     with open_result(result) as opened:
-        found = opened.summary_dict()
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.result(found))
-        _print_notes(found["summary"])
+        held = opened.summary_dict()
+    _answer(held, as_json, lambda: result_table(held), held["summary"].get("warnings", []))
 
 
 @app.command("list")
@@ -314,15 +290,13 @@ def list_(
     Example: [bold]explicitfe list muscles[/bold]
     """
     from explicitfe.errors import nearest
-    from explicitfe.run.check import LISTS
+    from explicitfe.run.lists import LISTS
+    from explicitfe.view.terminal.program import list_table
 
     if what not in LISTS:
         raise InputError(f'cannot list "{what}"; {nearest(what, LISTS)}')
     rows = LISTS[what]()
-    if as_json:
-        _print_json({what: rows})
-    else:
-        Console().print(show.listing(what, rows))
+    _answer({what: rows}, as_json, lambda: list_table(what, rows))
 
 
 @app.command()
@@ -333,7 +307,7 @@ def schema() -> None:
     """
     from explicitfe.scenario.read import json_schema
 
-    _print_json(json_schema())
+    print(json_text(json_schema()))
 
 
 @app.command()
@@ -346,13 +320,11 @@ def warmup(
     Example: [bold]explicitfe warmup[/bold]
     """
     from explicitfe.run.speed import warm
+    from explicitfe.view.terminal.program import machine_code_table
 
-    with _progress() as progress:
-        found = warm(everything, progress)
-    if as_json:
-        _print_json({"seconds": found})
-    else:
-        Console().print(show.warm(found))
+    with following(_console) as progress:
+        seconds_of = warm(everything, progress)
+    _answer({"seconds": seconds_of}, as_json, lambda: machine_code_table(seconds_of))
 
 
 @app.command()
@@ -368,13 +340,11 @@ def bench(
     """
     from explicitfe.run.speed import SIZES
     from explicitfe.run.speed import bench as time_it
+    from explicitfe.view.terminal.program import speed_tables
 
-    with _progress() as progress:
-        found = time_it(sizes or tuple(SIZES), progress)
-    if as_json:
-        _print_json(found)
-    else:
-        Console().print(show.bench(found))
+    with following(_console) as progress:
+        speed = time_it(sizes or tuple(SIZES), progress)
+    _answer(speed, as_json, lambda: speed_tables(speed))
 
 
 def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list[str], list[str]]:
@@ -387,9 +357,9 @@ def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list
     from explicitfe.predict.tissue_in_scenario import tissue_settings
     from explicitfe.scenario.read import read_scenario
 
-    made, (stated, _) = read_tissue(model), read_scenario(scenario)
+    tissue, (stated, _) = read_tissue(model), read_scenario(scenario)
     try:
-        settings, left_out = tissue_settings(made, stated, group)
+        settings, left_out = tissue_settings(tissue, stated, group)
     except InputError as error:
         raise InputError(f"{model}: {error}") from None
     notes = [f"of the effects in {model} these are no part of the run and were left out: {', '.join(left_out)}."]
@@ -410,12 +380,12 @@ def blind_make(
     """
     from explicitfe.blind.make import make
 
-    with _progress() as progress:
-        made = make(folder, seed=seed, count=count, family=family, progress=progress)
+    with following(_console) as progress:
+        cases = make(folder, seed=seed, count=count, family=family, progress=progress)
     if as_json:
-        _print_json(made)
+        print(json_text(cases))
     else:
-        _console.print(f"{made['count']} cases in {escape(str(folder))}", highlight=False)
+        _console.print(f"{cases['count']} cases in {escape(str(folder))}", highlight=False)
 
 
 @_blind.command("score")
@@ -426,10 +396,10 @@ def blind_score(folder: _Cases, as_json: _Json = False) -> None:
     """
     from explicitfe.blind.score import score
 
-    with _progress() as progress:
-        found = score(folder, progress=progress)
+    with following(_console) as progress:
+        scores = score(folder, progress=progress)
     if as_json:
-        _print_json(found)
+        print(json_text(scores))
     else:
         Console().print((folder / "score.md").read_text(encoding="utf-8"), markup=False, highlight=False)
 
@@ -453,65 +423,15 @@ def main() -> None:
         sys.exit(130)
 
 
-_STAGES = {
-    "compile": "compiling (10 s, first time only)",
-    "run": "running",
-    "identify": "identifying",
-    "predict": "predicting",
-    "draw": "drawing",
-    "trace": "tracing the residual",
-    "decide": "deciding on a finer mesh",
-    "vary": "varying what is assumed",
-    "design": "designing",
-    "make": "making cases",
-    "warm": "making machine code",
-    "bench": "timing",
-    "close-loop": "closing the loop on cases",
-}
+def _answer(value: object, as_json: bool, table: Callable[[], RenderableType], notes: Sequence[str] = ()) -> None:
+    """Print what a command came to: as JSON for programs, or as a table with notes for people."""
+    if as_json:
+        print(json_text(value))
+        return
+    Console().print(table())
+    for sentence in notes:
+        _note(sentence)
 
 
-@contextmanager
-def _progress() -> Iterator[Progress]:
-    """A progress display on stderr; gives the function that is called with how far a task is."""
-    display = Columns(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=_console,
-    )
-    tasks: dict[str, Any] = {}
-
-    def progress(stage: str, share: float) -> None:
-        if stage not in tasks:
-            display.start()  # not before there is something to show
-            tasks[stage] = display.add_task(_STAGES.get(stage, stage), total=1.0)
-        display.update(tasks[stage], completed=share)
-
-    try:
-        yield progress
-    finally:
-        display.stop()
-
-
-def _print_json(value: Any) -> None:
-    print(json.dumps(_plain(value), indent=2, allow_nan=False))
-
-
-def _print_notes(summary: dict[str, Any]) -> None:
-    for warning in summary.get("warnings", []):
-        _console.print(f"[yellow]note:[/yellow] {escape(warning)}", soft_wrap=True, highlight=False)
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no NaN and no infinity: null instead."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+def _note(sentence: str) -> None:
+    _console.print(f"[yellow]note:[/yellow] {escape(sentence)}", soft_wrap=True, highlight=False)

@@ -1,95 +1,46 @@
-"""From a scenario file to a body that is built, not yet compiled or run."""
+"""From a scenario file to an analysis that is built, not yet compiled or run: here a scenario finds its kind of analysis."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from explicitfe.errors import InputError
-from explicitfe.model.model import Model
-from explicitfe.model.specimen import specimen_model
-from explicitfe.model.tongue import assemble
+from explicitfe.run.analysis import Analysis
+from explicitfe.run.indentation import IndentationAnalysis
+from explicitfe.run.transient import TransientAnalysis
 from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.scenario.read import Scenario, read_scenario
-from explicitfe.solve.body import Body
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.simulation import Simulation
+from explicitfe.scenario.read import read_scenario
+from explicitfe.scenario.transient import TransientScenario
+
+# The kinds of analysis: what a scenario says -> how it is computed.
+ANALYSES: dict[type, type[Analysis[Any, Any]]] = {
+    TransientScenario: TransientAnalysis,
+    IndentationScenario: IndentationAnalysis,
+}
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario that has been read and built.
-
-    Attributes
-    ----------
-    path, scenario, text : the file, what it says, and its text with the settings noted at its head.
-    model, name : the physics, and what a user calls it.
-    body : a Simulation of a transient analysis, a Relaxation of an indentation.
-    notes : sentences for the user that the summary begins its warnings with.
-    """
-
-    path: Path
-    scenario: Scenario
-    text: str
-    model: Model
-    name: str
-    body: Body
-    notes: tuple[str, ...] = ()
-
-    @property
-    def simulation(self) -> Simulation:
-        """The body of a transient analysis."""
-        assert isinstance(self.body, Simulation)
-        return self.body
-
-    @property
-    def relaxation(self) -> Relaxation:
-        """The body of an indentation."""
-        assert isinstance(self.body, Relaxation)
-        return self.body
-
-
-def prepare(path: Path | str, settings: Sequence[str] = ()) -> Prepared:
+def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str] = ()) -> Analysis[Any, Any]:
     """Read, check and build a scenario.
+
+    Parameters
+    ----------
+    path : scenario file.
+    settings : ``key=value`` pairs that replace what the file says.
+    notes : sentences for the user that the summary of a run begins its warnings with.
 
     Raises
     ------
     InputError : what is wrong with it, in one sentence.
     """
+    begin = time.perf_counter()
     path = Path(path)
     scenario, text = read_scenario(path, settings)
     try:
-        if isinstance(scenario, IndentationScenario):
-            model = specimen_model(scenario.model, scenario.tool, scenario.effects.chosen)
-            body = Relaxation(model, scenario.analysis.tolerance, scenario.analysis.threads)
-            return Prepared(path, scenario, text, model, scenario.model.name, body)
-        model, anatomy = assemble(scenario, path.parent)
+        analysis = ANALYSES[type(scenario)].prepare(path, scenario, text)
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
-    return Prepared(path, scenario, text, model, anatomy.name, Simulation(model, threads=scenario.analysis.threads))
-
-
-def describe(prepared: Prepared) -> dict[str, Any]:
-    """The model in words and numbers, as it is stored and shown."""
-    model, volume = prepared.model, prepared.body.volumes.sum()
-    described = {
-        "name": prepared.name,
-        "nodes": model.mesh.node_count,
-        "hexes": model.mesh.element_count,
-        "volume_mm3": float(1e9 * volume),
-        "mass_g": float(1e3 * model.material.density_kg_m3 * volume),
-        "element": model.element,
-        "material": model.material.model_dump(),
-        "fixed_nodes": int(model.held.all(axis=1).sum()),
-        # With --set and all defaults: what was run, ready to be run again.
-        "scenario": prepared.scenario.model_dump(mode="json", exclude_none=True),
-    }
-    if isinstance(prepared.scenario, IndentationScenario):
-        return described | {"copies": model.copies, "tool": prepared.scenario.tool.model_dump(exclude_none=True)}
-    return described | {
-        "alpha_per_s": model.alpha_per_s,
-        "muscles": [muscle.model_dump() for muscle in prepared.scenario.muscle],
-        "probes": {name: int(node) for name, node in model.probes.items()},
-    }
+    return replace(analysis, notes=tuple(notes), prepare_s=time.perf_counter() - begin)

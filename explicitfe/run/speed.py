@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model
+from explicitfe.results.run_summary import ScenarioSpeed, SpeedReport, SpeedRow
 from explicitfe.run.prepare import prepare
-from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import FRACTION
@@ -39,7 +39,8 @@ REFERENCE: dict[str, dict[str, dict[int, float]]] = {
 }
 SCENARIO = "vowel-i"  # whose speed a user asks for first
 MATERIAL = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
-RUNS = 5
+TIMED_RUNS = 5  # of which the best counts: the others were interrupted
+USUAL_SECONDS_PER_ELEMENT = 60e-9  # of a step, about; it says how many steps fill a run
 
 # What a person computes first: name -> scenario, settings.
 USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -72,28 +73,22 @@ def problem(elements: int, element: str, threads: int | None = None) -> Simulati
 
 
 def nanoseconds(simulation: Simulation, seconds: float = 1.0) -> float:
-    """Of the whole step, per element: best of five runs of the compiled loop, each about a fifth of ``seconds`` long."""
+    """Of the whole step, per element: best of several runs of the compiled loop, which take about ``seconds`` together."""
     elements = simulation.model.mesh.element_count
     dt = FRACTION * simulation.stable_limit(20)
     simulation.start(dt)
     simulation.advance(2, dt)
-    steps = max(3, int(seconds / RUNS / (60e-9 * elements)))
+    steps = max(3, int(seconds / TIMED_RUNS / (USUAL_SECONDS_PER_ELEMENT * elements)))
     best = np.inf
-    for _ in range(RUNS):
+    for _ in range(TIMED_RUNS):
         begin = time.perf_counter()
         simulation.advance(steps, dt)
         best = min(best, time.perf_counter() - begin)
     return 1e9 * best / steps / elements
 
 
-def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> dict[str, Any]:
+def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> SpeedReport:
     """Time the step of a block of hexes at several sizes, and of the tongue saying [i].
-
-    Returns
-    -------
-    dict with ``lanes``, ``cores``, ``rows`` (elements, element, ``ns`` of one thread, ``reference_ns`` of a machine with as many
-    lanes or None, ``threads`` and ``ns_threads`` where several share a step, else None) and ``scenario``: hexes, steps, seconds
-    of the loop and how many times faster than real time that is.
 
     Raises
     ------
@@ -103,12 +98,12 @@ def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> d
     if unknown:
         raise InputError(f"there is no block of {unknown[0]} elements to be timed; take {', '.join(map(str, SIZES))}.")
     reference = next((table for name, table in REFERENCE.items() if f" {WIDTH} lanes" in name), {})
-    rows = []
+    rows: list[SpeedRow] = []
     for done, (size, element) in enumerate([(size, element) for size in sizes for element in ELEMENTS]):
         progress("bench", done / (len(sizes) * len(ELEMENTS) + 1))
         alone = problem(size, element, threads=1)
         alone.compile(lambda share: progress("compile", share))
-        row: dict[str, Any] = {
+        row: SpeedRow = {
             "elements": size,
             "element": element,
             "ns": nanoseconds(alone),
@@ -118,17 +113,17 @@ def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> d
         }
         if cores() > 1:
             shared = problem(size, element, threads=cores())
-            row |= {"threads": len(shared.parts), "ns_threads": nanoseconds(shared)}
+            row["threads"], row["ns_threads"] = len(shared.parts), nanoseconds(shared)
         rows.append(row)
-    spoken = _spoken()
+    scenario = _scenario_speed()
     progress("bench", 1.0)
-    return {"lanes": WIDTH, "cores": cores(), "rows": rows, "scenario": spoken}
+    return {"lanes": WIDTH, "cores": cores(), "rows": rows, "scenario": scenario}
 
 
-def _spoken() -> dict[str, Any]:
+def _scenario_speed() -> ScenarioSpeed:
     """The loop alone of vowel [i], at the step that it begins with."""
     prepared = prepare(_path(SCENARIO))
-    simulation = prepared.simulation
+    simulation: Simulation = prepared.body
     simulation.compile()
     steps = int(np.ceil(1e-3 * prepared.scenario.analysis.duration_ms / (FRACTION * simulation.stable_limit(40))))
     hexes = prepared.model.mesh.element_count
@@ -149,19 +144,21 @@ def warm(everything: bool = False, progress: Progress = silent) -> dict[str, flo
     What it was made for -> seconds that it took, next to nothing where it was there.
     """
     wanted = USUAL | (MORE if everything else {})
-    found: dict[str, float] = {}
+    seconds_of: dict[str, float] = {}
     progress("warm", 0.0)
     for number, (name, (scenario, settings)) in enumerate(wanted.items()):
-        prepared = prepare(_path(scenario), settings)
-        body = prepared.relaxation if isinstance(prepared.scenario, IndentationScenario) else prepared.simulation
         share = 1.0 / (len(wanted) + 1)
-        found[name] = body.compile(lambda part, begin=number * share, share=share: progress("warm", begin + part * share))
+
+        def report(part: float, begin: float = number * share, share: float = share) -> None:
+            progress("warm", begin + part * share)
+
+        seconds_of[name] = prepare(_path(scenario), settings).body.compile(report)
     begin = time.perf_counter()
     point.uniaxial(MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
-    found["homogeneous states"] = time.perf_counter() - begin
+    seconds_of["homogeneous states"] = time.perf_counter() - begin
     progress("warm", 1.0)
-    return found
+    return seconds_of
 
 
-def _path(scenario: str) -> Any:
+def _path(scenario: str) -> Path:
     return next(path for path in catalogue.scenario_files() if path.stem == scenario)

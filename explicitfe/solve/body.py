@@ -21,7 +21,7 @@ from explicitfe.errors import InputError
 from explicitfe.forces import response
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import Model
-from explicitfe.solve.kernels import ELEMENTS, kernels, layout_of
+from explicitfe.solve.kernels import ELEMENTS, kernels
 
 
 def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.ndarray]:
@@ -77,7 +77,7 @@ class Body:
             held[model.motion.nodes] = True
         self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
         self._increment_s = np.nan
-        self.kernels = kernels(law.law, model.element, layout_of(model.effects))
+        self.kernels = kernels(law.law, model.element, response.layout_of(model.effects))
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),

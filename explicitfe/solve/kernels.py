@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 
 from explicitfe.compiled.jit import bind, kernel
-from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import full
 from explicitfe.elements import hourglass_stiffness as stiffness
 from explicitfe.elements import hourglass_strain as assumed_strain
-from explicitfe.forces import internal, internal_full, response
+from explicitfe.forces import internal, internal_full
+from explicitfe.forces.response import Layout
 from explicitfe.materials import law_of
 from explicitfe.solve import relax_step, step
 
@@ -39,18 +38,18 @@ ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
 }
 
 
-def kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...] = ()) -> Kernels:
-    """Kernels with the leaves of a law, an element and effects bound in (``response.bound`` says how the latter are given).
+def kernels(law: str, element: str, layout: Layout = ()) -> Kernels:
+    """Kernels with the leaves of a law, an element and effects bound in (``response.layout_of`` gives the places of the latter).
 
     Compiled at the first call, kept on disk for the next process.
     """
-    return _kernels(law, element, effects)
+    return _kernels(law, element, layout)
 
 
 @cache  # which would tell a default from the same value given
-def _kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], int, int], ...]) -> Kernels:
+def _kernels(law: str, element: str, layout: Layout) -> Kernels:
     templates, treatment = ELEMENTS[element]
-    force, energy = templates.bound(law_of(law), treatment, effects)
+    force, energy = templates.bound(law_of(law), treatment, layout)
     return Kernels(
         forces=bind(step.forces, internal_force=force),
         advance=bind(step.advance, internal_force=force),
@@ -61,20 +60,3 @@ def _kernels(law: str, element: str, effects: tuple[tuple[str, tuple[int, ...], 
         press=kernel(relax_step.press),
         touch=kernel(relax_step.touch),
     )
-
-
-def layout_of(effects: Sequence[MaterialEffect]) -> tuple[tuple[str, tuple[int, ...], int, int], ...]:
-    """Where the numbers and the memory of each effect begin; before them, where there are any, the work of the stress.
-
-    Raises
-    ------
-    ValueError : an effect is there twice.
-    """
-    if len({type(effect) for effect in effects}) < len(effects):
-        raise ValueError("an effect of the material can be there once only")
-    layout: list[tuple[str, tuple[int, ...], int, int]] = []
-    at, memory = 0, response.WORK_MEMORY
-    for effect in effects:
-        layout.append((type(effect).__name__, effect.shape, at, memory))
-        at, memory = at + effect.numbers, memory + effect.memory
-    return (("work", (), 0, 0), *layout) if layout else ()

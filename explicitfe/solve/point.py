@@ -20,23 +20,23 @@ from explicitfe.forces import response
 from explicitfe.materials import Law, law_of
 from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.solve.body import memory_of
-from explicitfe.solve.kernels import layout_of
 
 # Placeholder, bound below.
 respond = None
 LAW_CONSTANTS = 1
-TURNS = 30  # of Newton
-STEP = 1e-6  # of a free stretch, for the slope
-TOLERANCE = 1e-9  # of the stress that vanishes, relative to the shear modulus
+NEWTON_TURNS = 30
+DIFFERENCE_STEP = 1e-6  # of a free stretch, for the slope
+STRESS_TOLERANCE = 1e-9  # of the stress that vanishes, relative to the shear modulus
+STATES = 4  # computed at once: the state itself, and one with each of up to three free entries shifted
 
 
 @leaf
 def determinant_of(states):
-    """det F of lane 0."""
+    """det F of the first state, the first lane of the first block."""
     return (
-        states[0, 0] * (states[4, 0] * states[8, 0] - states[5, 0] * states[7, 0])
-        - states[1, 0] * (states[3, 0] * states[8, 0] - states[5, 0] * states[6, 0])
-        + states[2, 0] * (states[3, 0] * states[7, 0] - states[4, 0] * states[6, 0])
+        states[0, 0, 0] * (states[0, 4, 0] * states[0, 8, 0] - states[0, 5, 0] * states[0, 7, 0])
+        - states[0, 1, 0] * (states[0, 3, 0] * states[0, 8, 0] - states[0, 5, 0] * states[0, 6, 0])
+        + states[0, 2, 0] * (states[0, 3, 0] * states[0, 7, 0] - states[0, 4, 0] * states[0, 6, 0])
     )
 
 
@@ -48,69 +48,74 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
     F : (n, 9) deformation gradients, row by row; free entries receive what is found.
     free : (3,) 1 for the diagonal entries that are free of stress.
     numbers : (n, k) numbers of the effects, for the increment that ends at each instant.
-    blocks : one block; ``old`` is advanced.
-    states, answers : (9, W) work arrays.
+    blocks : as many as hold STATES lanes; ``old`` is advanced.
+    states, answers : (blocks, 9, W) work arrays; state s stands in block s // W, lane s % W.
     small : Pa. Stress that counts as none.
     stress : (n, 9) receives the first Piola-Kirchhoff stress [Pa].
     """
+    count = len(states)
     for instant in range(len(F)):
-        for k in range(numbers.shape[1]):
-            for lane in range(WIDTH):
-                blocks.effects[0, k, lane] = numbers[instant, k]
+        for block in range(count):
+            for k in range(numbers.shape[1]):
+                for lane in range(WIDTH):
+                    blocks.effects[block, k, lane] = numbers[instant, k]
         if instant > 0:
             for i in range(3):
                 if free[i] > 0.0:
                     F[instant, 4 * i] = F[instant - 1, 4 * i]
-        found = False
-        for _ in range(TURNS):
-            # lane 0 is the state; in each of the next three lanes one free entry is shifted
-            for k in range(9):
-                for lane in range(WIDTH):
-                    states[k, lane] = F[instant, k]
+        solved = False
+        for _ in range(NEWTON_TURNS):
+            for block in range(count):
+                for k in range(9):
+                    for lane in range(WIDTH):
+                        states[block, k, lane] = F[instant, k]
             for i in range(3):
-                states[4 * i, 1 + i] += STEP * free[i]
-            deformation = load_many(states, 0, 9)
-            cof = cofactor(deformation)
-            J = determinant(deformation, cof)
-            c = load_many(blocks.constants, 0, LAW_CONSTANTS)
-            P, _ = respond(deformation, cof, J, splat(0.0), c, blocks, 0)
-            for k in range(9):
-                store(answers, k * WIDTH, P[k])
-            total = answers[0, 0] + determinant_of(states)
+                states[(1 + i) // WIDTH, 4 * i, (1 + i) % WIDTH] += DIFFERENCE_STEP * free[i]
+            for block in range(count):
+                deformation = load_many(states, block * (9 * WIDTH), 9)
+                cof = cofactor(deformation)
+                J = determinant(deformation, cof)
+                c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+                P, _ = respond(deformation, cof, J, splat(0.0), c, blocks, block)
+                for k in range(9):
+                    store(answers, (block * 9 + k) * WIDTH, P[k])
+            total = answers[0, 0, 0] + determinant_of(states)
             for k in range(1, 9):
-                total += answers[k, 0]
+                total += answers[0, k, 0]
             sound = np.isfinite(total) and determinant_of(states) > 0.0
             largest = 0.0
             slopes = np.eye(3)
             wrong = np.zeros(3)
             for i in range(3):
                 if free[i] > 0.0:
-                    wrong[i] = answers[4 * i, 0]
+                    wrong[i] = answers[0, 4 * i, 0]
                     largest = max(largest, abs(wrong[i]))
                     for j in range(3):
                         if free[j] > 0.0:
-                            slopes[i, j] = (answers[4 * i, 1 + j] - wrong[i]) / STEP
-            found = sound and largest <= small
-            if found or not sound:
+                            shifted = answers[(1 + j) // WIDTH, 4 * i, (1 + j) % WIDTH]
+                            slopes[i, j] = (shifted - wrong[i]) / DIFFERENCE_STEP
+            solved = sound and largest <= small
+            if solved or not sound:
                 break
             change = np.linalg.solve(slopes, wrong)
             for i in range(3):
                 F[instant, 4 * i] = max(F[instant, 4 * i] - change[i], 0.5 * F[instant, 4 * i])
-        if not found:
+        if not solved:
             return instant
-        for k in range(blocks.old.shape[1]):
-            for lane in range(WIDTH):
-                blocks.old[0, k, lane] = blocks.new[0, k, 0]
+        for block in range(count):
+            for k in range(blocks.old.shape[1]):
+                for lane in range(WIDTH):
+                    blocks.old[block, k, lane] = blocks.new[0, k, 0]
         for k in range(9):
-            stress[instant, k] = answers[k, 0]
+            stress[instant, k] = answers[0, k, 0]
     return len(F)
 
 
 @cache
-def _kernel(law: str, layout: tuple[tuple[str, tuple[int, ...], int, int], ...]) -> Dispatcher:
-    module = law_of(law)
-    answer, _ = response.bound(module, layout)
-    return bind(follow, respond=answer, LAW_CONSTANTS=module.CONSTANTS)
+def _kernel(law: str, layout: response.Layout) -> Dispatcher:
+    leaves = law_of(law)
+    answer, _ = response.bound(leaves, layout)
+    return bind(follow, respond=answer, LAW_CONSTANTS=leaves.count)
 
 
 def path(
@@ -148,17 +153,18 @@ def path(
     numbers = np.array([[v for effect in effects for v in effect.values(float(dt))] for dt in increments])
     numbers = np.ascontiguousarray(numbers.reshape(len(gradients), -1)) if effects else np.zeros((len(gradients), 1))
     constants = np.array(law.constants(), dtype=float)
+    count = -(-STATES // WIDTH)
     blocks = Blocks(
-        nodes=np.zeros((1, 8, WIDTH), dtype=np.uint32),
-        geometry=np.zeros((1, 1, WIDTH)),
-        constants=np.repeat(constants[None, :, None], WIDTH, axis=2),
-        hourglass=np.zeros((1, 1, WIDTH)),
-        **memory_of(effects, 1),
+        nodes=np.zeros((count, 8, WIDTH), dtype=np.uint32),
+        geometry=np.zeros((count, 1, WIDTH)),
+        constants=np.tile(constants[None, :, None], (count, 1, WIDTH)),
+        hourglass=np.zeros((count, 1, WIDTH)),
+        **memory_of(effects, STATES),
     )
     stress = np.zeros_like(gradients)
-    work = np.zeros((9, WIDTH)), np.zeros((9, WIDTH))
-    small = TOLERANCE * law.shear_modulus_Pa
-    done = _kernel(law.law, layout_of(effects))(gradients, freed, numbers, blocks, *work, small, stress)
+    work = np.zeros((count, 9, WIDTH)), np.zeros((count, 9, WIDTH))
+    small = STRESS_TOLERANCE * law.shear_modulus_Pa
+    done = _kernel(law.law, response.layout_of(effects))(gradients, freed, numbers, blocks, *work, small, stress)
     if done < len(gradients):
         raise RunError(
             f"no state without lateral stress was found at {time_s[done]:g} s: the deformation is too large for this material."

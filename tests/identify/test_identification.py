@@ -25,7 +25,7 @@ from explicitfe.predict.setup import Setup
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import read_scenario
 from explicitfe.solve import point
-from explicitfe.view import terminal as show
+from explicitfe.view.terminal.identify import identification_notes, identification_tables
 
 MORE_LOADS_N = np.array([0.1, 0.2, 0.35, 0.5, 0.7])
 
@@ -92,11 +92,11 @@ def test_written_scenario_repeats_the_test(identified):
 
 def test_tables_for_people(identified):
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(show.identification(identified[0]))
+    console.print(identification_tables(identified[0]))
     text = console.export_text()
     for word in ("C10", "C20", "sticking contact", "forward runs"):
         assert word in text
-    notes = list(show.identification_notes(identified[0]))
+    notes = list(identification_notes(identified[0]))
     assert any("sticking contact" in note or "layer" in note or "gravity" in note for note in notes)
 
 

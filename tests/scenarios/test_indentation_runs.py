@@ -132,7 +132,7 @@ def test_unreachable_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def test_after_a_load_that_was_not_reached_one_can_go_on() -> None:
-    body = prepare(REAR, QUICK_SETTINGS).relaxation
+    body = prepare(REAR, QUICK_SETTINGS).body
     body.compile()
     body.settle()
     body.press(0.2)

@@ -19,8 +19,8 @@ import explicitfe
 from explicitfe.materials.neo_hooke import NeoHooke
 from explicitfe.model import catalogue
 from explicitfe.results import open_result
-from explicitfe.run.check import LISTS
-from explicitfe.run.run import prepare
+from explicitfe.run.lists import LISTS
+from explicitfe.run.prepare import prepare
 from explicitfe.scenario.read import json_schema
 from explicitfe.solve.transient import Transient
 from explicitfe.view.hourglass import hourglass_share
@@ -107,11 +107,11 @@ def test_samples_carry_their_own_time(tmp_path: Path) -> None:
 
 def test_restart_is_bitwise() -> None:
     """A run that goes on from a stored state ends, bit for bit, where the one that was not stopped ends."""
-    whole = Transient(prepare(VOWEL, SMALL).simulation, 0.010)
+    whole = Transient(prepare(VOWEL, SMALL).body, 0.010)
     assert whole.advance_to(0.004) is None
     state = {name: array.copy() for name, array in whole.restart_state().items()}
     assert whole.advance_to(0.010) is None
-    resumed = Transient(prepare(VOWEL, SMALL).simulation, 0.010)
+    resumed = Transient(prepare(VOWEL, SMALL).body, 0.010)
     resumed.restore(state)
     assert resumed.advance_to(0.010) is None
     assert np.array_equal(whole.simulation.displacement, resumed.simulation.displacement)

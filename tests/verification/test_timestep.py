@@ -15,7 +15,7 @@ from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, NodalLoad
 from explicitfe.model.profile import Profile
-from explicitfe.run.run import prepare
+from explicitfe.run.prepare import prepare
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import FRACTION
 from explicitfe.solve.transient import FIRST_TURNS, INVERTED, UNSTABLE, Transient
@@ -146,7 +146,7 @@ def test_step_of_a_run_stays_below_the_limit(record_property):
     The limit here is that of 80 turns from a fresh start, good to 0.5 % by the bound above.
     """
     prepared = prepare(ROOT / "scenarios" / "vowel-i.toml", ["model.resolution=coarse"])
-    simulation = prepared.simulation
+    simulation = prepared.body
     transient = Transient(simulation, 0.120)
     shares = []
     for time_s in np.arange(1, 121) * 1e-3:

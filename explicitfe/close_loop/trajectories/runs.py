@@ -44,7 +44,7 @@ def displacements_of(
     """
     prepared = prepare(path, settings)
     analysis = prepared.scenario.analysis
-    simulation = prepared.simulation
+    simulation = prepared.body
     if times_s[-1] > 1e-3 * analysis.duration_ms * (1.0 + 1e-9):
         raise InputError(
             f"{path}: analysis.duration_ms = {analysis.duration_ms:g} ends before the data do, at {1e3 * times_s[-1]:g} ms."

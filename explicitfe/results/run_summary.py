@@ -1,0 +1,166 @@
+"""What a run and a check say of themselves: the dictionaries that are stored in a result and printed with ``--json``."""
+
+from __future__ import annotations
+
+from typing import NotRequired, TypedDict
+
+Json = str | int | float | bool | None | list["Json"] | dict[str, "Json"]
+
+
+class ModelDescription(TypedDict):
+    """A model in words and numbers; ``scenario`` is what was run with ``--set`` and all defaults, ready to be run again."""
+
+    name: str
+    nodes: int
+    hexes: int
+    volume_mm3: float
+    mass_g: float
+    element: str
+    material: dict[str, Json]
+    fixed_nodes: int
+    scenario: dict[str, Json]
+
+
+class TransientModelDescription(ModelDescription):
+    """What else a model under muscles has; ``probes`` are nodes by name."""
+
+    alpha_per_s: float
+    muscles: list[dict[str, Json]]
+    probes: dict[str, int]
+
+
+class IndentationModelDescription(ModelDescription):
+    """What else a specimen under a tool has; ``copies`` of what is computed make the whole."""
+
+    copies: float
+    tool: dict[str, Json]
+
+
+class RunSummary(TypedDict):
+    """What any run came to. ``message`` says why a run ended early; ``plots`` are there where pictures were drawn."""
+
+    status: str
+    message: str
+    warnings: list[str]
+    result: str
+    title: str
+    nodes: int
+    hexes: int
+    threads: int
+    wall_s: float
+    compile_s: float
+    total_s: NotRequired[float]
+    energy_balance_error: float | None
+    hourglass_share: float
+    hourglass_share_end: float
+    min_J: float
+    plots: NotRequired[list[str]]
+
+
+class ProbeAtEnd(TypedDict):
+    """Where a probe is at the end, and how fast."""
+
+    displacement_mm: list[float]
+    speed_mm_s: float
+
+
+class TransientSummary(RunSummary):
+    """What a run in time came to."""
+
+    simulated_s: float
+    steps: int
+    dt_s: float
+    dt_fraction_of_limit: float
+    limiting_element: int | None
+    loop_s: float
+    real_time_factor: float
+    settled: bool
+    largest_displacement_mm: float
+    largest_speed_mm_s: float
+    probes: dict[str, ProbeAtEnd]
+
+
+class CurvePoint(TypedDict):
+    """A load that was reached."""
+
+    force_N: float
+    displacement_mm: float
+
+
+class IndentationSummary(RunSummary):
+    """What an indentation came to; ``loads`` holds the other numbers of each equilibrium, by their names in ``Equilibrium``."""
+
+    copies: float
+    curve: list[CurvePoint]
+    loads: list[dict[str, float]]
+    tolerance: float
+    iterations: int
+    touch_mm: float
+    penetration_ratio: float
+    reaction_error: float
+
+
+class MeshReport(TypedDict):
+    """What a mesh is like."""
+
+    smallest_edge_mm: float
+    largest_edge_mm: float
+    smallest_scaled_jacobian: float
+    worst_element: int
+
+
+class SpeedRow(TypedDict):
+    """Nanoseconds per element and step: of one thread, as documented for as many lanes, and of several threads."""
+
+    elements: int
+    element: str
+    ns: float
+    reference_ns: float | None
+    threads: int | None
+    ns_threads: float | None
+
+
+class ScenarioSpeed(TypedDict):
+    """The loop of a scenario against real time."""
+
+    name: str
+    hexes: int
+    steps: int
+    loop_s: float
+    real_time_factor: float
+
+
+class SpeedReport(TypedDict):
+    """How fast this machine is: what ``explicitfe bench --json`` prints."""
+
+    lanes: int
+    cores: int
+    rows: list[SpeedRow]
+    scenario: ScenarioSpeed
+
+
+class CheckReport(ModelDescription, MeshReport):
+    """What is known of any scenario before it runs."""
+
+    predicted_wall_s: float
+    kernel_memory_MB: float
+    result_size_MB: float
+
+
+class TransientCheckReport(CheckReport, TransientModelDescription):
+    """What is known of a run in time before it runs."""
+
+    stable_step_us: float
+    stable_step_bound_us: float
+    limiting_element: int
+    step_us: float
+    stable: bool
+    predicted_steps: int
+
+
+class IndentationCheckReport(CheckReport, IndentationModelDescription):
+    """What is known of an indentation before it runs."""
+
+    loads: int
+    contact_points: int
+    predicted_iterations: int

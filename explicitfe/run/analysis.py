@@ -1,0 +1,133 @@
+"""What every kind of analysis can do: be prepared from a scenario, be checked, run, and be shown."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, Self, TypeVar
+
+import numpy as np
+
+from explicitfe.errors import Progress
+from explicitfe.mesh.quality import assess
+from explicitfe.model.model import Model
+from explicitfe.results.run_summary import CheckReport, MeshReport, ModelDescription, RunSummary
+from explicitfe.scenario.read import Scenario
+from explicitfe.solve.body import Body
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+HOURGLASS_WARNING_SHARE = 0.05  # of the elastic energy: above it the mesh is too coarse to quote numbers without a comparison
+TIMED_EVALUATIONS = 5  # of the forces, the best of which predicts the wall time
+
+ScenarioT = TypeVar("ScenarioT", bound=Scenario)
+BodyT = TypeVar("BodyT", bound=Body)
+
+
+@dataclass(frozen=True)
+class Analysis(ABC, Generic[ScenarioT, BodyT]):
+    """A scenario that has been read and built, ready for its kind of analysis; nothing is compiled or run yet.
+
+    A new kind of analysis is a class like this in a file of its own, with its line in ``run/prepare.py``.
+
+    Attributes
+    ----------
+    path, scenario, text : the file, what it says, and its text with the settings noted at its head.
+    model, name : the physics, and what a user calls it.
+    body : elements, masses and kernels, ready to be advanced.
+    notes : sentences for the user that the summary begins its warnings with.
+    prepare_s : wall time that reading and building took.
+    """
+
+    path: Path
+    scenario: ScenarioT
+    text: str
+    model: Model
+    name: str
+    body: BodyT
+    notes: tuple[str, ...] = ()
+    prepare_s: float = 0.0
+
+    @classmethod
+    @abstractmethod
+    def prepare(cls, path: Path, scenario: ScenarioT, text: str) -> Self:
+        """Build what a scenario describes.
+
+        Raises
+        ------
+        InputError : what is wrong with it, in one sentence.
+        """
+
+    @abstractmethod
+    def describe(self) -> ModelDescription:
+        """The model in words and numbers, as it is stored and shown."""
+
+    @abstractmethod
+    def run(self, target: Path, *, overwrite: bool, progress: Progress) -> RunSummary:
+        """Run to the end and store the result in ``target``; the summary is what ``explicitfe run --json`` prints.
+
+        Where the run ends early, ``status`` and ``message`` say why, and what was computed until then is stored.
+
+        Raises
+        ------
+        InputError : nothing was run and nothing written.
+        """
+
+    @abstractmethod
+    def check(self, progress: Progress) -> CheckReport:
+        """Measure what can be known before a run: mesh, step or iterations, wall time, memory."""
+
+    @abstractmethod
+    def table(self, summary: RunSummary) -> Table:
+        """What a run came to, for people."""
+
+    @abstractmethod
+    def check_table(self, report: CheckReport) -> Table:
+        """What a check says, for people."""
+
+    def draw(self, result: Path) -> list[Path]:
+        """Draw a result of this kind as PNG files beside it."""
+        from explicitfe.view.draw import draw
+
+        return draw(result)
+
+    # ---- what all kinds have in common ----
+
+    def _description(self) -> ModelDescription:
+        model, volume = self.model, self.body.volumes.sum()
+        return {
+            "name": self.name,
+            "nodes": model.mesh.node_count,
+            "hexes": model.mesh.element_count,
+            "volume_mm3": float(1e9 * volume),
+            "mass_g": float(1e3 * model.material.density_kg_m3 * volume),
+            "element": model.element,
+            "material": model.material.model_dump(),
+            "fixed_nodes": int(model.held.all(axis=1).sum()),
+            "scenario": self.scenario.model_dump(mode="json", exclude_none=True),
+        }
+
+    def _mesh_report(self) -> MeshReport:
+        quality = assess(self.model.mesh)
+        return {
+            "smallest_edge_mm": 1e3 * quality.smallest_edge_m,
+            "largest_edge_mm": 1e3 * quality.largest_edge_m,
+            "smallest_scaled_jacobian": quality.smallest_scaled_jacobian,
+            "worst_element": quality.worst_element,
+        }
+
+    def _seconds_per_step(self) -> float:
+        """Best of a few force evaluations: they are most of a step."""
+        displacement = self.body.displacement
+        best = np.inf
+        for _ in range(TIMED_EVALUATIONS):
+            begin = time.perf_counter()
+            self.body.internal_force(displacement)
+            best = min(best, time.perf_counter() - begin)
+        return best
+
+    def _kernel_memory_MB(self) -> float:
+        return sum(array.nbytes for array in [*self.body.blocks, *self.body.nodes, *self.body.state]) / 1e6

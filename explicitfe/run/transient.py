@@ -1,0 +1,294 @@
+"""A run in time: muscles pull, the body moves; advanced, recorded and summed up."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self, cast
+
+import numpy as np
+
+from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
+from explicitfe.errors import InputError, Progress
+from explicitfe.mesh.quality import corner_jacobians
+from explicitfe.model.tongue import assemble
+from explicitfe.results import Quantity, ResultWriter, provenance
+from explicitfe.results.run_summary import (
+    CheckReport,
+    RunSummary,
+    TransientCheckReport,
+    TransientModelDescription,
+    TransientSummary,
+)
+from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis
+from explicitfe.scenario.transient import TransientScenario
+from explicitfe.solve.simulation import Simulation, Snapshot
+from explicitfe.solve.stable_step import FRACTION
+from explicitfe.solve.transient import DIVERGED, FINISHED, FIRST_TURNS, INTERRUPTED, Ledger, Status, Transient
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere, as it does when the step is too long
+DISPLACEMENT_WARNING_SHARE = 0.5  # of the model's largest extent: above it the forces are large for the tissue
+FIRST_ROOM_BYTES = 64e6  # of samples that a result file is made for at first; it grows when they are full
+RESTART_EVERY_S = 1.0  # wall time between two restart states
+# A body has settled when no node would move by more than this share of the largest displacement in so long at its present speed.
+SETTLED_SHARE, SETTLED_WITHIN_S = 0.05, 0.1
+# Columns of the history that every run in time has.
+HISTORY = {
+    "step": Quantity("1", 1, "steps done"),
+    "dt": Quantity("s", 1, "time step"),
+    "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy"),
+    "hourglass_energy": Quantity("J", 1, "energy of hourglass control"),
+    "kinetic_energy": Quantity("J", 1, "1/2 v(-).M v(+) of the half steps before and after"),
+    "external_work": Quantity("J", 1, "work of muscles, loads and gravity"),
+    "damping_loss": Quantity("J", 1, "energy lost to mass-proportional damping"),
+    "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
+    "balance_error": Quantity("1", 1, "largest energy balance error so far, relative"),
+    "smallest_J": Quantity("1", 1, "smallest J of all elements in all steps so far"),
+}
+
+
+@dataclass(frozen=True)
+class TransientAnalysis(Analysis[TransientScenario, Simulation]):
+    """A run in time."""
+
+    @classmethod
+    def prepare(cls, path: Path, scenario: TransientScenario, text: str) -> Self:
+        """Build the model of a tongue, or of a mesh of one's own, with its muscles."""
+        model, anatomy = assemble(scenario, path.parent)
+        return cls(path, scenario, text, model, anatomy.name, Simulation(model, threads=scenario.analysis.threads))
+
+    def describe(self) -> TransientModelDescription:
+        """The model with its damping, muscles and probes."""
+        return {
+            **self._description(),
+            "alpha_per_s": self.model.alpha_per_s,
+            "muscles": [muscle.model_dump() for muscle in self.scenario.muscle],
+            "probes": {name: int(node) for name, node in self.model.probes.items()},
+        }
+
+    def run(self, target: Path, *, overwrite: bool, progress: Progress) -> TransientSummary:
+        """Advance to the end, with samples as the scenario asks for; see ``Analysis.run``."""
+        begin = time.perf_counter()
+        scenario, simulation = self.scenario, self.body
+        every_s = 1e-3 * scenario.record.every_ms
+        duration_s = 1e-3 * scenario.analysis.duration_ms
+        step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
+
+        with self._writer(target, overwrite, int(duration_s / every_s) + 2) as writer:
+            compile_s = simulation.compile(lambda share: progress("compile", share))
+            try:
+                transient = Transient(simulation, duration_s, step_s)
+            except InputError as error:
+                raise InputError(f"{self.path}: {error}") from None
+            ledger = Ledger()
+            # Fields are stored as the recorder asks; wall time is that of computing and storing, without compiling.
+            started = time.perf_counter()
+            stored_at = -np.inf
+            status: Status | None = None
+            sample_number = 0
+            try:
+                while True:
+                    snapshot = simulation.snapshot()
+                    error = ledger.add(snapshot)
+                    self._store(writer, snapshot, ledger, transient)
+                    now = time.perf_counter()
+                    if now - stored_at > RESTART_EVERY_S or transient.finished:
+                        writer.restart(transient.restart_state())
+                        stored_at = now
+                    progress("run", min(1.0, simulation.time_s / duration_s))
+                    if not error < BALANCE_ERROR_LIMIT:
+                        status = _diverged(simulation, error)
+                    if status or transient.finished:
+                        break
+                    sample_number = max(sample_number + 1, int(np.floor(simulation.time_s / every_s + 1e-9)) + 1)
+                    status = transient.advance_to(sample_number * every_s)
+                    if status:
+                        break
+            except KeyboardInterrupt:
+                status = Status(INTERRUPTED, f"stopped by hand at {1e3 * simulation.time_s:.3f} ms; what is stored is complete.")
+            status = status or Status(FINISHED)
+            summary = self._summary(target, status, ledger, transient, compile_s, time.perf_counter() - started)
+            summary["total_s"] = self.prepare_s + time.perf_counter() - begin
+            writer.finish(status.state, status.message, summary)
+        return summary
+
+    def check(self, progress: Progress) -> TransientCheckReport:
+        """Mesh, stable step, steps and wall time; see ``Analysis.check``."""
+        simulation, scenario = self.body, self.scenario
+        mesh_report = self._mesh_report()
+        progress("compile", 0.0)
+        simulation.compile(lambda share: progress("compile", share))
+        bound_s, element = simulation.stable_bound()
+        limit_s = simulation.stable_limit(FIRST_TURNS)
+        fixed = scenario.analysis.step_us
+        dt_s = FRACTION * limit_s if fixed is None else 1e-6 * fixed
+        steps = int(np.ceil(1e-3 * scenario.analysis.duration_ms / dt_s))
+        samples = int(scenario.analysis.duration_ms / scenario.record.every_ms) + 1
+        per_node = 8 * 3 * (1 + ("velocity" in scenario.record.fields))
+        per_element = 8 * len({"J", "hourglass_energy"} & set(scenario.record.fields))
+        mesh = self.model.mesh
+        return {
+            **self.describe(),
+            **mesh_report,
+            "stable_step_us": 1e6 * limit_s,
+            "stable_step_bound_us": 1e6 * bound_s,
+            "limiting_element": element,
+            "step_us": 1e6 * dt_s,
+            "stable": bool(dt_s <= limit_s),
+            "predicted_steps": steps,
+            "predicted_wall_s": steps * self._seconds_per_step(),
+            "kernel_memory_MB": self._kernel_memory_MB(),
+            "result_size_MB": samples * (per_node * mesh.node_count + per_element * mesh.element_count) / 1e6,
+        }
+
+    def table(self, summary: RunSummary) -> Table:
+        """Steps, speed, energies, and where the probes are at the end."""
+        from explicitfe.view.terminal.transient import summary_table
+
+        return summary_table(cast(TransientSummary, summary))
+
+    def check_table(self, report: CheckReport) -> Table:
+        """Mesh, tissue, step and prediction."""
+        from explicitfe.view.terminal.transient import check_table
+
+        return check_table(str(self.path), cast(TransientCheckReport, report))
+
+    # ---- inside ----
+
+    def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
+        scenario, model, simulation = self.scenario, self.model, self.body
+        wanted = set(scenario.record.fields)
+        velocity = Quantity("m/s", 3, "velocity of the nodes")
+        J = Quantity("1", 1, "volume over reference volume, det F")
+        hourglass = Quantity("J", 1, "hourglass energy of the element")
+        history = dict(HISTORY)
+        for name in model.probes:
+            history[f"probe_{name}_displacement"] = Quantity("m", 3, f"displacement of {name}")
+            history[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")
+        per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
+        room = max(8, int(FIRST_ROOM_BYTES / per_sample))
+        state = simulation.restart_state() | {"clock": np.zeros(4), "counters": np.zeros(4, dtype=np.int64)}
+        return ResultWriter(
+            target,
+            mesh=model.mesh,
+            point_fields={"velocity": velocity} if "velocity" in wanted else {},
+            cell_fields={k: q for k, q in (("J", J), ("hourglass_energy", hourglass)) if k in wanted},
+            history=history,
+            scenario_text=self.text,
+            model=self.describe(),
+            provenance=provenance(),
+            restart=state,
+            expected_samples=min(expected, room),
+            overwrite=overwrite,
+        )
+
+    def _store(self, writer: ResultWriter, snapshot: Snapshot, ledger: Ledger, transient: Transient) -> None:
+        wanted = set(self.scenario.record.fields)
+        e = snapshot.energies
+        row: dict[str, float | np.ndarray] = {
+            "step": transient.simulation.steps,
+            "dt": transient.simulation.dt_s,
+            "internal_energy": e[INTERNAL],
+            "hourglass_energy": e[HOURGLASS],
+            "kinetic_energy": e[KINETIC],
+            "external_work": e[EXTERNAL],
+            "damping_loss": e[DAMPED],
+            "material_loss": e[LOST],
+            "balance_error": ledger.balance_error,
+            "smallest_J": snapshot.smallest_J,
+        }
+        for name, node in self.model.probes.items():
+            row[f"probe_{name}_displacement"] = snapshot.displacement[node]
+            row[f"probe_{name}_velocity"] = snapshot.velocity[node]
+        writer.history(snapshot.time_s, row)
+        points = {"displacement": snapshot.displacement} | ({"velocity": snapshot.velocity} if "velocity" in wanted else {})
+        cells = {"J": snapshot.J, "hourglass_energy": snapshot.hourglass_energy}
+        writer.sample(snapshot.time_s, points, {name: value for name, value in cells.items() if name in wanted})
+
+    def _warnings(self, ledger: Ledger, last: Snapshot) -> list[str]:
+        """What a user should know before believing the result."""
+        mesh = self.model.mesh
+        warnings = [*self.notes]
+        if ledger.hourglass_share > HOURGLASS_WARNING_SHARE:
+            worst = int(np.argmax(last.hourglass_energy))
+            x, y, z = 1e3 * mesh.points[mesh.hexes[worst]].mean(axis=0)
+            warnings.append(
+                f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy "
+                f"({100 * ledger.hourglass_share_at_end:.0f} % at the end, most of it in element {worst} near "
+                f"({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this deformation, or a force acts on too few nodes; "
+                'compare with a finer resolution, or spread the force (distribution = "along"), before quoting numbers.'
+            )
+        folded = int(np.sum(np.any(corner_jacobians(mesh.points + last.displacement, mesh.hexes) <= 0.0, axis=1)))
+        if folded:
+            warnings.append(
+                f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does "
+                'not resist: spread the forces (distribution = "along") or lower them, and compare with element = "hex8-full".'
+            )
+        moved = float(np.linalg.norm(last.displacement, axis=1).max())
+        extent = float(np.ptp(mesh.points, axis=0).max())
+        if moved > DISPLACEMENT_WARNING_SHARE * extent:
+            warnings.append(
+                f"a node has moved by {1e3 * moved:.0f} mm, more than half the model's largest extent ({1e3 * extent:.0f} mm): "
+                "the forces are large for this tissue."
+            )
+        return warnings
+
+    def _summary(
+        self,
+        target: Path,
+        status: Status,
+        ledger: Ledger,
+        transient: Transient,
+        compile_s: float,
+        wall_s: float,
+    ) -> TransientSummary:
+        simulation = transient.simulation
+        last = simulation.snapshot()
+        finite = bool(np.isfinite(last.energies).all())
+        speed = np.linalg.norm(last.velocity, axis=1)
+        path_length = np.linalg.norm(last.displacement, axis=1)
+        return {
+            "status": status.state,
+            "message": status.message,
+            "warnings": self._warnings(ledger, last),
+            "result": str(target),
+            "title": self.scenario.title,
+            "nodes": self.model.mesh.node_count,
+            "hexes": self.model.mesh.element_count,
+            "simulated_s": simulation.time_s,
+            "steps": simulation.steps,
+            "threads": len(simulation.parts),
+            "dt_s": float(transient.smallest_dt_s),
+            "dt_fraction_of_limit": float(transient.largest_fraction),
+            "limiting_element": simulation.limiting_element() if finite else None,
+            "wall_s": wall_s,
+            "loop_s": simulation.loop_s,
+            "compile_s": compile_s,
+            "real_time_factor": simulation.time_s / wall_s,
+            "energy_balance_error": ledger.balance_error,
+            "hourglass_share": ledger.hourglass_share,
+            "hourglass_share_end": ledger.hourglass_share_at_end,
+            "min_J": float(simulation.ledger[SMALLEST_J]),
+            "settled": bool(finite and SETTLED_WITHIN_S * speed.max() <= SETTLED_SHARE * path_length.max()),
+            "largest_displacement_mm": float(1e3 * path_length.max()),
+            "largest_speed_mm_s": float(1e3 * speed.max()),
+            "probes": {
+                name: {
+                    "displacement_mm": [float(1e3 * x) for x in last.displacement[node]],
+                    "speed_mm_s": float(1e3 * speed[node]),
+                }
+                for name, node in self.model.probes.items()
+            },
+        }
+
+
+def _diverged(simulation: Simulation, error: float) -> Status:
+    return Status(
+        DIVERGED,
+        f"at {1e3 * simulation.time_s:.3f} ms the energy balance is off by {100 * error:.3g} %: energy comes from nowhere, "
+        "as it does when the step is too long for a fast change; give a smaller analysis.step_us and report this.",
+    )

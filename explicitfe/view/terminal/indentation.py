@@ -1,0 +1,59 @@
+"""An indentation in the terminal: what it came to, what is known before it, and what a stored one holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from explicitfe.results.run_summary import IndentationCheckReport, IndentationSummary
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, pairs, size_text
+
+
+def summary_table(summary: IndentationSummary) -> Table:
+    """What an indentation came to."""
+    table = pairs(summary["title"])
+    table.add_row("status", summary["status"])
+    table.add_row(
+        "mesh", f"{summary['hexes']} hexes, {summary['nodes']} nodes, {summary['copies']:g} times in the whole specimen"
+    )
+    for load, point in zip(summary["loads"], summary["curve"], strict=True):
+        table.add_row(
+            f"{point['force_N']:.4g} N",
+            f"{point['displacement_mm']:.4f} mm after {load['iterations']} iterations, residual {load['residual']:.1e}",
+        )
+    if summary["touch_mm"]:
+        table.add_row("gravity", f"first touch {summary['touch_mm']:.3f} mm below the reference height")
+    table.add_row(
+        "speed", f"{summary['iterations']} iterations in {summary['wall_s']:.2f} s (compiling took {summary['compile_s']:.1f} s)"
+    )
+    table.add_row("base reaction", f"within {summary['reaction_error']:.1e} of the tool's force")
+    table.add_row("penetration", f"{summary['penetration_ratio']:.1e} of the indentation at most")
+    table.add_row("energy balance", f"off by {summary['energy_balance_error']:.1e}: stored against the area under the curve")
+    table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
+    table.add_row("smallest J", f"{summary['min_J']:.3f}")
+    add_result_rows(table, summary)
+    return table
+
+
+def check_table(title: str, report: IndentationCheckReport) -> Table:
+    """What is known of an indentation before it runs."""
+    table = pairs(title)
+    add_mesh_rows(table, report)
+    table.add_row(
+        "prediction",
+        f"{report['predicted_iterations']} iterations in about {report['predicted_wall_s']:.2g} s for {report['loads']} loads",
+    )
+    table.add_row("size", size_text(report))
+    return table
+
+
+def times_text(times: StoredTimes) -> str:
+    """How many equilibria are stored, and from when to when."""
+    return f"{times.samples} equilibria, {times.first_s:.4g} to {times.last_s:.4g} s"
+
+
+def stored_rows(summary: IndentationSummary) -> Iterator[tuple[str, str]]:
+    """The loads that a stored run reached."""
+    points = [f"{point['force_N']:.4g} N at {point['displacement_mm']:.4f} mm" for point in summary["curve"]]
+    yield "loads", "\n".join(points) or "none"

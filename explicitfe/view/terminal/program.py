@@ -1,0 +1,59 @@
+"""What comes with the program and how fast it is here, in the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rich.console import Group
+from rich.table import Table
+
+from explicitfe.results.run_summary import Json, SpeedReport
+from explicitfe.view.terminal.rows import text_of
+
+
+def list_table(title: str, rows: Sequence[Mapping[str, Json]]) -> Table:
+    """A list of what comes with the program. The first column, what a user has to type, is never cut."""
+    columns = [column for column in (rows[0] if rows else ()) if column != "source"]
+    left_out = rows and "source" in rows[0]
+    table = Table(title=title, title_justify="left", caption="sources: add --json" if left_out else None, caption_justify="left")
+    for number, column in enumerate(columns):
+        table.add_column(column, no_wrap=number == 0, overflow="fold")
+    for row in rows:
+        table.add_row(*(text_of(row[column]) for column in columns))
+    return table
+
+
+def machine_code_table(seconds_of: dict[str, float]) -> Table:
+    """What machine code was made for, and how long it took."""
+    table = Table(title="machine code", title_justify="left")
+    table.add_column("for", no_wrap=True)
+    table.add_column("seconds", justify="right")
+    for name, seconds in seconds_of.items():
+        table.add_row(name, f"{seconds:.1f}")
+    return table
+
+
+def speed_tables(speed: SpeedReport) -> Group:
+    """How fast this machine is."""
+    lanes = f"{speed['lanes']} lanes, {speed['cores']} cores"
+    table = Table(title=f"ns per element and step, float64, {lanes}", title_justify="left")
+    threads = max((row["threads"] or 1 for row in speed["rows"]), default=1)
+    for column in ("hexes", "element", "1 thread", "documented", "ratio", f"{threads} threads", "faster"):
+        table.add_column(column, justify="left" if column == "element" else "right", no_wrap=True)
+    for row in speed["rows"]:
+        known, shared = row["reference_ns"], row["ns_threads"]
+        table.add_row(
+            str(row["elements"]),
+            row["element"],
+            f"{row['ns']:.1f}",
+            "" if known is None else f"{known:.0f}",
+            "" if known is None else f"{row['ns'] / known:.2f}",
+            "" if shared is None else f"{shared:.1f}",
+            "" if shared is None else f"{row['ns'] / shared:.2f}",
+        )
+    spoken = speed["scenario"]
+    line = (
+        f"{spoken['name']}: {spoken['hexes']} hexes, {spoken['steps']} steps in {1e3 * spoken['loop_s']:.0f} ms of the loop, "
+        f"{spoken['real_time_factor']:.2f} times as fast as it is spoken"
+    )
+    return Group(table, line)

@@ -1,0 +1,108 @@
+"""The words and numbers of tables in the terminal: rows of pairs, quantities with their units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rich.markup import escape
+from rich.table import Table
+
+from explicitfe.results.run_summary import CheckReport, RunSummary
+
+
+class StoredTimes(NamedTuple):
+    """When samples were stored: how many, the first, the last [s], and how far apart."""
+
+    samples: int
+    first_s: float
+    last_s: float
+    every_s: float | None
+
+
+def pairs(title: str) -> Table:
+    """An empty table of names and what they are."""
+    table = Table(title=escape(title), title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    return table
+
+
+def physics_rows(model: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows on tissue, damping and muscles."""
+    if "material" in model:
+        material = {key: value for key, value in model["material"].items() if key != "source"}
+        yield "material", f"{escape(material.pop('law'))}: {text_of(material)}"
+    if "tool" in model:
+        yield "tool", text_of(model["tool"])
+    if "alpha_per_s" in model:
+        yield "damping", f"{model['alpha_per_s']:g} 1/s"
+    if "muscles" in model:
+        yield "muscles", escape("\n".join(_muscle(muscle) for muscle in model["muscles"])) or "none"
+
+
+def _muscle(muscle: Mapping[str, Any]) -> str:
+    if muscle["profile"] == "table":
+        course = f"table of {len(muscle['table'])} pairs"
+    else:
+        course = f"{muscle['profile']} from {muscle['start_ms']:g} ms"
+        course += f" in {muscle['rise_ms']:g} ms" if muscle["rise_ms"] else ""
+        course += f" to {muscle['end_ms']:g} ms" if muscle["end_ms"] is not None else ""
+    how = f"{muscle['distribution']}, {muscle['direction']}" + ("" if muscle["side"] == "both" else f", {muscle['side']} side")
+    return f"{muscle['name']} {muscle['force_N']:g} N: {course}; {how}"
+
+
+def size_text(report: CheckReport) -> str:
+    """Memory of a run, and size of its result."""
+    return f"{report['kernel_memory_MB']:.3g} MB in memory, {report['result_size_MB']:.3g} MB in the result"
+
+
+def add_mesh_rows(table: Table, report: CheckReport) -> None:
+    """Rows on model, mesh and tissue, as a check knows them."""
+    table.add_row("model", escape(report["name"]))
+    table.add_row(
+        "mesh",
+        f"{report['hexes']} hexes, {report['nodes']} nodes, {report['fixed_nodes']} of them held; "
+        f"{1e-3 * report['volume_mm3']:.4g} cm³, {report['mass_g']:.4g} g",
+    )
+    table.add_row("edges", f"{report['smallest_edge_mm']:.3g} to {report['largest_edge_mm']:.3g} mm")
+    table.add_row("worst element", f"{report['worst_element']}, scaled Jacobian {report['smallest_scaled_jacobian']:.3g}")
+    for row in physics_rows(report):
+        table.add_row(*row)
+
+
+def add_result_rows(table: Table, summary: RunSummary) -> None:
+    """Rows on pictures and result file, the last ones of a run."""
+    for path in summary.get("plots", []):
+        table.add_row("plot", escape(path))
+    table.add_row("result", escape(summary["result"]))
+
+
+def vector_mm(vector: Sequence[float]) -> str:
+    """Three lengths in mm."""
+    x, y, z = vector
+    return f"({x:+.2f}, {y:+.2f}, {z:+.2f}) mm"
+
+
+def spaced(name: str) -> str:
+    """The name of a column as words."""
+    return name.replace("_", " ")
+
+
+def text_of(value: object) -> str:
+    """Numbers in short, and a table of constants as 'C10 191.5 Pa, b 2': the unit stands at the end of the key."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, dict):
+        own_first = sorted(value, key=lambda key: key in ("poisson", "density_kg_m3"))
+        return ", ".join(_quantity(key, value[key]) for key in own_first)
+    if isinstance(value, list | tuple):
+        return ", ".join(text_of(inner) for inner in value)
+    return escape(str(value))
+
+
+def _quantity(key: str, value: object) -> str:
+    for ending, unit in (("_Pa", "Pa"), ("_kg_m3", "kg/m³"), ("_mm", "mm")):
+        if key.endswith(ending):
+            return f"{escape(key.removesuffix(ending))} {text_of(value)} {unit}"
+    return f"{escape(key)} {text_of(value)}"

@@ -1,0 +1,74 @@
+"""What a result file holds, in the terminal: the answer of ``explicitfe inspect``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Protocol
+
+from rich.markup import escape
+from rich.table import Table
+
+from explicitfe.view.terminal import indentation, transient
+from explicitfe.view.terminal.rows import StoredTimes, pairs, physics_rows, spaced, vector_mm
+
+
+class StoredKind(Protocol):
+    """What the module of each kind of analysis says of a stored run."""
+
+    def times_text(self, times: StoredTimes) -> str:
+        """When it was stored."""
+
+    def stored_rows(self, summary: Any) -> Iterator[tuple[str, str]]:
+        """What it came to."""
+
+
+# The kind of analysis, as a scenario's analysis.type names it -> how a stored one is shown.
+KINDS: dict[str, StoredKind] = {"transient": transient, "relaxation": indentation}
+PACKAGES = ("explicitfe", "python", "numpy", "numba", "h5py")
+ENERGIES = ("internal_energy", "hourglass_energy", "kinetic_energy", "external_work", "damping_loss")
+
+
+def kind_of(model: Mapping[str, Any]) -> str:
+    """The kind of analysis of a stored model; a run in time where it does not say."""
+    return model.get("scenario", {}).get("analysis", {}).get("type", "transient")
+
+
+def result_table(held: Mapping[str, Any]) -> Table:
+    """What a result file holds."""
+    table = pairs(held["path"])
+    run, last = held["summary"], held["last"]
+    kind = KINDS[kind_of(held["model"])]
+    state = held["status"]
+    if state == "running":
+        state += " (it goes on now)" if held["live"] else " (it was killed)"
+    table.add_row("status", escape(f"{state}: {held['message']}" if held["message"] else state))
+    table.add_row("title", escape(held["model"].get("scenario", {}).get("title", "")))
+    table.add_row("mesh", f"{held['elements']} hexes, {held['nodes']} nodes")
+    table.add_row("node sets", escape(", ".join(f"{name} ({count})" for name, count in held["node_sets"].items())) or "none")
+    for row in physics_rows(held["model"]):
+        table.add_row(*row)
+    times = "no sample"
+    if held["steps"]:
+        first_s, last_s = held["time_s"]
+        times = kind.times_text(StoredTimes(held["steps"], first_s, last_s, held["every_s"]))
+    table.add_row("times", times)
+    table.add_row("fields", escape(", ".join(f"{field['name']} ({field['unit']})" for field in held["fields"])))
+    energies = [f"{spaced(name)} {1e3 * last[name]:.4g} mJ" for name in ENERGIES if name in last]
+    if energies:
+        table.add_row("last energies", "\n".join(energies))
+    if "balance_error" in last:
+        table.add_row("energy balance", f"off by at most {last['balance_error']:.1e}")
+    if run:
+        table.add_row("hourglass share", f"{100 * run['hourglass_share']:.1f} % of the elastic energy at most")
+        for row in kind.stored_rows(run):
+            table.add_row(*row)
+    for name in held["model"].get("probes", {}):
+        if f"probe_{name}_displacement" in last:
+            table.add_row(escape(name), vector_mm([1e3 * x for x in last[f"probe_{name}_displacement"]]))
+    provenance = held["provenance"]
+    packages = ", ".join(f"{name} {provenance[name]}" for name in PACKAGES if provenance.get(name))
+    commit = provenance.get("commit") and f"commit {provenance['commit']}"
+    rows = [packages, commit, provenance.get("processor"), provenance.get("started_utc")]
+    table.add_row("made by", escape("\n".join(row for row in rows if row)))
+    table.add_row("scenario", f"sha256 {held['scenario_sha256'][:16]}…")
+    return table

@@ -1,0 +1,74 @@
+"""A run in time in the terminal: what it came to, what is known before it, and what a stored one holds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.markup import escape
+from rich.table import Table
+
+from explicitfe.results.run_summary import TransientCheckReport, TransientSummary
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, pairs, size_text, vector_mm
+
+
+def summary_table(summary: TransientSummary) -> Table:
+    """What a run in time came to."""
+    table = pairs(summary["title"])
+    table.add_row("status", summary["status"])
+    table.add_row("mesh", f"{summary['hexes']} hexes, {summary['nodes']} nodes")
+    table.add_row(
+        "steps",
+        f"{summary['steps']} of {1e6 * summary['dt_s']:.1f} µs or longer, at most "
+        f"{100 * summary['dt_fraction_of_limit']:.0f} % of the stable limit",
+    )
+    table.add_row(
+        "speed",
+        f"{1e3 * summary['simulated_s']:.1f} ms in {summary['wall_s']:.2f} s: "
+        f"{summary['real_time_factor']:.2g} x real time, "
+        f"the steps alone {summary['simulated_s'] / max(summary['loop_s'], 1e-9):.2g} x "
+        f"(compiling took {summary['compile_s']:.1f} s)",
+    )
+    table.add_row("energy balance", f"off by at most {summary['energy_balance_error']:.1e}")
+    table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
+    table.add_row("smallest J", f"{summary['min_J']:.3f}")
+    table.add_row("at the end", _motion(summary))
+    for name, probe in summary["probes"].items():
+        table.add_row(escape(name), f"{vector_mm(probe['displacement_mm'])} at {probe['speed_mm_s']:.0f} mm/s")
+    add_result_rows(table, summary)
+    return table
+
+
+def check_table(title: str, report: TransientCheckReport) -> Table:
+    """What is known of a run in time before it runs."""
+    table = pairs(title)
+    add_mesh_rows(table, report)
+    table.add_row("probes", escape(", ".join(report["probes"])) or "none")
+    table.add_row(
+        "step",
+        f"{report['step_us']:.4g} µs, {'stable' if report['stable'] else '[red]unstable[/red]'}: the limit is "
+        f"{report['stable_step_us']:.4g} µs\n"
+        f"(at least {report['stable_step_bound_us']:.4g} µs, by element {report['limiting_element']})",
+    )
+    table.add_row(
+        "prediction", f"{report['predicted_steps']} steps in {report['predicted_wall_s']:.2g} s if the step stays as it is"
+    )
+    table.add_row("size", size_text(report))
+    return table
+
+
+def times_text(times: StoredTimes) -> str:
+    """How many samples are stored, from when to when and how often."""
+    first_ms, last_ms = 1e3 * times.first_s, 1e3 * times.last_s
+    text = f"{times.samples} sample{'s' if times.samples > 1 else ''}, {first_ms:.4g} to {last_ms:.4g} ms"
+    return text if times.every_s is None else f"{text}, every {1e3 * times.every_s:.3g} ms"
+
+
+def stored_rows(summary: TransientSummary) -> Iterator[tuple[str, str]]:
+    """How a stored run moves at its end."""
+    yield "at the end", _motion(summary)
+
+
+def _motion(summary: TransientSummary) -> str:
+    if summary["settled"] and summary["largest_speed_mm_s"] == 0.0:
+        return "at rest"
+    return f"{'settled' if summary['settled'] else 'still moving'}, fastest node {summary['largest_speed_mm_s']:.0f} mm/s"

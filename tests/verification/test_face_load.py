@@ -33,10 +33,10 @@ def test_shares_add_up_to_the_force_and_to_its_moment():
 
 
 def test_a_bar_under_traction_is_in_a_homogeneous_state():
-    """Uniaxial tension of the compressible law in closed form: its lateral stretch b solves P_22(a, b) = 0, and P_11(a, b) = F / A.
+    """Uniaxial tension in closed form: the lateral stretch b solves P_22(a, b) = 0, and P_11(a, b) = F / A.
 
-    W = C10 (J^(-2/3) (a^2 + 2 b^2) - 3) + K / 4 (J^2 - 1 - 2 ln J), J = a b^2. The tolerance is that of the relaxation, 1e-8 of the
-    load, times the ratio of the stiffest to the softest mode of so few elements (about 1e3).
+    W = C10 (J^(-2/3) (a^2 + 2 b^2) - 3) + K / 4 (J^2 - 1 - 2 ln J), J = a b^2. The tolerance is that of the relaxation, 1e-8 of
+    the load, times the ratio of the stiffest to the softest mode of so few elements (about 1e3).
     """
     mesh = uneven_box()
     C10, K = TISSUE.constants()

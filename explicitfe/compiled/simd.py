@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 
 import llvmlite.ir as ir
 from llvmlite.binding import get_host_cpu_features
@@ -20,16 +21,35 @@ from numba.core.errors import TypingError
 from numba.core.extending import intrinsic, models, overload, register_model, type_callable
 from numba.core.imputils import lower_builtin, lower_cast
 
-# Lanes: what one register of this machine holds (measured with AVX2: 4 lanes 45 ns, 8 lanes 64 ns per element and step).
-# Element data is laid out in blocks of this many elements.
-WIDTH = 8 if get_host_cpu_features().get("avx512f", False) else 4
+from explicitfe.errors import InputError
+
+POSSIBLE_LANES = (2, 4, 8)
+
+
+def _lanes() -> int:
+    """Lanes of a vector: as many as one register of this machine holds, or what EXPLICITFE_LANES says.
+
+    More lanes than a register holds are slower (measured with AVX2: 4 lanes 45 ns, 8 lanes 64 ns per element and step), and fewer
+    too; results are equal to rounding. The environment variable is for tests: one machine then tries them all.
+    """
+    asked = os.environ.get("EXPLICITFE_LANES", "")
+    if asked == "":
+        return 8 if get_host_cpu_features().get("avx512f", False) else 4
+    if asked not in map(str, POSSIBLE_LANES):
+        raise InputError(
+            f'EXPLICITFE_LANES is "{asked}"; it can be {", ".join(map(str, POSSIBLE_LANES[:-1]))} or {POSSIBLE_LANES[-1]}.'
+        )
+    return int(asked)
+
+
+WIDTH = _lanes()  # element data is laid out in blocks of this many elements
 ROW = 4  # float64 in one node row [x, y, z, padding]: 32 bytes, so that a corner is one vector load
 
 _F64 = ir.DoubleType()
 _I32 = ir.IntType(32)
 _I64 = ir.IntType(64)
 _VEC = ir.VectorType(_F64, WIDTH)
-_HALF = ir.VectorType(_F64, ROW)
+_ROW = ir.VectorType(_F64, ROW)
 _FLAGS = ("contract",)
 
 
@@ -178,7 +198,10 @@ def gather_rows(typingctx, rows, index, start):
             node = builder.load(_pointer(context, builder, sig.args[1], args[1], at))
             row = builder.mul(builder.zext(node, _I64), ir.Constant(_I64, ROW))
             address = _pointer(context, builder, sig.args[0], args[0], row)
-            loaded.append(builder.load(builder.bitcast(address, _HALF.as_pointer()), align=8))
+            loaded.append(builder.load(builder.bitcast(address, _ROW.as_pointer()), align=8))
+        if WIDTH < ROW:  # two rows: their x, y and z side by side
+            values = [_shuffle(builder, *loaded, [k, ROW + k]) for k in range(3)]
+            return context.make_tuple(builder, result, values)
         parts = [[], [], []]
         for first in range(0, WIDTH, ROW):  # transpose 4 rows at a time
             r0, r1, r2, r3 = loaded[first : first + ROW]
@@ -199,8 +222,23 @@ def scatter_rows(typingctx, rows, index, start, x, y, z):
 
     def lower(context, builder, sig, args):
         rows, index, start, *components = args
-        zero = ir.Constant(_HALF, [0.0] * ROW)
-        for first in range(0, WIDTH, ROW):
+        zero = ir.Constant(_ROW, [0.0] * ROW)
+
+        def subtract(lane, row_value):
+            at = builder.add(start, ir.Constant(_I64, lane))
+            node = builder.load(_pointer(context, builder, sig.args[1], index, at))
+            row = builder.mul(builder.zext(node, _I64), ir.Constant(_I64, ROW))
+            address = builder.bitcast(_pointer(context, builder, sig.args[0], rows, row), _ROW.as_pointer())
+            builder.store(builder.fsub(builder.load(address, align=8), row_value), address, align=8)
+
+        if WIDTH < ROW:  # two rows: x and y of both, z and zero of both, then row by row
+            x, y, z = components
+            xy = _shuffle(builder, x, y, [0, 1, 2, 3])
+            z0 = _shuffle(builder, z, ir.Constant(_VEC, [0.0] * WIDTH), [0, 1, 2, 3])
+            for lane in range(WIDTH):
+                subtract(lane, _shuffle(builder, xy, z0, [lane, 2 + lane, 4 + lane, 6 + lane]))
+            return context.get_dummy_value()
+        for first in range(0, WIDTH, ROW):  # transpose 4 rows at a time
             x, y, z = (_shuffle(builder, c, c, list(range(first, first + ROW))) for c in components)
             xy02, xy13 = _shuffle(builder, x, y, _EVEN), _shuffle(builder, x, y, _ODD)
             z02, z13 = _shuffle(builder, z, zero, _EVEN), _shuffle(builder, z, zero, _ODD)
@@ -211,11 +249,7 @@ def scatter_rows(typingctx, rows, index, start, x, y, z):
                 _shuffle(builder, xy13, z13, _UPPER),
             ]
             for k, row_value in enumerate(lanes):
-                at = builder.add(start, ir.Constant(_I64, first + k))
-                node = builder.load(_pointer(context, builder, sig.args[1], index, at))
-                row = builder.mul(builder.zext(node, _I64), ir.Constant(_I64, ROW))
-                address = builder.bitcast(_pointer(context, builder, sig.args[0], rows, row), _HALF.as_pointer())
-                builder.store(builder.fsub(builder.load(address, align=8), row_value), address, align=8)
+                subtract(first + k, row_value)
         return context.get_dummy_value()
 
     return types.none(rows, index, types.intp, vector, vector, vector), lower

@@ -25,7 +25,7 @@ WAITING, GENERATION, STOP, ABANDONED, GATE = 0, 8, 16, 24, 32
 
 # Turns of waiting before a core is given away to whoever wants it, and before a thread lies down: where it has to share a core
 # with the one that it waits for, the system may go on giving the core back to it for milliseconds.
-PATIENCE, EXHAUSTION = 2000, 2500
+TURNS_BEFORE_YIELD, TURNS_BEFORE_NAP = 2000, 2500
 NAP_us = 20
 
 _I32 = ir.IntType(32)
@@ -111,9 +111,9 @@ def wait(gate, count):
             turns = 0
             while atomic_load(gate, GENERATION) == generation and atomic_load(gate, ABANDONED) == 0:
                 turns += 1
-                if turns > EXHAUSTION:
+                if turns > TURNS_BEFORE_NAP:
                     nap(NAP_us)
-                elif turns > PATIENCE:
+                elif turns > TURNS_BEFORE_YIELD:
                     give_way()
 
 
@@ -130,10 +130,14 @@ def asked_to_stop(gate):
 
 
 def cores() -> int:
-    """Cores that this process may use, or as many as the environment variable EXPLICITFE_THREADS says."""
-    asked = os.environ.get("EXPLICITFE_THREADS", "")
-    if asked.isdigit() and int(asked) > 0:
-        return int(asked)
+    """Cores that this process may use, or as many as the environment variable EXPLICITFE_CORES says.
+
+    EXPLICITFE_THREADS is its former name.
+    """
+    for name in ("EXPLICITFE_CORES", "EXPLICITFE_THREADS"):
+        stated = os.environ.get(name, "")
+        if stated.isdigit() and int(stated) > 0:
+            return int(stated)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -142,14 +146,14 @@ def together(tasks: Sequence[Callable[[], Any]], gate: np.ndarray) -> list[Any]:
     if len(tasks) == 1:
         return [tasks[0]()]
     pool = _pool(len(tasks) - 1)
-    futures: list[Future] = []
-    mine = None
+    futures: list[Future[Any]] = []
+    first: list[Any] = []  # what the task of this thread returned
     try:
         futures.extend(pool.submit(_guarded, task, gate) for task in tasks[1:])
-        mine = [tasks[0]()]
-        return mine + [future.result() for future in futures]
+        first.append(tasks[0]())
+        return first + [future.result() for future in futures]
     except BaseException:
-        if mine is None:
+        if not first:
             gate[ABANDONED] = 1  # the others would wait for ever
         for future in futures:
             future.exception()

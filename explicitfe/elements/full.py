@@ -13,13 +13,12 @@ from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load
 from explicitfe.mesh.hexmesh import CORNERS
 
-POINTS = 8
-PER_POINT = 25  # numbers a Gauss point: its volume w_g, and dN_a/dX_j
-CONSTANTS = POINTS * PER_POINT
+GAUSS_POINTS = 8
+NUMBERS_PER_POINT = 25  # its volume w_g, and dN_a/dX_j
 
 
 def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
-    """What the kernels read of each element, (m, CONSTANTS): at each Gauss point w_g [m^3] and dN_a/dX_j [1/m]."""
+    """What the kernels read of each element, (m, 200): at each Gauss point w_g [m^3] and dN_a/dX_j [1/m]."""
     numbers = []
     for natural in CORNERS / np.sqrt(3.0):
         factors = 1.0 + natural * CORNERS

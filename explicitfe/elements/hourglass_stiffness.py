@@ -11,12 +11,11 @@ import numpy as np
 
 from explicitfe.compiled.jit import leaf
 
-CONSTANTS = 1  # numbers an element: c
-FACTOR = 1.0  # only for the study of what other factors would do
+STIFFNESS_FACTOR = 1.0  # of the derived stiffness; the study of hourglass control tries what others would do
 
 
 def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
-    """What the kernels read of each element, (m, CONSTANTS) 1/m^2: c = tr(B B^T) / 24.
+    """What the kernels read of each element, (m, 1) 1/m^2: c = tr(B B^T) / 24.
 
     The factor is derived, not fitted: a cube of edge h gets the stiffness G h / 16, with which bending it by a relative rotation
     theta of two opposite faces stores the exact energy of an incompressible beam (E = 3 G), E V theta^2 / 24.
@@ -26,7 +25,7 @@ def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
     corners : (m, 8, 3) m. Not needed here.
     geometry : (m, hex8.GEOMETRY) the elements' numbers; tr(B B^T) = 8 sum_m b_m^2.
     """
-    return FACTOR / 3.0 * np.sum(geometry[:, :18] ** 2, axis=1)[:, None]
+    return STIFFNESS_FACTOR / 3.0 * np.sum(geometry[:, :18] ** 2, axis=1)[:, None]
 
 
 @leaf

@@ -22,11 +22,9 @@ import numpy as np
 from explicitfe.compiled.jit import leaf
 from explicitfe.elements.hex8 import MODES
 
-CONSTANTS = 9  # numbers an element: the frame e_1, e_2, e_3
-
 
 def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
-    """What the kernels read of each element, (m, CONSTANTS): e_1, e_2, e_3 [m]."""
+    """What the kernels read of each element, (m, 9): the frame e_1, e_2, e_3 [m]."""
     return (MODES[:3] @ corners / 8.0).reshape(-1, 9)
 
 

@@ -3,44 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from types import ModuleType
 
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
-from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, gradient, hourglass_modes, to_modes
+from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, geometry, gradient, hourglass_modes, to_modes
 from explicitfe.forces import response
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.forces.response import Layout
+from explicitfe.materials import Leaves
 from explicitfe.materials.kinematics import cofactor, determinant
+from explicitfe.mesh.hexmesh import CORNERS
 
 # Placeholders, bound below to the response of a material and an hourglass treatment of elements/.
 respond = energies = hourglass_invariant = hourglass_force = None
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
 
-Effects = Sequence[tuple[str, tuple[int, ...], int, int]]  # see response.bound
 
-
-def bound(law: ModuleType, treatment: ModuleType, effects: Effects) -> tuple[Dispatcher, Dispatcher]:
+def bound(law: Leaves, treatment: ModuleType, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
     """The force and the energy kernel of a law with effects and an hourglass treatment."""
-    respond, energies = response.bound(law, effects)
-    force = bind(
-        internal_force,
-        stored=False,
-        respond=respond,
-        LAW_CONSTANTS=law.CONSTANTS,
-        hourglass_invariant=treatment.invariant,
-        hourglass_force=treatment.force,
-        HOURGLASS_CONSTANTS=treatment.CONSTANTS,
-    )
-    energy = bind(
-        internal_energy,
-        stored=False,
-        energies=energies,
-        LAW_CONSTANTS=law.CONSTANTS,
-        hourglass_invariant=treatment.invariant,
-        HOURGLASS_CONSTANTS=treatment.CONSTANTS,
-    )
+    respond, energies = response.bound(law, layout)
+    common = {
+        "LAW_CONSTANTS": law.count,
+        "hourglass_invariant": treatment.invariant,
+        "HOURGLASS_CONSTANTS": hourglass_constants(treatment),
+    }
+    force = bind(internal_force, stored=False, respond=respond, hourglass_force=treatment.force, **common)
+    energy = bind(internal_energy, stored=False, energies=energies, **common)
     return force, energy
+
+
+def hourglass_constants(treatment: ModuleType) -> int:
+    """How many numbers of each element an hourglass treatment reads."""
+    cube = CORNERS[None] / 2.0
+    return treatment.constants(cube, geometry(cube)).shape[1]
 
 
 @leaf

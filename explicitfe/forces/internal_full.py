@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from types import ModuleType
 
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
-from explicitfe.elements.full import PER_POINT, POINTS, point_forces, point_gradient
+from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
+from explicitfe.errors import InputError
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
-from explicitfe.materials import volumetric
-from explicitfe.materials.kinematics import cofactor, determinant, isochoric_invariant, isochoric_stress
+from explicitfe.forces.response import Layout
+from explicitfe.materials import Leaves, volumetric
+from explicitfe.materials.kinematics import cofactor, determinant
 
 # Placeholders, bound below to a law of materials/.
-law_isochoric = law_slope = None
+invariants = first_stress = law_isochoric = law_slopes = None
 LAW_CONSTANTS = 1
-_ELEMENT = POINTS * PER_POINT * WIDTH
-_POINT = PER_POINT * WIDTH
+_ELEMENT_STRIDE = GAUSS_POINTS * NUMBERS_PER_POINT * WIDTH
+_POINT_STRIDE = NUMBERS_PER_POINT * WIDTH
 
 
-def bound(law: ModuleType, treatment: ModuleType, effects: Sequence[object]) -> tuple[Dispatcher, Dispatcher]:
-    """The force and the energy kernel of a law; ``treatment`` is elements/full.py, and it knows no effects."""
-    assert not effects
-    force = bind(internal_force, stored=False, law_slope=law.slope, LAW_CONSTANTS=law.CONSTANTS)
-    energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric, LAW_CONSTANTS=law.CONSTANTS)
+def bound(law: Leaves, treatment: ModuleType, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law; ``treatment`` is elements/full.py.
+
+    Raises
+    ------
+    InputError : there are effects, which have a memory at one point of an element only.
+    """
+    if layout:
+        raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
+    common = {"invariants": law.kind.invariants, "LAW_CONSTANTS": law.count}
+    force = bind(internal_force, stored=False, law_slopes=law.slopes_at, first_stress=law.kind.first_stress, **common)
+    energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric_at, **common)
     return force, energy
 
 
@@ -53,8 +61,8 @@ def internal_force(u, force, blocks):
         x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         volume = splat(0.0)
-        for point in range(POINTS):
-            at = block * _ELEMENT + point * _POINT
+        for point in range(GAUSS_POINTS):
+            at = block * _ELEMENT_STRIDE + point * _POINT_STRIDE
             F = _deformation(x, y, z, numbers, at)
             J = determinant(F, cofactor(F))
             smallest = minimum(smallest, J)
@@ -63,13 +71,13 @@ def internal_force(u, force, blocks):
         pressure = volumetric.pressure(mean, c[LAW_CONSTANTS - 1])
         zero = splat(0.0)
         fx = fy = fz = (zero, zero, zero, zero, zero, zero, zero, zero)
-        for point in range(POINTS):
-            at = block * _ELEMENT + point * _POINT
+        for point in range(GAUSS_POINTS):
+            at = block * _ELEMENT_STRIDE + point * _POINT_STRIDE
             F = _deformation(x, y, z, numbers, at)
             cof = cofactor(F)
             J = determinant(F, cof)
-            I1_bar = isochoric_invariant(F, J)
-            P = isochoric_stress(F, cof, J, I1_bar, law_slope(I1_bar, c), pressure)
+            here = invariants(F, cof, J)
+            P = first_stress(F, cof, J, here, law_slopes(here, c), pressure)
             fx = point_forces(fx, P[0], P[1], P[2], numbers, at)
             fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
             fz = point_forces(fz, P[6], P[7], P[8], numbers, at)
@@ -91,13 +99,14 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
         volume = splat(0.0)
         energy = splat(0.0)
-        for point in range(POINTS):
-            at = block * _ELEMENT + point * _POINT
+        for point in range(GAUSS_POINTS):
+            at = block * _ELEMENT_STRIDE + point * _POINT_STRIDE
             F = _deformation(x, y, z, numbers, at)
-            J = determinant(F, cofactor(F))
+            cof = cofactor(F)
+            J = determinant(F, cof)
             w = load(numbers, at)
             volume = volume + w * J
-            energy = energy + w * law_isochoric(isochoric_invariant(F, J), c)
+            energy = energy + w * law_isochoric(invariants(F, cof, J), c)
         reference = load(blocks.geometry, (block * GEOMETRY + GEOMETRY - 1) * WIDTH)
         mean = volume / reference
         energy = energy + reference * volumetric.energy(mean, c[LAW_CONSTANTS - 1])

@@ -29,6 +29,33 @@ def determinant(F, cof):
 
 
 @leaf
+def right_cauchy_green(F):
+    """C = F^T F: 11, 22, 33, 12, 13, 23."""
+    return (
+        F[0] * F[0] + F[3] * F[3] + F[6] * F[6],
+        F[1] * F[1] + F[4] * F[4] + F[7] * F[7],
+        F[2] * F[2] + F[5] * F[5] + F[8] * F[8],
+        F[0] * F[1] + F[3] * F[4] + F[6] * F[7],
+        F[0] * F[2] + F[3] * F[5] + F[6] * F[8],
+        F[1] * F[2] + F[4] * F[5] + F[7] * F[8],
+    )
+
+
+@leaf
+def inverse_C(cof, J):
+    """C^-1 = (cof F)^T cof F / J^2: 11, 22, 33, 12, 13, 23."""
+    w = 1.0 / (J * J)
+    return (
+        w * (cof[0] * cof[0] + cof[3] * cof[3] + cof[6] * cof[6]),
+        w * (cof[1] * cof[1] + cof[4] * cof[4] + cof[7] * cof[7]),
+        w * (cof[2] * cof[2] + cof[5] * cof[5] + cof[8] * cof[8]),
+        w * (cof[0] * cof[1] + cof[3] * cof[4] + cof[6] * cof[7]),
+        w * (cof[0] * cof[2] + cof[3] * cof[5] + cof[6] * cof[8]),
+        w * (cof[1] * cof[2] + cof[4] * cof[5] + cof[7] * cof[8]),
+    )
+
+
+@leaf
 def isochoric_invariant(F, J):
     """I1_bar = J^(-2/3) tr(F^T F): the first invariant of the volume-preserving part."""
     root = inverse_cube_root(J)

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
 from explicitfe.compiled.jit import leaf
-from explicitfe.materials.kinematics import isochoric_invariant, isochoric_stress
 from explicitfe.materials.law import Law
-from explicitfe.materials.volumetric import bulk_modulus, pressure
-from explicitfe.materials.volumetric import energy as volumetric_energy
 
 
 class Yeoh(Law):
     """Constants of the two-parameter Yeoh law; the initial shear modulus is 2 C10."""
+
+    reads: ClassVar[tuple[str, ...]] = ("C10_Pa", "C20_Pa")
 
     law: Literal["yeoh"] = "yeoh"
     C10_Pa: float = Field(gt=0.0, description="first Yeoh constant [Pa]")
@@ -24,30 +23,11 @@ class Yeoh(Law):
     def shear_modulus_Pa(self) -> float:
         return 2.0 * self.C10_Pa
 
-    def constants(self) -> tuple[float, ...]:
-        return self.C10_Pa, self.C20_Pa, bulk_modulus(self.shear_modulus_Pa, self.poisson)
-
-
-CONSTANTS = 3
-
-
-@leaf
-def energy(F, J, delta, c):
-    """W [Pa]; c = (C10, C20, K)."""
-    return isochoric(isochoric_invariant(F, J) + delta, c) + volumetric_energy(J, c[2])
-
 
 @leaf
 def isochoric(I1_bar, c):
-    """W without U [Pa]."""
+    """W without U [Pa]; c = (C10, C20, K)."""
     return (c[0] + c[1] * (I1_bar - 3.0)) * (I1_bar - 3.0)
-
-
-@leaf
-def stress(F, cof, J, delta, c):
-    """First Piola-Kirchhoff stress P = dW/dF [Pa], 9 numbers row by row."""
-    I1_bar = isochoric_invariant(F, J)
-    return isochoric_stress(F, cof, J, I1_bar, slope(I1_bar + delta, c), pressure(J, c[2]))
 
 
 @leaf

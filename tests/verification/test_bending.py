@@ -82,5 +82,5 @@ def test_against_beam_theory():
 @pytest.mark.parametrize("factor", [0.2, 5.0])
 def test_a_fitted_coefficient_fails(factor, monkeypatch):
     """Plain stiffness with another coefficient is off by more than the bound: the bounds can be missed."""
-    monkeypatch.setattr(stiffness, "FACTOR", factor)
+    monkeypatch.setattr(stiffness, "STIFFNESS_FACTOR", factor)
     assert abs(error("hex8-stiffness", 1.0, 2, 0.499)) > BOUNDS[1.0, 2]

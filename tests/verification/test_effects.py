@@ -41,10 +41,10 @@ from explicitfe.effects.material.fibres import Fibres
 from explicitfe.effects.material.softening import Softening
 from explicitfe.effects.material.third_yeoh import ThirdYeoh
 from explicitfe.effects.material.viscoelastic import Viscoelastic
+from explicitfe.forces.response import layout_of
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.solve import point
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
-from explicitfe.solve.kernels import layout_of
 from explicitfe.solve.simulation import Simulation
 
 C10, C20, K = YEOH.constants()
@@ -792,7 +792,7 @@ def test_iterates_do_not_spoil_the_memory(record_property):
     (rough, body), (again, same), (fine, exact) = (pressed(time_s, depth_m, t) for t in (1e-4, 1e-4, 1e-6))
     assert np.array_equal(rough, again)
     assert np.array_equal(body.blocks.old, same.blocks.old)
-    first = next(memory for name, _, _, memory in layout_of(exact.model.effects) if name == "Viscoelastic")
+    first = next(memory for kind, _, _, memory in layout_of(exact.model.effects) if kind is Viscoelastic)
     stresses = slice(first, first + 12)  # S and Q of the last equilibrium
     off = np.abs(rough - fine).max() / np.abs(fine).max()
     memory = np.abs(body.blocks.old - exact.blocks.old)[:, stresses].max() / np.abs(exact.blocks.old[:, stresses]).max()

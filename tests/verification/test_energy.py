@@ -19,7 +19,7 @@ from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KI
 from explicitfe.compiled.jit import bind
 from explicitfe.elements import hourglass_strain as assumed_strain
 from explicitfe.forces import internal, response
-from explicitfe.materials import yeoh
+from explicitfe.materials import law_of
 from explicitfe.model.model import Model, NodalLoad
 from explicitfe.model.profile import Profile
 from explicitfe.solve import step as loop
@@ -118,15 +118,15 @@ def test_error_shrinks_with_the_square_of_the_step(mode, amplitude, element, rec
 @cache
 def broken_kernels() -> Kernels:
     """The kernels of the Yeoh law with a stress that has no energy; the energies stay those of Yeoh."""
-    respond = bind(response.elastic, inline=True, law_stress=circulating_stress, law_slope=yeoh.slope)
+    respond = bind(response.elastic, inline=True, law_stress=circulating_stress, law_delta_slope=law_of("yeoh").delta_slope)
     force = bind(
         internal.internal_force,
         stored=False,
         respond=respond,
-        LAW_CONSTANTS=yeoh.CONSTANTS,
+        LAW_CONSTANTS=law_of("yeoh").count,
         hourglass_invariant=assumed_strain.invariant,
         hourglass_force=assumed_strain.force,
-        HOURGLASS_CONSTANTS=assumed_strain.CONSTANTS,
+        HOURGLASS_CONSTANTS=internal.hourglass_constants(assumed_strain),
     )
     return replace(
         kernels("yeoh", "hex8"),

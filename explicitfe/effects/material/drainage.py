@@ -5,7 +5,7 @@ What a poroelastic tissue shows first, without its length scale: the bulk modulu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 import numpy as np
@@ -46,6 +46,10 @@ class Drainage(MaterialEffect):
     @property
     def memory(self) -> int:
         return 2
+
+    @classmethod
+    def leaves(cls) -> Mapping[str, Callable]:
+        return {"drain": drain, "held": held}
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         """1 - d, d (1 - e^-x) / x, e^-x and d, with x = increment / tau."""

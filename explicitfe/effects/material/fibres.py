@@ -5,7 +5,7 @@ W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) where I4_bar > 1, nothing in compr
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Self
 
 import numpy as np
@@ -59,6 +59,10 @@ class Fibres(MaterialEffect):
         """Turned into the direction in which the test loads them, where the test has one."""
         direction = DIRECTIONS.get(str(conditions.get("direction")))
         return self if direction is None else self.model_copy(update={"direction": direction})
+
+    @classmethod
+    def leaves(cls) -> Mapping[str, Callable]:
+        return {"pull": pull}
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         a = np.array(self.direction) / np.linalg.norm(self.direction)

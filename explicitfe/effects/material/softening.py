@@ -6,7 +6,7 @@ Wm is the largest isochoric energy so far. On the way up eta is 1; below, the ti
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from pydantic import Field
@@ -49,6 +49,10 @@ class Softening(MaterialEffect):
     @property
     def memory(self) -> int:
         return 1
+
+    @classmethod
+    def leaves(cls) -> Mapping[str, Callable]:
+        return {"soften": soften, "recoverable": recoverable}
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         return self.inverse_r, self.m_Pa, self.beta

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from pydantic import Field
@@ -31,6 +31,10 @@ class ThirdYeoh(MaterialEffect):
     @property
     def strength(self) -> float:
         return self.C30_Pa
+
+    @classmethod
+    def leaves(cls) -> Mapping[str, Callable]:
+        return {"stiffen": stiffen}
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         return (self.C30_Pa,)

@@ -8,7 +8,7 @@ Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Self
 
 import numpy as np
@@ -76,8 +76,12 @@ class Viscoelastic(MaterialEffect):
         return 6 + 6 * len(self.g)
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        return (len(self.g),)
+    def shape(self) -> Mapping[str, int]:
+        return {"TERMS": len(self.g)}
+
+    @classmethod
+    def leaves(cls) -> Mapping[str, Callable]:
+        return {"relax": relax, "branch_energy": branch_energy}
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""

@@ -18,7 +18,7 @@ X, Y, Z = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class Section:
+class PlaneCut:
     """Outline of a plane cut of the reference shape: points on edges of the surface, which move with them.
 
     Attributes
@@ -44,7 +44,7 @@ class Section:
         return np.concatenate([part for loop in self.loops for part in (at[loop], at[loop[:1]], gap)] or [gap])
 
 
-def section(mesh: HexMesh, axis: int, position: float) -> Section:
+def section(mesh: HexMesh, axis: int, position: float) -> PlaneCut:
     """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
     distance = mesh.points[:, axis] - position
     distance[np.abs(distance) < 1e-9 * np.ptp(mesh.points, axis=0).max()] = 0.0
@@ -63,10 +63,10 @@ def section(mesh: HexMesh, axis: int, position: float) -> Section:
     ends = np.array(edges, dtype=np.int64).reshape(-1, 2)
     low, high = distance[ends].T
     share = np.divide(low, low - high, out=np.zeros(len(ends)), where=low != high)
-    return Section(ends, share, tuple(_loops([(number[a], number[b]) for a, b in segments])))
+    return PlaneCut(ends, share, tuple(_loops([(number[a], number[b]) for a, b in segments])))
 
 
-def midsagittal(mesh: HexMesh) -> Section:
+def midsagittal(mesh: HexMesh) -> PlaneCut:
     """The section y = 0 if nodes lie there, else halfway between the sides."""
     return section(mesh, Y, middle(mesh))
 

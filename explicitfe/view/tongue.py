@@ -13,7 +13,7 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import Result
 from explicitfe.view.heading import result_figure
 from explicitfe.view.palette import AT_REST, HELD, plain, sequence
-from explicitfe.view.sections import Section, X, Y, Z, front_position, groove_depth, middle, midline, midsagittal, section
+from explicitfe.view.sections import PlaneCut, X, Y, Z, front_position, groove_depth, middle, midline, midsagittal, section
 from explicitfe.view.times import drawn_steps, milliseconds
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def coronal_figure(result: Result, step: int) -> Figure | None:
     return figure
 
 
-def _outlines(axes: Axes, result: Result, step: int, cut: Section, across: int) -> None:
+def _outlines(axes: Axes, result: Result, step: int, cut: PlaneCut, across: int) -> None:
     """Draw a section at rest and at several times up to ``step``; ``across`` is the axis drawn to the right."""
     reference = 1e3 * cut.outline(result.mesh.points)
     axes.fill(*_polygon(reference, across, Z), color="0.94", zorder=0)

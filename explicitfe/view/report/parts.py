@@ -71,7 +71,7 @@ class Fact:
 
 
 @dataclass(frozen=True)
-class Score:
+class ErrorScore:
     """Errors before and after, on held-out curves where there are any."""
 
     title: str
@@ -91,7 +91,7 @@ class FirstScreen:
     sentence: str
     next_experiment: str
     left: str
-    score: Score
+    score: ErrorScore
     alternative: str
 
 
@@ -123,7 +123,7 @@ class Separability:
 
 
 @dataclass(frozen=True)
-class Noise:
+class NoiseOnPage:
     """Noise, numerics and the number of independent data."""
 
     text: str
@@ -137,7 +137,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Split:
+class SplitOnPage:
     """Which curves were fitted, held out and left out; ``sides`` is (side, how many, which)."""
 
     rule: str
@@ -167,7 +167,7 @@ def first_screen(report: LoopReport) -> FirstScreen:
     )
 
 
-def _score(report: LoopReport) -> Score:
+def _score(report: LoopReport) -> ErrorScore:
     """Errors before and after, and the floor, on held-out curves where there are any."""
     held_out = finite(mean_error(report.baseline, "holdout").nrmse)
     side: Side = "holdout" if held_out else "fit"
@@ -187,7 +187,7 @@ def _score(report: LoopReport) -> Score:
         for error, label, stage in zip(errors, labels, ("before", "after"), strict=False)
     ]
     largest = max([x for x in (*errors, floor) if finite(x)], default=0.0)
-    return Score(
+    return ErrorScore(
         title,
         note,
         numbers if any(map(finite, errors)) else [],
@@ -373,7 +373,7 @@ def constants(report: LoopReport) -> PageTable | None:
     return table(head, rows, "ttnn")
 
 
-def noise(report: LoopReport) -> Noise:
+def noise(report: LoopReport) -> NoiseOnPage:
     """Noise, numerics and the number of independent data."""
     unit = report.unit or ""
     source = {True: "stated with the data", False: "estimated", None: DASH}
@@ -395,7 +395,7 @@ def noise(report: LoopReport) -> Noise:
         scatter.append(f"Scatter of whole curves in scale: {percent(report.noise.scale_sd)}.")
     if finite(report.noise.offset_sd):
         scatter.append(f"Scatter of whole curves in offset: {number(report.noise.offset_sd, 2)} {unit}.")
-    return Noise(
+    return NoiseOnPage(
         report.noise.text,
         f"{count(report.n_eff)} independent data{_of_rows(report)}." if finite(report.n_eff) else "",
         scatter,
@@ -421,10 +421,10 @@ def assumed(report: LoopReport) -> PageTable | None:
     return table(("assumed", "value", "verdict", "effects", "error of the fit", "parameters"), rows, "tnttnw")
 
 
-def split(report: LoopReport) -> Split:
+def split(report: LoopReport) -> SplitOnPage:
     """Which curves were fitted, held out and left out."""
     sides = [("Fitted", report.split.fit), ("Held out", report.split.holdout)]
-    return Split(
+    return SplitOnPage(
         report.split.rule,
         [(side, len(names), ", ".join(names)) for side, names in sides if names],
         table(("curve", "why"), report.split.left_out.items(), "tw"),

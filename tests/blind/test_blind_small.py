@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from explicitfe.blind.make import make
 from explicitfe.blind.score import score
 
 SEED = 12
 
 
-def test_a_small_set(tmp_path: Path) -> None:
-    make(tmp_path / "cases", seed=SEED, kinds={"control": 3, "single": 4}, family="homogeneous")
+def test_a_small_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # The processes are the parallel part.
+    make(tmp_path / "cases", seed=SEED, kinds={"control": 3, "single": 4}, family="homogeneous", processes=2)
     result = score(tmp_path / "cases", processes=2)
     outcomes = {case["case"]: (case["kind"], case["outcome"], case["true"]) for case in result["cases"]}
     assert len(outcomes) == 7

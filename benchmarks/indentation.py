@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ["EXPLICITFE_THREADS"] = "1"  # times of one thread can be compared with older ones
+os.environ["EXPLICITFE_CORES"] = "1"  # times of one thread can be compared with older ones
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "verification")]
 

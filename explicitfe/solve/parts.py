@@ -16,10 +16,10 @@ from explicitfe.compiled.simd import ROW
 from explicitfe.compiled.threads import cores, gate
 
 # Measured: waking a thread costs some steps of a small mesh, and every sample and every look at the stable step does that.
-ELEMENTS_A_THREAD = 2000
+ELEMENTS_PER_THREAD = 2000
 
 
-def usual_threads(elements: int, each: int = ELEMENTS_A_THREAD) -> int:
+def usual_threads(elements: int, each: int = ELEMENTS_PER_THREAD) -> int:
     """How many threads pay for so many elements, if it takes ``each`` of them to keep one busy."""
     return max(1, min(cores(), elements // each))
 
@@ -40,10 +40,10 @@ def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
     if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
         return parts_of(state, blocks, count - 1)
     forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
-    found = []
+    parts = []
     for k, (a, b) in enumerate(pairwise(bounds)):
-        mine = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
+        own_blocks = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
         lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
         rows = slice(first[k], after[k])
-        found.append(Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[rows], forces[k], lower, mine))
-    return found
+        parts.append(Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[rows], forces[k], lower, own_blocks))
+    return parts

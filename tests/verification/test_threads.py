@@ -72,6 +72,7 @@ def test_several_threads_give_the_answer_of_one(element, count):
 def test_what_the_material_remembers_is_shared_too():
     effects = (Viscoelastic(g=[0.4], tau_s=[0.01]),)
     alone, shared = moving("hex8", 1, effects=effects), moving("hex8", 3, effects=effects)
+    assert len(shared.parts) > 1
     dt = FRACTION * alone.stable_limit(40)
     for simulation in (alone, shared):
         run(simulation, dt)
@@ -82,18 +83,20 @@ def test_what_the_material_remembers_is_shared_too():
 
 def test_the_same_threads_give_the_same_bits():
     """No sum depends on who comes first."""
-    found = []
+    answers = []
     for _ in range(3):
         simulation = moving("hex8", 4)
         run(simulation, 2e-5)
-        found.append((simulation.displacement, simulation.ledger.copy()))
-    for displacement, ledger in found[1:]:
-        assert np.array_equal(displacement, found[0][0]) and np.array_equal(ledger, found[0][1])
+        assert len(simulation.parts) > 1
+        answers.append((simulation.displacement, simulation.ledger.copy()))
+    for displacement, ledger in answers[1:]:
+        assert np.array_equal(displacement, answers[0][0]) and np.array_equal(ledger, answers[0][1])
 
 
 def test_a_restart_goes_on_bit_for_bit():
     """What is computed anew at the restart is summed in the order of the run."""
     through, first, second = (moving("hex8", 3) for _ in range(3))
+    assert len(through.parts) > 1
     dt = FRACTION * through.stable_limit(40)
     for simulation in (through, first):
         simulation.start(dt)
@@ -107,6 +110,7 @@ def test_a_restart_goes_on_bit_for_bit():
 
 def test_all_end_with_the_step_in_which_an_element_turns_inside_out():
     alone, shared = moving("hex8", 1, speed=30.0), moving("hex8", 3, speed=30.0)
+    assert len(shared.parts) > 1
     dt = FRACTION * alone.stable_limit(40)
     for simulation in (alone, shared):
         simulation.start(dt)
@@ -118,6 +122,7 @@ def test_all_end_with_the_step_in_which_an_element_turns_inside_out():
 def test_parts_cover_everything_once():
     simulation = moving("hex8", 4)
     parts = simulation.parts
+    assert len(parts) > 1
     assert sum(part.own for part in parts) == len(simulation.state.u)
     assert sum(len(part.blocks.nodes) for part in parts) == len(simulation.blocks.nodes)
     for part in parts:
@@ -138,14 +143,16 @@ def test_bodies_that_share_no_node():
     hexes = np.concatenate([cell.hexes + 8 * k for k, cell in enumerate(cells)])
     velocity = 0.1 * np.random.default_rng(2).standard_normal(points.shape)
     velocity[-1] = 0.0
-    found = []
+    displacements = []
     for count in (1, 3):
         model = Model(HexMesh(points, hexes, {}), YEOH, np.zeros(points.shape, dtype=bool))
         simulation = Simulation(model, velocity=velocity, threads=count)
         simulation.start(1e-5)
         assert simulation.advance(50, 1e-5)
-        found.append(simulation.displacement)
-    assert np.abs(found[1] - found[0]).max() < ROUNDING * np.abs(found[0]).max()
+        assert len(simulation.parts) == count
+        displacements.append(simulation.displacement)
+    alone, shared = displacements
+    assert np.abs(shared - alone).max() < ROUNDING * np.abs(alone).max()
 
 
 @pytest.mark.parametrize("count", [2, 3])
@@ -156,15 +163,16 @@ def test_a_relaxation_by_several_threads(tool, count, record_property):
     The residual is below 1e-6 of the load. What a force residual r moves is r times the compliance: as a share of the
     displacement, 1e-6, and more for modes softer than that of the tool, up to some ten times.
     """
-    specimen = SpecimenTable(symmetry="quarter", radius_mm=20.0, height_mm=10.0, edge_size_mm=2.0)
-    found = []
+    # 672 elements: three parts of blocks of 8, which share nodes with the next part only
+    specimen = SpecimenTable(symmetry="quarter", radius_mm=20.0, height_mm=10.0, edge_size_mm=1.5)
+    answers = []
     for threads_asked in (1, count, count):
         body = Relaxation(specimen_model(specimen, ToolTable(**tool)), 1e-6, threads=threads_asked)
         assert len(body.parts) == threads_asked
         curve = [body.press(force) for force in (0.1, 0.3, 0.2)]
         assert all(isinstance(point, Equilibrium) for point in curve), curve
-        found.append((np.array([point.displacement_m for point in curve]), body.displacement))
-    (alone, u), (shared, w), (again, _) = found
+        answers.append((np.array([point.displacement_m for point in curve]), body.displacement))
+    (alone, u), (shared, w), (again, _) = answers
     worst = max(np.abs(shared / alone - 1.0).max(), np.abs(w - u).max() / np.abs(u).max())
     record_property("off by", worst)
     assert worst < 1e-5
@@ -178,10 +186,11 @@ def test_a_tissue_that_remembers_relaxes_in_several_threads():
     ends = []
     for count in (1, 2):
         body = Relaxation(specimen_model(specimen, ToolTable(shape="platen"), effects), 1e-6, threads=count)
+        assert len(body.parts) == count
         body.press(0.3, at_s=1.0)
-        found = body.press(0.3, at_s=3.0)
-        assert isinstance(found, Equilibrium), found
-        ends.append(found.displacement_m)
+        end = body.press(0.3, at_s=3.0)
+        assert isinstance(end, Equilibrium), end
+        ends.append(end.displacement_m)
     assert ends[1] == pytest.approx(ends[0], rel=1e-5)
 
 
@@ -192,10 +201,35 @@ def test_a_sector_has_one_thread():
 
 
 def test_small_meshes_have_one_thread(monkeypatch):
-    monkeypatch.setenv("EXPLICITFE_THREADS", "8")
+    monkeypatch.setenv("EXPLICITFE_CORES", "8")
     assert usual_threads(1280) == 1
     assert usual_threads(1280, each=500) == 2
     assert usual_threads(1_000_000) == 8
+
+
+def test_the_number_of_cores_can_be_stated(monkeypatch):
+    """By EXPLICITFE_CORES, or by EXPLICITFE_THREADS as it was called; what is no number counts as not stated."""
+    for name in ("EXPLICITFE_CORES", "EXPLICITFE_THREADS"):
+        monkeypatch.delenv(name, raising=False)
+    own = threads.cores()
+    assert own >= 1
+    monkeypatch.setenv("EXPLICITFE_THREADS", "3")
+    assert threads.cores() == 3
+    monkeypatch.setenv("EXPLICITFE_CORES", "5")
+    assert threads.cores() == 5
+    for nonsense in ("0", "many", ""):
+        monkeypatch.setenv("EXPLICITFE_CORES", nonsense)
+        assert threads.cores() == 3
+
+
+def test_a_body_has_no_more_threads_than_cores_unless_told_so(monkeypatch):
+    monkeypatch.setenv("EXPLICITFE_CORES", "1")
+    mesh = block_mesh((16, 16, 16))
+    model = Model(mesh, YEOH, np.zeros((mesh.node_count, 3), dtype=bool))
+    assert len(Simulation(model).parts) == 1
+    assert len(Simulation(model, threads=2).parts) == 2
+    monkeypatch.setenv("EXPLICITFE_CORES", "2")
+    assert len(Simulation(model).parts) == 2
 
 
 def test_a_thread_that_cannot_be_started_leaves_none_waiting(monkeypatch):

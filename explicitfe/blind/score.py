@@ -21,26 +21,29 @@ from explicitfe.errors import InputError, Progress, silent
 POLL_INTERVAL_S = 0.2  # between two looks at the processes
 
 
-class BriefCase(TypedDict):
-    """A case in ``score.json``."""
+# A case in ``score.json``; one of its keys, ``found``, is no name for an attribute.
+BriefCase = TypedDict(  # noqa: UP013
+    "BriefCase",
+    {
+        "case": str,
+        "outcome": str,
+        "kind": str,
+        "sub": str | None,
+        "true": list[str],
+        "identifiable": bool | None,
+        "protocol": str,
+        "noise": float,
+        "verdict": str | None,
+        "remainder": str | None,
+        "found": list[str] | None,
+        "ambiguous_with": list[str] | None,
+        "problem": str | None,
+        "wall_s": float | None,
+    },
+)
 
-    case: str
-    outcome: str
-    kind: str
-    sub: str | None
-    true: list[str]
-    identifiable: bool | None
-    protocol: str
-    noise: float
-    verdict: str | None
-    remainder: str | None
-    found: list[str] | None
-    ambiguous_with: list[str] | None
-    problem: str | None
-    wall_s: float | None
 
-
-class Score(TypedDict):
+class StudyScore(TypedDict):
     """The file ``score.json``."""
 
     tables: Tables
@@ -62,7 +65,7 @@ def score(
     max_effects: int = 3,
     limit_s: float | None = None,
     progress: Progress = silent,
-) -> Score:
+) -> StudyScore:
     """Close the loop on every case that has no report yet, then score all of them.
 
     Parameters
@@ -92,7 +95,7 @@ def score(
         report, wall_s = _result(directory, name)
         truth = cast(Truth, json.loads((directory / "sealed" / f"{name}.json").read_text(encoding="utf-8")))
         rows.append({"case": name, "truth": truth, "report": report, "outcome": outcome(report, truth), "wall_s": wall_s})
-    result: Score = {"tables": tables_of(rows), "cases": [_brief(row) for row in rows]}
+    result: StudyScore = {"tables": tables_of(rows), "cases": [_brief(row) for row in rows]}
     (directory / "score.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     (directory / "score.md").write_text(markdown(result["tables"]), encoding="utf-8")
     picture(result["tables"]["confusion"], directory / "confusion.png")

@@ -276,7 +276,7 @@ def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf)."
     from explicitfe.view.terminal.stored import result_table
 
     with open_result(result) as opened:
-        held = opened.summary_dict()
+        held = opened.contents()
     _answer(held, as_json, lambda: result_table(held), held["summary"].get("warnings", []))
 
 

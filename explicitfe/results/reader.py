@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict
 
 import h5py
 import numpy as np
@@ -35,6 +36,49 @@ class RestartState(NamedTuple):
 
     sequence: int
     arrays: dict[str, np.ndarray]
+
+
+class StoredQuantity(TypedDict):
+    """A stored quantity as ``inspect`` names it."""
+
+    name: str
+    unit: str
+    components: int
+    description: str
+
+
+class StoredField(StoredQuantity):
+    """A stored field: ``kind`` is ``"point"`` or ``"cell"``."""
+
+    kind: str
+
+
+class ResultContents(TypedDict):
+    """What a result file holds: the answer of ``explicitfe inspect --json``.
+
+    ``time_s`` has the first and the last stored time, ``every_s`` the mean time between samples, ``last`` the last row of the
+    history; ``node_sets`` says how many nodes each set has. ``summary`` and ``model`` are as :class:`Result` gives them.
+    """
+
+    path: str
+    status: str
+    live: bool
+    message: str
+    summary: Mapping[str, Any]
+    nodes: int
+    elements: int
+    steps: int
+    time_s: list[float]
+    every_s: float | None
+    fields: list[StoredField]
+    history: list[StoredQuantity]
+    history_rows: int
+    last: dict[str, float | list[float]]
+    node_sets: dict[str, int]
+    named_points: dict[str, int]
+    scenario_sha256: str
+    model: Mapping[str, Any]
+    provenance: Provenance
 
 
 def open_result(path: Path | str) -> Result:
@@ -90,9 +134,10 @@ class Result:
         return self._text(f"{layout.STATUS}/message")
 
     @property
-    def summary(self) -> dict[str, Any]:
-        """What the run came to; empty until it ends."""
-        return json.loads(self._text(f"{layout.STATUS}/summary"))
+    def summary(self) -> Mapping[str, Any]:
+        """What the run came to, as ``results/run_summary.py`` describes it; empty until it ends."""
+        stored: dict[str, object] = json.loads(self._text(f"{layout.STATUS}/summary"))
+        return stored
 
     @property
     def scenario_text(self) -> str:
@@ -105,9 +150,10 @@ class Result:
         return self._file[layout.SCENARIO].attrs["sha256"]
 
     @property
-    def model(self) -> dict[str, Any]:
+    def model(self) -> Mapping[str, Any]:
         """The model that was run; ``model["scenario"]`` is its scenario with ``--set`` and defaults filled in."""
-        return json.loads(self._text(layout.MODEL))
+        stored: dict[str, object] = json.loads(self._text(layout.MODEL))
+        return stored
 
     @property
     def provenance(self) -> Provenance:
@@ -228,8 +274,8 @@ class Result:
                 states.append(RestartState(sequence, arrays))
         return max(states, key=lambda state: state.sequence, default=None)
 
-    def summary_dict(self) -> dict[str, Any]:
-        """What the file holds, ready for JSON: the answer of ``explicitfe inspect --json``."""
+    def contents(self) -> ResultContents:
+        """What the file holds, ready for JSON."""
         rows = int(self._file[layout.HISTORY].attrs["rows"])
         return {
             "path": str(self.path),
@@ -242,8 +288,8 @@ class Result:
             "steps": len(self.times),
             "time_s": [float(time) for time in self.times[[0, -1]]] if len(self.times) else [],
             "every_s": float(np.ptp(self.times)) / (len(self.times) - 1) if len(self.times) > 1 else None,
-            "fields": [{"name": name, "kind": info.kind, **vars(info.quantity)} for name, info in self.fields.items()],
-            "history": [{"name": name, **vars(quantity)} for name, quantity in self.history_names.items()],
+            "fields": [_stored_field(name, info) for name, info in self.fields.items()],
+            "history": [_stored_quantity(name, quantity) for name, quantity in self.history_names.items()],
             "history_rows": rows,
             "last": {name: self.history(name)[-1].tolist() for name in self.history_names} if rows else {},
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
@@ -304,6 +350,26 @@ class Result:
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"{self.path} is damaged ({what}); run the scenario again")
+
+
+def _stored_quantity(name: str, quantity: Quantity) -> StoredQuantity:
+    return {
+        "name": name,
+        "unit": quantity.unit,
+        "components": quantity.components,
+        "description": quantity.description,
+    }
+
+
+def _stored_field(name: str, info: FieldInfo) -> StoredField:
+    quantity = info.quantity
+    return {
+        "name": name,
+        "kind": info.kind,
+        "unit": quantity.unit,
+        "components": quantity.components,
+        "description": quantity.description,
+    }
 
 
 def _quantity(dataset: h5py.Dataset) -> Quantity:

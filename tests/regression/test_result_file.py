@@ -210,7 +210,7 @@ def test_the_reader_gives_back_what_was_written(tmp_path):
         # 1400 s lies nearest to the sample at 1000 s.
         np.testing.assert_array_equal(result.displacement(time_s=1400.0), displacement(1000))
         np.testing.assert_array_equal(result.displacement(-2), displacement(1000))
-        progress = json.loads(json.dumps(result.summary_dict()))
+        progress = json.loads(json.dumps(result.contents()))
         assert (progress["status"], progress["steps"], progress["history_rows"]) == ("failed", 3, 2500)
         assert progress["time_s"] == [0.0, 2000.0]
         assert {"name": "J", "kind": "cell", "unit": "1", "components": 1, "description": ""} in progress["fields"]
@@ -235,7 +235,7 @@ def test_a_run_that_fails_before_its_first_sample_can_be_read(tmp_path):
         assert result.times.shape == (0,)
         assert result.probe("tip").shape == (0, 3)
         assert result.restart_state() is None
-        assert result.summary_dict()["steps"] == 0
+        assert result.contents()["steps"] == 0
         with pytest.raises(InputError, match="no stored step"):
             result.displacement()
 
@@ -277,10 +277,10 @@ def test_a_killed_run_is_readable_to_its_last_sample(tmp_path, delay_s):
     finally:
         child.send_signal(signal.SIGKILL)
         child.wait()
-    told = int(side.read_text())
+    stored = int(side.read_text())
     with open_result(tmp_path / "a.running.vtkhdf") as result:
         count = len(result.times)
-        assert count in (told + 1, told + 2)
+        assert count in (stored + 1, stored + 2)
         assert (result.status, result.live) == ("running", False)
         check_steps(result, count)
         assert result.restart_state() is not None

@@ -312,7 +312,7 @@ def test_scenario_in_the_result_can_be_run_again(tmp_path: Path) -> None:
     first = explicitfe.run(VOWEL, tmp_path, settings=settings)
     with open_result(first["result"]) as result:
         model, u = result.model, result.displacement()
-        assert result.summary_dict()["model"] == model
+        assert result.contents()["model"] == model
     stored = model["scenario"]
     assert stored["muscle"][0]["force_N"] == 1.5 and stored["analysis"]["duration_ms"] == 10.0
     (tmp_path / "again.json").write_text(json.dumps(stored))

@@ -17,7 +17,7 @@ MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 FORCES_N = (0.02, 0.04)
 
 
-def made(name: str, **parameters) -> Effect:
+def effect(name: str, **parameters) -> Effect:
     return EFFECTS[name](**parameters)
 
 
@@ -34,9 +34,9 @@ def body_with(*effects: Effect, tool: dict | None = None, tolerance: float = 1e-
 def displacements(*effects: Effect, **specimen) -> np.ndarray:
     """Displacements [m] under two forces."""
     body = body_with(*effects, **specimen)
-    found = [body.press(force) for force in FORCES_N]
-    assert all(isinstance(point, Equilibrium) for point in found), found
-    return np.array([point.displacement_m for point in found])
+    answers = [body.press(force) for force in FORCES_N]
+    assert all(isinstance(point, Equilibrium) for point in answers), answers
+    return np.array([point.displacement_m for point in answers])
 
 
 NOTHING = {
@@ -57,12 +57,12 @@ NOTHING = {
 def test_no_strength_is_no_effect(name):
     """The same displacements to 1e-12; a layer of ratio 1 has a mesh of its own, so it is compared on that mesh."""
     other = displacements(layer_mm=1.0) if name == "layer" else displacements()
-    assert displacements(made(name, **NOTHING[name])) == pytest.approx(other, rel=1e-12)
+    assert displacements(effect(name, **NOTHING[name])) == pytest.approx(other, rel=1e-12)
 
 
 def test_base_slip_between_its_limits(record_property):
     """The more the base gives way the deeper the tool; at 1e6 mm/kPa it slides freely, at 1e-4 it is bonded, both to 1e-3."""
-    d = [displacements(made("base-slip", compliance_mm_kPa=c))[1] for c in (1e-4, 1.0, 5.0, 20.0, 1e6)]
+    d = [displacements(effect("base-slip", compliance_mm_kPa=c))[1] for c in (1e-4, 1.0, 5.0, 20.0, 1e6)]
     record_property("displacements", d)
     assert (np.diff(d) > 0.0).all()
     assert d[0] == pytest.approx(displacements()[1], rel=1e-3)
@@ -75,7 +75,7 @@ def test_tilt_is_even(record_property):
     Displacements count from first touch, of the lower edge: it goes deeper than an upright one, by less than the edge leads it.
     """
     settings = {"symmetry": "half", "edge_size_mm": 1.5, "tolerance": 1e-5}
-    d = {angle: displacements(made("tilt", angle_deg=angle), **settings)[1] for angle in (-4.0, 0.0, 2.0, 4.0)}
+    d = {angle: displacements(effect("tilt", angle_deg=angle), **settings)[1] for angle in (-4.0, 0.0, 2.0, 4.0)}
     record_property("displacements", d)
     assert d[-4.0] == pytest.approx(d[4.0], rel=1e-4)
     first_touch = 6e-3 * np.sin(np.radians([2.0, 4.0]))
@@ -85,21 +85,21 @@ def test_tilt_is_even(record_property):
 def test_rig_that_gives_way_is_a_spring_in_series():
     """Under a force the machine reads c F more, exactly; by displacement the tissue gets d - c F and answers as it does there."""
     c = 5.0  # mm/N
-    soft = made("compliance", compliance_mm_N=c)
+    soft = effect("compliance", compliance_mm_N=c)
     assert displacements(soft) == pytest.approx(displacements() + 1e-3 * c * np.array(FORCES_N), rel=1e-5)
     body = body_with(soft)
     read = displacements(soft)[1]
-    found = body.move(read)
-    assert isinstance(found, Equilibrium)
-    assert found.displacement_m == pytest.approx(read, rel=1e-5)
-    assert found.force_N == pytest.approx(FORCES_N[1], rel=1e-4)
+    answer = body.move(read)
+    assert isinstance(answer, Equilibrium)
+    assert answer.displacement_m == pytest.approx(read, rel=1e-5)
+    assert answer.force_N == pytest.approx(FORCES_N[1], rel=1e-4)
 
 
 def test_preload_moves_the_zero():
     """Displacements count from where the tool bears F0: d(F) - d(F0)."""
     plain = body_with()
     d0, d1 = (plain.press(force).displacement_m for force in FORCES_N)
-    body = body_with(made("preload", force_N=FORCES_N[0]))
+    body = body_with(effect("preload", force_N=FORCES_N[0]))
     assert body.press(FORCES_N[1]).displacement_m == pytest.approx(d1 - d0, rel=1e-3)
 
 
@@ -111,12 +111,12 @@ def test_gradient_is_a_stack_of_layers(record_property):
     """
     g = 0.5
     table = {"base": "sliding", "material": MATERIAL | {"poisson": 0.0, "C20_Pa": 0.0}, "tool": {"shape": "platen"}}
-    body = body_with(made("stiffness-gradient", g=g), **table)
-    found = body.move(1e-5)
+    body = body_with(effect("stiffness-gradient", g=g), **table)
+    answer = body.move(1e-5)
     area, E = np.pi * 0.016**2, 2.0 * 2.0 * 191.5
-    expected = found.force_N * 0.010 * np.log((1.0 + g) / (1.0 - g)) / (2.0 * g * E * area)
-    record_property("ratio", found.displacement_m / expected)
-    assert found.displacement_m == pytest.approx(expected, rel=0.02)
+    expected = answer.force_N * 0.010 * np.log((1.0 + g) / (1.0 - g)) / (2.0 * g * E * area)
+    record_property("ratio", answer.displacement_m / expected)
+    assert answer.displacement_m == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("share", [0.8, 1.25])
@@ -136,11 +136,11 @@ def test_block_held_by_friction_alone(share, record_property):
     held[:, :2] = False  # nothing but the tool holds it sideways
     body = Relaxation(replace(model, held=held))
     body.compile()
-    found = body.press(force)
+    answer = body.press(force)
     if share > 1.0:
-        assert not isinstance(found, Equilibrium)
+        assert not isinstance(answer, Equilibrium)
         return
-    assert isinstance(found, Equilibrium), found
+    assert isinstance(answer, Equilibrium), answer
     friction = -body.contact.touch(body.state.u)[2][:, 0].sum()
     record_property("friction over pull", friction / pull)
     assert friction == pytest.approx(pull, rel=1e-2)

@@ -294,8 +294,8 @@ def test_core_stays_within_its_bound():
     radii = stations(30e-3, [], largest_m=2e-3, breaks_m=[5e-3])
     free, bound = (cylinder_mesh(radii, [0.0, 1e-3], 24, core_m=core) for core in (np.inf, 5e-3))
     wanted = radii[radii >= 5e-3] * ring_factor(24)
-    found = bound.points[bound.node_sets["y0"], 0]
-    assert np.isclose(found[:, None], wanted, rtol=1e-14, atol=0.0).any(axis=0).all()
+    stations_m = bound.points[bound.node_sets["y0"], 0]
+    assert np.isclose(stations_m[:, None], wanted, rtol=1e-14, atol=0.0).any(axis=0).all()
     assert not np.isclose(free.points[free.node_sets["y0"], 0], wanted[0], rtol=1e-14, atol=0.0).any()
     # No station within the bound: the first ends the core.
     least = cylinder_mesh(radii, [0.0, 1e-3], 24, core_m=0.0)

@@ -344,10 +344,10 @@ def test_search_agrees_with_locate(tongue):
     cells = tongue.resolutions["medium"]
     mesh = tongue.mesh(cells)
     points = tongue.locate(np.random.default_rng(5).uniform([0.01, 0.01, -0.99], 0.99, size=(500, 3)), cells)
-    found = locate_in_mesh(mesh, points.position)
-    assert (found.element == points.element).all()
-    np.testing.assert_allclose(found.natural, points.natural, atol=1e-9)
-    np.testing.assert_allclose(found.position, points.position, atol=1e-15)
+    located = locate_in_mesh(mesh, points.position)
+    assert (located.element == points.element).all()
+    np.testing.assert_allclose(located.natural, points.natural, atol=1e-9)
+    np.testing.assert_allclose(located.position, points.position, atol=1e-15)
 
 
 def test_search_moves_points_to_the_surface_and_refuses_far_ones():
@@ -372,9 +372,9 @@ def test_search_in_the_real_mesh():
     element = generator.integers(mesh.element_count, size=1000)
     weights = shape_functions(generator.uniform(-1.0, 1.0, size=(1000, 3)))
     positions = (weights[:, :, None] * mesh.points[mesh.hexes[element]]).sum(axis=1)
-    found = locate_in_mesh(mesh, positions)
-    np.testing.assert_allclose(found.position, positions, atol=1e-11)
-    np.testing.assert_allclose(position_in(mesh, found), positions, atol=1e-11)
+    located = locate_in_mesh(mesh, positions)
+    np.testing.assert_allclose(located.position, positions, atol=1e-11)
+    np.testing.assert_allclose(position_in(mesh, located), positions, atol=1e-11)
 
 
 def test_points_at_nodes(meshes):
@@ -501,12 +501,12 @@ def test_fibre_through_any_mesh(tongue, meshes, muscles):
     """Searched for by position alone, a fibre runs through the elements that the grid says."""
     original = muscles["medium"]["GGp"].fibres[3]
     points = locate_in_mesh(meshes["medium"], original.points.position)
-    found = Fibre.through(points, "right", meshes["medium"])
-    near = found.segment_element == original.segment_element
+    fibre = Fibre.through(points, "right", meshes["medium"])
+    near = fibre.segment_element == original.segment_element
     # A straight chord and a line in (s, t, w) may fall on two sides of a face.
     assert near.mean() > 0.7
-    muscle = Muscle.of("GGp", "", 1.0, (found,))
-    assert (muscle.elements == np.unique(found.segment_element)).all()
+    muscle = Muscle.of("GGp", "", 1.0, (fibre,))
+    assert (muscle.elements == np.unique(fibre.segment_element)).all()
 
 
 @pytest.mark.parametrize(

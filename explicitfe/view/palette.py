@@ -14,12 +14,13 @@ if TYPE_CHECKING:
 # 1600 dots wide: a picture fills a page or a screen.
 WIDTH_IN = 10.0
 DOTS_PER_INCH = 160
-
 # Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
+# A model before and after effects were added to it; style.css of the report says the same.
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
 LINE_STYLES = ("-", "--", ":", "-.")
 AT_REST, HELD, GRID = "0.55", "black", "0.88"
+# Little energy is pale and much is dark; the order can be seen with every kind of colour blindness.
 ENERGY_MAP = "cividis_r"
 
 

@@ -26,13 +26,14 @@ from explicitfe.view.times import last_step, milliseconds
 if TYPE_CHECKING:
     import pyvista
 
-# Without a graphics card a view takes a few seconds; longer than this the process hangs.
+# Without a graphics card a view takes a few seconds: a process that takes longer than this hangs.
 RENDER_LIMIT_S = 120.0
-# The colour scale of the hourglass map ends here at most, and spans so many powers of ten: beyond them nothing more is learnt.
+# The colour scale of the hourglass map ends here at most, and spans so many powers of ten: more would show no difference.
 MAP_TOP_PERCENT = 1000.0
 MAP_DECADES = 3
 # An element is found in the picture where it covers more dots than this; fewer cannot be pointed at.
 SEEN_DOTS = 20
+# A view is drawn a little larger than it stands in the picture, and cut to what it shows with a margin around it.
 VIEW_DOTS = 1100
 MARGIN_DOTS = 20
 FOLDED_COLOUR = "#E00000"

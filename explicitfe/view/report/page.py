@@ -50,8 +50,6 @@ def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve]) -> li
     """Write the page and its pictures into ``folder``, and return the names of the files."""
     from matplotlib import rc_context
 
-    if not isinstance(report, LoopReport):  # TEMPORARY: until close_loop gives the typed report
-        report, curves = LoopReport.model_validate(report), [ReportCurve(**c) for c in curves]  # type: ignore
     drawn = drawn_curves(curves)
     tested = any(was_scored(candidate) for one in report.steps for candidate in one.candidates)
     with rc_context({"text.parse_math": False}):  # a dollar in a name is a dollar

@@ -187,7 +187,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         }
         writer.history(time_s, row)
         fields = self.body.element_fields()
-        cells = {name: fields[name] for name in CELLS if name in self.scenario.record.fields}
+        cells: dict[str, np.ndarray] = {name: fields[name] for name in CELLS if name in self.scenario.record.fields}
         writer.sample(time_s, {"displacement": self.body.displacement}, cells)
 
     def _stuck(self, stuck: Stuck, load: str) -> str:
@@ -264,7 +264,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                 f"the tool goes {1e3 * depth:.1f} mm into {1e3 * thickness:.1f} mm of tissue: its height and base decide "
                 "the answer."
             )
-        if self.scenario.tool.shape == "sphere" and depth > 1e-3 * self.scenario.tool.radius_mm:
+        if self.scenario.tool.shape == "sphere" and depth > 1e-3 * self.scenario.tool.outer_radius_mm:
             warnings.append("the ball has sunk in by more than its radius: a real one has a shaft, which is not modelled.")
         ratio = max((p.penetration_m / p.displacement_m for p in curve if p.displacement_m > 0.0), default=0.0)
         if ratio > PENETRATION_SHARE and self.scenario.tool.shape != "bonded-disc":

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 from explicitfe.materials import Law
+from explicitfe.materials.mooney_rivlin import MooneyRivlin
 from explicitfe.materials.neo_hooke import NeoHooke
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.box import box
@@ -26,10 +27,11 @@ from explicitfe.solve.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# Constants of Gerard et al. (2005), and the neo-Hooke law with the same initial moduli.
+# Constants of Gerard et al. (2005), and the neo-Hooke and Mooney-Rivlin laws with the same initial moduli.
 YEOH = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
 NEO_HOOKE = NeoHooke(law="neo-hooke", C10_Pa=191.5)
-LAWS: dict[str, Law] = {"yeoh": YEOH, "neo-hooke": NEO_HOOKE}
+MOONEY_RIVLIN = MooneyRivlin(law="mooney-rivlin", C10_Pa=121.5, C01_Pa=70.0)
+LAWS: dict[str, Law] = {"yeoh": YEOH, "neo-hooke": NEO_HOOKE, "mooney-rivlin": MOONEY_RIVLIN}
 ELEMENTS = list(ELEMENT_TABLE)
 ONE_POINT = ["hex8", "hex8-stiffness"]  # those with hourglass modes, whose treatment is TREATMENTS[name]
 TREATMENTS = {name: module for name, (_, module) in ELEMENT_TABLE.items()}

@@ -122,7 +122,7 @@ def leaves_of(constants: type[Law], written: ModuleType) -> Leaves:
     kind = KINDS.get(constants.invariants)
     if kind is None:
         raise InputError(
-            f"{constants.__name__}: no element knows a law of {' and '.join(constants.invariants)}; write it as a function of I1, "
+            f"{constants.__name__}: no element knows a law of {' and '.join(constants.invariants)}; write it as one of I1, "
             'or of I1 and I2: invariants = ("I1",) or ("I1", "I2").'
         )
     own: Mapping[str, Dispatcher] = {name: getattr(written, name) for name in kind.LEAVES}

@@ -10,7 +10,7 @@ from explicitfe.mesh.muscle_lines import Muscle
 
 @dataclass(frozen=True)
 class Anatomy:
-    """What there is, before a scenario says what happens to it.
+    """A body at rest: a scenario says what happens to it.
 
     Attributes
     ----------

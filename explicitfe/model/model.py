@@ -74,18 +74,18 @@ class Tool:
     ----------
     flat_radius_m : radius of its flat face; 0 for a ball, inf for a platen.
     edge_radius_m : radius of the rounding that begins there.
-    wall : a vertical wall stands above the rounding; else it goes on as a ball.
+    wall : whether a vertical wall stands above the rounding; without, the rounding goes on as a ball.
     height_m : z of its lowest point at displacement 0.
     friction : Coulomb's coefficient.
     nodes, weights : (k, 4), (k, 4). Points of the surface that it may touch: the nodes of the face that each lies in, and their
         shape functions there.
     areas_m2 : (k,) that each point stands for.
-    facing_m2 : (k,) the same where the surface faces the tool, else 0: what can stick to it.
-    face_size_m : size of the faces where it presses hardest.
-    tied : the points are bonded to it.
+    facing_m2 : (k,) the same areas where the surface faces the tool and can stick to it, else 0.
+    face_size_m : size of the faces at its edge, where it presses hardest.
+    tied : whether the points are bonded to it.
     tilt_rad : how far it leans about the y axis.
     adhesion_Pa, reach_m : the stress with which it holds what touches it, falling to nothing within the reach.
-    compliance_m_N : what the rig gives way by.
+    compliance_m_N : how far the rig gives way under a force of 1 N.
     preload_N : the force at which displacements begin to count.
     """
 

@@ -216,8 +216,8 @@ def close_loop(
             overwrite=overwrite,
             progress=progress,
         )
-    _answer(report, as_json, lambda: loop_tables(report), report["warnings"])
-    if report["verdict"] == "failed":
+    _answer(report.document, as_json, lambda: loop_tables(report), report.warnings)
+    if report.verdict == "failed":
         raise typer.Exit(1)
 
 
@@ -235,7 +235,7 @@ def design_test(
 
     with following(_console) as progress:
         answer = design(protocol, progress=progress)
-    _answer(answer, as_json, lambda: design_table(answer))
+    _answer(answer.document, as_json, lambda: design_table(answer))
 
 
 _blind = typer.Typer(no_args_is_help=True, help="Test close-loop on data with an undeclared effect in it.")

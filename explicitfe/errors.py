@@ -4,12 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from typing import Literal
 
-Progress = Callable[[str, float], None]
-"""What a long task calls from time to time with its stage ("compile", "run", ...) and the share of it that is done, 0 to 1."""
+Stage = Literal[
+    "compile", "run", "draw", "identify", "predict", "trace", "decide", "design", "close-loop", "make", "warm", "bench"
+]
+"""What a long task is doing; ``view/progress.py`` has words for each."""
+
+Progress = Callable[[Stage, float], None]
+"""What a long task calls from time to time with its stage and the share of it that is done, 0 to 1."""
 
 
-def silent(stage: str, share: float) -> None:
+def silent(stage: Stage, share: float) -> None:
     """Progress that nobody follows."""
 
 

@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from explicitfe.compiled.simd import ROW, WIDTH
 
@@ -42,7 +43,7 @@ class Part(NamedTuple):
     """
 
     number: int
-    count: int  # of parts
+    parts: int  # how many there are
     gate: np.ndarray  # where the threads meet, see compiled/threads.py
     first: int  # its first node row
     own: int  # how many rows it updates
@@ -140,7 +141,7 @@ INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, ENERGIES = 0, 1, 2, 3, 4, 
 LINE = 64  # bytes of a line of the cache
 
 
-def zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarray:
+def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> np.ndarray:
     """An array of zeros that starts where a line of the cache starts: no vector of a kernel then lies across two of them."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
     memory = np.zeros(size + LINE, dtype=np.uint8)

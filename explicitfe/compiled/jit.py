@@ -45,17 +45,17 @@ _KERNEL_SOURCES = (
 )
 
 
-def leaf(function: Callable) -> Dispatcher:
+def leaf(function: Callable[..., Any]) -> Dispatcher:
     """Compile ``function`` into its callers; not cached by itself."""
     return numba.jit(function, forceinline=True, **OPTIONS)
 
 
-def kernel(function: Callable) -> Dispatcher:
+def kernel(function: Callable[..., Any]) -> Dispatcher:
     """Compile a function that needs no binding, with its code cached on disk."""
     return bind(function)
 
 
-def bind(template: Callable, *, stored: bool = True, inline: bool = False, **bindings: Any) -> Dispatcher:
+def bind(template: Callable[..., Any], *, stored: bool = True, inline: bool = False, **bindings: Any) -> Dispatcher:
     """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
 
     Parameters

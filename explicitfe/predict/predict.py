@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
+from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, Progress, RunError, nearest, silent
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.measured.read import read_dataset
@@ -162,8 +162,7 @@ def _predict_tests(
     text = tissue.text
     keep(tests[0], _answers_or_message(tests[0], text))
     remaining = list(tests[1:])
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    workers = min(cores, len(remaining))
+    workers = min(cores(), len(remaining))
     workers = min(workers, processes or workers)
     if workers > 1 and tests[0][0].tool is not None:
         try:

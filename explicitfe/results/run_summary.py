@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NotRequired, TypedDict
+from collections.abc import Mapping
+from typing import Any, NotRequired, TypedDict
 
 Json = str | int | float | bool | None | list["Json"] | dict[str, "Json"]
 
@@ -34,6 +35,11 @@ class IndentationModelDescription(ModelDescription):
 
     copies: float
     tool: dict[str, Json]
+
+
+def kind_of(model: Mapping[str, Any]) -> str:
+    """The kind of analysis that a stored model says of itself, "transient" or "relaxation"; the former where it says nothing."""
+    return model.get("scenario", {}).get("analysis", {}).get("type", "transient")
 
 
 class RunSummary(TypedDict):

@@ -51,7 +51,7 @@ HISTORY = {
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
     "smallest_J": Quantity("1", 1, "smallest J of any element"),
 }
-CELLS = {
+CELLS: dict[str, Quantity] = {
     "J": Quantity("1", 1, "volume over reference volume, det F"),
     "strain_energy_density": Quantity("Pa", 1, "strain energy over reference volume, with that of hourglass control"),
     "hourglass_energy": Quantity("J", 1, "hourglass energy of the element"),
@@ -100,7 +100,11 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                 self._store(writer, curve, 0.0)
                 for k, (load, at) in enumerate(zip(loads, times, strict=True)):
                     go = body.press if by_force else body.move
-                    reached = go(load, lambda share, k=k: progress("run", (k + share) / len(loads)), at_s=at)
+
+                    def report(share: float, k: int = k) -> None:
+                        progress("run", (k + share) / len(loads))
+
+                    reached = go(load, report, at_s=at)
                     if isinstance(reached, Stuck):
                         name = f"{load:g} N" if by_force else f"{1e3 * load:g} mm"
                         state, message = reached.reason, self._stuck(reached, name)

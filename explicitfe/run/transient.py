@@ -93,15 +93,15 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             try:
                 while True:
                     snapshot = simulation.snapshot()
-                    error = ledger.add(snapshot)
+                    balance_error = ledger.add(snapshot)
                     self._store(writer, snapshot, ledger, transient)
                     now = time.perf_counter()
                     if now - stored_at > RESTART_EVERY_S or transient.finished:
                         writer.restart(transient.restart_state())
                         stored_at = now
                     progress("run", min(1.0, simulation.time_s / duration_s))
-                    if not error < BALANCE_ERROR_LIMIT:
-                        status = _diverged(simulation, error)
+                    if not balance_error < BALANCE_ERROR_LIMIT:
+                        status = _diverged(simulation, balance_error)
                     if status or transient.finished:
                         break
                     sample_number = max(sample_number + 1, int(np.floor(simulation.time_s / every_s + 1e-9)) + 1)

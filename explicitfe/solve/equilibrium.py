@@ -303,8 +303,8 @@ class Relaxation(Body):
         last = self._known[-3:]
         at = [known.coordinate for known in last]
         if len(last) > 1 and len(set(at)) == len(at) and abs(goal - at[-1]) <= LONGEST_EXTRAPOLATION * abs(at[-1] - at[-2]):
-            weights = [np.prod([(goal - q) / (p - q) for q in at if q != p]) for p in at]
-            u = sum(w * known.u for w, known in zip(weights, last, strict=True))
+            weights = [float(np.prod([(goal - q) / (p - q) for q in at if q != p])) for p in at]
+            u = sum((w * known.u for w, known in zip(weights, last, strict=True)), start=np.zeros_like(u))
             depth_m = sum(w * known.depth_m for w, known in zip(weights, last, strict=True))
         self.state.u[:] = u
         self.contact.tool[DEPTH] = depth_m
@@ -355,7 +355,7 @@ class Relaxation(Body):
         self._monitor[[POWER, MOMENT, STIFFNESS]] = 0.0
 
     def _relax(self, iterations: int) -> int:
-        rest = (
+        others = (
             self.nodes,
             self._tie.turned,
             self.springs,
@@ -371,7 +371,7 @@ class Relaxation(Body):
         gate = self.parts[0].gate
         gate[:] = 0
         tasks = [
-            lambda part=part: self.kernels.relax(self.state, self._external, self._inner, part, *rest) for part in self.parts
+            lambda part=part: self.kernels.relax(self.state, self._external, self._inner, part, *others) for part in self.parts
         ]
         return together(tasks, gate)[0]
 
@@ -418,7 +418,7 @@ class Relaxation(Body):
         self._tie.gather_on_near_side(rows)
         return rows
 
-    def _energies(self) -> tuple[float, float]:
+    def _energies(self) -> tuple[float, float, float]:
         return self.kernels.elastic_energy(
             self.state.u, self.blocks, self._element_J, self._element_energy, self._element_hourglass
         )

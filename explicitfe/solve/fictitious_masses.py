@@ -46,6 +46,6 @@ def fictitious_masses(body: Body, tie: SectorTie, free: np.ndarray, contact: Too
     across = points.spring * (1.0 + points.shape[FRICTION])
     stiffness = 0.25 * STIFFENING_RESERVE * (across + points.grip)[:, None] * points.weight
     mass[:count, :3] += np.bincount(points.node.ravel(), stiffness.ravel(), count)[:, None]
-    np.add.at(mass, (springs.node, slice(0, 3)), 0.25 * STIFFENING_RESERVE * springs.stiffness)
+    np.add.at(mass[:, :3], springs.node, 0.25 * STIFFENING_RESERVE * springs.stiffness)
     mass[:count, :3] *= free
     return Nodes(mass, np.divide(1.0, mass, out=zeros(mass.shape), where=mass > 0.0))

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
 
+import numpy as np
+
+from explicitfe.compiled.arrays import Blocks, Contact
 from explicitfe.compiled.jit import bind, kernel
 from explicitfe.elements import full
 from explicitfe.elements import hourglass_stiffness as stiffness
@@ -18,16 +22,23 @@ from explicitfe.solve import relax_step, step
 
 @dataclass(frozen=True)
 class Kernels:
-    """The compiled entry points for one material law."""
+    """The compiled entry points for one material law, element and set of effects; what each is given stands where it is written.
 
-    forces: object
-    advance: object
-    snapshot: object
-    largest_strain_rate: object
-    relax: object
-    elastic_energy: object
-    press: object
-    touch: object
+    Attributes
+    ----------
+    forces, advance, snapshot, elastic_energy : of ``solve/step.py``.
+    relax, press, touch : of ``solve/relax_step.py``.
+    largest_strain_rate : of ``forces/internal.py``.
+    """
+
+    forces: Callable[[np.ndarray, np.ndarray, Blocks], float]
+    advance: Callable[..., int]
+    snapshot: Callable[..., tuple[float, ...]]
+    largest_strain_rate: Callable[[np.ndarray, Blocks], float]
+    relax: Callable[..., int]
+    elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float]]
+    press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
+    touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.

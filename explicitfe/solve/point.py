@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.solve.body import memory_of
 
 # Placeholder, bound below.
-respond = None
+respond: Any = None
 LAW_CONSTANTS = 1
 NEWTON_TURNS = 30
 DIFFERENCE_STEP = 1e-6  # of a free stretch, for the slope

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from explicitfe.compiled.arrays import (
     COMPLIANCE,
@@ -35,8 +36,8 @@ from explicitfe.forces.contact import add_contact, clearance, find_depth, follow
 from explicitfe.forces.springs import add_springs
 from explicitfe.solve.boundary import turn, turn_back
 
-# Placeholder, bound in kernels.py.
-internal_force = None
+# Placeholder, bound in solve/kernels.py.
+internal_force: Any = None
 
 FRESH = 0.05  # weight of the newest stiffness estimate in a relaxation's mean
 RESTLESS = 3.8  # stiffness estimate at which it stops: fresh masses keep it below 3.7, beyond 4 nothing is stable
@@ -96,17 +97,17 @@ def relax(
             turn(u, turned)
         part.force[:] = 0.0
         mine[SUM_J] = internal_force(part.u, part.force, part.blocks)
-        follow(u, contact, part.number, part.count)
-        wait(part.gate, part.count)
+        follow(u, contact, part.number, part.parts)
+        wait(part.gate, part.parts)
         rest_J = smallest(sums)
         if not (rest_J > 0.0):
             break
-        if part.count > 1:
+        if part.parts > 1:
             for here in range(0, part.lower.size, WIDTH):
                 store(part.force, here, load(part.force, here) + load(part.lower, here))
             for at in range(begin, end, WIDTH):
                 store(force, at, load(part.force, at - begin))
-            wait(part.gate, part.count)
+            wait(part.gate, part.parts)
         looks = done % LOOK_EVERY == 0
         if first:
             add_springs(u, force, springs)
@@ -119,7 +120,7 @@ def relax(
                     tool[DEPTH] = tool[DRIVE]
             find_depth(contact, tool)
             mine[PRESSED] = add_contact(force, contact, tool)
-        wait(part.gate, part.count)
+        wait(part.gate, part.parts)
         if looks:
             residual = splat(0.0)
             loads = splat(0.0)
@@ -133,7 +134,7 @@ def relax(
                 loads = loads + pushed * pushed
                 work = work + dead * load(u, at)
             mine[UNBALANCED], mine[PUSHED], mine[DEAD_WORK] = sum_lanes(residual), sum_lanes(loads), sum_lanes(work)
-            wait(part.gate, part.count)
+            wait(part.gate, part.parts)
             done_work = 0.5 * (abs(sums[0, PRESSED] * tool[DEPTH]) + abs(total(sums, DEAD_WORK)))
             pushed_by = math.sqrt(total(sums, PUSHED))
             # a body without any load is at rest where it is
@@ -148,7 +149,7 @@ def relax(
         for at in range(begin, end, WIDTH):
             power = power + load(v, at) * (load(force, at) + load(external, at))
         mine[SUM_POWER] = sum_lanes(power)
-        wait(part.gate, part.count)
+        wait(part.gate, part.parts)
         if inertia > 0.0:
             quotient = (before - total(sums, SUM_POWER)) / inertia
             if quotient > 0.0:
@@ -168,7 +169,7 @@ def relax(
             power = power + new * push
             moment = moment + new * new * load(nodes.mass, at)
         mine[MOVED_POWER], mine[MOVED_MOMENT] = sum_lanes(power), sum_lanes(moment)
-        wait(part.gate, part.count)
+        wait(part.gate, part.parts)
         before = total(sums, MOVED_POWER)
         inertia = total(sums, MOVED_MOMENT)
         done += 1

@@ -179,7 +179,7 @@ class Simulation(Body):
             self._origin_s, self._index = self.time_s, 0
         self.set_increment(dt_s)
         instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
-        rest = (
+        others = (
             self.nodes,
             self.loads.dead,
             self.loads.fibres,
@@ -193,9 +193,9 @@ class Simulation(Body):
         )
         begin = time.perf_counter()
         if len(self.parts) == 1:
-            done = self.kernels.advance(self.state, self._external, self.parts[0], *rest, self.ledger)
+            done = self.kernels.advance(self.state, self._external, self.parts[0], *others, self.ledger)
         else:
-            done = self._advance_together(rest)
+            done = self._advance_together(others)
         self.loop_s += time.perf_counter() - begin
         self.steps += done
         self._index += done
@@ -203,14 +203,14 @@ class Simulation(Body):
         self.dt_s = float(dt_s)
         return bool(self.ledger[SMALLEST_J] > 0.0)
 
-    def _advance_together(self, rest: tuple) -> int:
+    def _advance_together(self, others: tuple[object, ...]) -> int:
         """Let each part have its thread; give the number of steps done."""
         self._ledgers[:] = 0.0
         self._ledgers[:, SMALLEST_J] = self.ledger[SMALLEST_J]
         gate = self.parts[0].gate
         gate[:] = 0
         waiting = [
-            lambda part=part, ledger=ledger: self.kernels.advance(self.state, self._external, part, *rest, ledger)
+            lambda part=part, ledger=ledger: self.kernels.advance(self.state, self._external, part, *others, ledger)
             for part, ledger in zip(self.parts, self._ledgers, strict=True)
         ]
         done = together(waiting, gate)

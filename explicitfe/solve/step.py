@@ -11,6 +11,8 @@ section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, 
 
 from __future__ import annotations
 
+from typing import Any
+
 from explicitfe.compiled.arrays import (
     DAMPING_LOSS,
     EXTERNAL_WORK,
@@ -22,8 +24,9 @@ from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
 from explicitfe.solve.boundary import correct, drive, place
 
-# Placeholders, bound in solve/simulation.py.
-internal_force = internal_energy = None
+# Placeholders, bound in solve/kernels.py.
+internal_force: Any = None
+internal_energy: Any = None
 
 
 def forces(u, force, blocks):
@@ -54,7 +57,7 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
     """
     u, v, whole = state
     force, shift, own = part.force, part.first * ROW, part.own * ROW
-    if part.count > 1:
+    if part.parts > 1:
         for here in range(0, own, WIDTH):
             store(force, here, load(whole, here + shift))
         force[part.own :] = 0.0
@@ -70,8 +73,8 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
             add_dead_loads(external, loads, activation, step)
             add_follower_fibres(external, u, fibres, activation, step)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
-        wait(part.gate, part.count)
-        if part.count > 1 and asked_to_stop(part.gate):
+        wait(part.gate, part.parts)
+        if part.parts > 1 and asked_to_stop(part.gate):
             done = step
             break
         for here in range(0, part.lower.size, WIDTH):
@@ -94,18 +97,18 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
         ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work
         ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
         dt_before = dt
-        wait(part.gate, part.count)
+        wait(part.gate, part.parts)
         force[part.own :] = 0.0
         smallest = internal_force(part.u, force, part.blocks)
         if not (smallest >= ledger[SMALLEST_J]):
             ledger[SMALLEST_J] = smallest
             if not (smallest > 0.0):
                 ask_to_stop(part.gate)
-                if part.count == 1:
+                if part.parts == 1:
                     done = step + 1
                     break
-    if part.count > 1:
-        wait(part.gate, part.count)
+    if part.parts > 1:
+        wait(part.gate, part.parts)
         for here in range(0, part.lower.size, WIDTH):
             store(force, here, load(force, here) + load(part.lower, here))
         for here in range(0, own, WIDTH):

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
-from explicitfe.results import open_result
+from explicitfe.results import Result, open_result
+from explicitfe.results.run_summary import kind_of
 from explicitfe.view.hourglass import hourglass_map
 from explicitfe.view.indentation import draw_indentation
 from explicitfe.view.over_time import energies_figure, probes_figure
@@ -38,31 +40,38 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
     with open_result(result_path) as result:
         step = last_step(result)
         folder.mkdir(parents=True, exist_ok=True)
-        if "tool" in result.model:
-            return draw_indentation(result, step, folder)
+        return PICTURES[kind_of(result.model)](result, step, folder)
 
-        def target(name: str) -> Path:
-            return folder / f"{result_path.stem}-{name}.png"
 
-        paths = []
-        rendered = [target("3d")] + [target("hourglass")] * (hourglass_map(result, step) is not None)
-        rendering = start_rendering(result_path, rendered)
-        try:
-            for name, picture in (
-                ("contour", contour_figure),
-                ("coronal", coronal_figure),
-                ("probes", probes_figure),
-                ("energies", energies_figure),
-            ):
-                figure = picture(result, step)
-                if figure is not None:
-                    save(figure, target(name))
-                    paths.append(target(name))
-            problem = end_rendering(rendering, rendered)
-        finally:
-            rendering.kill()
+def draw_transient(result: Result, step: int, folder: Path) -> list[Path]:
+    """Pictures of a run in time up to a step; see :func:`draw`."""
+
+    def target(name: str) -> Path:
+        return folder / f"{result.path.stem}-{name}.png"
+
+    paths = []
+    rendered = [target("3d")] + [target("hourglass")] * (hourglass_map(result, step) is not None)
+    rendering = start_rendering(result.path, rendered)
+    try:
+        for name, picture in (
+            ("contour", contour_figure),
+            ("coronal", coronal_figure),
+            ("probes", probes_figure),
+            ("energies", energies_figure),
+        ):
+            figure = picture(result, step)
+            if figure is not None:
+                save(figure, target(name))
+                paths.append(target(name))
+        problem = end_rendering(rendering, rendered)
+    finally:
+        rendering.kill()
     if problem:
         warnings.warn(problem, stacklevel=2)
     else:
         paths += rendered
     return paths
+
+
+# The kind of analysis -> what draws its results.
+PICTURES: dict[str, Callable[[Result, int, Path], list[Path]]] = {"transient": draw_transient, "relaxation": draw_indentation}

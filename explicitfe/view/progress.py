@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
-from explicitfe.errors import Progress
+from explicitfe.errors import Progress, Stage
 
-# What each stage of a task is called; the tests hold that no stage of the package is missing here.
-STAGES = {
+# What each stage of a task is called.
+STAGES: dict[Stage, str] = {
     "compile": "compiling (10 s, first time only)",
     "run": "running",
     "identify": "identifying",
@@ -20,7 +20,6 @@ STAGES = {
     "draw": "drawing",
     "trace": "tracing the residual",
     "decide": "deciding on a finer mesh",
-    "vary": "varying what is assumed",
     "design": "designing",
     "make": "making cases",
     "warm": "making machine code",
@@ -44,10 +43,10 @@ def following(console: Console) -> Iterator[Progress]:
     )
     tasks: dict[str, TaskID] = {}
 
-    def progress(stage: str, share: float) -> None:
+    def progress(stage: Stage, share: float) -> None:
         if stage not in tasks:
             bars.start()  # not before there is something to show
-            tasks[stage] = bars.add_task(STAGES.get(stage, stage), total=1.0)
+            tasks[stage] = bars.add_task(STAGES.get(stage, stage), total=1.0)  # the name itself is better than no answer
         bars.update(tasks[stage], completed=share)
 
     try:

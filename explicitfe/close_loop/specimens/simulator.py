@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -12,6 +11,7 @@ from zlib import crc32
 
 import numpy as np
 
+from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, RunError
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.predict import predict_test
@@ -38,8 +38,7 @@ class Simulator:
     """
 
     def __init__(self, processes: int | None = None) -> None:
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        self.processes = min(processes or cores, cores)
+        self.processes = min(processes or cores(), cores())
         self.runs = 0
         self.watch: Callable[[], object] = lambda: None  # called after each run
         self._kept: dict[tuple[str, ...], Run] = {}

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.results.identification import Identification, IdentifiedGroup
 from explicitfe.view.terminal.rows import pairs
 
 
-def identification_tables(identification: Mapping[str, Any]) -> Group:
+def identification_tables(identification: Identification) -> Group:
     """What ``identify`` returned: constants, curves, what the fit hides, group after group."""
-    tables: list[Any] = []
+    tables: list[RenderableType] = []
     for name, group in identification["groups"].items():
         several = len(identification["groups"]) > 1
         title = f"{identification['title']}: {name}" if several else identification["title"]
@@ -23,7 +23,7 @@ def identification_tables(identification: Mapping[str, Any]) -> Group:
             failed.add_row("[red]failed[/red]", escape(group["message"]))
             tables.append(failed)
             continue
-        tables.append(_constants(title, identification, group))
+        tables.append(_constants(title, group))
         tables.append(_curves(group))
         if group["hides"]:
             tables.append(_hides(group))
@@ -34,7 +34,7 @@ def identification_tables(identification: Mapping[str, Any]) -> Group:
     return Group(*tables, end)
 
 
-def identification_notes(identification: Mapping[str, Any]) -> Iterator[str]:
+def identification_notes(identification: Identification) -> Iterator[str]:
     """What a reader must know, sentence by sentence."""
     several = len(identification["groups"]) > 1
     for name, group in identification["groups"].items():
@@ -43,7 +43,7 @@ def identification_notes(identification: Mapping[str, Any]) -> Iterator[str]:
     yield from identification["warnings"]
 
 
-def _constants(title: str, identification: Mapping[str, Any], group: Mapping[str, Any]) -> Table:
+def _constants(title: str, group: IdentifiedGroup) -> Table:
     table = pairs(title)
     for name, entry in group["constants"].items():
         text = f"{entry['value']:.5g} Pa"
@@ -77,7 +77,7 @@ def _constants(title: str, identification: Mapping[str, Any], group: Mapping[str
     return table
 
 
-def _curves(group: Mapping[str, Any]) -> Table:
+def _curves(group: IdentifiedGroup) -> Table:
     table = Table(title="curves", title_justify="left")
     table.add_column("curve", no_wrap=True)
     for head in ("", "rows", "rmse", "of the largest value", "largest error"):
@@ -95,7 +95,7 @@ def _curves(group: Mapping[str, Any]) -> Table:
     return table
 
 
-def _hides(group: Mapping[str, Any]) -> Table:
+def _hides(group: IdentifiedGroup) -> Table:
     table = Table(
         title="what the fit hides: with this instead of what was assumed, the same data would give",
         title_justify="left",
@@ -110,7 +110,7 @@ def _hides(group: Mapping[str, Any]) -> Table:
             table.add_row(escape(row["if"]), escape(row["problem"]), "", "", "")
             continue
         left = f"{1e3 * row['left']:.2g} µm" if group["unit"] == "mm" else f"{row['left']:.2g} {group['unit']}"
-        changes = (f"{100.0 * row[f'{name}_change']:+.1f} %" for name in ("C10", "C20"))
+        changes = (f"{100.0 * change:+.1f} %" for change in (row["C10_change"], row["C20_change"]))
         table.add_row(escape(row["if"]), *changes, left, f"{row['left_in_noise']:.2g}")
     return table
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.results.run_summary import kind_of
 from explicitfe.view.terminal import indentation, transient
 from explicitfe.view.terminal.rows import StoredTimes, pairs, physics_rows, spaced, vector_mm
 
@@ -26,11 +27,6 @@ class StoredKind(Protocol):
 KINDS: dict[str, StoredKind] = {"transient": transient, "relaxation": indentation}
 PACKAGES = ("explicitfe", "python", "numpy", "numba", "h5py")
 ENERGIES = ("internal_energy", "hourglass_energy", "kinetic_energy", "external_work", "damping_loss")
-
-
-def kind_of(model: Mapping[str, Any]) -> str:
-    """The kind of analysis of a stored model; a run in time where it does not say."""
-    return model.get("scenario", {}).get("analysis", {}).get("type", "transient")
 
 
 def result_table(held: Mapping[str, Any]) -> Table:

@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.search import Outcome, close
+from explicitfe.close_loop.search import Outcome, search
 from explicitfe.close_loop.statistics.refit import intervals
 from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.close_loop.trajectories.levers import LEVERS
@@ -167,18 +167,18 @@ def rms_mm(system: Trajectories, model: Hypothesis) -> float:
 
 def row(name: str, noise_mm: float, system: Trajectories, outcome: Outcome, seconds: float) -> str:
     """One line of the table."""
-    fit = outcome.steps[-1].fit
+    fit = outcome.rounds[-1].fit
     ranges = [
         f"{p.name} {value:.4g} [{low:.4g}, {high:.4g}]"
         for p, value, (low, high) in zip(
-            fit.model.parameters, fit.model.values, intervals(fit, outcome.steps[-1].covariance), strict=True
+            fit.model.parameters, fit.model.values, intervals(fit, outcome.rounds[-1].covariance), strict=True
         )
         if "." in p.name
     ]
-    first = outcome.steps[0]
+    first = outcome.rounds[0]
     named = outcome.effects or ((first.best, *first.ambiguous_with) if first.best else ())
     held = system.for_curves(c for c in system.dataset.curves if c.split == "holdout")
-    before, after = (rms_mm(held, step.fit.model) for step in (outcome.steps[0], outcome.steps[-1]))
+    before, after = (rms_mm(held, step.fit.model) for step in (outcome.rounds[0], outcome.rounds[-1]))
     cells = [name, f"{noise_mm:g}", outcome.verdict, outcome.remainder, ", ".join(named), "; ".join(ranges)]
     return f"| {' | '.join(cells)} | {before:.2f} -> {after:.2f} | {seconds:.0f} |"
 
@@ -208,7 +208,7 @@ def main() -> None:
                 )
                 fitted = [c for c in dataset.curves if c.split == "fit"]
                 system = trajectory_system(dataset, fitted, chosen.processes)
-                outcome = close(system, max_effects=2, rows=system.rows)
+                outcome = search(system, max_effects=2, rows=system.rows)
                 print(row(hidden, noise_mm, system, outcome, time.perf_counter() - begin), flush=True)
                 system.runs.close()
 

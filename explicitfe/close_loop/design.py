@@ -1,6 +1,6 @@
 """``explicitfe design-test``: what a planned protocol can find and tell apart, before anything is measured.
 
-The same fingerprints as in the loop, about what an elastic model would answer.
+The fingerprints are those of the search, about what an elastic model would answer.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import tempfile
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
@@ -17,18 +17,25 @@ from pydantic import Field, ValidationError
 from explicitfe.close_loop.search import covariance_of
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, Specimens
-from explicitfe.close_loop.statistics.covariance import Covariance, stacked
-from explicitfe.close_loop.statistics.fingerprints import DISTINCT, Fingerprint, fingerprints
-from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.refit import Fitted, derivatives
+from explicitfe.close_loop.statistics.covariance import Covariance, stack
+from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerprints
+from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNoise, Scatter
+from explicitfe.close_loop.statistics.refit import BestFit, derivatives
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, Progress, RunError, silent
-from explicitfe.measured.curve import COLUMNS, TIME, Dataset
+from explicitfe.measured.curve import COLUMNS, TIME, Dataset, Kind
 from explicitfe.measured.read import read_dataset
+from explicitfe.measured.tables import RawTable
 from explicitfe.predict.tissue import toml_value
+from explicitfe.results.planned_test import EffectInTest, PlannedTest
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import Table, validated
 
 FORMAT = "explicitfe-protocol/1"
+# Share of the progress until the fingerprints begin, and their runs of each test, by which the progress goes on.
+SYSTEM_PROGRESS, RUNS_OF_A_TEST = 0.1, 30.0
+# Guesses of what is not measured yet: a size [mm] where no table states one, and under a force the depth as a share of the size.
+USUAL_SIZE_MM, GUESSED_DEPTH_SHARE = 20.0, 0.2
 
 
 class ConstantsTable(Table):
@@ -39,16 +46,16 @@ class ConstantsTable(Table):
 
 
 class PlannedCurve(Table):
-    """One curve that would be measured."""
+    """A curve that would be measured."""
 
     id: str = Field(min_length=1)
     programme: list[tuple[float, float]] = Field(min_length=2, description="time [s] and what is imposed then, in its unit")
     rows: int | None = Field(default=None, ge=3, description="evenly spaced rows; one a point of the programme if left out")
     constants: str = "all"
     group: str | None = None
-    specimen: dict[str, Any] = Field(default={})
-    tool: dict[str, Any] = Field(default={})
-    conditions: dict[str, Any] = Field(default={})
+    specimen: RawTable = Field(default={})
+    tool: RawTable = Field(default={})
+    conditions: RawTable = Field(default={})
 
 
 class ProtocolFile(Table):
@@ -58,13 +65,13 @@ class ProtocolFile(Table):
     title: str
     test: Literal["indentation", "compression", "tension", "shear"]
     constants: ConstantsTable
-    specimen: dict[str, Any]
-    tool: dict[str, Any] | None = None
-    noise: dict[str, Any]
+    specimen: RawTable
+    tool: RawTable | None = None
+    noise: RawTable
     curve: list[PlannedCurve] = Field(min_length=1)
 
 
-def design_test(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> dict[str, Any]:
+def design_test(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> PlannedTest:
     """Which effects a planned test could find, and which it could not tell apart.
 
     Parameters
@@ -73,12 +80,13 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
 
     Returns
     -------
-    For each effect: whether its largest plausible strength would show, the smallest strength that would, what constants it
-    would hide in if nobody looked for it, and the effect that it would be mistaken for most easily.
+    For each effect whether its largest plausible strength would show, the smallest strength that would, the constants in which it
+    would hide if nobody looked for it, and the effect that it would be mistaken for most easily.
 
     Raises
     ------
-    InputError : a protocol that cannot be used. RunError : the simulator cannot follow it.
+    InputError : a protocol that cannot be used.
+    RunError : the simulator cannot follow it.
     """
     path = Path(path)
     protocol = _read(path)
@@ -86,98 +94,113 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
     simulator = Simulator(processes)
     try:
         system = _system(path, protocol, simulator)
-        progress("design", 0.1)
+        progress("design", SYSTEM_PROGRESS)
         fit, covariance = _elastic(system, protocol)
         candidates = system.candidates(fit.model)
-        simulator.watch = lambda: progress("design", 0.1 + 0.9 * (1.0 - np.exp(-simulator.runs / (30.0 * len(system.tests)))))
+        usual = RUNS_OF_A_TEST * len(system.tests)
+        left = 1.0 - SYSTEM_PROGRESS
+        simulator.watch = lambda: progress("design", SYSTEM_PROGRESS + left * float(-np.expm1(-simulator.runs / usual)))
         prints = fingerprints(system, fit, covariance, candidates)
         progress("design", 1.0)
     finally:
         simulator.close()
-    rows = []
+    effects = []
     for candidate in candidates:
-        mine = next((p for p in prints if p.candidate is candidate), None)
-        row: dict[str, Any] = {"effect": candidate.effect, "strength": candidate.term.parameters[0].name}
-        if mine is None or not mine.values:
-            rows.append(row | {"shows": False, "reason": candidate.reason or "the model cannot be computed with it"})
-            continue
-        rows.append(row | _shows(mine, fit, system, covariance) | _nearest(mine, prints))
-    return {
-        "protocol": protocol.title,
-        "file": str(path),
-        "n_eff": covariance.effective,
-        "constants": protocol.constants.model_dump(),
-        "effects": sorted(rows, key=lambda r: -r.get("visible", 0.0)),
-        "runs": simulator.runs,
-    }
+        fingerprint = next((p for p in prints if p.candidate is candidate), None)
+        if fingerprint is None or not fingerprint.values:
+            reason = candidate.reason or "the model cannot be computed with it"
+            strength = candidate.term.parameters[0].name
+            effects.append(EffectInTest(effect=candidate.effect, strength=strength, shows=False, reason=reason))
+        else:
+            effects.append(_effect_in_test(fingerprint, prints, fit, system, covariance))
+    return PlannedTest(
+        protocol=protocol.title,
+        file=str(path),
+        n_eff=covariance.effective,
+        constants=protocol.constants.model_dump(),
+        effects=sorted(effects, key=lambda effect: -effect.visible),
+        runs=simulator.runs,
+    )
 
 
-def _shows(mine: Fingerprint, fit: Fitted, system: Specimens, covariance: Covariance) -> dict[str, Any]:
-    """How strong an effect has to be, and what it hides in meanwhile."""
-    size = (mine.secants**2).sum(axis=0)
-    best = int(np.argmax(size * mine.plausible**2))
-    strength = mine.candidate.term.parameters[0].sought
+def _effect_in_test(
+    fingerprint: Fingerprint, prints: list[Fingerprint], fit: BestFit, system: Specimens, covariance: Covariance
+) -> EffectInTest:
+    """How strong an effect has to be to show, what it hides in until then, and what it is mistaken for."""
+    size = (fingerprint.secants**2).sum(axis=0)
+    best = int(np.argmax(size * fingerprint.plausible**2))
+    strength = fingerprint.candidate.term.parameters[0].sought
     none = strength.coordinate(strength.none)
-    way = strength.coordinate(mine.values[best][0]) - none
-    needed = float(np.sqrt(DISTINCT / max(size[best], 1e-300)))
-    plausible = strength.value(none + float(mine.plausible[best]) * way)
-    shows = mine.visible >= DISTINCT
-    (answer,) = system.answers([fit.model.plus(mine.candidate.term, mine.values[best])])
-    hides = {}
+    tried = strength.coordinate(fingerprint.values[best][0]) - none
+    plausible = float(fingerprint.plausible[best])
+    needed = float(np.sqrt(THRESHOLDS.visible_separation / max(size[best], 1e-300)))
+    shows = fingerprint.visible >= THRESHOLDS.visible_separation
+    visible = f"{fingerprint.visible:.2g} of {THRESHOLDS.visible_separation:g}"
+    apart = _separations(fingerprint, prints)
+    nearest = min(apart, key=apart.__getitem__, default=None)
+    return EffectInTest(
+        effect=fingerprint.candidate.effect,
+        strength=fingerprint.candidate.term.parameters[0].name,
+        shows=shows,
+        visible=fingerprint.visible,
+        largest_plausible=strength.value(none + plausible * tried),
+        smallest=strength.value(none + needed * tried) if needed <= fingerprint.limits[best] else None,
+        hides_in=_hides_in(fingerprint, best, min(needed, plausible), fit, system, covariance),
+        reason="" if shows else f"its largest plausible strength stays under the floors ({visible})",
+        nearest=nearest,
+        separation=None if nearest is None else apart[nearest],
+        cannot_tell_from=[
+            name for name, gap in sorted(apart.items(), key=lambda entry: entry[1]) if gap < THRESHOLDS.visible_separation
+        ],
+    )
+
+
+def _hides_in(
+    fingerprint: Fingerprint, trial: int, times: float, fit: BestFit, system: Specimens, covariance: Covariance
+) -> dict[str, float]:
+    """Constant -> its relative change that imitates best so many times the strength of a trial."""
+    (answer,) = system.answers([fit.model.plus(fingerprint.candidate.term, fingerprint.values[trial])])
+    hides: dict[str, float] = {}
     if answer is not None:
-        moved = np.linalg.lstsq(fit.jacobian, covariance.whiten(stacked(answer) - fit.answer), rcond=None)[0]
-        moved *= min(needed, float(mine.plausible[best]))
+        moved = np.linalg.lstsq(fit.jacobian, covariance.whiten(stack(answer) - fit.answer), rcond=None)[0]
+        moved *= times
         for p, x, dx in zip(fit.model.parameters, fit.model.x, moved, strict=True):
             hides[p.name] = p.sought.value(float(np.clip(x + dx, p.low, p.high))) / p.sought.value(float(x)) - 1.0
-    return {
-        "shows": shows,
-        "visible": mine.visible,
-        "largest_plausible": plausible,
-        "smallest": strength.value(none + needed * way) if needed <= mine.limits[best] else None,
-        "hides_in": hides,
-        "reason": "" if shows else f"its largest plausible strength stays under the floors ({mine.visible:.2g} of {DISTINCT:g})",
-    }
+    return hides
 
 
-def _nearest(mine: Fingerprint, prints: list[Fingerprint]) -> dict[str, Any]:
-    """The effect that imitates this one best, at its largest plausible strength, and how far off it stays."""
-    best = int(np.argmax((mine.secants**2).sum(axis=0) * mine.plausible**2))
-    target = mine.secants[:, best] * mine.plausible[best]
+def _separations(fingerprint: Fingerprint, prints: list[Fingerprint]) -> dict[str, float]:
+    """Other effect -> how far it stays off this one at its largest plausible strength."""
+    best = int(np.argmax((fingerprint.secants**2).sum(axis=0) * fingerprint.plausible**2))
+    target = fingerprint.secants[:, best] * fingerprint.plausible[best]
     apart: dict[str, float] = {}
     for other in prints:
-        if other is mine or not other.values:
+        if other is fingerprint or not other.values:
             continue
         along, size = other.secants.T @ target, (other.secants**2).sum(axis=0)
         amplitude = np.clip(along / np.maximum(size, 1e-300), 0.0, other.limits)
-        rest = float(target @ target) - 2.0 * amplitude * along + amplitude**2 * size
-        apart[other.candidate.effect] = float(rest.min())
-    if not apart:
-        return {"nearest": None, "separation": None, "cannot_tell_from": []}
-    nearest = min(apart, key=apart.__getitem__)
-    return {
-        "nearest": nearest,
-        "separation": apart[nearest],
-        "cannot_tell_from": [name for name, gap in sorted(apart.items(), key=lambda entry: entry[1]) if gap < DISTINCT],
-    }
+        distances = float(target @ target) - 2.0 * amplitude * along + amplitude**2 * size
+        apart[other.candidate.effect] = float(distances.min())
+    return apart
 
 
-def _elastic(system: Specimens, protocol: ProtocolFile) -> tuple[Fitted, Covariance]:
+def _elastic(system: Specimens, protocol: ProtocolFile) -> tuple[BestFit, Covariance]:
     """The elastic model at the expected constants, with the covariance of what is planned."""
     start = system.start()
     values = [getattr(protocol.constants, p.name) for p in start.parameters]
     model = start.at(np.array([p.sought.coordinate(v) for p, v in zip(start.parameters, values, strict=True)]))
     (answer,) = system.answers([model])
     assert answer is not None
-    rows = [
-        RowNoise(np.maximum(np.hypot(one.noise_sd or 0.0, one.imposed_sd), 1e-6 * np.abs(one.measured).max()), 0.0, True)
-        for one in system.series
-    ]
+    rows = []
+    for one in system.series:
+        least = SMALLEST_NOISE_SHARE * np.abs(one.measured).max()
+        rows.append(RowNoise(np.maximum(np.hypot(one.noise_sd or 0.0, one.imposed_sd), least), 0.0, True))
     spread = Scatter(max((one.scatter or 0.0 for one in system.series), default=0.0), 0.0, "stated", 0)
-    assumed = {name: stacked(found) - stacked(answer) for name, found in system.assumptions(model).items()}
+    assumed = {name: stack(other) - stack(answer) for name, other in system.assumptions(model).items()}
     covariance = covariance_of(system, model, rows, spread, assumed)
-    covariance = covariance.at(stacked(answer))
-    slopes = derivatives(system, model, stacked(answer))
-    fit = Fitted(model, stacked(answer), slopes, np.zeros(len(slopes)), covariance.whiten(slopes), (), True)
+    covariance = covariance.at(stack(answer))
+    slopes = derivatives(system, model, stack(answer))
+    fit = BestFit(model, stack(answer), slopes, np.zeros(len(slopes)), covariance.whiten(slopes), (), True)
     return fit, covariance
 
 
@@ -198,9 +221,9 @@ def _system(path: Path, protocol: ProtocolFile, simulator: Simulator) -> Specime
 
 
 def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
-    """The protocol as a dataset, so that the same checks apply; the column that is not known yet is a guess of its size."""
+    """The protocol as a dataset, so that the same checks apply; the column that is not known yet is guessed."""
     tool = protocol.tool
-    kind = "shear" if protocol.test == "shear" else "uniaxial" if tool is None else "force-displacement"
+    kind: Kind = "shear" if protocol.test == "shear" else "uniaxial" if tool is None else "force-displacement"
     first, second = COLUMNS[kind]
     by_force = tool is not None and tool.get("control") == "force"
     with tempfile.TemporaryDirectory() as folder:
@@ -226,9 +249,9 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
             if np.ptp(x) == 0.0 and x[0] == (1.0 if kind == "uniaxial" else 0.0):
                 raise InputError(f'{path}: the programme of curve "{curve.id}" never leaves the state at rest.')
             rows = t if curve.rows is None else np.linspace(0.0, t[-1], curve.rows)
-            way = np.interp(rows, t, x)
-            guess = _guess(protocol, curve, kind, way, by_force)
-            both = (guess, way) if by_force else (way, guess)
+            imposed = np.interp(rows, t, x)
+            guess = _guess(protocol, curve, kind, imposed, by_force)
+            both = (guess, imposed) if by_force else (imposed, guess)
             text = [f"{TIME},{first},{second}", *(f"{a:.9g},{b:.9g},{c:.9g}" for a, b, c in zip(rows, *both, strict=True))]
             (Path(folder) / f"{number}.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
         (Path(folder) / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -238,21 +261,22 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
             raise InputError(f"{path}: as a dataset this would not do: {str(error).replace(folder, '').lstrip('/')}") from None
 
 
-def _guess(protocol: ProtocolFile, curve: PlannedCurve, kind: str, way: np.ndarray, by_force: bool) -> np.ndarray:
+def _guess(protocol: ProtocolFile, curve: PlannedCurve, kind: Kind, imposed: np.ndarray, by_force: bool) -> np.ndarray:
+    """About what a planned test will measure, in the unit of the file."""
     modulus = 6.0 * protocol.constants.C10_Pa
     if kind == "shear":
-        return modulus / 3.0 * way
+        return modulus / 3.0 * imposed
     if kind == "uniaxial":
-        return modulus * (way - 1.0)
+        return modulus * (imposed - 1.0)
     table = (protocol.tool or {}) | curve.tool
     body = protocol.specimen | curve.specimen
-    # The tables are not checked yet: that is for whoever reads them as a dataset.
-    size = [*body["size_mm"], 20.0, 20.0, 20.0][2] if isinstance(body.get("size_mm"), list) else None
+    # The tables are checked only where they are read as a dataset, so anything may stand in them.
+    size = [*body["size_mm"], USUAL_SIZE_MM, USUAL_SIZE_MM, USUAL_SIZE_MM][2] if isinstance(body.get("size_mm"), list) else None
     lengths = [size, body.get("height_mm"), table.get("radius_mm"), body.get("radius_mm")]
-    radius = min((x for x in lengths if isinstance(x, int | float) and x > 0.0), default=20.0)
+    radius = min((x for x in lengths if isinstance(x, int | float) and x > 0.0), default=USUAL_SIZE_MM)
     if by_force:
-        return 0.2 * radius * way / max(float(np.abs(way).max()), 1e-300)  # mm
-    return modulus * 1e-3 * radius * 1e-3 * way  # N
+        return GUESSED_DEPTH_SHARE * radius * imposed / max(float(np.abs(imposed).max()), 1e-300)  # mm
+    return modulus * 1e-3 * radius * 1e-3 * imposed  # N
 
 
 def _read(path: Path) -> ProtocolFile:

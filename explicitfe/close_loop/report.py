@@ -1,147 +1,243 @@
-"""What ``report.json`` holds, from where a loop ended, and what is left on disk: a whole folder or nothing."""
+"""The report of a search: its parts from where the search ended, and the folder on disk, which is written whole or not at all."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.search import Outcome, Round, numerical_share
+from explicitfe.close_loop.search import Outcome, Round, numerical_shares
+from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit, intervals
+from explicitfe.close_loop.thresholds import entries
+from explicitfe.effects import EFFECTS
+from explicitfe.measured.curve import Dataset
 from explicitfe.results.folder import whole_folder
+from explicitfe.results.loop_report import (
+    CurveError,
+    ErrorsOfModel,
+    Estimate,
+    LoopReport,
+    MeanError,
+    NoiseAndFloors,
+    NumericalFloor,
+    Parameters,
+    ReportCurve,
+    ReportedCandidate,
+    ReportedLackOfFit,
+    ReportedModel,
+    ReportedNoise,
+    ReportedRound,
+    ReportedSeparation,
+    ReportedSplit,
+    ReportedThreshold,
+    Side,
+)
 
-REPORT_FILE = "report.json"
+SUMMARY = "report.json"
+SIDES: tuple[Side, Side] = ("fit", "holdout")
 
 
-def summary_of(closed: Outcome, before: BestFit, after: BestFit, last: Round) -> dict[str, Any]:
-    """What ``report.json`` holds of a loop; ``last`` is the step of the model after, and errors are still to come."""
-    covariance, first = last.covariance, closed.steps[0]
-    numerical = numerical_share(covariance, last.fit, list(covariance.floors))
-    rows = [
-        {
-            "curve": one.id,
-            "sd": one.factor * float(np.sqrt(np.mean(row.sd**2))),
-            "rho": row.correlation,
-            "stated": row.stated,
-            "n": len(row.sd),
-            "n_eff": row.effective,
-        }
-        for one, row in zip(covariance.series, covariance.rows, strict=True)
+@dataclass(frozen=True, eq=False)
+class LoopDocuments:
+    """What a closed loop leaves.
+
+    Attributes
+    ----------
+    report : the document.
+    curves : of its pictures.
+    files : name -> text of the models before and after.
+    """
+
+    report: LoopReport
+    curves: list[ReportCurve] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+
+
+def new_report(dataset: Dataset, sides: Split, unit: str) -> LoopReport:
+    """A report of which only the head is filled: the data, the split, the thresholds.
+
+    Parameters
+    ----------
+    unit : of the predicted quantity, for people.
+    """
+    return LoopReport(
+        dataset=dataset.name,
+        title=dataset.title,
+        unit=unit,
+        split=ReportedSplit(
+            fit=[c.id for c in sides.fit],
+            holdout=[c.id for c in sides.holdout],
+            left_out=sides.left_out,
+            rule=sides.rule,
+        ),
+        thresholds={name: ReportedThreshold(value=value, unit=unit) for name, value, unit, _ in entries()},
+    )
+
+
+def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: BestFit, last: Round) -> None:
+    """Put into a report where the search ended; errors are still to come.
+
+    Parameters
+    ----------
+    before, after : the baseline and the final model.
+    last : the round of the final model.
+    """
+    covariance, first = last.covariance, outcome.rounds[0]
+    best = outcome.rounds[-1].best
+    ambiguous = outcome.rounds[-1].ambiguous_with if outcome.verdict in ("ambiguous", "effect-found") else ()
+    effects = list(outcome.effects) or ([first.best] if ambiguous and first.best else [])
+    named = [*effects, *ambiguous, *outcome.nearest, *([best] if best else [])]
+    report.verdict = outcome.verdict
+    report.remainder = outcome.remainder
+    report.remainder_where = words.where(last)
+    report.sentence = words.sentence(outcome)
+    report.message = outcome.message
+    report.effects = effects
+    report.effect_titles = {name: words.title(name) for name in named}
+    report.nearest = list(outcome.nearest)
+    report.n_eff = covariance.effective
+    report.noise = NoiseAndFloors(
+        rows=[
+            ReportedNoise(
+                curve=one.id,
+                sd=one.factor * float(np.sqrt(np.mean(row.sd**2))),
+                rho=row.correlation,
+                stated=row.stated,
+                n=len(row.sd),
+                n_eff=row.effective,
+            )
+            for one, row in zip(covariance.series, covariance.rows, strict=True)
+        ],
+        scale_sd=covariance.scatter.scale,
+        offset_sd=covariance.scatter.offset,
+        scatter_source=covariance.scatter.source,
+        numerical=[
+            NumericalFloor(what=name, share_of_noise=share)
+            for name, share in numerical_shares(covariance, last.fit, list(covariance.floors)).items()
+        ],
+    )
+    report.baseline = ReportedModel(parameters=parameters(before, first))
+    report.final = ReportedModel(parameters=parameters(after, last))
+    report.steps = [_reported(one) for one in outcome.rounds]
+    report.ambiguous_with = list(ambiguous)
+    report.separations = [
+        ReportedSeparation(a=a, b=b, separation=apart) for one in outcome.rounds for a, b, apart in one.separations
     ]
-    ambiguous = closed.steps[-1].ambiguous_with if closed.verdict in ("ambiguous", "effect-found") else ()
-    best = closed.steps[-1].best
-    effects = list(closed.effects) or ([first.best] if ambiguous and first.best else [])
-    names = [*effects, *ambiguous, *closed.nearest, *([best] if best else [])]
-    return {
-        "verdict": closed.verdict,
-        "remainder": closed.remainder,
-        "remainder_where": words.where(last),
-        "sentence": words.sentence(closed),
-        "message": closed.message,
-        "effects": effects,
-        "effect_titles": {name: words.title(name) for name in names},
-        "nearest": list(closed.nearest),
-        "n_eff": covariance.effective,
-        "noise": {
-            "rows": rows,
-            "scale_sd": covariance.scatter.scale,
-            "offset_sd": covariance.scatter.offset,
-            "scatter_source": covariance.scatter.source,
-            "numerical": [{"what": name, "share_of_noise": share} for name, share in numerical.items()],
-        },
-        "baseline": {"parameters": parameters(before, first)},
-        "final": {"parameters": parameters(after, last)},
-        "steps": [_step(step) for step in closed.steps],
-        "ambiguous_with": list(ambiguous),
-        "separations": [{"a": a, "b": b, "separation": apart} for step in closed.steps for a, b, apart in step.separations],
-    }
 
 
-def parameters(fit: BestFit, step: Round) -> dict[str, Any]:
-    """Values with 95 % intervals; those of a series as the model file states them."""
-    # What is left unexplained is no noise: it widens the intervals.
-    left_over = step.lack.chi2 if fit.by_rows is None else fit.by_rows
-    worse = 1.0 if step.at_floor else max(left_over / max(step.lack.free, 1), 1.0)
-    found: dict[str, Any] = {}
-    left = 1.0
-    for p, value, (low, high) in zip(fit.model.parameters, fit.model.values, intervals(fit, step.covariance, worse), strict=True):
-        by = 1.0
-        if p.name.startswith("viscoelastic.") and p.name.endswith(".g"):
-            by, left = left, left * (1.0 - value)
-        entry = {"value": by * value, "ci95": [by * low, by * high]}
+def parameters(fit: BestFit, judged: Round) -> Parameters:
+    """Values with 95 % intervals; those that are shares of what other terms leave as shares of the whole.
+
+    Parameters
+    ----------
+    judged : the round of the model, whose remainder widens the intervals because it is no noise.
+    """
+    remainder = judged.lack.chi2 if fit.by_rows is None else fit.by_rows
+    worse = 1.0 if judged.at_floor else max(remainder / max(judged.lack.free, 1), 1.0)
+    limits = iter(intervals(fit, judged.covariance, worse))
+    values = iter(fit.model.values)
+    reported: Parameters = {}
+    for p in fit.model.base:
+        value, (low, high) = next(values), next(limits)
+        estimate = Estimate(value=value, ci95=[low, high])
         if p.name in ("C10_Pa", "C20_Pa"):
-            found.setdefault(p.name, {})[p.group or "all"] = entry
+            groups = reported.setdefault(p.name, {})
+            assert isinstance(groups, dict)
+            groups[p.group or "all"] = estimate
         else:
-            found[p.name] = entry
-    return found
+            reported[p.name] = estimate
+    left: dict[str, float] = {}  # effect -> the share that its terms leave
+    for term in fit.model.terms:
+        shares = EFFECTS[term.effect].shares_of_remainder if term.effect in EFFECTS else ()
+        for p in term.parameters:
+            value, (low, high) = next(values), next(limits)
+            by = 1.0
+            if p.name.rpartition(".")[2] in shares:
+                by = left.get(term.effect, 1.0)
+                left[term.effect] = by * (1.0 - value)
+            reported[p.name] = Estimate(value=by * value, ci95=[by * low, by * high])
+    return reported
 
 
-def failure_report(message: str) -> dict[str, Any]:
-    """The same where nothing could be fitted."""
-    return {
-        "verdict": "failed",
-        "remainder": "unexplained",
-        "remainder_where": "",
-        "sentence": f"The fit failed: {message} This says nothing about what the model lacks.",
-        "message": message,
-        "effects": [],
-        "effect_titles": {},
-        "n_eff": 0.0,
-        "baseline": {"parameters": {}, "error": {}},
-        "final": {"parameters": {}, "error": {}},
-        "steps": [],
-        "ambiguous_with": [],
-        "separations": [],
-        "next_experiment": None,
-        "sensitivity_to_assumed": {},
-        "warnings": [],
-    }
+def add_failure(report: LoopReport, message: str) -> None:
+    """Put into a report that nothing could be fitted, and why."""
+    report.verdict = "failed"
+    report.remainder = "unexplained"
+    report.remainder_where = ""
+    report.sentence = words.failure(message)
+    report.message = message
+    report.effects = []
+    report.effect_titles = {}
+    report.n_eff = 0.0
+    report.baseline = ReportedModel(parameters={}, error=ErrorsOfModel())
+    report.final = ReportedModel(parameters={}, error=ErrorsOfModel())
+    report.steps = []
+    report.ambiguous_with = []
+    report.separations = []
+    report.next_experiment = None
+    report.sensitivity_to_assumed = {}
+    report.warnings = []
 
 
-def _step(step: Round) -> dict[str, Any]:
-    rows = []
-    for score in sorted(step.scores, key=lambda s: (-s.drop, s.status)):
+def _reported(judged: Round) -> ReportedRound:
+    """A round as the report has it, with the candidates that explain most first."""
+    candidates = []
+    for score in sorted(judged.scores, key=lambda s: (-s.drop, s.status)):
         name = score.candidate.effect
-        fit = step.refits.get(name)
+        fit = judged.refits.get(name)
         names = [p.name.rpartition(".")[2] for p in score.candidate.term.parameters]
         values = score.values if fit is None else fit.model.values[len(fit.model.x) - len(names) :]
-        errors = step.cv.get(name)
-        rows.append(
-            {
-                "effect": name,
-                "status": "failed" if name in step.failures else score.status,
-                "chi2_drop": score.drop,
-                "chi2_drop_refitted": None if fit is None else step.fit.chi2 - fit.chi2,
-                "p_holm": score.p_holm,
-                "cv_nrmse": float(np.mean(list(errors.values()))) if errors else None,
-                "parameters": dict(zip(names, values, strict=False)),
-                "reason": step.failures.get(name, score.reason),
-            }
+        errors = judged.cv.get(name)
+        candidates.append(
+            ReportedCandidate(
+                effect=name,
+                status="failed" if name in judged.failures else score.status,
+                chi2_drop=score.drop,
+                chi2_drop_refitted=None if fit is None else judged.fit.chi2 - fit.chi2,
+                p_holm=score.p_holm,
+                cv_nrmse=float(np.mean(list(errors.values()))) if errors else None,
+                parameters=dict(zip(names, values, strict=False)),
+                reason=judged.failures.get(name, score.reason),
+            )
         )
-    without = step.cv.get("")
-    return {
-        "p_residual": step.p,
-        "chi2": step.fit.chi2,
-        "lack_of_fit": {"chi2": step.lack.chi2, "free": step.lack.free, "p": step.lack.p},
-        "cv_nrmse": float(np.mean(list(without.values()))) if without else None,
-        "candidates": rows,
-        "chosen": step.chosen,
-    }
+    without = judged.cv.get("")
+    return ReportedRound(
+        p_residual=judged.p,
+        chi2=judged.fit.chi2,
+        lack_of_fit=ReportedLackOfFit(chi2=judged.lack.chi2, free=judged.lack.free, p=judged.lack.p),
+        cv_nrmse=float(np.mean(list(without.values()))) if without else None,
+        candidates=candidates,
+        chosen=judged.chosen,
+    )
 
 
-def mean_errors(rows: dict[str, dict[str, Any]], side: str) -> dict[str, float] | None:
-    """Mean rmse and nrmse of the curves of one side of the split."""
-    mine = [row for row in rows.values() if row["split"] == side and row["rmse"] is not None]
-    if not mine:
+def errors_of_model(curves: dict[str, CurveError]) -> ErrorsOfModel:
+    """The errors of all curves, and their means over each side of the split."""
+    fit, holdout = (_mean_error(curves, side) for side in SIDES)
+    return ErrorsOfModel(fit=fit, holdout=holdout, curves=curves)
+
+
+def _mean_error(curves: Mapping[str, CurveError], side: Side) -> MeanError | None:
+    """The mean error of the curves of one side that could be computed; None if there is none."""
+    errors = [(c.nrmse, c.rmse) for c in curves.values() if c.split == side and c.nrmse is not None and c.rmse is not None]
+    if not errors:
         return None
-    return {key: float(np.mean([row[key] for row in mine if row[key] is not None])) for key in ("nrmse", "rmse")}
+    nrmse, rmse = (float(np.mean(column)) for column in zip(*errors, strict=True))
+    return MeanError(nrmse=nrmse, rmse=rmse)
 
 
-def write(target: Path, found: dict[str, Any], curves: list[dict[str, Any]], files: dict[str, str]) -> None:
-    """A whole folder or nothing; ``files`` are texts by name.
+def bound_warnings(stage: str, fit: BestFit) -> list[str]:
+    """A sentence that names the parameters at a bound, if there are any."""
+    names = ", ".join(dict.fromkeys(fit.at_bound))
+    return [f"{stage}: {names} ended at a bound: the data want more, or do not care."] if names else []
+
+
+def write(target: Path, documents: LoopDocuments) -> None:
+    """Write the page, its pictures, the models and the report into a folder, as a whole or not at all.
 
     Raises
     ------
@@ -149,9 +245,10 @@ def write(target: Path, found: dict[str, Any], curves: list[dict[str, Any]], fil
     """
     from explicitfe.view.report import page as loopreport
 
+    report = documents.report
     with whole_folder(target) as folder:
-        names = [REPORT_FILE, *loopreport.write(folder, found, curves), *files]
-        for name, text in files.items():
+        names = [SUMMARY, *loopreport.write(folder, report, documents.curves), *documents.files]
+        for name, text in documents.files.items():
             (folder / name).write_text(text, encoding="utf-8")
-        found["files"] = [str(target / name) for name in names]
-        (folder / REPORT_FILE).write_text(json.dumps(found, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        report.files = [str(target / name) for name in names]
+        (folder / SUMMARY).write_text(report.text, encoding="utf-8")

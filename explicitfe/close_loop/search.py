@@ -1,16 +1,14 @@
-"""The loop: fit, residual, candidates, refit, again; from a system to a verdict, with nothing of files in it."""
+"""The search for what a model lacks: fit, residual, candidates, refit, and again; from a system to a verdict, without files."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from explicitfe.close_loop.statistics.covariance import Covariance, stacked
+from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.fingerprints import (
-    LEVEL,
     NOT_SIGNIFICANT,
     SIGNIFICANT,
     LackOfFit,
@@ -21,52 +19,45 @@ from explicitfe.close_loop.statistics.fingerprints import (
     scores,
 )
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, scatter
-from explicitfe.close_loop.statistics.refit import Fitted, cross_validated, refit
+from explicitfe.close_loop.statistics.refit import BestFit, cross_validation_errors, refit
 from explicitfe.close_loop.statistics.system import Hypothesis, System
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
+from explicitfe.results.loop_report import Remainder, Verdict
 
-Verdict = Literal["failed", "no-missing-effect", "unexplained", "ambiguous", "effect-found"]
-Remainder = Literal["at-floor", "unexplained", "ambiguous"]
-MOST_REFITTED, MOST_REFITTED_ROUGH = 8, 3
-QUIET = 0.2  # p of the lack of fit: where runs are dear, candidates are not tried on what is left
-NEAR = 60.0  # of chi2: candidates this near to the best are refitted too, for they may be mistaken for it
-WORTH, WORTH_A_MESH = 0.25, 0.6  # of the best drop: a candidate is refitted
-GROWS = 1.5  # times: so much more than its best trial a candidate may explain when it is fitted
-FAR = 150.0  # of chi2: so much worse on the data themselves, a model is told apart
-# |y_A - y_B|^2 from which on data that are there tell two models apart. Sigma is cautious, so this asks for less than a plan does
-# (DISTINCT): of the 309 tuning cases it decided 11 singles more, all of them rightly.
-APART = 16.0
-HALF = 0.5  # of the excess that must be explained before an effect is said to be what is missing
-FEW_TESTS = 3  # left out in turn
-WORTH_IT = 0.02  # of the cross-validated error, by which an effect more must lower it
+# Floors of assumed quantities have names that begin so; the others are of the numerics.
 ASSUMED = "assumed "
-NOISE_SHARE = 0.5  # of the noise, that numerics may reach
+# Shares of the whole search that are done when each stage begins; the rounds take what lies between the last two.
+BASELINE_PROGRESS, FLOORS_PROGRESS, ROUNDS_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.06, 0.1, 0.8
 
 Watch = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """One turn of the loop.
+class Round:
+    """One turn of the search.
 
     Attributes
     ----------
-    fit : the model of this turn, at its best; ``covariance`` that it was judged with.
-    lack, p : lack of fit, and the p-value of the residual: of it and of the best candidate together.
+    fit, covariance : the model of this round at its best, and the covariance that it was judged with.
+    lack : its lack of fit.
+    p : p-value of the residual, from the lack of fit and from the best candidate together.
     scores : of all candidates.
-    refits : effect -> model with it, at its best; ``cv`` effect -> cross-validated error of each test, "" is without any.
+    refits : effect -> the model with it, at its best.
+    failures : effect -> why that could not be computed.
+    cv : effect -> cross-validated error of each test; "" is the model without a further effect.
     chosen : the effect that was added; None if none was.
+    best : the effect that was chosen, or that cannot be told from others.
     ambiguous_with : effects that these data cannot tell from the best.
-    best : the one that they cannot be told from, or that was chosen.
     separations : (a, b, |y_a - y_b|^2).
     """
 
-    fit: Fitted
+    fit: BestFit
     covariance: Covariance
     lack: LackOfFit
     p: float
     scores: list[Score]
-    refits: dict[str, Fitted] = field(default_factory=dict)
+    refits: dict[str, BestFit] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
     cv: dict[str, dict[str, float]] = field(default_factory=dict)
     chosen: str | None = None
@@ -76,25 +67,25 @@ class Step:
 
     @property
     def at_floor(self) -> bool:
-        """Whether nothing is left but noise."""
-        return self.p > LEVEL
+        """Whether no more than noise is left."""
+        return self.p > THRESHOLDS.significance_p
 
 
 @dataclass(frozen=True, eq=False)
-class Closed:
-    """Where the loop ended.
+class Outcome:
+    """Where the search ended.
 
     Attributes
     ----------
-    steps : the last one is that of the final model.
-    effects : found, in order.
+    rounds : the last one is that of the final model.
+    effects : what is missing, in the order in which it was added.
     nearest : effects that help without explaining what is missing.
     message : why a fit failed.
     """
 
     verdict: Verdict
     remainder: Remainder
-    steps: list[Step]
+    rounds: list[Round]
     effects: tuple[str, ...]
     nearest: tuple[str, ...] = ()
     message: str = ""
@@ -103,34 +94,34 @@ class Closed:
 def covariance_of(
     system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: dict[str, np.ndarray]
 ) -> Covariance:
-    """Sigma at a model: rows, repeats, numerics, what is assumed."""
-    (now,) = system.answers([model])
-    assert now is not None
-    base = stacked(now)
-    floors = {name: stacked(answer) - base for name, answer in system.checks(model).items()}
+    """Sigma at a model: noise of rows, scatter between tests, numerics, and what is assumed (name -> change (n,) SI)."""
+    (answer,) = system.answers([model])
+    assert answer is not None
+    base = stack(answer)
+    floors = {name: stack(other) - base for name, other in system.checks(model).items()}
     return Covariance(system.series, rows, spread, floors | assumed)
 
 
-def numerical_share(covariance: Covariance, fit: Fitted, names: Sequence[str]) -> dict[str, float]:
-    """Rms of what numerics change, outside what the constants can imitate, over the noise of the rows."""
-    found = {}
+def numerical_shares(covariance: Covariance, fit: BestFit, names: Sequence[str]) -> dict[str, float]:
+    """Floor -> rms of its change, outside what the constants can imitate, as a share of the noise of the rows."""
+    shares = {}
     for name in names:
         d = covariance.floors[name]
         rows = covariance.by_rows(np.column_stack([d, fit.slopes]))
-        rest = outside(rows[:, 1:], rows[:, :1])
-        found[name] = float(np.sqrt(np.mean(rest**2)))
-    return found
+        change = outside(rows[:, 1:], rows[:, :1])
+        shares[name] = float(np.sqrt(np.mean(change**2)))
+    return shares
 
 
-def _numerical(covariance: Covariance, fit: Fitted) -> float:
-    """Chi2 of what numerics change where the misfit is gross, that is where chi2 is of rows alone; else it is in Sigma."""
+def _numerical_chi2(covariance: Covariance, fit: BestFit) -> float:
+    """Chi2 of what numerics change, where the misfit is gross and chi2 is that of the rows alone. Elsewhere it is in Sigma."""
     if fit.by_rows is None:
         return 0.0
-    shares = numerical_share(covariance, fit, [name for name in covariance.floors if not name.startswith(ASSUMED)])
+    shares = numerical_shares(covariance, fit, [name for name in covariance.floors if not name.startswith(ASSUMED)])
     return len(fit.answer) * sum(share**2 for share in shares.values())
 
 
-def close(
+def search(
     system: System,
     *,
     max_effects: int,
@@ -138,14 +129,15 @@ def close(
     rows: Sequence[RowNoise] | None = None,
     single: bool = False,
     seed: int = 0,
-    watch: Watch = lambda what, share: None,
-) -> Closed:
-    """Run the loop.
+    watch: Watch = lambda stage, share: None,
+) -> Outcome:
+    """Add the effect that explains most, again and again, until nothing is left or nothing helps.
 
     Parameters
     ----------
     start : the baseline with constants to begin with; the system's own if left out.
-    single : there is one curve only, so that nothing can be confirmed by another.
+    rows : noise of the rows; estimated if left out.
+    single : there is one test only, so that nothing can be confirmed by another.
     watch : called with what is done now and the share of the whole that is done.
 
     Raises
@@ -154,158 +146,181 @@ def close(
     """
     rows = row_noise(system.series) if rows is None else rows
     spread = scatter(system.series, rows)
-    watch("fit the baseline", 0.02)
+    watch("fit the baseline", BASELINE_PROGRESS)
     baseline = refit(system, start or system.start(), Covariance(system.series, rows, spread))
-    watch("floors", 0.06)
-    assumed = {
-        f"{ASSUMED}{name}": stacked(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()
-    }
+    watch("floors", FLOORS_PROGRESS)
+    assumed = {f"{ASSUMED}{name}": stack(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()}
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
     fit = refit(system, baseline.model, covariance, slopes=baseline.slopes)
-    steps: list[Step] = []
+    rounds: list[Round] = []
     while True:
         covariance = covariance.at(fit.answer)
-        watch("trace the residual", 0.1 + 0.8 * len(steps) / (max_effects + 1))
-        step = _step(system, fit, covariance, seed, last=len(steps) >= max_effects, first=not steps)
-        steps.append(step)
-        if not fit.converged and len(steps) == 1:
-            return Closed("failed", "unexplained", steps, (), message="the search for the best parameters gave up.")
-        if step.chosen is None:
+        share = ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1)
+        watch("trace the residual", share)
+        rounds.append(_round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds))
+        if not fit.converged and len(rounds) == 1:
+            return Outcome("failed", "unexplained", rounds, (), message="the search for the best parameters gave up.")
+        chosen = rounds[-1].chosen
+        if chosen is None:
             break
-        watch("add an effect", 0.1 + 0.8 * len(steps) / (max_effects + 1))
-        fit = step.refits[step.chosen]
+        watch("add an effect", ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1))
+        fit = rounds[-1].refits[chosen]
         covariance = covariance_of(system, fit.model, rows, spread, assumed)
         fit = refit(system, fit.model, covariance, slopes=fit.slopes)
-    return _verdict(steps, single)
+    return _outcome(rounds, single)
 
 
-def _verdict(steps: list[Step], single: bool) -> Closed:
-    """By the first line that applies."""
-    first, last = steps[0], steps[-1]
-    found = last.fit.model.effects
+def _outcome(rounds: list[Round], single: bool) -> Outcome:
+    """The verdict, by the first line that applies."""
+    first, last = rounds[0], rounds[-1]
+    effects = last.fit.model.effects
     remainder: Remainder = "at-floor" if last.at_floor else "ambiguous" if last.ambiguous_with else "unexplained"
     if first.at_floor:
-        return Closed("no-missing-effect", "at-floor", steps, ())
+        return Outcome("no-missing-effect", "at-floor", rounds, ())
     if first.best is None:
-        return Closed("unexplained", "unexplained", steps, ())
-    if not found:
-        return (
-            Closed("ambiguous", "ambiguous", steps, ())
-            if first.ambiguous_with
-            else Closed("unexplained", "unexplained", steps, ())
-        )
-    # Of two that cannot be told apart either one counts.
+        return Outcome("unexplained", "unexplained", rounds, ())
+    if not effects:
+        if first.ambiguous_with:
+            return Outcome("ambiguous", "ambiguous", rounds, ())
+        return Outcome("unexplained", "unexplained", rounds, ())
+    # Where two effects cannot be told apart, what either of them explains counts as explained.
     more = last.fit.whitened - last.refits[last.best].whitened if last.ambiguous_with and last.best else 0.0
-    if not last.at_floor and last.lack.excess - more > HALF * first.lack.excess:
-        return Closed("unexplained", "unexplained", steps, (), nearest=found)
+    if not last.at_floor and last.lack.excess - more > THRESHOLDS.unexplained_excess_share * first.lack.excess:
+        return Outcome("unexplained", "unexplained", rounds, (), nearest=effects)
     if single:
-        return Closed("ambiguous", remainder, steps, found)
-    return Closed("effect-found", remainder, steps, found)
+        return Outcome("ambiguous", remainder, rounds, effects)
+    return Outcome("effect-found", remainder, rounds, effects)
 
 
-def _step(system: System, fit: Fitted, covariance: Covariance, seed: int, *, last: bool, first: bool) -> Step:
+def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool) -> Round:
+    """What a model lacks, and which effect explains it best.
+
+    Parameters
+    ----------
+    first, last : no effect was added before; none may be added any more.
+    """
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
-    if not first and not system.exact(fit.model) and lack.p > QUIET:
+    if not first and not system.exact(fit.model) and lack.p > THRESHOLDS.quiet_p:
         why = "not tried: no smooth curve would explain anything of what is left"
-        return Step(fit, covariance, lack, lack.p, [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates])
+        return Round(fit, covariance, lack, lack.p, [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates])
     prints = fingerprints(system, fit, covariance, candidates)
     scored = scores(fit, prints, candidates, seed)
-    # Two looks at one residual: as any smooth curve, and as what the candidates would do.
+    # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
     p = min(1.0, 2.0 * min([lack.p, *(s.p_holm for s in scored)]))
-    step = Step(fit, covariance, lack, p, scored)
+    seen = Round(fit, covariance, lack, p, scored)
     significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
-    if step.at_floor or not significant or last:
-        return step
-    refits, failures = {}, {}
-    most = MOST_REFITTED if system.exact(fit.model) else MOST_REFITTED_ROUGH
-    # A fit finds more than the best trial, but not several times as much. One on a mesh costs more than all others together,
-    # and most where the model remembers.
+    if seen.at_floor or not significant or last:
+        return seen
+    promising, near = _worth_a_refit(system, fit, significant, scored)
+    refits, failures = _refits(system, fit, covariance, promising, near)
+    best, cv = _select(system, fit, refits, {s.candidate.effect for s in significant}, covariance)
+    if best is not None and fit.chi2 - refits[best].chi2 <= _numerical_chi2(covariance, fit):
+        best = None  # numerics may change as much
+    seen = replace(seen, refits=refits, failures=failures, cv=cv)
+    if best is None:
+        return seen
+    separations = _separations(system, best, refits, covariance)
+    unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
+    # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
+    least = fit.whitened - refits[best].whitened - THRESHOLDS.told_apart_separation
+    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > least]
+    chosen = None if unsure else best
+    return replace(seen, chosen=chosen, best=best, ambiguous_with=tuple(unsure), separations=tuple(separations))
+
+
+def _worth_a_refit(
+    system: System, fit: BestFit, significant: Sequence[Score], scored: Sequence[Score]
+) -> tuple[list[Score], list[Score]]:
+    """Candidates that may explain most when they are fitted, and others whose trial comes near the best one."""
     top = significant[0].drop
-    dear = WORTH_A_MESH if len(system.sketch(fit.model).terms) == len(fit.model.terms) else 1.0
-    worth = [
-        s for s in significant if (s.drop >= dear * top if s.candidate.reference else s.drop > WORTH * top or s.drop > top - NEAR)
+    # A candidate on a mesh costs more than all others together, and most where the model itself remembers.
+    remembers = len(system.sketch(fit.model).terms) != len(fit.model.terms)
+    share_on_a_mesh = 1.0 if remembers else THRESHOLDS.mesh_refit_share_of_best_drop
+    near_drop = top - THRESHOLDS.near_best_drop
+    promising = [
+        s
+        for s in significant
+        if (
+            s.drop >= share_on_a_mesh * top
+            if s.candidate.reference
+            else s.drop > THRESHOLDS.refit_share_of_best_drop * top or s.drop > near_drop
+        )
     ]
-    near = [s for s in scored if s not in worth and s.values and s.drop > top - NEAR]
-    for score in worth[:most] + sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)[:most]:
+    near = [s for s in scored if s not in promising and s.values and s.drop > near_drop]
+    return promising, near
+
+
+def _refits(
+    system: System, fit: BestFit, covariance: Covariance, promising: Sequence[Score], near: Sequence[Score]
+) -> tuple[dict[str, BestFit], dict[str, str]]:
+    """The model with each of the best candidates, fitted; and why some cannot be."""
+    most = THRESHOLDS.refits if system.exact(fit.model) else THRESHOLDS.refits_on_a_mesh
+    cheap = sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)
+    refits: dict[str, BestFit] = {}
+    failures: dict[str, str] = {}
+    for score in [*promising[:most], *cheap[:most]]:
         name = score.candidate.effect
-        more = fit.model.plus(score.candidate.term, score.values)
-        least = min((found.whitened for found in refits.values()), default=np.inf)
-        if not system.exact(more) and fit.whitened - GROWS * score.drop > least + FAR:
+        model = fit.model.plus(score.candidate.term, score.values)
+        least = min((other.whitened for other in refits.values()), default=np.inf)
+        hoped = fit.whitened - THRESHOLDS.refit_gain_over_trial * score.drop
+        if not system.exact(model) and hoped > least + THRESHOLDS.far_misfit:
             continue  # a fit would not bring it near the best
         try:
-            refits[name] = refit(system, more, covariance)
+            refits[name] = refit(system, model, covariance)
         except RunError as error:
             failures[name] = str(error)
-    allowed = {s.candidate.effect for s in significant}
-    best, cv = _select(system, fit, refits, allowed, covariance)
-    if best is not None and fit.chi2 - refits[best].chi2 <= _numerical(covariance, fit):
-        best = None  # numerics may change as much
-    step = Step(fit, covariance, lack, p, scored, refits, failures, cv)
-    if best is None:
-        return step
+    return refits, failures
+
+
+def _separations(system: System, best: str, refits: dict[str, BestFit], covariance: Covariance) -> list[tuple[str, str, float]]:
+    """(best, rival, |y_best - y_rival|^2) with each rival fitted to the answer of the best model."""
     chosen = refits[best]
     separations = []
     for name, rival in refits.items():
         if name == best:
             continue
-        worse = rival.chi2 - chosen.chi2
-        # what the data themselves tell apart needs no prediction
-        apart = worse if worse > FAR else refit(system, rival.model, covariance, chosen.answer, rival.slopes).chi2
+        apart = rival.chi2 - chosen.chi2
+        if apart <= THRESHOLDS.far_misfit:  # beyond it the data themselves tell the models apart
+            apart = refit(system, rival.model, covariance, chosen.answer, rival.slopes).chi2
         separations.append((best, name, apart))
-    unsure = [b for _, b, apart in separations if apart < APART]
-    # One that was not fitted cannot be told from the best if it explains about as much.
-    drop = fit.whitened - chosen.whitened
-    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > drop - APART]
-    return Step(
-        fit,
-        covariance,
-        lack,
-        p,
-        scored,
-        refits,
-        failures,
-        cv,
-        chosen=None if unsure else best,
-        best=best,
-        ambiguous_with=tuple(unsure),
-        separations=tuple(separations),
-    )
+    return separations
 
 
 def _select(
-    system: System, fit: Fitted, refits: dict[str, Fitted], allowed: set[str], covariance: Covariance
+    system: System, fit: BestFit, refits: dict[str, BestFit], allowed: set[str], covariance: Covariance
 ) -> tuple[str | None, dict[str, dict[str, float]]]:
-    """The effect to add: of the models about as good in cross-validation as the best the one with the least chi2 for its size.
+    """The effect to add, and effect -> cross-validated error of each test.
 
-    None where leaving curves out speaks against all of them.
+    Of the models that are about as good in cross-validation as the best one, it is that with the least chi2 for its size. It is
+    None where the tests that are left out speak against all of them.
     """
-    cv = {"": cross_validated(system, fit, covariance)}
-    cv |= {name: cross_validated(system, found, covariance) for name, found in refits.items()}
-    size = np.log(max(covariance.effective, 2.0))
-    worth = {name: refits[name].chi2 + size * len(refits[name].model.x) for name in refits if name in allowed}
-    if not worth:
+    cv = {"": cross_validation_errors(system, fit, covariance)}
+    cv |= {name: cross_validation_errors(system, other, covariance) for name, other in refits.items()}
+    size = np.log(max(covariance.effective, 2.0))  # what a parameter more must gain (BIC)
+    cost = {name: refits[name].chi2 + size * len(refits[name].model.x) for name in refits if name in allowed}
+    if not cost:
         return None, cv
     if not cv[""]:
-        return min(worth, key=worth.__getitem__), cv
-    mean = {name: float(np.mean(list(cv[name].values()))) for name in worth}
+        return min(cost, key=cost.__getitem__), cv
+    mean = {name: float(np.mean(list(cv[name].values()))) for name in cost}
     first = min(mean, key=mean.__getitem__)
-    near = [name for name in worth if _worse(cv[name], cv[first]) <= 1.0]
-    best = min(near, key=worth.__getitem__)
-    helps = worth[best] < fit.chi2 + size * len(fit.model.x)
-    if fit.model.terms and len(cv[""]) >= FEW_TESTS:
-        # One effect more must not harm tests that it was not fitted to; far above the noise, where everything is significant, it
-        # must be worth it to them.
-        most = 1.0 if fit.by_rows is None else 1.0 - WORTH_IT
+    near = [name for name in cost if _standard_errors_worse(cv[name], cv[first]) <= 1.0]
+    best = min(near, key=cost.__getitem__)
+    helps = cost[best] < fit.chi2 + size * len(fit.model.x)
+    if fit.model.terms and len(cv[""]) >= THRESHOLDS.cross_validated_tests:
+        # A further effect must not harm the tests that it was not fitted to. Far above the noise, where everything is
+        # significant, it must help them.
+        most = 1.0 if fit.by_rows is None else 1.0 - THRESHOLDS.cross_validation_gain_share
         helps = helps and mean[best] < most * float(np.mean(list(cv[""].values())))
-    return (best if helps and _worse(cv[best], cv[""]) <= 1.0 else None), cv
+    return (best if helps and _standard_errors_worse(cv[best], cv[""]) <= 1.0 else None), cv
 
 
-def _worse(one: dict[str, float], other: dict[str, float]) -> float:
+def _standard_errors_worse(one: dict[str, float], other: dict[str, float]) -> float:
     """By how many standard errors the errors of one model exceed those of another, test by test."""
     gap = np.array([one[test] - other[test] for test in one if test in other])
-    if len(gap) < FEW_TESTS:
-        return 0.0  # one of two rates does not say what the other will be: neither for a model nor against it
+    if len(gap) < THRESHOLDS.cross_validated_tests:
+        return 0.0  # too few tests speak neither for a model nor against it
     error = float(np.std(gap, ddof=1) / np.sqrt(len(gap)))
     if error == 0.0:
         return 0.0 if gap.mean() <= 0.0 else np.inf

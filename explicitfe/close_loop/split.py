@@ -4,22 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, nearest
 from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement
 from explicitfe.predict.experiment import experiments
 
-SHARE = 1.0 / 3.0  # of the tests that is held out where there is a choice
-MOST_UNDER_A_TOOL = 6  # fitted curves that each cost seconds
-DIGITS = 2  # numbers of a programme that agree so far are equal
+# Numbers of a programme are rounded to so many steps per factor of e, that is to about 12 %.
+STEPS_PER_LOG = 8.0
+# The same for heights of specimens, to about 20 %.
+SIZE_STEPS_PER_LOG = 5
+# A programme has come to its end where it has covered this share of its way from rest.
+FULL_LOAD_SHARE = 0.98
+# One repeat may take the place of the last of so many fitted curves of its kind, beside its twin.
+CURVES_BESIDE_A_REPEAT = 2
+
+Test = tuple[Curve, ...]  # curves that are measured one after the other
+Programme = tuple[float, ...]  # how far and how fast, rounded
+Family = tuple[object, ...]  # what makes tests of another kind
 
 
 @dataclass(frozen=True)
 class Split:
-    """Curves in the order of the file.
+    """Which curves are fitted and which are held out, in the order of the file.
 
     Attributes
     ----------
@@ -38,7 +47,7 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
 
     Raises
     ------
-    InputError : a curve to be held out that is not there, or nothing left to fit some constants.
+    InputError : a curve to be held out does not exist, or no curve is left to fit some constants to.
     """
     left_out = {c.id: f"defect: {c.defect}" for c in dataset.curves if c.defect}
     usable: list[Curve] = []
@@ -61,102 +70,102 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
     elif any(c.split is not None for c in usable):
         held, rule = {c.id for c in usable if c.split == "holdout"}, "as the dataset says"
     elif dataset.test == "trajectory":
-        count = round(SHARE * len(usable)) if len(usable) > 2 else 0
+        count = round(THRESHOLDS.held_out_share * len(usable)) if len(usable) > 2 else 0
         held, rule = (
             {c.id for c in usable[len(usable) - count :]},
             "the last third of the curves is held out, where there are three",
         )
     else:
-        held, rule = _chosen(usable)
-    sides = ([c for c in usable if c.id not in held], [c for c in usable if c.id in held])
-    fitted = {c.constants for c in sides[0]}
-    for curve in sides[1]:
-        if curve.constants not in fitted:
+        held, rule = _by_rule(usable)
+    fitted = tuple(replace(c, split="fit") for c in usable if c.id not in held)
+    held_out = tuple(replace(c, split="holdout") for c in usable if c.id in held)
+    constants = {c.constants for c in fitted}
+    for curve in held_out:
+        if curve.constants not in constants:
             raise InputError(
                 f'{dataset.path}: curve "{curve.id}" is held out, and no fit curve shares its constants "{curve.constants}"; '
                 "hold out another one."
             )
-    if not sides[0]:
+    if not fitted:
         raise InputError(f"{dataset.path}: no curve is left to fit: all are held out or defective.")
-    marked = [tuple(replace(c, split=name) for c in side) for side, name in zip(sides, ("fit", "holdout"), strict=True)]
-    return Split(*marked, left_out, rule)
+    return Split(fitted, held_out, left_out, rule)
 
 
-def _chosen(curves: Sequence[Curve]) -> tuple[set[str], str]:
-    """Curves to hold out: repeats and other specimens first, then conditions between two others."""
+def _by_rule(curves: Sequence[Curve]) -> tuple[set[str], str]:
+    """Ids of the curves to hold out, and the rule: repeats and other specimens first, then conditions between two others."""
     held: set[str] = set()
-    families: dict[Any, list[tuple[Curve, ...]]] = {}
+    families: dict[Family, list[Test]] = {}
     for test in experiments(curves):
         families.setdefault(_family(test[0]), []).append(test)
     for tests in families.values():
-        cells: dict[Any, list[tuple[Curve, ...]]] = {}
+        by_programme: dict[Programme, list[Test]] = {}
         for test in tests:
-            cells.setdefault(_programme(test[0]), []).append(test)
-        wanted = round(SHARE * len(tests))
-        out: list[tuple[Curve, ...]] = []
-        for repeats in cells.values():
+            by_programme.setdefault(_programme(test[0]), []).append(test)
+        wanted = round(THRESHOLDS.held_out_share * len(tests))
+        out: list[Test] = []
+        for repeats in by_programme.values():
             out += _repeats(repeats)
-        between = [cell for cell in _between(list(cells)) if not any(test in out for test in cells[cell])]
+        between = [p for p in _between(list(by_programme)) if not any(test in out for test in by_programme[p])]
         while len(out) < wanted and between:
-            out += cells[between.pop(0)]
+            out += by_programme[between.pop(0)]
         held |= {curve.id for test in out for curve in test}
     fitted = [c for c in curves if c.id not in held]
     rule = (
         "of tests that were repeated, about a third (whole specimens where there are several) is held out; then conditions that "
         "lie between two others, until a third of the tests of a kind is held out"
     )
-    if len(fitted) > MOST_UNDER_A_TOOL and fitted[0].tool is not None and fitted[0].tool.shape != "platen":
-        more = _thinned(fitted)
-        held |= more
-        rule += f"; no more than about {MOST_UNDER_A_TOOL} curves under a tool are fitted, for time"
+    most = THRESHOLDS.fitted_curves_under_a_tool
+    if len(fitted) > most and fitted[0].tool is not None and fitted[0].tool.shape != "platen":
+        held |= _surplus(fitted)
+        rule += f"; no more than about {most} curves under a tool are fitted, for time"
     return held, rule
 
 
-def _repeats(tests: Sequence[tuple[Curve, ...]]) -> list[tuple[Curve, ...]]:
-    """Of nominally equal tests those to hold out: the last specimens, else the last repeats."""
+def _repeats(tests: Sequence[Test]) -> list[Test]:
+    """Of tests with one programme those to hold out: the last specimens, or the last repeats of the only one."""
     groups = list(dict.fromkeys(test[0].group for test in tests))
     if 1 < len(groups) < len(tests) or (len(groups) == len(tests) > 1):
-        last = groups[len(groups) - max(1, round(SHARE * len(groups))) :]
+        last = groups[len(groups) - max(1, round(THRESHOLDS.held_out_share * len(groups))) :]
         return [test for test in tests if test[0].group in last]
-    count = max(1, round(SHARE * len(tests))) if len(tests) > 1 else 0
+    count = max(1, round(THRESHOLDS.held_out_share * len(tests))) if len(tests) > 1 else 0
     return list(tests[len(tests) - count :])
 
 
-def _between(cells: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Programmes that lie between two others which differ in one number only; those that are no end of any such line first."""
-    inner: dict[tuple[float, ...], tuple[int, int]] = {}
-    for cell in cells:
+def _between(programmes: Sequence[Programme]) -> list[Programme]:
+    """Programmes that lie between two others on a line, along which one number changes; first those that end no line."""
+    inner: dict[Programme, tuple[int, int]] = {}
+    for one in programmes:
         between = end = 0
-        for k in range(len(cell)):
-            line = [other[k] for other in cells if other[:k] + other[k + 1 :] == cell[:k] + cell[k + 1 :]]
+        for k in range(len(one)):
+            line = [other[k] for other in programmes if other[:k] + other[k + 1 :] == one[:k] + one[k + 1 :]]
             if len(set(line)) >= 2:
-                between += min(line) < cell[k] < max(line)
-                end += cell[k] in (min(line), max(line))
+                between += min(line) < one[k] < max(line)
+                end += one[k] in (min(line), max(line))
         if between:
-            inner[cell] = (end, -between)
-    return sorted(inner, key=lambda cell: inner[cell])
+            inner[one] = (end, -between)
+    return sorted(inner, key=lambda one: inner[one])
 
 
-def _thinned(fitted: Sequence[Curve]) -> set[str]:
-    """Curves to hold out beside, so that few are left: each kind keeps its first, then its most different ones."""
+def _surplus(fitted: Sequence[Curve]) -> set[str]:
+    """Ids of further curves to hold out, so that few are left: each kind keeps its first, then its most different ones."""
     kept: list[Curve] = []
-    kinds: dict[Any, list[Curve]] = {}
+    kinds: dict[tuple[str, Family], list[Curve]] = {}
     for curve in fitted:
         kinds.setdefault((curve.constants, _family(curve)), []).append(curve)
     queues = [sorted(queue, key=lambda c: _programme(c)) for queue in kinds.values()]
-    room = max(MOST_UNDER_A_TOOL, len({c.constants for c in fitted}))
+    room = max(THRESHOLDS.fitted_curves_under_a_tool, len({c.constants for c in fitted}))
     while queues and len(kept) < room:
         for queue in list(queues):
             if len(kept) < room:
                 kept.append(queue.pop(0 if len(queue) % 2 else -1))
             if not queue:
                 queues.remove(queue)
-    _with_a_repeat(kept, fitted)
+    _keep_a_repeat(kept, fitted)
     return {c.id for c in fitted} - {c.id for c in kept}
 
 
-def _with_a_repeat(kept: list[Curve], fitted: Sequence[Curve]) -> None:
-    """Put one repeat in for the last of three or more of its kind, if none is there: it tells what equal tests differ by."""
+def _keep_a_repeat(kept: list[Curve], fitted: Sequence[Curve]) -> None:
+    """Keep a repeat in the place of the last curve of its kind, if none is kept: it tells by how much equal tests differ."""
 
     def alike(one: Curve, other: Curve) -> bool:
         return one is not other and _family(one) == _family(other) and _programme(one) == _programme(other)
@@ -166,29 +175,30 @@ def _with_a_repeat(kept: list[Curve], fitted: Sequence[Curve]) -> None:
     for one in kept:
         more = [c for c in kept if c is not one and _family(c) == _family(one)]
         repeat = next((c for c in fitted if c not in kept and alike(c, one)), None)
-        if repeat is not None and len(more) >= 2:
+        if repeat is not None and len(more) >= CURVES_BESIDE_A_REPEAT:
             kept[kept.index(more[-1])] = repeat
             return
 
 
-def _family(curve: Curve) -> Any:
-    """What makes tests of another kind: constants, direction, tool, shape and size."""
-    size = None if curve.specimen is None or curve.specimen.shape == "point" else round(np.log(curve.specimen.thickness_mm) * 5)
+def _family(curve: Curve) -> Family:
+    """What makes tests of another kind: constants, direction, material, tool, size of the specimen, columns."""
+    specimen = curve.specimen
+    sized = specimen is not None and specimen.shape != "point"
+    size = round(np.log(specimen.thickness_mm) * SIZE_STEPS_PER_LOG) if specimen is not None and sized else None
     tool = None if curve.tool is None else (curve.tool.shape, curve.tool.radius_mm)
     return curve.constants, str(curve.conditions.get("direction")), str(curve.conditions.get("material")), tool, size, curve.kind
 
 
-def _programme(curve: Curve) -> tuple[float, ...]:
-    """Numbers of a programme: how far, how fast."""
-    way = programme_of(curve)
-    rest = 1.0 if curve.imposed == "stretch" else 0.0
-    far = float(way[np.argmax(np.abs(way - rest))] - rest)
-    moving = np.abs(way - rest) < 0.98 * abs(far)
+def _programme(curve: Curve) -> Programme:
+    """How far a programme goes, and how fast."""
+    moved = programme_of(curve) - (1.0 if curve.imposed == "stretch" else 0.0)
+    far = float(moved[np.argmax(np.abs(moved))])
+    moving = np.abs(moved) < FULL_LOAD_SHARE * abs(far)
     first = int(np.argmax(~moving))
     pace = abs(far) / max(float(curve.time_s[first]), 1e-9)
     return _rounded(far), _rounded(pace)
 
 
 def _rounded(x: float) -> float:
-    """To two digits, on a logarithmic scale, so that no limit of rounding lies at a round number."""
-    return 0.0 if x == 0.0 else float(np.sign(x) * np.round(np.log(abs(x)) * 8.0))
+    """The logarithm, rounded, so that no limit of rounding lies at a round number."""
+    return 0.0 if x == 0.0 else float(np.sign(x) * np.round(np.log(abs(x)) * STEPS_PER_LOG))

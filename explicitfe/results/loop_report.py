@@ -10,10 +10,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, JsonValue
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 Verdict = Literal["failed", "no-missing-effect", "unexplained", "ambiguous", "effect-found"]
 Remainder = Literal["at-floor", "unexplained", "ambiguous"]
@@ -280,7 +280,7 @@ class LoopReport(ReportPart):
     title: str | None = None
     unit: str | None = None
     split: _Part[ReportedSplit] = ReportedSplit()
-    provenance: _Table[JsonValue] = {}
+    provenance: _Table[object] = {}
     verdict: Verdict | None = None
     remainder: Remainder | None = None
     remainder_where: _Text = ""
@@ -303,7 +303,7 @@ class LoopReport(ReportPart):
     files: _Entries[str] = []
 
     @property
-    def document(self) -> dict[str, JsonValue]:
+    def document(self) -> dict[str, object]:
         """The report as JSON has it: the keys that were set."""
         return self.model_dump(exclude_unset=True)
 

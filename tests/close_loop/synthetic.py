@@ -13,7 +13,7 @@ import numpy as np
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerprints
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.refit import Fitted, refit
+from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.effects.effect import Sought
 
@@ -106,7 +106,7 @@ class Linear:
 def ramp(number: int, measured: np.ndarray, *, sd: float | None, **more) -> Series:
     """A test of its own, of one way in that takes one second."""
     count = len(measured)
-    told = {
+    summary_of = {
         "id": f"test-{number}",
         "curve": f"test-{number}",
         "test": f"test-{number}",
@@ -124,7 +124,7 @@ def ramp(number: int, measured: np.ndarray, *, sd: float | None, **more) -> Seri
         "unit": "N",
         "factor": 1.0,
     }
-    return Series(**told | more)
+    return Series(**summary_of | more)
 
 
 def autoregressive(rng: np.random.Generator, count: int, correlation: float = 0.0) -> np.ndarray:
@@ -174,7 +174,7 @@ def white(system: Linear, sd: float = 0.01) -> Covariance:
     return Covariance(system.series, rows, Scatter(0.0, 0.0, "unknown", 0))
 
 
-def fitted(system: Linear, covariance: Covariance) -> tuple[Fitted, list[Candidate], list[Fingerprint]]:
+def fitted(system: Linear, covariance: Covariance) -> tuple[BestFit, list[Candidate], list[Fingerprint]]:
     """The baseline at its best, what may be missing in it, and what that would do."""
     fit = refit(system, system.start(), covariance)
     candidates = system.candidates(fit.model)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.measured.read import read_dataset
 from explicitfe.predict.predict import predict
+from explicitfe.results.loop_report import LoopReport
 
 C10, C20, G, TAU_S = 300.0, 150.0, 0.4, 1.0
 STRAIN, RATES, ROWS, SHARE = 0.3, (0.02, 0.1, 0.5), 30, 0.01
@@ -63,8 +63,8 @@ def written(
 
 
 @pytest.fixture(scope="module")
-def closed(tmp_path_factory) -> tuple[Path, Path, dict[str, Any]]:
-    """Dataset, folder of the report, what was found."""
+def closed(tmp_path_factory) -> tuple[Path, Path, LoopReport]:
+    """Dataset, folder of the report, the report."""
     base = tmp_path_factory.mktemp("loop")
     data = written(base / "data")
     return data, base / "out", close_loop(data, out=base / "out", processes=1)
@@ -72,39 +72,39 @@ def closed(tmp_path_factory) -> tuple[Path, Path, dict[str, Any]]:
 
 def test_a_hidden_relaxation_is_found(closed):
     """Strength and time come back inside their 95 % intervals widened to four standard errors, as do C10 and C20."""
-    _, _, found = closed
-    assert (found["verdict"], found["effects"], found["remainder"]) == ("effect-found", ["viscoelastic"], "at-floor")
-    assert found["split"]["fit"] == ["ramp-0", "ramp-2"] and found["split"]["holdout"] == ["ramp-1"]
-    final = found["final"]["parameters"]
+    _, _, report = closed
+    assert (report.verdict, report.effects, report.remainder) == ("effect-found", ["viscoelastic"], "at-floor")
+    assert report.split.fit == ["ramp-0", "ramp-2"] and report.split.holdout == ["ramp-1"]
+    final = report.final.parameters
     truths = {"viscoelastic.g": G, "viscoelastic.tau_s": TAU_S}
     entries = [(final[name], truth) for name, truth in truths.items()]
     entries += [(final["C10_Pa"]["all"], C10), (final["C20_Pa"]["all"], C20)]
     for entry, truth in entries:
-        low, high = entry["ci95"]
-        assert low - (entry["value"] - low) < truth < high + (high - entry["value"]), entry
+        low, high = entry.ci95
+        assert low - (entry.value - low) < truth < high + (high - entry.value), entry
 
 
 def test_errors_before_and_after(closed):
     """Afterwards the fitted curves are off by the noise, 1 % of the fastest curve's peak; the held-out one too. An rms of 30 rows
     has a sampling error of 13 %.
     """
-    _, _, found = closed
-    before, after = found["baseline"]["error"], found["final"]["error"]
-    sd = found["noise"]["rows"][0]["sd"]
-    assert before["fit"]["rmse"] > 5.0 * after["fit"]["rmse"]
-    assert after["fit"]["rmse"] == pytest.approx(sd, rel=0.4) and after["holdout"]["rmse"] == pytest.approx(sd, rel=0.4)
-    for row in after["curves"].values():
-        assert row.nrmse == pytest.approx(row["floor"], rel=0.5)
-    assert found["unit"] == "Pa" and found["n_eff"] <= 2 * ROWS
+    _, _, report = closed
+    before, after = report.baseline.error, report.final.error
+    sd = report.noise.rows[0].sd
+    assert before.fit.rmse > 5.0 * after.fit.rmse
+    assert after.fit.rmse == pytest.approx(sd, rel=0.4) and after.holdout.rmse == pytest.approx(sd, rel=0.4)
+    for row in after.curves.values():
+        assert row.nrmse == pytest.approx(row.floor, rel=0.5)
+    assert report.unit == "Pa" and report.n_eff <= 2 * ROWS
 
 
 def test_what_is_written(closed):
     """Report, page, pictures and both model files, all listed; nothing beside the folder."""
-    _, out, found = closed
+    _, out, report = closed
     names = {path.name for path in out.iterdir()}
     assert names >= FILES and any(name.endswith(".png") for name in names)
-    assert {Path(name).name for name in found["files"]} == names
-    assert json.loads((out / "report.json").read_text(encoding="utf-8")) == json.loads(json.dumps(found))
+    assert {Path(name).name for name in report.files} == names
+    assert json.loads((out / "report.json").read_text(encoding="utf-8")) == json.loads(json.dumps(report.document))
     assert [path.name for path in out.parent.iterdir() if path.name.startswith(".")] == []
     assert "viscoelastic" in (out / "report.html").read_text(encoding="utf-8")
 
@@ -112,55 +112,55 @@ def test_what_is_written(closed):
 @pytest.mark.parametrize(("name", "side"), [("baseline.toml", "baseline"), ("model.toml", "final")])
 def test_the_model_file_reproduces_the_errors(closed, name, side):
     """The simulator reads the file and is off by what the report says, to rounding."""
-    data, out, found = closed
+    data, out, report = closed
     rows = predict(data, out / name, processes=1).curves
-    assert set(rows) == set(found[side]["error"]["curves"])
+    assert set(rows) == set(getattr(report, side).error.curves)
     for curve, row in rows.items():
-        assert row.rmse == pytest.approx(found[side]["error"]["curves"][curve]["rmse"], rel=1e-6)
-        assert row.nrmse == pytest.approx(found[side]["error"]["curves"][curve]["nrmse"], rel=1e-6)
+        assert row.rmse == pytest.approx(getattr(report, side).error.curves[curve].rmse, rel=1e-6)
+        assert row.nrmse == pytest.approx(getattr(report, side).error.curves[curve].nrmse, rel=1e-6)
 
 
 def test_twice_the_same(closed, tmp_path):
-    data, _, found = closed
+    data, _, report = closed
     again = close_loop(data, processes=1)
-    mine = {key: value for key, value in found.items() if key not in ("provenance", "files")}
-    assert {key: value for key, value in again.items() if key != "provenance"} == mine
+    first = {key: value for key, value in report.document.items() if key not in ("provenance", "files")}
+    assert {key: value for key, value in again.document.items() if key != "provenance"} == first
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_control(tmp_path):
-    found = close_loop(written(tmp_path / "data", g=0.0, seed=2), out=tmp_path / "out", processes=1)
-    assert (found["verdict"], found["effects"], found["remainder"]) == ("no-missing-effect", [], "at-floor")
+    report = close_loop(written(tmp_path / "data", g=0.0, seed=2), out=tmp_path / "out", processes=1)
+    assert (report.verdict, report.effects, report.remainder) == ("no-missing-effect", [], "at-floor")
     assert "effects" not in (tmp_path / "out" / "model.toml").read_text(encoding="utf-8")
-    low, high = found["final"]["parameters"]["C10_Pa"]["all"]["ci95"]
+    low, high = report.final.parameters["C10_Pa"]["all"].ci95
     assert low < C10 * 1.03 and high > C10 * 0.97
 
 
 def test_only_what_is_asked_for_is_considered(tmp_path):
     """Without its effect among the candidates nothing explains the data, and nothing is claimed."""
     data = written(tmp_path / "data")
-    found = close_loop(data, effects=["third-yeoh"], processes=1)
-    assert found["verdict"] == "unexplained" and found["effects"] == []
-    assert {row["effect"] for row in found["steps"][0]["candidates"]} == {"third-yeoh"}
-    assert close_loop(data, max_effects=0, processes=1)["verdict"] == "unexplained"
+    report = close_loop(data, effects=["third-yeoh"], processes=1)
+    assert report.verdict == "unexplained" and report.effects == []
+    assert {row.effect for row in report.steps[0].candidates} == {"third-yeoh"}
+    assert close_loop(data, max_effects=0, processes=1).verdict == "unexplained"
 
 
 def test_one_curve_alone_proves_nothing(tmp_path):
     """A single test is ambiguous at most, and the report says why."""
-    found = close_loop(written(tmp_path / "data", rates=(0.5,)), processes=1)
-    assert found["verdict"] in ("no-missing-effect", "ambiguous", "unexplained") and found["split"]["holdout"] == []
-    assert any("one test only" in note for note in found["warnings"])
+    report = close_loop(written(tmp_path / "data", rates=(0.5,)), processes=1)
+    assert report.verdict in ("no-missing-effect", "ambiguous", "unexplained") and report.split.holdout == []
+    assert any("one test only" in note for note in report.warnings)
 
 
 def test_constants_of_two_groups(tmp_path):
     """Each group has its own constants in the report and in the model file."""
     data = written(tmp_path / "data", rates=(0.02, 0.5, 0.02, 0.5), lines=lambda k: f'constants = "{"AB"[k // 2]}"')
-    found = close_loop(data, out=tmp_path / "out", processes=1)
-    assert set(found["baseline"]["parameters"]["C10_Pa"]) == {"A", "B"}
-    assert found["effects"] == ["viscoelastic"]
+    report = close_loop(data, out=tmp_path / "out", processes=1)
+    assert set(report.baseline.parameters["C10_Pa"]) == {"A", "B"}
+    assert report.effects == ["viscoelastic"]
     rows = predict(data, tmp_path / "out" / "model.toml", processes=1).curves
     for curve, row in rows.items():
-        assert row.rmse == pytest.approx(found["final"]["error"]["curves"][curve]["rmse"], rel=1e-6)
+        assert row.rmse == pytest.approx(report.final.error.curves[curve].rmse, rel=1e-6)
 
 
 def test_a_planned_test_has_the_constants_of_its_own_group(tmp_path):
@@ -178,7 +178,7 @@ def test_a_planned_test_has_the_constants_of_its_own_group(tmp_path):
 def test_progress_moves_while_a_stage_goes_on(tmp_path):
     """The bar of a turn in the loop moves with the runs, and never goes back within a stage."""
     seen: list[tuple[str, float]] = []
-    close_loop(written(tmp_path / "data"), processes=1, report=lambda stage, share: seen.append((stage, share)))
+    close_loop(written(tmp_path / "data"), processes=1, progress=lambda stage, share: seen.append((stage, share)))
     shares = [share for stage, share in seen if stage == "trace"]
     assert len(set(shares)) > 20 and shares == sorted(shares) and shares[-1] == 1.0
 
@@ -187,7 +187,7 @@ def test_progress_moves_while_a_stage_goes_on(tmp_path):
 def test_conditions_are_free(tmp_path, conditions):
     """Known keys may hold words: then there is no order of repeats, and no error."""
     data = written(tmp_path / "data", g=0.0, lines=lambda k: f"conditions = {{ {conditions} }}")
-    assert close_loop(data, max_effects=0, processes=1)["verdict"] in ("no-missing-effect", "unexplained")
+    assert close_loop(data, max_effects=0, processes=1).verdict in ("no-missing-effect", "unexplained")
 
 
 def test_curves_that_no_yeoh_solid_can_follow(tmp_path):
@@ -197,8 +197,8 @@ def test_curves_that_no_yeoh_solid_can_follow(tmp_path):
         head, *rows = file.read_text(encoding="utf-8").splitlines()
         cells = [row.rsplit(",", 1) for row in rows]
         file.write_text("\n".join([head, *(f"{a},{-float(b):.9g}" for a, b in cells)]), encoding="utf-8")
-    found = close_loop(data, out=tmp_path / "out", processes=1)
-    assert found["verdict"] == "failed" and "says nothing about what the model lacks" in found["sentence"]
+    report = close_loop(data, out=tmp_path / "out", processes=1)
+    assert report.verdict == "failed" and "says nothing about what the model lacks" in report.sentence
     assert {"report.json", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
     assert command(["close-loop", str(data), "--out", str(tmp_path / "other")]) == 1
 
@@ -220,20 +220,20 @@ def test_a_curve_that_softens_is_no_third_term(tmp_path):
         (folder / f"{k}.csv").write_text(f"time_s,shear_strain,shear_stress_Pa\n{rows}", encoding="utf-8")
         text += f'[[curve]]\nid = "{k}"\nfile = "{k}.csv"\n'
     (folder / "dataset.toml").write_text(text, encoding="utf-8")
-    found = close_loop(folder, processes=1)
-    assert (found["verdict"], found["effects"], found["remainder"]) == ("unexplained", [], "unexplained")
-    assert any("C20_Pa ended at a bound" in note for note in found["warnings"])
+    report = close_loop(folder, processes=1)
+    assert (report.verdict, report.effects, report.remainder) == ("unexplained", [], "unexplained")
+    assert any("C20_Pa ended at a bound" in note for note in report.warnings)
 
 
 # ---- the command line, and what cannot be used ----
 
 
 def test_the_command_prints_one_object(closed, tmp_path, capsys):
-    data, _, found = closed
+    data, _, report = closed
     assert command(["close-loop", str(data), "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert (printed["verdict"], printed["effects"]) == (found["verdict"], found["effects"])
-    assert printed["final"] == json.loads(json.dumps(found["final"]))
+    assert (printed["verdict"], printed["effects"]) == (report.verdict, report.effects)
+    assert printed["final"] == json.loads(json.dumps(report.document))["final"]
 
 
 def test_an_earlier_report_is_not_replaced_unless_asked(closed, tmp_path, capsys):

@@ -14,6 +14,7 @@ from explicitfe.close_loop.design import design_test
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import InputError
 from explicitfe.materials.yeoh import Yeoh
+from explicitfe.results.planned_test import EffectInTest, PlannedTest
 from explicitfe.solve import point
 
 SD_PA, STRAIN, RATES = 8.0, 0.3, (0.6, 0.006)
@@ -52,12 +53,12 @@ def written(folder: Path, text: str = PROTOCOL) -> Path:
 
 
 @pytest.fixture(scope="module")
-def designed(tmp_path_factory) -> dict:
+def designed(tmp_path_factory) -> PlannedTest:
     return design_test(written(tmp_path_factory.mktemp("design")), processes=1)
 
 
-def row(found: dict, effect: str) -> dict:
-    return next(entry for entry in found["effects"] if entry["effect"] == effect)
+def row(planned: PlannedTest, effect: str) -> EffectInTest:
+    return next(entry for entry in planned.effects if entry.effect == effect)
 
 
 def curves(model: Yeoh, effects) -> np.ndarray:
@@ -66,8 +67,8 @@ def curves(model: Yeoh, effects) -> np.ndarray:
     for corner in (0.5, 50.0):
         rows = np.linspace(0.0, 60.0, 31)
         fine = np.unique(np.concatenate([np.linspace(0.0, 60.0, 301), [corner], np.linspace(0.0, corner, 40)]))
-        way = np.interp(fine, [0.0, corner, 60.0], [1.0, 0.7, 0.7])
-        parts.append(np.interp(rows, fine, point.uniaxial(model, effects, fine, way)))
+        stretch = np.interp(fine, [0.0, corner, 60.0], [1.0, 0.7, 0.7])
+        parts.append(np.interp(rows, fine, point.uniaxial(model, effects, fine, stretch)))
     return np.concatenate(parts)
 
 
@@ -77,9 +78,9 @@ def test_the_smallest_share_that_shows_is_seen_at_25(designed):
     and increments are halved until they change less than 0.2 % of a peak of sixty times the noise: a fifth in |.|, a third in
     |.|^2.
     """
-    mine = row(designed, "viscoelastic")
-    assert mine["shows"] and mine["reason"] == "" and mine["strength"] == "viscoelastic.g"
-    assert 0.0 < mine["smallest"] < 0.1 < mine["largest_plausible"]
+    effect_row = row(designed, "viscoelastic")
+    assert effect_row.shows and effect_row.reason == "" and effect_row.strength == "viscoelastic.g"
+    assert 0.0 < effect_row.smallest < 0.1 < effect_row.largest_plausible
     law = Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=0.499)
     plain = curves(law, [])
     J = np.column_stack(
@@ -91,7 +92,7 @@ def test_the_smallest_share_that_shows_is_seen_at_25(designed):
     J /= np.linalg.norm(J, axis=0)
     seen = []
     for tau in 60.0 * np.array(Viscoelastic.sought["tau_s"].values):
-        d = curves(law, [Viscoelastic(g=(mine["smallest"],), tau_s=(float(tau),))]) - plain
+        d = curves(law, [Viscoelastic(g=(effect_row.smallest,), tau_s=(float(tau),))]) - plain
         d = d - J @ np.linalg.lstsq(J, d, rcond=None)[0]
         seen.append(float(d @ d) / SD_PA**2)
     assert max(seen) == pytest.approx(25.0, rel=0.33)
@@ -100,19 +101,19 @@ def test_the_smallest_share_that_shows_is_seen_at_25(designed):
 def test_twice_the_noise_needs_twice_the_strength(designed, tmp_path):
     """|secant|^2 goes with 1 / sd^2; the coordinate of a share is -log(1 - g)."""
     other = row(design_test(written(tmp_path, PROTOCOL.replace("= 8.0", "= 16.0")), processes=1), "viscoelastic")
-    mine = row(designed, "viscoelastic")
-    assert other["visible"] == pytest.approx(mine["visible"] / 4.0, rel=1e-6)
-    assert np.log1p(-other["smallest"]) == pytest.approx(2.0 * np.log1p(-mine["smallest"]), rel=1e-6)
+    effect_row = row(designed, "viscoelastic")
+    assert other.visible == pytest.approx(effect_row.visible / 4.0, rel=1e-6)
+    assert np.log1p(-other.smallest) == pytest.approx(2.0 * np.log1p(-effect_row.smallest), rel=1e-6)
 
 
 def test_what_a_protocol_cannot_show(designed):
     """Softening needs a way back, friction a tool; both say so. Rows come by what shows most."""
     for effect, word in (("softening", "unloading"), ("friction", "tool")):
         entry = row(designed, effect)
-        assert not entry["shows"] and word in entry["reason"]
-    visible = [entry.get("visible", 0.0) for entry in designed["effects"]]
+        assert not entry.shows and word in entry.reason
+    visible = [entry.visible for entry in designed.effects]
     assert visible == sorted(visible, reverse=True)
-    assert designed["n_eff"] == 62.0 and designed["constants"] == {"C10_Pa": C10, "C20_Pa": C20}
+    assert designed.n_eff == 62.0 and designed.constants == {"C10_Pa": C10, "C20_Pa": C20}
 
 
 def test_a_slow_test_without_a_hold_shows_no_relaxation(tmp_path):
@@ -120,7 +121,7 @@ def test_a_slow_test_without_a_hold_shows_no_relaxation(tmp_path):
     text = PROTOCOL[: PROTOCOL.index("[[curve]]")]
     text += '[[curve]]\nid = "one"\nprogramme = [[0.0, 1.0], [10.0, 0.7]]\nrows = 20\n'
     entry = row(design_test(written(tmp_path, text), processes=1), "viscoelastic")
-    assert not entry["shows"] and "time" in entry["reason"]
+    assert not entry.shows and "time" in entry.reason
 
 
 def change(old: str, new: str) -> Callable[[str], str]:
@@ -171,8 +172,8 @@ def test_a_protocol_that_cannot_be_used(changed, words, tmp_path, capsys):
 
 def test_the_command_prints_one_object(tmp_path, capsys, designed):
     assert command(["design-test", str(written(tmp_path)), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert [entry["effect"] for entry in found["effects"]] == [entry["effect"] for entry in designed["effects"]]
+    printed = json.loads(capsys.readouterr().out)
+    assert [entry["effect"] for entry in printed["effects"]] == [entry.effect for entry in designed.effects]
     assert command(["design-test", str(written(tmp_path))]) == 0
     assert "viscoelastic" in capsys.readouterr().out
 

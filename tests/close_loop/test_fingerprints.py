@@ -9,21 +9,21 @@ import pytest
 from scipy.stats import kstest
 from synthetic import BOTH_WAYS, ROWS, UPWARD, Linear, Planted, elastic, fitted, programme, white
 
-from explicitfe.close_loop.statistics.covariance import measured
+from explicitfe.close_loop.statistics.covariance import measured_rows
 from explicitfe.close_loop.statistics.fingerprints import (
-    DISTINCT,
     FAILED,
     NOT_SIGNIFICANT,
     NOT_TESTABLE,
     SIGNIFICANT,
-    explained,
     fingerprints,
     holm,
     lack_of_fit,
+    largest_drop,
     outside,
     scores,
 )
 from explicitfe.close_loop.statistics.refit import refit
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects.effect import Sought
 
 SD = 0.01
@@ -58,13 +58,13 @@ def test_explained_is_the_best_amplitude():
     """max over 0 <= a <= limit of |r|^2 - |r - a s|^2, on a grid so fine that the maximum is missed by (step / 2)^2 |s|^2."""
     rng = np.random.default_rng(2)
     secants, r, limits = rng.standard_normal((20, 6)), rng.standard_normal(20), np.array([0.01, 0.1, 0.3, 1.0, 3.0, 10.0])
-    found = explained(secants.T @ r, (secants**2).sum(axis=0), limits)
+    found = largest_drop(secants.T @ r, (secants**2).sum(axis=0), limits)
     for k, limit in enumerate(limits):
         a = np.linspace(0.0, limit, 2001)
         drops = r @ r - ((r[:, None] - a * secants[:, [k]]) ** 2).sum(axis=0)
         missed = (0.5 * limit / 2000) ** 2 * (secants[:, k] ** 2).sum()
         assert drops.max() <= found[k] + 1e-12 and found[k] <= drops.max() + missed + 1e-12
-    assert explained(np.array([-1.0]), np.array([2.0]), np.array([5.0]))[0] == 0.0
+    assert largest_drop(np.array([-1.0]), np.array([2.0]), np.array([5.0]))[0] == 0.0
 
 
 def test_secants_are_whitened_and_what_the_constants_cannot_imitate():
@@ -150,7 +150,7 @@ def test_what_stays_under_the_floors_is_not_testable(size, status):
     column = np.sin(2.0 * np.pi * D)
     system = elastic(np.random.default_rng(6))
     rest = column - system.X @ np.linalg.lstsq(system.X, column, rcond=None)[0]
-    column = np.sqrt(size * DISTINCT) * SD / np.linalg.norm(rest) * column
+    column = np.sqrt(size * THRESHOLDS.visible_separation) * SD / np.linalg.norm(rest) * column
     system.effects = {"small": Planted(lambda: column, {"size": BOTH_WAYS})}
     fit, candidates, prints = fitted(system, white(system))
     (score,) = scores(fit, prints, candidates)
@@ -224,7 +224,7 @@ def test_noise_of_the_imposed_column_is_no_lack_of_fit():
             row.sd[:] = each[k * ROWS : (k + 1) * ROWS]
         covariance = type(covariance)(system.series, covariance.rows, covariance.scatter)
         fit = refit(system, system.start(), covariance)
-        assert len(measured(system.series)) == len(fit.answer)
+        assert len(measured_rows(system.series)) == len(fit.answer)
         alarms += lack_of_fit(fit, covariance).p < 0.01
     assert alarms <= 3
 

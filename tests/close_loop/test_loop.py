@@ -9,7 +9,8 @@ import pytest
 from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.search import APART, Closed, close, numerical_share
+from explicitfe.close_loop.search import Outcome, numerical_shares, search
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
 
@@ -26,9 +27,9 @@ EFFECTS = {
 TWIN = Planted(lambda: D * TEST * (1.0 + 0.02 * D))
 
 
-def closed(seed: int = 1, effects=EFFECTS, max_effects: int = 3, single: bool = False, **more) -> Closed:
+def closed(seed: int = 1, effects=EFFECTS, max_effects: int = 3, single: bool = False, **more) -> Outcome:
     system = elastic(np.random.default_rng(seed), tests=more.pop("tests", TESTS), effects=effects, **more)
-    return close(system, max_effects=max_effects, single=single)
+    return search(system, max_effects=max_effects, single=single)
 
 
 def test_controls():
@@ -37,8 +38,8 @@ def test_controls():
     alarms = [c for c in found if c.verdict != "no-missing-effect"]
     assert len(alarms) <= 3
     quiet = next(c for c in found if c.verdict == "no-missing-effect")
-    assert (quiet.remainder, quiet.effects, len(quiet.steps)) == ("at-floor", (), 1)
-    assert "Nothing is missing" in words.sentence(quiet) and words.where(quiet.steps[0]) == ""
+    assert (quiet.remainder, quiet.effects, len(quiet.rounds)) == ("at-floor", (), 1)
+    assert "Nothing is missing" in words.sentence(quiet) and words.where(quiet.rounds[0]) == ""
 
 
 @pytest.mark.parametrize(("stated", "correlation"), [(True, 0.5), (False, 0.0), (False, 0.5)])
@@ -55,12 +56,12 @@ def test_one_effect_is_found(name):
     """0.05 of it: |secant|^2 of more than 0.05^2 x 10 / 1e-4 = 250. Its strength comes back within four standard errors."""
     found = closed(hidden={name: 0.05})
     assert (found.verdict, found.remainder, found.effects) == ("effect-found", "at-floor", (name,))
-    last = found.steps[-1]
+    last = found.rounds[-1]
     ((effect, values),) = last.fit.model.of_terms()
     error = np.sqrt(np.linalg.inv(last.fit.jacobian.T @ last.fit.jacobian)[-1, -1])
     assert effect == name and values["size"] == pytest.approx(0.05, abs=4.0 * error)
     assert f"The model lacks {name}" in words.sentence(found)
-    (first, second) = found.steps
+    (first, second) = found.rounds
     assert first.chosen == name and second.chosen is None and first.fit.chi2 - second.fit.chi2 > 100.0
 
 
@@ -68,13 +69,13 @@ def test_two_effects_are_found_one_after_the_other():
     """The one that explains more comes first."""
     found = closed(hidden={"rate": 0.2, "bump": 0.05})
     assert (found.verdict, found.remainder, found.effects) == ("effect-found", "at-floor", ("rate", "bump"))
-    assert [step.chosen for step in found.steps] == ["rate", "bump", None]
+    assert [step.chosen for step in found.rounds] == ["rate", "bump", None]
 
 
 def test_what_is_left_of_two_when_one_may_be_added():
     found = closed(hidden={"rate": 0.2, "bump": 0.02}, max_effects=1)
     assert (found.verdict, found.effects, found.remainder) == ("effect-found", ("rate",), "unexplained")
-    assert words.where(found.steps[-1]) != ""
+    assert words.where(found.rounds[-1]) != ""
 
 
 def test_two_that_cannot_be_told_apart():
@@ -82,7 +83,7 @@ def test_two_that_cannot_be_told_apart():
     (1e-3)^2 x 160 x 0.2 x 1.25 / 1e-4 = 0.4, and 25 are needed.
     """
     found = closed(effects={**EFFECTS, "twin": TWIN}, hidden={"rate": 0.05})
-    first = found.steps[0]
+    first = found.rounds[0]
     assert found.verdict == "ambiguous" and first.chosen is None
     assert {first.best, *first.ambiguous_with} == {"rate", "twin"}
     ((_, _, apart),) = [row for row in first.separations if set(row[:2]) == {"rate", "twin"}]
@@ -94,7 +95,7 @@ def test_a_separation_is_the_least_misfit_of_the_rival():
     """min over the rival's parameters of |y_A - y_B|^2 / sd^2 is |(1 - P) y_A|^2, P on the baseline and the rival."""
     near = Planted(lambda: D * TEST + 0.25 * WAVE)
     found = closed(effects={"rate": EFFECTS["rate"], "near": near}, hidden={"rate": 0.05})
-    first = found.steps[0]
+    first = found.rounds[0]
     (row,) = first.separations
     rival = np.column_stack([D, D**3, near.column()])
     best = first.refits["rate"]
@@ -108,7 +109,7 @@ def test_a_separation_is_the_least_misfit_of_the_rival():
     white = first.covariance.whiten(np.column_stack([best.answer, rival]))
     rest = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)[0]
     assert row[2] == pytest.approx(float(rest @ rest), abs=0.05, rel=1e-3)
-    assert (first.chosen is None) == (row[2] < APART)
+    assert (first.chosen is None) == (row[2] < THRESHOLDS.told_apart_separation)
 
 
 def test_what_none_of_them_explains():
@@ -160,8 +161,8 @@ def test_numerics_are_a_floor():
     """
     found = closed(hidden={"wave": 0.05}, checked={"a finer mesh": 0.05 * WAVE})
     assert found.verdict == "no-missing-effect"
-    first = found.steps[0]
-    share = numerical_share(first.covariance, first.fit, ["a finer mesh"])["a finer mesh"]
+    first = found.rounds[0]
+    share = numerical_shares(first.covariance, first.fit, ["a finer mesh"])["a finer mesh"]
     rows = first.covariance.by_rows(np.column_stack([0.05 * WAVE, D, D**3]))
     rest = rows[:, 0] - rows[:, 1:] @ np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0]
     assert share == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-3) and share > 0.5
@@ -173,7 +174,7 @@ def test_against_a_gross_misfit_an_effect_must_bring_more_than_numerics_change()
     """
     unknown = 0.06 * np.cos(9.0 * np.pi * D)
     numerics = {"mesh": 0.05 * np.cos(11.0 * np.pi * D)}
-    without, behind = (closed(hidden={"wave": 0.03}, extra=unknown, checked=c).steps[0] for c in ({}, numerics))
+    without, behind = (closed(hidden={"wave": 0.03}, extra=unknown, checked=c).rounds[0] for c in ({}, numerics))
     assert without.fit.by_rows is not None and behind.fit.by_rows is not None
     assert (without.chosen, behind.chosen) == ("wave", None)
 
@@ -185,9 +186,9 @@ def test_what_is_assumed_is_a_floor():
 def test_scatter_between_tests_is_no_rate():
     """Tests that differ by 3 % in size with 5 % stated, with a candidate that is such a difference."""
     system = elastic(np.random.default_rng(3), tests=TESTS, effects=EFFECTS, extra=0.03 * TEST * (2.0 * D + D**3))
-    unstated = close(system, max_effects=3)
+    unstated = search(system, max_effects=3)
     system.series = [replace(one, scatter=0.05) for one in system.series]
-    assert close(system, max_effects=3).verdict == "no-missing-effect"
+    assert search(system, max_effects=3).verdict == "no-missing-effect"
     assert unstated.verdict != "no-missing-effect"
 
 
@@ -201,21 +202,21 @@ def test_two_tests_do_not_veto_what_explains_all():
     effects = {"shape": Planted(lambda tau: (d + 0.1 * d**2) * np.exp(-place / tau), shape)}
     extra = 0.1 * effects["shape"].column(0.7)
     systems = [elastic(np.random.default_rng(seed), tests=2, effects=effects, extra=extra) for seed in range(20)]
-    assert [close(system, max_effects=1).effects for system in systems] == [("shape",)] * 20
+    assert [search(system, max_effects=1).effects for system in systems] == [("shape",)] * 20
 
 
 def test_the_same_twice():
     """The bootstrap has a seed."""
     one, other = closed(hidden={"rate": 0.05}), closed(hidden={"rate": 0.05})
-    assert [s.p for s in one.steps] == [s.p for s in other.steps]
-    assert [c.p_holm for c in one.steps[0].scores] == [c.p_holm for c in other.steps[0].scores]
-    np.testing.assert_array_equal(one.steps[-1].fit.model.x, other.steps[-1].fit.model.x)
+    assert [s.p for s in one.rounds] == [s.p for s in other.rounds]
+    assert [c.p_holm for c in one.rounds[0].scores] == [c.p_holm for c in other.rounds[0].scores]
+    np.testing.assert_array_equal(one.rounds[-1].fit.model.x, other.rounds[-1].fit.model.x)
 
 
 def test_nothing_is_tried_where_nothing_may_be_added():
     """--max-effects 0 traces the residual and adds nothing."""
     found = closed(hidden={"rate": 0.2}, max_effects=0)
-    assert found.verdict == "unexplained" and len(found.steps) == 1 and found.steps[0].refits == {}
+    assert found.verdict == "unexplained" and len(found.rounds) == 1 and found.rounds[0].refits == {}
 
 
 def test_the_system_is_what_it_says():

@@ -10,7 +10,15 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 from synthetic import autoregressive, ramp
 
-from explicitfe.close_loop.statistics.noise import HIGHEST, RowNoise, Scatter, row_noise, scatter, smooth_basis, whitened_rows
+from explicitfe.close_loop.statistics.noise import (
+    HIGHEST_CORRELATION,
+    RowNoise,
+    Scatter,
+    row_noise,
+    scatter,
+    smooth_basis,
+    whiten_rows,
+)
 from explicitfe.close_loop.statistics.system import Series
 
 SD, SEEDS = 0.02, 40
@@ -119,7 +127,7 @@ def test_whitened_rows_are_independent():
     place = np.arange(7)
     C = 0.6 ** np.abs(place[:, None] - place)
     columns = np.random.default_rng(5).standard_normal((7, 3))
-    np.testing.assert_allclose(whitened_rows(columns, 0.6), np.linalg.solve(np.linalg.cholesky(C), columns), atol=1e-12)
+    np.testing.assert_allclose(whiten_rows(columns, 0.6), np.linalg.solve(np.linalg.cholesky(C), columns), atol=1e-12)
 
 
 def test_smooth_functions_are_polynomials_between_bends():
@@ -141,8 +149,8 @@ def repeats(seed: int, count: int, scale: float, offset: float = 0.0, **more):
     """Nominally equal tests on different specimens."""
     rng = np.random.default_rng(seed)
     rows = [smooth(60) * (1.0 + scale * rng.standard_normal()) + 3.0 * offset * rng.standard_normal() for _ in range(count)]
-    told = {"peers": "a", "trend": 0.0} | more
-    return [ramp(k, y, sd=SD, **{"specimen": f"s{k}"} | told) for k, y in enumerate(rows)]
+    summary_of = {"peers": "a", "trend": 0.0} | more
+    return [ramp(k, y, sd=SD, **{"specimen": f"s{k}"} | summary_of) for k, y in enumerate(rows)]
 
 
 def scattered(series: list[Series]) -> Scatter:
@@ -219,4 +227,4 @@ def test_cycles_of_one_test_are_no_repeats():
 def test_the_correlation_stays_below_one():
     """A curve without roughness: x = 0 would be r = 1, of which no row says anything."""
     (row,) = row_noise([ramp(0, np.linspace(0.0, 1.0, 60), sd=SD)])
-    assert row.correlation == HIGHEST and row.effective > 0.0
+    assert row.correlation == HIGHEST_CORRELATION and row.effective > 0.0

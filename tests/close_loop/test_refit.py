@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import lsq_linear
 from synthetic import WIDE, Linear, Planted, autoregressive, elastic, programme, ramp, split_up, white
 
-from explicitfe.close_loop.statistics.covariance import Covariance, measured
+from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.refit import _updated, cross_validated, derivatives, intervals, refit
+from explicitfe.close_loop.statistics.refit import _update, cross_validation_errors, derivatives, intervals, refit
 from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
@@ -34,7 +34,7 @@ def test_a_linear_fit_solves_the_normal_equations():
     system = elastic(np.random.default_rng(1))
     covariance = correlated(system)
     fit = refit(system, system.start(), covariance)
-    W, y = covariance.whiten(system.X), covariance.whiten(measured(system.series))
+    W, y = covariance.whiten(system.X), covariance.whiten(measured_rows(system.series))
     wanted = np.linalg.solve(W.T @ W, W.T @ y)
     error = np.sqrt(np.diag(np.linalg.inv(W.T @ W)))
     assert fit.converged and fit.at_bound == ()
@@ -57,7 +57,7 @@ def test_bounds_hold_and_are_named():
     """The truth x0 = 2 lies above its bound of 1.5: the other parameter is at the constrained optimum."""
     system = elastic(np.random.default_rng(3), bounds=[(0.0, 1.5), (-WIDE, WIDE)])
     fit = refit(system, system.start(), white(system))
-    wanted = lsq_linear(system.X, measured(system.series), bounds=([0.0, -WIDE], [1.5, WIDE])).x
+    wanted = lsq_linear(system.X, measured_rows(system.series), bounds=([0.0, -WIDE], [1.5, WIDE])).x
     assert fit.converged and fit.at_bound == ("x0",)
     np.testing.assert_allclose(fit.model.x, wanted, atol=1e-3)
     low, high = intervals(fit, white(system))[0]
@@ -159,7 +159,7 @@ def test_derivatives_are_kept_up_to_date_test_by_test():
     """
     true = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
     off, way = 1.3 * true, np.array([1.0, -2.0, 0.5])
-    found = _updated(off, true @ way, way)
+    found = _update(off, true @ way, way)
     assert found @ way == pytest.approx(true @ way, rel=1e-14)
     assert found[0, 1] == found[1, 0] == 0.0
 
@@ -171,7 +171,7 @@ def left_out(system: Linear, test: int, rows: int) -> float:
     """Really without it: white rows, least squares of the others."""
     mine = np.zeros(len(system.X), dtype=bool)
     mine[test * rows : (test + 1) * rows] = True
-    y = measured(system.series)
+    y = measured_rows(system.series)
     x = np.linalg.lstsq(system.X[~mine], y[~mine], rcond=None)[0]
     rest = (y - system.X @ x)[mine]
     return float(np.sqrt(np.mean(rest**2)) / np.abs(y[mine]).max())
@@ -182,7 +182,7 @@ def test_cross_validation_is_really_leaving_a_test_out():
     rng = np.random.default_rng(10)
     system = elastic(rng, tests=4, extra=np.repeat(rng.standard_normal(4), 40) * programme(4))
     fit = refit(system, system.start(), correlated(system))
-    found = cross_validated(system, fit, correlated(system))
+    found = cross_validation_errors(system, fit, correlated(system))
     assert list(found) == [f"test-{k}" for k in range(4)]
     for k in range(4):
         assert found[f"test-{k}"] == pytest.approx(left_out(system, k, 40), rel=1e-8)
@@ -194,9 +194,9 @@ def test_cycles_are_left_out_with_their_test():
     system = elastic(rng, tests=4)
     names = ("a", "a", "b", "c")
     system.series = [replace(one, test=name) for one, name in zip(system.series, names, strict=True)]
-    found = cross_validated(system, refit(system, system.start(), white(system)), white(system))
+    found = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
     assert list(found) == ["a", "b", "c"]
-    y, mine = measured(system.series), np.arange(160) < 80
+    y, mine = measured_rows(system.series), np.arange(160) < 80
     x = np.linalg.lstsq(system.X[~mine], y[~mine], rcond=None)[0]
     errors = [np.sqrt(np.mean((y - system.X @ x)[part] ** 2)) / y[part].max() for part in (slice(0, 40), slice(40, 80))]
     assert found["a"] == pytest.approx(np.mean(errors), rel=1e-8)
@@ -209,5 +209,5 @@ def test_constants_of_one_test_alone_cannot_be_predicted():
     X = np.zeros((120, 2))
     X[:80, 0], X[80:, 1] = programme(2), programme(1)
     system = Linear(series, X)
-    found = cross_validated(system, refit(system, system.start(), white(system)), white(system))
+    found = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
     assert list(found) == ["test-0", "test-1"]

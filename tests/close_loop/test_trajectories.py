@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sensor_study import SHIFT_M, TURN, simulate_sensors
 
-from explicitfe.close_loop.search import Closed, close
+from explicitfe.close_loop.search import Outcome, search
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.noise import scatter
 from explicitfe.close_loop.statistics.refit import intervals, refit
@@ -33,16 +33,16 @@ def lagging(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def closed(lagging: Dataset) -> tuple[Trajectories, Closed]:
+def closed(lagging: Dataset) -> tuple[Trajectories, Outcome]:
     system = trajectory_system(lagging, lagging.curves, only=("activation-lag", "damping"))
-    return system, close(system, max_effects=1, rows=system.rows)
+    return system, search(system, max_effects=1, rows=system.rows)
 
 
-def test_a_hidden_lag_is_found(closed: tuple[Trajectories, Closed]) -> None:
+def test_a_hidden_lag_is_found(closed: tuple[Trajectories, Outcome]) -> None:
     _, found = closed
     assert (found.verdict, found.effects) == ("effect-found", ("activation-lag",))
-    fit = found.steps[-1].fit
-    low, high = intervals(fit, found.steps[-1].covariance)[-1]
+    fit = found.rounds[-1].fit
+    low, high = intervals(fit, found.rounds[-1].covariance)[-1]
     # the 95 % interval is of 1.96 standard deviations; three of them miss in 0.3 % of all data
     assert abs(fit.model.values[-1] - LAG_MS) < 3.0 / 1.96 * 0.5 * (high - low)
     assert high - low < 5.0
@@ -53,7 +53,7 @@ def test_nothing_is_found_where_nothing_is_hidden(tmp_path: Path) -> None:
     dataset = simulate_sensors(tmp_path / "data", numerics=OTHER_NUMERICS, registration="given", **QUICK)
     system = trajectory_system(dataset, dataset.curves, only=("activation-lag", "gravity", "force-scale"))
     assert system.base == ()
-    found = close(system, max_effects=1, rows=system.rows)
+    found = search(system, max_effects=1, rows=system.rows)
     assert (found.verdict, found.effects) == ("no-missing-effect", ())
 
 
@@ -88,16 +88,16 @@ def test_a_written_scenario_gives_the_answers_again(lagging: Dataset, tmp_path: 
             for number, (sensor, point) in enumerate(lagging.sensors.items()):
                 u = result.history(f"probe_{point}_displacement")
                 v = result.history(f"probe_{point}_velocity")
-                there = system.registration(model).to_sensors(system.rest[number] + u[rows] + late * v[rows])
+                there = system.registration(model).to_sensors(system.undeformed[number] + u[rows] + late * v[rows])
                 for one, y in zip(system.series, answer, strict=True):
                     if one.id.startswith(f"{curve.id} {sensor} "):
                         axis = "xyz".index(one.id[-1])
                         assert np.abs(y + curve.sensors[sensor][0, axis] - there[:, axis]).max() < 1e-12
 
 
-def test_other_curves_share_the_models(closed: tuple[Trajectories, Closed], lagging: Dataset) -> None:
+def test_other_curves_share_the_models(closed: tuple[Trajectories, Outcome], lagging: Dataset) -> None:
     system, found = closed
-    model = found.steps[-1].fit.model
+    model = found.rounds[-1].fit.model
     (both,) = system.answers([model])
     (one,) = system.for_curves(lagging.curves[1:]).answers([model])
     assert both is not None and one is not None

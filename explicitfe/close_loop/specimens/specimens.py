@@ -189,7 +189,7 @@ class Specimens:
             keys = dict.fromkeys(k for c in self.curves if getattr(c, table) is not None for k in getattr(c, table).assumed)
             for key in keys:
                 if key.endswith("_mm"):
-                    changed[f"{table}.{key}"] = tuple(scaled(c, table, key, factor) for c in self.curves)
+                    changed[f"{table}.{key}"] = tuple(with_length(c, table, key, factor) for c in self.curves)
         return changed
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
@@ -279,7 +279,7 @@ class Specimens:
         return scales_of(self.curves, float(np.mean(values[0::2])), float(np.mean(values[1::2])))
 
 
-def scaled(curve: Curve, table: str, key: str, factor: float) -> Curve:
+def with_length(curve: Curve, table: str, key: str, factor: float) -> Curve:
     """A curve with one length of its specimen or tool multiplied."""
     own = getattr(curve, table)
     value = None if own is None else getattr(own, key, None)

@@ -4,21 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from explicitfe.close_loop.statistics.covariance import Covariance, stacked
+from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import smooth_basis
-from explicitfe.close_loop.statistics.refit import Fitted
+from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Candidate, System
+from explicitfe.close_loop.thresholds import THRESHOLDS
 
-DRAWS = 20_000  # of the bootstrap
-LEVEL = 0.01  # below, a p-value is significant
-IMITATED = 0.3  # sine of the angle between a smooth function and what the constants can do: below, it is theirs
-DISTINCT = 25.0  # |y_A - y_B|^2 in the metric of Sigma^-1 from which on two models are told apart
-SIGNIFICANT, NOT_SIGNIFICANT, NOT_TESTABLE, FAILED = "significant", "not-significant", "not-testable", "failed"
+# Draws of the bootstrap: a p-value of one per cent is then known to a tenth of itself.
+BOOTSTRAP_DRAWS = 20_000
+# A trial's strength is no smaller than this share of what was tried, so that a fit begins away from no effect.
+SMALLEST_GROWTH = 0.02
+# A fit begins inside the bounds of a strength by this share of its range.
+BOUND_MARGIN_SHARE = 0.05
+# The F-test takes the noise for known no better than from so many rows.
+LEAST_DEGREES_OF_NOISE = 5.0
+# Directions whose singular value is smaller, as a share of the largest, are none.
+RANK_SHARE = 1e-10
+
+Status = Literal["significant", "not-significant", "not-testable", "failed"]
+SIGNIFICANT: Status = "significant"
+NOT_SIGNIFICANT: Status = "not-significant"
+NOT_TESTABLE: Status = "not-testable"
+FAILED: Status = "failed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +41,9 @@ class Fingerprint:
     Attributes
     ----------
     secants : (n, m), y(strength) - y(0) of each trial.
-    values : of the parameters in each trial.
-    limits, plausible : (m,) how many times its secant a trial may grow until the strength is at its bound, and until it is the
-        largest plausible one.
+    values : the parameters of each trial.
+    limits : (m,) by how many times the strength of each trial may grow until it is at its bound.
+    plausible : (m,) the same until it is the largest plausible strength.
     """
 
     candidate: Candidate
@@ -41,7 +54,7 @@ class Fingerprint:
 
     @property
     def visible(self) -> float:
-        """|secant|^2 of the largest plausible strength, of the shape that shows most."""
+        """|secant|^2 of the largest plausible strength, with the shape that shows most."""
         return float(((self.secants * self.plausible) ** 2).sum(axis=0).max(initial=0.0))
 
 
@@ -51,15 +64,14 @@ class Score:
 
     Attributes
     ----------
-    status : significant | not-significant | not-testable | failed.
-    drop : of chi2 by the best trial.
-    p, p_holm : of such a drop by chance, for this candidate alone and among all of them.
-    values : of the parameters that explain most, the strength grown as it explains most.
-    reason : in words.
+    drop : by how much the best trial lowers chi2.
+    p, p_holm : p-value of such a drop by chance, for this candidate alone and among all of them.
+    values : parameters that explain most, with the strength that explains most.
+    reason : for the status, in words.
     """
 
     candidate: Candidate
-    status: str
+    status: Status
     drop: float
     p: float
     p_holm: float
@@ -68,13 +80,13 @@ class Score:
 
 
 def outside(J: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What of the columns lies outside the span of J."""
+    """The part of columns (n, k) that lies outside the span of J (n, p)."""
     U, s, _ = np.linalg.svd(J, full_matrices=False)
-    U = U[:, s > 1e-10 * max(s.max(initial=0.0), 1e-300)]
+    U = U[:, s > RANK_SHARE * max(s.max(initial=0.0), 1e-300)]
     return columns - U @ (U.T @ columns)
 
 
-def fingerprints(system: System, fit: Fitted, covariance: Covariance, candidates: Sequence[Candidate]) -> list[Fingerprint]:
+def fingerprints(system: System, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate]) -> list[Fingerprint]:
     """Secants of all testable candidates, from one model at its best."""
     jobs: list[tuple[Candidate, tuple[float, ...], tuple[float, ...] | None]] = []
     for c in candidates:
@@ -85,62 +97,71 @@ def fingerprints(system: System, fit: Fitted, covariance: Covariance, candidates
     without = list(dict.fromkeys((id(c), zero) for c, _, zero in jobs if zero is not None))
     terms = {id(c): c.term for c in candidates}
     zeros = dict(zip(without, system.answers([plain.plus(terms[key], zero) for key, zero in without]), strict=True))
-    found = []
+    prints = []
     for candidate in candidates:
         if candidate.reason:
             continue
-        columns, kept, limits, plausible = [], [], [], []
+        columns: list[np.ndarray] = []
+        computed: list[tuple[float, ...]] = []
+        limits, plausible = [], []
         for (c, values, zero), answer in zip(jobs, tried, strict=True):
             before = None if zero is None else zeros[id(c), zero]
             if c is not candidate or answer is None or (zero is not None and before is None):
                 continue
-            columns.append(stacked(answer) - (fit.answer if before is None else stacked(before)))
-            kept.append(values)
+            columns.append(stack(answer) - (fit.answer if before is None else stack(before)))
+            computed.append(values)
             bound, usual = _room(candidate, values)
             limits.append(bound)
             plausible.append(usual)
         secants = np.array(columns).T if columns else np.zeros((len(fit.answer), 0))
         if columns:
             secants = outside(fit.movable, covariance.whiten(secants))
-        found.append(Fingerprint(candidate, secants, tuple(kept), np.array(limits), np.array(plausible)))
-    return found
+        prints.append(Fingerprint(candidate, secants, tuple(computed), np.array(limits), np.array(plausible)))
+    return prints
 
 
 def _room(candidate: Candidate, values: tuple[float, ...]) -> tuple[float, float]:
     """How many times the strength of a trial goes into its bound, and into the largest plausible one of its sign."""
     strength = candidate.term.parameters[0].sought
     none = strength.coordinate(strength.none)
-    way = strength.coordinate(values[0]) - none
-    bound = strength.coordinate(strength.high if way > 0.0 else strength.low)
-    usual = max((strength.coordinate(v) - none) / way for v in strength.values)
-    return max((bound - none) / way, 1.0), max(usual, 1.0)
+    size = strength.coordinate(values[0]) - none
+    bound = strength.coordinate(strength.high if size > 0.0 else strength.low)
+    usual = max((strength.coordinate(v) - none) / size for v in strength.values)
+    return max((bound - none) / size, 1.0), max(usual, 1.0)
 
 
-def _grown(candidate: Candidate, values: tuple[float, ...], times: float) -> tuple[float, ...]:
+def _grow(candidate: Candidate, values: tuple[float, ...], times: float) -> tuple[float, ...]:
     """Values with the strength's coordinate multiplied, well inside its bounds."""
     strength = candidate.term.parameters[0].sought
     none = strength.coordinate(strength.none)
     ends = sorted(strength.coordinate(v) for v in (strength.low, strength.high))
-    room = 0.05 * (ends[1] - ends[0])
+    room = BOUND_MARGIN_SHARE * (ends[1] - ends[0])
     x = none + times * (strength.coordinate(values[0]) - none)
     inside = np.clip(x, ends[0] + room * (none > ends[0]), ends[1] - room * (none < ends[1]))
     return (strength.value(float(inside)), *values[1:])
 
 
-def explained(along: np.ndarray, size: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Largest drop of chi2 by an amplitude between 0 and its limit; ``along`` is secant . residual, ``size`` |secant|^2."""
+def largest_drop(along: np.ndarray, size: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """The largest drop of chi2 by an amplitude between 0 and its limit.
+
+    Parameters
+    ----------
+    along, size, limits : (m,) secant . residual, |secant|^2, and the largest amplitude of each trial.
+    """
     amplitude = np.clip(along / np.maximum(size, 1e-300), 0.0, limits)
     return 2.0 * amplitude * along - amplitude**2 * size
 
 
 def scores(
-    fit: Fitted, prints: Sequence[Fingerprint], candidates: Sequence[Candidate], seed: int = 0, draws: int = DRAWS
+    fit: BestFit, prints: Sequence[Fingerprint], candidates: Sequence[Candidate], seed: int = 0, draws: int = BOOTSTRAP_DRAWS
 ) -> list[Score]:
-    """Each candidate's best drop of chi2 and its p-value, by a parametric bootstrap of the search over its trials (the shape
-    exists only where the effect does), then by Holm (1979) over the candidates.
+    """Each candidate's best drop of chi2 and its p-value.
+
+    The p-value comes from a parametric bootstrap of the search over the candidate's trials, because a shape exists only where the
+    effect does, and is then adjusted for the number of candidates by Holm (1979).
     """
-    rest = outside(fit.movable, fit.residual)
-    testable = [p for p in prints if p.visible >= DISTINCT]
+    residual = outside(fit.movable, fit.residual)
+    testable = [p for p in prints if p.visible >= THRESHOLDS.visible_separation]
     drops, best, chance = [], [], []
     if testable:
         every = np.concatenate([p.secants for p in testable], axis=1)
@@ -150,39 +171,42 @@ def scores(
         random = np.random.default_rng(seed)
         drawn = (random.standard_normal((draws, len(s))) * s) @ V * np.sqrt(size)
         limits = np.concatenate([p.limits for p in testable])
-        by_chance = explained(drawn, size, limits)
-        seen = explained(every.T @ rest, size, limits)
+        by_chance = largest_drop(drawn, size, limits)
+        observed = largest_drop(every.T @ residual, size, limits)
         start = 0
-        for p in testable:
-            part = slice(start, start + p.secants.shape[1])
+        for tested in testable:
+            part = slice(start, start + tested.secants.shape[1])
             start = part.stop
-            drops.append(float(seen[part].max()))
-            number = int(np.argmax(seen[part]))
-            along = float(p.secants[:, number] @ rest) / max(float(size[part][number]), 1e-300)
-            best.append(_grown(p.candidate, p.values[number], float(np.clip(along, 0.02, p.limits[number]))))
+            drops.append(float(observed[part].max()))
+            number = int(np.argmax(observed[part]))
+            growth = float(tested.secants[:, number] @ residual) / max(float(size[part][number]), 1e-300)
+            times = float(np.clip(growth, SMALLEST_GROWTH, tested.limits[number]))
+            best.append(_grow(tested.candidate, tested.values[number], times))
             chance.append((1.0 + float((by_chance[:, part].max(axis=1) >= drops[-1]).sum())) / (draws + 1.0))
     adjusted = holm(chance)
-    by_name = {id(p.candidate): (d, b, c, a) for p, d, b, c, a in zip(testable, drops, best, chance, adjusted, strict=True)}
-    found = []
+    entries = zip(drops, best, chance, adjusted, strict=True)
+    by_candidate = dict(zip([id(tested.candidate) for tested in testable], entries, strict=True))
+    scored = []
     for candidate in candidates:
-        mine = next((p for p in prints if p.candidate is candidate), None)
-        if mine is None:
-            found.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), candidate.reason))
-        elif id(candidate) in by_name:
-            drop, values, p, p_holm = by_name[id(candidate)]
-            status = SIGNIFICANT if p_holm < LEVEL else NOT_SIGNIFICANT
+        own = next((one for one in prints if one.candidate is candidate), None)
+        if own is None:
+            scored.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), candidate.reason))
+        elif id(candidate) in by_candidate:
+            drop, values, p, p_holm = by_candidate[id(candidate)]
+            status = SIGNIFICANT if p_holm < THRESHOLDS.significance_p else NOT_SIGNIFICANT
             reason = "explains more than chance would" if status == SIGNIFICANT else "explains no more than chance may"
-            found.append(Score(candidate, status, drop, p, p_holm, values, reason))
-        elif not mine.values:
-            found.append(Score(candidate, FAILED, 0.0, 1.0, 1.0, (), "the model cannot be computed with it"))
+            scored.append(Score(candidate, status, drop, p, p_holm, values, reason))
+        elif not own.values:
+            scored.append(Score(candidate, FAILED, 0.0, 1.0, 1.0, (), "the model cannot be computed with it"))
         else:
-            reason = f"even the largest plausible one stays under the floors ({mine.visible:.2g} where {DISTINCT:g} is needed)"
-            found.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), reason))
-    return found
+            needed = f"{own.visible:.2g} where {THRESHOLDS.visible_separation:g} is needed"
+            reason = f"even the largest plausible one stays under the floors ({needed})"
+            scored.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), reason))
+    return scored
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """p-values adjusted for their number, step-down."""
+    """p-values adjusted for their number, by the step-down method of Holm (1979)."""
     order = np.argsort(p)
     adjusted = np.zeros(len(p))
     worst = 0.0
@@ -198,8 +222,8 @@ class LackOfFit:
 
     Attributes
     ----------
-    chi2, free : whitened sum of squares along smooth functions outside the model's span, and their number.
-    p : of so much by chance.
+    chi2, free : whitened sum of squares along smooth functions outside the model's span, and the number of these.
+    p : p-value of so large a sum by chance.
     """
 
     chi2: float
@@ -212,10 +236,10 @@ class LackOfFit:
         return max(self.chi2 - self.free, 0.0)
 
 
-def lack_of_fit(fit: Fitted, covariance: Covariance) -> LackOfFit:
-    """Test of a residual against smooth functions of the programme: physics is smooth between bends, noise of rows is not.
+def lack_of_fit(fit: BestFit, covariance: Covariance) -> LackOfFit:
+    """A test of a residual against smooth functions of the programme: physics is smooth between bends, and noise is not.
 
-    The plain sum over all rows would test the stated noise rather than the model: 5 % more noise in a thousand rows is
+    The plain sum over all rows would test the stated noise rather than the model, because 5 % more noise in a thousand rows is
     significant there. Where the noise was estimated from what a smooth curve leaves, the test is an F-test.
     """
     blocks = []
@@ -228,8 +252,8 @@ def lack_of_fit(fit: Fitted, covariance: Covariance) -> LackOfFit:
     directions = covariance.whiten(np.concatenate(blocks, axis=1))
     directions, _ = np.linalg.qr(directions / np.linalg.norm(directions, axis=0))
     U, s, _ = np.linalg.svd(outside(fit.movable, directions), full_matrices=False)
-    # What is left of a direction that the constants imitate nearly is the noise of the imposed column in their derivatives.
-    U = U[:, s > IMITATED]
+    # What the constants leave of a direction that they nearly imitate is the noise of the imposed column in their derivatives.
+    U = U[:, s > THRESHOLDS.imitation_sine]
     along = U.T @ outside(fit.movable, fit.residual)
     free, size = U.shape[1], float(along @ along)
     if not free:
@@ -237,6 +261,6 @@ def lack_of_fit(fit: Fitted, covariance: Covariance) -> LackOfFit:
     elif all(row.stated for row in covariance.rows):
         p = float(chi2_distribution.sf(size, free))
     else:
-        left = max(covariance.effective - free, 5.0)
-        p = float(f_distribution.sf(size / free, free, left))
+        known = max(covariance.effective - free, LEAST_DEGREES_OF_NOISE)
+        p = float(f_distribution.sf(size / free, free, known))
     return LackOfFit(size, free, p)

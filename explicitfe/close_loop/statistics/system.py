@@ -1,6 +1,6 @@
-"""What the loop needs to know of a test: measured series, a baseline, candidate effects, and what a model answers.
+"""What the search needs to know of a test: measured series, a baseline, candidate effects, and what a model answers.
 
-The statistics of this folder know nothing else, so the same loop serves specimens under a tool, homogeneous states and the
+The statistics of this folder know nothing else, so the same search serves specimens under a tool, homogeneous states and the
 sensors of a moving tongue.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -23,9 +23,9 @@ class Parameter:
     Attributes
     ----------
     name : such as "C10_Pa" or "viscoelastic.tau_s".
-    group : of constants, or "" where there is one only.
-    sought : bounds and coordinate; the scale is counted in already.
-    start : value to begin with.
+    sought : its bounds and its coordinate, in its own unit.
+    start : the value to begin with.
+    group : the curves that it belongs to, or "" where all share it.
     """
 
     name: str
@@ -35,12 +35,12 @@ class Parameter:
 
     @property
     def low(self) -> float:
-        """Bound of the coordinate."""
+        """Lower bound of the coordinate."""
         return self.sought.coordinate(self.sought.low)
 
     @property
     def high(self) -> float:
-        """Bound of the coordinate."""
+        """Upper bound of the coordinate."""
         return self.sought.coordinate(self.sought.high)
 
     @property
@@ -48,8 +48,8 @@ class Parameter:
         """How far the coordinate moves before the answer changes much: steps of derivatives are shares of it."""
         if self.sought.kind == "log":
             return 1.0
-        ways = [abs(self.sought.coordinate(v) - self.sought.coordinate(self.sought.none)) for v in self.sought.values]
-        return min((way for way in ways if way > 0.0), default=1.0)
+        lengths = [abs(self.sought.coordinate(v) - self.sought.coordinate(self.sought.none)) for v in self.sought.values]
+        return min((length for length in lengths if length > 0.0), default=1.0)
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ class Candidate:
 
     Attributes
     ----------
-    trials : values of the parameters that are tried, without a fit; in one row the same shape and sign, strengths increasing.
+    trials : values of the parameters that are tried without a fit. In one row shape and sign are the same and strengths increase.
     reason : why these data cannot show it; "" if they may.
-    reference : values without the effect, one a row of trials, where that is computed in another way than the model itself
-        (on a mesh, where the model is a homogeneous state): secants are taken from there.
+    reference : for each row of trials, the values without the effect, from which secants are taken. It is empty where that is the
+        model itself; it is not where a trial is computed on a mesh and the model is a homogeneous state.
     """
 
     effect: str
@@ -81,12 +81,12 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A model: the baseline's constants and the terms added to it, each parameter with its coordinate.
+    """A model: the baseline's constants and the terms that were added to it, each parameter with its coordinate.
 
     Attributes
     ----------
     base : parameters of the baseline.
-    terms : added, in order.
+    terms : in the order in which they were added.
     x : (p,) coordinates of the baseline's parameters, then of those of the terms.
     """
 
@@ -114,12 +114,12 @@ class Hypothesis:
         return Hypothesis(self.base, self.terms, np.asarray(x, dtype=float))
 
     def plus(self, term: Term, values: Sequence[float]) -> Hypothesis:
-        """The model with one term more, at values of its parameters."""
+        """The model with a further term, at values of its parameters."""
         more = [p.sought.coordinate(v) for p, v in zip(term.parameters, values, strict=True)]
         return Hypothesis(self.base, (*self.terms, term), np.concatenate([self.x, more]))
 
     def of_terms(self) -> list[tuple[str, dict[str, float]]]:
-        """Effect and values of each term, by the names that the effect gives its parameters."""
+        """The effect of each term, and its values by the names that the effect gives its parameters."""
         values = iter(self.values[len(self.base) :])
         return [(term.effect, {p.name.rpartition(".")[2]: next(values) for p in term.parameters}) for term in self.terms]
 
@@ -130,18 +130,19 @@ class Series:
 
     Attributes
     ----------
-    id : its own name; ``curve`` that of the curve it belongs to, which is left out as a whole in cross-validation.
-    test : curves that are one test (cycles) share it; ``peers`` is the same for nominally equal tests, "" if there are none.
-    specimen : group that it was measured on; "" if the dataset does not say.
-    constants : group of constants that it depends on.
+    id, curve : its own name, and that of the curve that it belongs to.
+    test : the same for curves that are one test, such as its cycles; cross-validation leaves out whole tests.
+    peers : the same for nominally equal tests; "" if there are none.
+    specimen : what it was measured on; "" if the dataset does not say.
+    constants : the group of constants that it depends on.
     measured : (k,) SI; ``time_s`` (k,).
-    noise_sd : of a row, SI; None is unknown.
+    noise_sd : standard deviation of a row, SI; None is unknown.
     imposed_sd : (k,) what the noise of the imposed column adds, SI.
     bends : indices of the rows where the programme bends, first and last among them.
     scatter : stated relative scatter between nominally equal tests; None is unknown.
     trend : place in the order of repeats; 0 if there is none.
     phase : (k,) "loading", "hold" or "unloading" of each row.
-    unit, factor : of the measured column for people, and from SI to it.
+    unit, factor : the unit of the measured column for people, and the factor from SI to it.
     """
 
     id: str
@@ -168,14 +169,19 @@ Answer = list[np.ndarray]
 class System(Protocol):
     """A dataset with its forward model."""
 
-    series: Sequence[Series]
-    base: tuple[Parameter, ...]
+    @property
+    def series(self) -> Sequence[Series]:
+        """The measured columns."""
+
+    @property
+    def base(self) -> tuple[Parameter, ...]:
+        """Parameters of the baseline."""
 
     def start(self) -> Hypothesis:
         """The baseline, at constants to begin with."""
 
     def exact(self, model: Hypothesis) -> bool:
-        """Whether a model's answers are free of numerical roughness, so that small differences of them mean something."""
+        """Whether a model's answers are free of numerical roughness, so that small differences between them mean something."""
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
         """What may be missing in a model."""
@@ -187,19 +193,19 @@ class System(Protocol):
         """What each model predicts of the series, in SI at their rows; None where it cannot be computed."""
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed in other ways: a finer mesh, finer increments."""
+        """What other numerics answer, such as a finer mesh or smaller steps."""
 
     def assumptions(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed with each assumed quantity larger by its likely error."""
+        """What the model answers with each assumed quantity larger by its likely error."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes in a test, of which the ranges of parameters are multiples; 1 stands for "no scale"."""
+    """Sizes in a test, by name; the ranges of parameters are multiples of them."""
 
     values: Mapping[str, float] = field(default_factory=dict)
 
-    def scaled(self, sought: Sought) -> Sought:
+    def in_units(self, sought: Sought) -> Sought:
         """Values and bounds in the parameter's own unit."""
         by = self.values[sought.scale] if sought.scale else 1.0
         return Sought(
@@ -215,22 +221,23 @@ def candidate(name: str, number: int, sought: Mapping[str, Sought], scales: Scal
     name, number : of the effect, and of this term of it, from 1.
     sought : parameter -> how it is looked for, the strength first.
     """
-    scaled = {key: scales.scaled(entry) for key, entry in sought.items()}
-    strength, *shapes = scaled
-    found = scaled[strength]
-    ways: list[list[float]] = []
-    for side in (-1.0, 1.0):
-        way = [v for v in found.values if side * (found.coordinate(v) - found.coordinate(found.none)) > 0.0]
-        if way:
-            ways.append(sorted(way, key=lambda v: abs(found.coordinate(v) - found.coordinate(found.none))))
+    in_units = {key: scales.in_units(entry) for key, entry in sought.items()}
+    first, *shapes = in_units
+    strength = in_units[first]
+    none = strength.coordinate(strength.none)
+    rows: list[list[float]] = []
+    for sign in (-1.0, 1.0):
+        side = [v for v in strength.values if sign * (strength.coordinate(v) - none) > 0.0]
+        if side:
+            rows.append(sorted(side, key=lambda v: abs(strength.coordinate(v) - none)))
     trials = tuple(
-        tuple((value, *shape) for value in way) for shape in product(*(scaled[key].values for key in shapes)) for way in ways
+        tuple((value, *shape) for value in row) for shape in product(*(in_units[key].values for key in shapes)) for row in rows
     )
     head = name if number == 1 else f"{name}.{number}"
-    parameters = tuple(Parameter(f"{head}.{key}", entry, entry.values[0]) for key, entry in scaled.items())
+    parameters = tuple(Parameter(f"{head}.{key}", entry, entry.values[0]) for key, entry in in_units.items())
     return Candidate(name, Term(name, parameters), trials)
 
 
-def described(model: Hypothesis) -> dict[str, Any]:
-    """Name -> value, for reports; of the baseline by group."""
+def values_by_name(model: Hypothesis) -> dict[str, float]:
+    """Name, with the group in brackets where there are several, -> value."""
     return dict(zip([p.name + (f"[{p.group}]" if p.group else "") for p in model.parameters], model.values, strict=True))

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.close_loop.report import failed, mean_errors, told
-from explicitfe.close_loop.search import close
+from explicitfe.close_loop.report import LoopDocuments, add_failure, add_outcome, bound_warnings, errors_of_model, new_report
+from explicitfe.close_loop.search import search
 from explicitfe.close_loop.split import Split
-from explicitfe.close_loop.statistics.refit import Fitted
+from explicitfe.close_loop.statistics.refit import BestFit
+from explicitfe.close_loop.statistics.system import Answer
 from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import InputError, Progress, RunError
 from explicitfe.measured.curve import Dataset
 from explicitfe.results import provenance
+from explicitfe.results.loop_report import CurveError, LoopReport, ReportCurve, Side
 
-Told = tuple[dict[str, Any], list[dict[str, Any]], dict[str, str]]
-MM = 1e3
+MM_PER_M = 1e3
+SCENARIO_FILE, BASELINE_FILE = "scenario.toml", "baseline.toml"
 
 
 def close_trajectories(
@@ -27,8 +28,8 @@ def close_trajectories(
     effects: Sequence[str],
     max_effects: int,
     processes: int | None,
-    progress: Callable[[str, float], None],
-) -> Told:
+    progress: Progress,
+) -> LoopDocuments:
     """The report, curves for its pictures, and the scenarios before and after.
 
     Raises
@@ -38,91 +39,104 @@ def close_trajectories(
     if dataset.scenario is None:
         raise InputError(f"{dataset.path}: without a scenario there is nothing to compare with; add the key scenario.")
     system = trajectory_system(dataset, sides.fit, processes or 1, only=tuple(effects))
-    head = {
-        "dataset": dataset.name,
-        "title": dataset.title,
-        "unit": "mm",
-        "split": {
-            "fit": [c.id for c in sides.fit],
-            "holdout": [c.id for c in sides.holdout],
-            "left_out": sides.left_out,
-            "rule": sides.rule,
-        },
-        "provenance": provenance()
-        | {"dataset": str(dataset.path), "source": dataset.source, "scenario": str(dataset.scenario)}
-        | {"effects_considered": list(effects) or list(LEVERS), "max_effects": max_effects},
-    }
     progress("trace", 0.0)
+    report = _new_report(dataset, sides, effects, max_effects)
     try:
-        closed = close(
+        outcome = search(
             system,
             max_effects=max_effects,
             rows=system.rows,
             single=len(sides.fit) == 1,
-            watch=lambda what, share: progress("trace", share),
+            watch=lambda _, share: progress("trace", share),
         )
         progress("trace", 1.0)
-        with_effects = closed.verdict in ("effect-found", "ambiguous") and bool(closed.effects)
-        last = closed.steps[-1] if with_effects else closed.steps[0]
-        before, after = closed.steps[0].fit, last.fit
-        found = head | told(closed, before, after, last)
+        changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
+        last = outcome.rounds[-1] if changed else outcome.rounds[0]
+        before, after = outcome.rounds[0].fit, last.fit
+        add_outcome(report, outcome, before, after, last)
         progress("predict", 0.0)
-        curves = _errors(found, system, sides, before, after)
+        curves = _add_errors(report, system, sides, before, after)
     except RunError as error:
-        return head | failed(str(error)), [], {}
+        report = _new_report(dataset, sides, effects, max_effects)
+        add_failure(report, str(error))
+        return LoopDocuments(report)
     finally:
         system.runs.close()
     progress("predict", 1.0)
-    found["effect_titles"] |= {name: LEVERS[name].title.partition(" [")[0] for name in found["effect_titles"] if name in LEVERS}
-    found |= {"next_experiment": None, "sensitivity_to_assumed": {}, "warnings": _warnings(sides, before, after)}
-    texts = {"scenario.toml": system.scenario_text(after.model), "baseline.toml": system.scenario_text(before.model)}
-    return found, curves, texts
+    report.effect_titles |= {name: LEVERS[name].title.partition(" [")[0] for name in report.effect_titles if name in LEVERS}
+    report.next_experiment = None
+    report.sensitivity_to_assumed = {}
+    report.warnings = _warnings(sides, before, after)
+    files = {SCENARIO_FILE: system.scenario_text(after.model), BASELINE_FILE: system.scenario_text(before.model)}
+    return LoopDocuments(report, curves, files)
 
 
-def _errors(found: dict[str, Any], system: Trajectories, sides: Split, before: Fitted, after: Fitted) -> list[dict[str, Any]]:
-    """Rms over the sensors of each curve, before and after; for the picture the coordinate that moves most."""
+def _new_report(dataset: Dataset, sides: Split, effects: Sequence[str], max_effects: int) -> LoopReport:
+    report = new_report(dataset, sides, "mm")
+    report.provenance = provenance() | {
+        "dataset": str(dataset.path),
+        "source": dataset.source,
+        "scenario": str(dataset.scenario),
+        "effects_considered": list(effects) or list(LEVERS),
+        "max_effects": max_effects,
+    }
+    return report
+
+
+def _add_errors(report: LoopReport, system: Trajectories, sides: Split, before: BestFit, after: BestFit) -> list[ReportCurve]:
+    """Put the rms over the sensors of each curve into the report, and return the coordinates for its pictures."""
     every = system.for_curves((*sides.fit, *sides.holdout))
-    split = {c.id: "holdout" for c in sides.holdout} | {c.id: "fit" for c in sides.fit}
-    answers = dict(zip(("baseline", "final"), every.answers([before.model, after.model]), strict=True))
+    split: dict[str, Side] = dict.fromkeys((c.id for c in sides.holdout), "holdout")
+    split |= dict.fromkeys((c.id for c in sides.fit), "fit")
+    first, final = every.answers([before.model, after.model])
+    if first is None or final is None:
+        raise RunError("a curve cannot be computed with the model that was found.")
     noise = {one.id: float(row.sd.mean()) for one, row in zip(every.series, every.rows, strict=True)}
-    shown: dict[str, dict[str, Any]] = {}
-    for side, answer in answers.items():
-        if answer is None:
-            raise RunError("a curve cannot be computed with the model that was found.")
-        rows: dict[str, dict[str, Any]] = {}
-        for curve in split:
-            mine = [(one, y) for one, y in zip(every.series, answer, strict=True) if one.curve == curve]
-            rest = np.concatenate([MM * (y - one.measured) for one, y in mine])
-            largest = max(MM * float(np.ptp(one.measured)) for one, _ in mine)
-            rmse = float(np.sqrt(np.mean(rest**2)))
-            floor = MM * float(np.sqrt(np.mean([noise[one.id] ** 2 for one, _ in mine])))
-            rows[curve] = {"split": split[curve], "rmse": rmse, "nrmse": rmse / largest, "floor": floor / largest}
-            most, predicted = max(mine, key=lambda pair: float(np.ptp(pair[0].measured)))
-            here = shown.setdefault(
-                curve,
-                {
-                    "id": f"{curve}, {most.id.removeprefix(curve).strip(' /:-')}",
-                    "split": split[curve],
-                    "x_label": "time (s)",
-                    "y_label": "position (mm)",
-                    "time_s": most.time_s,
-                    "x": most.time_s,
-                    "measured": MM * most.measured,
-                    "sd": np.full(len(most.measured), floor),
-                },
-            )
-            here["before" if side == "baseline" else "after"] = MM * predicted
-        found[side]["error"] = {name: mean_errors(rows, name) for name in ("fit", "holdout")} | {"curves": rows}
-    return list(shown.values())
+    for model, answer in ((report.baseline, first), (report.final, final)):
+        model.error = errors_of_model({name: _error_of(name, side, every, answer, noise) for name, side in split.items()})
+    return [_drawn(name, side, every, first, final, noise) for name, side in split.items()]
 
 
-def _warnings(sides: Split, before: Fitted, after: Fitted) -> list[str]:
-    notes = []
-    for when, fit in (("before", before), ("after", after)):
-        if fit.at_bound:
-            notes.append(
-                f"{when}: {', '.join(dict.fromkeys(fit.at_bound))} ended at a bound: the data want more, or do not care."
-            )
+def _error_of(name: str, side: Side, every: Trajectories, answer: Answer, noise: dict[str, float]) -> CurveError:
+    """The error of one curve over all its sensors.
+
+    Parameters
+    ----------
+    noise : series -> mean noise of its rows [m].
+    """
+    columns = [(one, y) for one, y in zip(every.series, answer, strict=True) if one.curve == name]
+    deviation = np.concatenate([MM_PER_M * (y - one.measured) for one, y in columns])
+    largest = max(MM_PER_M * float(np.ptp(one.measured)) for one, _ in columns)
+    rmse = float(np.sqrt(np.mean(deviation**2)))
+    return CurveError(split=side, rmse=rmse, nrmse=rmse / largest, floor=_floor_mm(name, every, noise) / largest)
+
+
+def _floor_mm(name: str, every: Trajectories, noise: dict[str, float]) -> float:
+    """Rms of the noise of all sensors of a curve [mm]."""
+    return MM_PER_M * float(np.sqrt(np.mean([noise[one.id] ** 2 for one in every.series if one.curve == name])))
+
+
+def _drawn(name: str, side: Side, every: Trajectories, first: Answer, final: Answer, noise: dict[str, float]) -> ReportCurve:
+    """The coordinate of a curve that moves most."""
+    columns = [entry for entry in zip(every.series, first, final, strict=True) if entry[0].curve == name]
+    most, before, after = max(columns, key=lambda entry: float(np.ptp(entry[0].measured)))
+    return ReportCurve(
+        id=f"{name}, {most.id.removeprefix(name).strip(' /:-')}",
+        split=side,
+        x_label="time (s)",
+        y_label="position (mm)",
+        time_s=most.time_s,
+        x=most.time_s,
+        measured=MM_PER_M * most.measured,
+        before=MM_PER_M * before,
+        after=MM_PER_M * after,
+        sd=np.full(len(most.measured), _floor_mm(name, every, noise)),
+    )
+
+
+def _warnings(sides: Split, before: BestFit, after: BestFit) -> list[str]:
+    """What a reader should know, in sentences."""
+    notes = [*bound_warnings("before", before), *bound_warnings("after", after)]
     if not sides.holdout:
         notes.append("no curve is held out: errors are those of curves that were fitted.")
     if len(sides.fit) == 1:

@@ -16,7 +16,8 @@ class Registration:
     Attributes
     ----------
     rotation : (3, 3) R.
-    centre, place : (3,) m; one point in the model's frame and in the sensors'.
+    centre, place : (3,) m; the same point in the model's frame and in that of the sensors.
+    scale : of the model over the sensors.
     """
 
     rotation: np.ndarray
@@ -32,16 +33,17 @@ class Registration:
     def table(self) -> RegistrationTable:
         """As a dataset states it."""
         shift = self.centre - self.scale * self.rotation @ self.place
-        rows = tuple(tuple(map(float, row)) for row in self.rotation)
-        return RegistrationTable.model_construct(
-            rotation=rows, translation=tuple(float(1e3 * x) for x in shift), scale=float(self.scale)
-        )
+        values = {"rotation": self.rotation.tolist(), "translation": (1e3 * shift).tolist(), "scale": float(self.scale)}
+        return RegistrationTable.model_validate(values)
 
 
 def procrustes(table: RegistrationTable, model: np.ndarray, seen: np.ndarray) -> Registration:
-    """The registration, in the parts to be fitted, that brings positions (k, 3) m of a model nearest to those seen.
+    """The registration that brings positions of a model nearest to measured ones (Umeyama 1991).
 
-    Umeyama (1991).
+    Parameters
+    ----------
+    table : which parts are fitted, and what the others are.
+    model, seen : (k, 3) m; the same points in the model and in the measurement.
     """
     free = table.translation == "fit"
     centre = model.mean(axis=0) if free else 1e-3 * np.array(table.translation)

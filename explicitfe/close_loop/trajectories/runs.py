@@ -16,10 +16,9 @@ from explicitfe.mesh.muscle_lines import locate_in_mesh
 from explicitfe.run.prepare import prepare
 from explicitfe.solve.transient import Transient
 
-Settings = tuple[str, ...]
-
-
-Job = tuple[Settings, tuple[float, ...]]
+Settings = tuple[str, ...]  # what --set takes
+Job = tuple[Settings, tuple[float, ...]]  # settings of the scenario, and times [s]
+Run = tuple[np.ndarray, float] | str  # displacements (k, s, 3) m and smallest step [s], or why they cannot be computed
 
 
 def displacements_of(
@@ -31,8 +30,8 @@ def displacements_of(
     ----------
     path, settings : the scenario.
     places : (s, 3) m, in the undeformed body.
-    times_s : (k,) rising; a state between two instants is that of the later one less its velocity, which misses by less than
-        half a squared step times the acceleration.
+    times_s : (k,) rising. A state between two instants is extrapolated from the later one by its velocity, which errs by less
+        than half a squared step times the acceleration.
 
     Returns
     -------
@@ -53,18 +52,18 @@ def displacements_of(
     nodes, weights = prepared.model.mesh.hexes[points.element], shape_functions(points.natural)
     step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
     transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
-    found = np.empty((len(times_s), *places.shape))
+    displacements = np.empty((len(times_s), *places.shape))
     for row, time_s in enumerate(times_s):
         status = transient.advance_to(time_s)
         if status:
             raise RunError(status.message)
         now = simulation.snapshot()
         u = now.displacement[nodes] + (time_s - now.time_s) * now.velocity[nodes]
-        found[row] = np.einsum("sa,sai->si", weights, u)
-    return found, transient.smallest_dt_s
+        displacements[row] = np.einsum("sa,sai->si", weights, u)
+    return displacements, transient.smallest_dt_s
 
 
-def _run_job(path: Path, places: np.ndarray, job: Job) -> tuple[np.ndarray, float] | str:
+def _run_job(path: Path, places: np.ndarray, job: Job) -> Run:
     try:
         return displacements_of(path, job[0], places, job[1])
     except (RunError, InputError) as error:
@@ -84,7 +83,7 @@ class Runs:
         self.path = path
         self.places = places
         self.processes = processes
-        self._kept: dict[Job, tuple[np.ndarray, float] | str] = {}
+        self._kept: dict[Job, Run] = {}
         self._pool: ProcessPoolExecutor | None = None
 
     def close(self) -> None:
@@ -93,11 +92,11 @@ class Runs:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def of(self, jobs: Iterable[Job]) -> list[tuple[np.ndarray, float] | str]:
+    def of(self, jobs: Iterable[Job]) -> list[Run]:
         """Displacements (k, s, 3) m and smallest step [s] of each job, or why it cannot be computed."""
         jobs = list(jobs)
         todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
-        # The first one here: it makes the machine code, which the other processes then only load.
+        # The first run is done here: it makes the machine code, which the other processes then only load.
         if todo and not self._kept:
             self._kept[todo[0]] = _run_job(self.path, self.places, todo[0])
             del todo[0]
@@ -106,7 +105,7 @@ class Runs:
                 self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
                 work = self._pool.map(_run_job, [self.path] * len(todo), [self.places] * len(todo), todo)
                 self._kept |= dict(zip(todo, work, strict=True))
-            except BrokenProcessPool:  # no process can be started from where this one came from
+            except BrokenProcessPool:  # a script that is read from standard input can start no process
                 self._pool, self.processes = None, 1
         for job in todo:
             if job not in self._kept:

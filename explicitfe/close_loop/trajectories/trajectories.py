@@ -1,7 +1,7 @@
 """Sensors on a moving tongue as the loop sees them: coordinates, their registration, candidates, the simulator's answers.
 
-Every candidate is a few ``--set`` settings of the scenario, so whatever is found is written back as a scenario that
-``explicitfe run`` takes. The baseline has no constants of its own but the parts of the registration that are to be fitted.
+Every candidate is a few ``--set`` settings of the scenario, so what is found can be written back as a scenario that
+``explicitfe run`` takes. The constants of the baseline are the parts of the registration that are to be fitted.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.statistics.covariance import stacked
+from explicitfe.close_loop.statistics.covariance import stack
 from explicitfe.close_loop.statistics.fingerprints import outside
 from explicitfe.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.close_loop.statistics.refit import derivatives
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.close_loop.trajectories.levers import FACTOR, LEVERS
 from explicitfe.close_loop.trajectories.registration import Registration, procrustes
 from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings
@@ -33,25 +34,21 @@ from explicitfe.predict.tissue import toml_value
 from explicitfe.scenario.read import read_scenario
 from explicitfe.scenario.transient import TransientScenario
 
-AXES = "xyz"
-UNFORESEEN = 2.0  # such errors are smooth in time, so that they weigh more than noise of equal size
-BOTH = "a finer mesh of another element"
-SMALLEST = 1e-6  # m; noise of a row that is said to be exact
-FINER_CELLS = 1.5  # numbers of elements along each direction where no resolution is named
-STEPS = 0.5  # of the stable step
+AXIS_NAMES = "xyz"
+ANOTHER_ELEMENT, FINER_MESH = "another element", "a finer mesh"
+FINER_AND_OTHER = "a finer mesh of another element"
+SMALLER_STEPS = "smaller steps"
+# The least noise of a row [m]: one that is said to be exact would outweigh all others.
+SMALLEST_NOISE_M = 1e-6
+# A finer mesh has so many times the elements along each direction, where the model names no finer resolution.
+CHECK_CELLS_FACTOR = 1.5
+# The check with smaller steps takes this share of the usual step.
+CHECK_STEP_SHARE = 0.5
+# Steps of a turn [rad] and a shift [mm] that change positions noticeably, and the largest shift [mm].
+TURN_STEP_RAD, SHIFT_STEP_MM, LARGEST_SHIFT_MM = 0.05, 1.0, 50.0
+# The scale may change by these factors.
+SCALE_BOUND_FACTORS = (0.5, 2.0)
 OTHER_ELEMENT = {"hex8": "hex8-stiffness", "hex8-stiffness": "hex8", "hex8-full": "hex8"}
-
-
-# ---- candidates: settings of a scenario ----
-
-
-# ---- registration ----
-
-
-# ---- runs ----
-
-
-# ---- the system ----
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,32 +58,32 @@ class Trajectories:
     Parameters
     ----------
     dataset, curves : ``conditions.settings`` of a curve are settings of its scenario, such as another force of a muscle.
-    first : the registration to begin with; what of it is fitted, the dataset says.
-    rest : (s, 3) m; where the sensors' points of the model are before anything pulls.
+    first : the registration to begin with; the dataset says which parts of it are fitted.
+    undeformed : (s, 3) m; where the sensors' points of the model are before anything pulls.
     runs : shared by all that ask.
     only : candidates that are considered; all if empty.
-    placement_mm : likely error of where each sensor sits, a constant one for each of its axes.
+    placement_mm : likely error of where each sensor sits, constant in time, along each axis.
     """
 
     dataset: Dataset
     curves: tuple[Curve, ...]
     first: Registration
-    rest: np.ndarray
+    undeformed: np.ndarray
     runs: Runs
     only: tuple[str, ...] = ()
     placement_mm: float = 0.0
 
     @cached_property
     def rows(self) -> list[RowNoise]:
-        """Noise of the rows of each series: what is stated, and what of the numerics the checks do not foresee.
+        """Noise of the rows of each series: what is stated, and errors of the numerics that the checks do not foresee.
 
-        The start of a tongue is too fast for few rows to tell it from noise, so none is estimated where one is stated.
+        A tongue starts too fast for few rows to tell its start from noise, so no noise is estimated where one is stated.
         """
         rows = row_noise(self.series)
-        more = UNFORESEEN * self._unforeseen()
+        more = THRESHOLDS.unforeseen_numerics_factor * self._unforeseen()
         stated = [row.sd if one.noise_sd is None else one.noise_sd for one, row in zip(self.series, rows, strict=True)]
         return [
-            RowNoise(np.full(len(one.measured), np.hypot(sd, more + SMALLEST)), 0.0, one.noise_sd is not None)
+            RowNoise(np.full(len(one.measured), np.hypot(sd, more + SMALLEST_NOISE_M)), 0.0, one.noise_sd is not None)
             for one, sd in zip(self.series, stated, strict=True)
         ]
 
@@ -96,7 +93,7 @@ class Trajectories:
 
     @property
     def scenario(self) -> TransientScenario:
-        """As the file has it."""
+        """The scenario as its file has it."""
         return _scenario(self.runs.path, ())
 
     @cached_property
@@ -106,98 +103,108 @@ class Trajectories:
 
     @cached_property
     def base(self) -> tuple[Parameter, ...]:
-        """What of the registration is fitted, about the first one: turn, shift, scale."""
-        table = _table(self.dataset)
-        found = []
+        """The parts of the registration that are fitted, about the first one: turn, shift, scale."""
+        table = _registration_table(self.dataset)
+        parameters = []
         if table.rotation == "fit":
-            found += [Parameter(f"turn_{axis}_rad", Sought((0.05,), -np.pi, np.pi), 0.0) for axis in AXES]
+            turn = Sought((TURN_STEP_RAD,), -np.pi, np.pi)
+            parameters += [Parameter(f"turn_{axis}_rad", turn, 0.0) for axis in AXIS_NAMES]
         if table.translation == "fit":
-            found += [Parameter(f"shift_{axis}_mm", Sought((1.0,), -50.0, 50.0), 0.0) for axis in AXES]
+            shift = Sought((SHIFT_STEP_MM,), -LARGEST_SHIFT_MM, LARGEST_SHIFT_MM)
+            parameters += [Parameter(f"shift_{axis}_mm", shift, 0.0) for axis in AXIS_NAMES]
         if table.scale == "fit":
             s = self.first.scale
-            found.append(Parameter("scale", Sought((s,), 0.5 * s, 2.0 * s, kind="log", none=s), s))
-        return tuple(found)
+            low, high = SCALE_BOUND_FACTORS
+            parameters.append(Parameter("scale", Sought((s,), low * s, high * s, kind="log", none=s), s))
+        return tuple(parameters)
 
     def exact(self, model: Hypothesis) -> bool:
+        """Always: one mesh and one step make answers smooth."""
         return True
 
     def start(self) -> Hypothesis:
+        """The scenario as it stands, with the first registration."""
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))
 
     def registration(self, model: Hypothesis) -> Registration:
-        """Of a model."""
+        """The registration of a model."""
         values = dict(zip([p.name for p in self.base], model.values, strict=False))
-        turn = Rotation.from_rotvec([values.get(f"turn_{axis}_rad", 0.0) for axis in AXES]).as_matrix()
-        shift = np.array([values.get(f"shift_{axis}_mm", 0.0) for axis in AXES])
+        turn = Rotation.from_rotvec([values.get(f"turn_{axis}_rad", 0.0) for axis in AXIS_NAMES]).as_matrix()
+        shift = np.array([values.get(f"shift_{axis}_mm", 0.0) for axis in AXIS_NAMES])
         scale = values.get("scale", self.first.scale)
         return Registration(turn @ self.first.rotation, self.first.centre, self.first.place + 1e-3 * shift, scale)
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
-        there = set(model.effects)
-        found = []
+        """The levers that the model does not have yet."""
+        candidates = []
         for name, lever in LEVERS.items():
-            if name in there or (self.only and name not in self.only):
+            if name in model.effects or (self.only and name not in self.only):
                 continue
             sought = lever.sought(self.scenario)
             if isinstance(sought, str):
-                made = candidate(name, 1, {lever.parameter: FACTOR}, Scales())
-                found.append(replace(made, trials=(), reason=sought))
+                untried = candidate(name, 1, {lever.parameter: FACTOR}, Scales())
+                candidates.append(replace(untried, trials=(), reason=sought))
             else:
-                found.append(candidate(name, 1, {lever.parameter: sought}, Scales()))
-        return found
+                candidates.append(candidate(name, 1, {lever.parameter: sought}, Scales()))
+        return candidates
 
     def sketch(self, model: Hypothesis) -> Hypothesis:
         """The model itself: every candidate is tried in it."""
         return model
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
+        """What each model predicts of the series, m; None where it cannot be computed."""
         return [None if isinstance(a, str) else a for a in self._answers(models)]
 
     def why(self, model: Hypothesis) -> dict[str, str]:
         """Curve -> why a model cannot be computed there."""
-        found = zip(self.curves, self.runs.of(self._jobs(model)), strict=True)
-        return {curve.id: run for curve, run in found if isinstance(run, str)}
+        runs = zip(self.curves, self.runs.of(self._jobs(model)), strict=True)
+        return {curve.id: run for curve, run in runs if isinstance(run, str)}
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
-        """With a finer mesh, another element, both, half the step; each curve by itself, for they need not err alike."""
-        (now,) = self._answers([model])
-        found = {}
-        for way, answer in self._checked(model).items():
+        """What a finer mesh, another element, both, and smaller steps answer in each curve, with the others as they are.
+
+        Each curve is a floor by itself, because they need not err alike.
+        """
+        usual = self._answer(model)
+        floors = {}
+        for numerics, other in self._with_other_numerics(model).items():
             for curve in self.curves:
-                mine = [c is curve for c, _, _ in self._columns]
-                found[f"{way}, {curve.id}"] = [there if m else here for m, there, here in zip(mine, answer, now, strict=True)]
-        return found
+                of_curve = [c is curve for c, _, _ in self._columns]
+                floors[f"{numerics}, {curve.id}"] = [
+                    changed if own else same for own, changed, same in zip(of_curve, other, usual, strict=True)
+                ]
+        return floors
 
     def assumptions(self, model: Hypothesis) -> dict[str, Answer]:
-        """With each sensor elsewhere by the likely error of its place."""
+        """What the model answers with each sensor moved by the likely error of its place."""
         if not self.placement_mm:
             return {}
-        (answer,) = self._answers([model])
-        assert not isinstance(answer, str)
-        found = {}
+        answer = self._answer(model)
+        answers = {}
         for sensor, axis in dict.fromkeys((sensor, axis) for _, sensor, axis in self._columns):
             moved = [(s, a) == (sensor, axis) for _, s, a in self._columns]
-            found[f"place of {sensor}, {AXES[axis]}"] = [
+            answers[f"place of {sensor}, {AXIS_NAMES[axis]}"] = [
                 y + 1e-3 * self.placement_mm * m for y, m in zip(answer, moved, strict=True)
             ]
-        return found
+        return answers
 
     def settings(self, model: Hypothesis, curve: Curve | None = None) -> Settings:
-        """What ``--set`` takes to make the scenario that of a model; with a curve, of its own run."""
+        """What ``--set`` takes to turn the scenario into a model; with a curve, into the run of that curve."""
         own = () if curve is None else _own_settings(curve)
         scenario = _scenario(self.runs.path, own)
-        more = []
+        added: list[str] = []
         for name, values in model.of_terms():
             (strength,) = values.values()
-            more += LEVERS[name].settings(scenario, strength)
-        return (*own, *more)
+            added += LEVERS[name].settings(scenario, strength)
+        return (*own, *added)
 
     def scenario_text(self, model: Hypothesis, curve: Curve | None = None) -> str:
-        """The scenario of a model as a file: run, it gives the model's answers, bit by bit."""
+        """The scenario of a model as a file, which gives the model's answers bit by bit when it is run."""
         settings = self.settings(model, curve)
-        found, _ = read_scenario(self.runs.path, settings)
-        data = found.model_dump(mode="json", by_alias=True, exclude_unset=True)
-        if "file" in data["model"]:  # which is relative to the scenario
+        scenario, _ = read_scenario(self.runs.path, settings)
+        data = scenario.model_dump(mode="json", by_alias=True, exclude_unset=True)
+        if "file" in data["model"]:  # its path is relative to the scenario
             data["model"]["file"] = str((self.runs.path.parent / data["model"]["file"]).resolve())
         lines = [f"# {self.runs.path.name} with what explicitfe close-loop found:", *(f"#   --set {s}" for s in settings)]
         tables = {key: value for key, value in data.items() if isinstance(value, dict) and value}
@@ -208,30 +215,31 @@ class Trajectories:
             lines += ["", "[[muscle]]", *(f"{key} = {toml_value(value)}" for key, value in table.items())]
         return "\n".join(lines) + "\n"
 
-    def _checked(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed in other ways, all curves."""
-        ways: dict[str, Settings] = {"another element": (f"model.element={OTHER_ELEMENT[self.scenario.model.element]}",)}
+    def _with_other_numerics(self, model: Hypothesis) -> dict[str, Answer]:
+        """What a model answers to all curves with another element, a finer mesh, both, and smaller steps."""
+        other: Settings = (f"model.element={OTHER_ELEMENT[self.scenario.model.element]}",)
+        numerics: dict[str, Settings] = {ANOTHER_ELEMENT: other}
         finer = _finer(self.scenario)
         if finer:
-            ways |= {"a finer mesh": (finer,), BOTH: (finer, *ways["another element"])}
+            numerics |= {FINER_MESH: (finer,), FINER_AND_OTHER: (finer, *other)}
         runs = [run for run in self.runs.of(self._jobs(model)) if not isinstance(run, str)]
         if runs:
-            ways["smaller steps"] = (f"analysis.step_us={1e6 * STEPS * min(step for _, step in runs)!r}",)
-        found = {way: self._answers([model], more)[0] for way, more in ways.items()}
-        return {way: answer for way, answer in found.items() if not isinstance(answer, str)}
+            step_us = 1e6 * CHECK_STEP_SHARE * min(step for _, step in runs)
+            numerics[SMALLER_STEPS] = (f"analysis.step_us={step_us!r}",)
+        answers = {name: self._answers([model], settings)[0] for name, settings in numerics.items()}
+        return {name: answer for name, answer in answers.items() if not isinstance(answer, str)}
 
     def _unforeseen(self) -> float:
-        """Rms [m] of what mesh and element change together and the sum of what each changes alone does not show."""
+        """Rms [m] of what mesh and element change together beyond any sum of what each changes alone."""
         model = self.start()
-        (now,) = self._answers([model])
-        base = stacked(now)
-        changes = {way: stacked(answer) - base for way, answer in self._checked(model).items()}
-        if BOTH not in changes:
+        base = stack(self._answer(model))
+        changes = {name: stack(answer) - base for name, answer in self._with_other_numerics(model).items()}
+        if FINER_AND_OTHER not in changes:
             return 0.0
-        both = changes.pop(BOTH)
+        both = changes.pop(FINER_AND_OTHER)
         known = np.column_stack([derivatives(self, model, base), *changes.values()])
-        rest = outside(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300), both[:, None])
-        return float(np.sqrt(np.mean(rest**2)))
+        unforeseen = outside(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300), both[:, None])
+        return float(np.sqrt(np.mean(unforeseen**2)))
 
     @cached_property
     def _columns(self) -> list[tuple[Curve, str, int]]:
@@ -245,6 +253,7 @@ class Trajectories:
         ]
 
     def _series(self, curve: Curve, sensor: str, axis: int) -> Series:
+        """One coordinate of a sensor from the first row on; it bends where a muscle's command does."""
         profiles = [profile_of(muscle) for muscle in _scenario(self.runs.path, _own_settings(curve)).muscle]
         time_s = curve.time_s
         edges = np.concatenate([np.unique(p.time_s) for p in profiles] or [np.zeros(0)])
@@ -252,7 +261,7 @@ class Trajectories:
         pulls = sum((p.at(time_s, tolerance_s=1e-9) for p in profiles), np.zeros(len(time_s)))
         sd = curve.noise.displacement_sd_mm
         return Series(
-            id=f"{curve.id} {sensor} {AXES[axis]}",
+            id=f"{curve.id} {sensor} {AXIS_NAMES[axis]}",
             curve=curve.id,
             test=curve.id,
             peers="",
@@ -271,28 +280,46 @@ class Trajectories:
         )
 
     def _jobs(self, model: Hypothesis, more: Settings = ()) -> list[Job]:
+        """A run a curve, with further settings."""
         return [((*self.settings(model, curve), *more), tuple(curve.time_s.tolist())) for curve in self.curves]
 
     def _answers(self, models: Sequence[Hypothesis], more: Settings = ()) -> list[Answer | str]:
         """What each model predicts with further settings, or why it cannot."""
         runs = iter(self.runs.of(job for model in models for job in self._jobs(model, more)))
         sensors = {sensor: number for number, sensor in enumerate(self.dataset.sensors)}
-        found: list[Answer | str] = []
+        answers: list[Answer | str] = []
         for model in models:
-            mine = {curve.id: next(runs) for curve in self.curves}
-            bad = [run for run in mine.values() if isinstance(run, str)]
-            if bad:
-                found.append(bad[0])
-                continue
             registration = self.registration(model)
-            seen = {name: registration.to_sensors(self.rest + run[0]) for name, run in mine.items()}
-            found.append(
+            seen: dict[str, np.ndarray] = {}
+            problems = []
+            for curve in self.curves:
+                run = next(runs)
+                if isinstance(run, str):
+                    problems.append(run)
+                else:
+                    seen[curve.id] = registration.to_sensors(self.undeformed + run[0])
+            if problems:
+                answers.append(problems[0])
+                continue
+            answers.append(
                 [
                     seen[curve.id][:, sensors[sensor], axis] - curve.sensors[sensor][0, axis]
                     for curve, sensor, axis in self._columns
                 ]
             )
-        return found
+        return answers
+
+    def _answer(self, model: Hypothesis) -> Answer:
+        """What one model predicts.
+
+        Raises
+        ------
+        RunError : it cannot be computed.
+        """
+        (answer,) = self._answers([model])
+        if isinstance(answer, str):
+            raise RunError(answer)
+        return answer
 
 
 def trajectory_system(
@@ -303,7 +330,7 @@ def trajectory_system(
     only: Sequence[str] = (),
     placement_mm: float = 0.0,
 ) -> Trajectories:
-    """The system of some curves of a trajectory dataset, the registration brought near by Procrustes.
+    """The system of some curves of a trajectory dataset, with the registration brought near by Procrustes.
 
     Raises
     ------
@@ -320,35 +347,39 @@ def trajectory_system(
         if point not in mesh.named_points:
             hint = nearest(point, mesh.named_points)
             raise InputError(f'{dataset.path}: sensor "{sensor}" sits on "{point}", which the model does not have; {hint}')
-    rest = mesh.points[[mesh.named_points[point] for point in dataset.sensors.values()]]
-    runs = Runs(dataset.scenario, rest, processes)
+    undeformed = mesh.points[[mesh.named_points[point] for point in dataset.sensors.values()]]
+    runs = Runs(dataset.scenario, undeformed, processes)
     modelled, seen = [], []
     curves = tuple(curves)
     for curve, run in zip(curves, runs.of((_own_settings(c), tuple(c.time_s.tolist())) for c in curves), strict=True):
         if isinstance(run, str):
             raise RunError(f'curve "{curve.id}": {run}')
-        modelled.append((rest + run[0]).reshape(-1, 3))
+        modelled.append((undeformed + run[0]).reshape(-1, 3))
         seen.append(np.stack([curve.sensors[name] for name in dataset.sensors], axis=1).reshape(-1, 3))
-    first = procrustes(_table(dataset), np.concatenate(modelled), np.concatenate(seen))
-    return Trajectories(dataset, curves, first, rest, runs, tuple(only), placement_mm)
+    first = procrustes(_registration_table(dataset), np.concatenate(modelled), np.concatenate(seen))
+    return Trajectories(dataset, curves, first, undeformed, runs, tuple(only), placement_mm)
 
 
-def _table(dataset: Dataset) -> RegistrationTable:
+def _registration_table(dataset: Dataset) -> RegistrationTable:
+    """What the dataset says of the registration; nothing is fitted if it says nothing."""
     return dataset.registration or RegistrationTable()
 
 
 @cache
 def _scenario(path: Path, settings: Settings) -> TransientScenario:
-    found, _ = read_scenario(path, settings)
-    assert isinstance(found, TransientScenario)
-    return found
+    """A transient scenario with settings."""
+    scenario, _ = read_scenario(path, settings)
+    assert isinstance(scenario, TransientScenario)
+    return scenario
 
 
 def _own_settings(curve: Curve) -> Settings:
-    found = curve.conditions.get("settings", [])
-    if not isinstance(found, list) or not all(isinstance(entry, str) for entry in found):
+    """The settings that a curve states for its own run."""
+    stated = curve.conditions.get("settings", [])
+    settings = [entry for entry in stated if isinstance(entry, str)] if isinstance(stated, list) else []
+    if not isinstance(stated, list) or len(settings) < len(stated):
         raise InputError(f'curve "{curve.id}": conditions.settings must be an array of strings such as "muscle.GGp.force_N=1.0".')
-    return tuple(found)
+    return tuple(settings)
 
 
 def _finer(scenario: TransientScenario) -> str:
@@ -363,4 +394,5 @@ def _finer(scenario: TransientScenario) -> str:
         if later:
             return f"model.resolution={later[0]}"
     s, t, w = catalogue.cells_of(table.name, table.resolution, table.cells)
-    return f"model.cells={[round(FINER_CELLS * s), round(FINER_CELLS * t), 2 * round(FINER_CELLS * w / 2)]}"
+    factor = CHECK_CELLS_FACTOR
+    return f"model.cells={[round(factor * s), round(factor * t), 2 * round(factor * w / 2)]}"

@@ -1,0 +1,347 @@
+"""The loop closed on tests of specimens; what is found is written back as a tissue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from explicitfe.close_loop.next_test import next_experiment
+from explicitfe.close_loop.report import LoopDocuments, add_failure, add_outcome, bound_warnings, errors_of_model, new_report
+from explicitfe.close_loop.search import ASSUMED, Outcome, Round, search
+from explicitfe.close_loop.specimens.simulator import Simulator
+from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Specimens
+from explicitfe.close_loop.split import Split
+from explicitfe.close_loop.statistics.covariance import Covariance
+from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
+from explicitfe.close_loop.statistics.noise import row_noise
+from explicitfe.close_loop.statistics.refit import BestFit, refit
+from explicitfe.close_loop.statistics.system import values_by_name
+from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.effects import EFFECTS
+from explicitfe.errors import Progress, RunError, Stage
+from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
+from explicitfe.predict.experiment import experiments
+from explicitfe.results import provenance
+from explicitfe.results.loop_report import (
+    AssumedValue,
+    CurveError,
+    LoopReport,
+    NextExperiment,
+    ReportCurve,
+    ReportedModel,
+    Verdict,
+)
+
+MODEL_FILE, BASELINE_FILE = "model.toml", "baseline.toml"
+# Runs of each test in one round, usually: by their number a waiting person sees that the search goes on.
+USUAL_RUNS_OF_A_TEST = 20
+# Share of the stage "trace" in which curves that cannot be computed are left out, and share that all rounds take.
+FIRST_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.8
+# Shares of the stages "decide" and "predict" at which their second parts begin.
+DECIDE_PROGRESS, PREDICT_PROGRESS = 0.4, 0.8
+X_AXES = {
+    "displacement_m": ("displacement (mm)", 1e3),
+    "force_N": ("force (N)", 1.0),
+    "stretch": ("stretch", 1.0),
+    "shear_strain": ("shear", 1.0),
+}
+Y_AXES = {
+    "displacement_m": "displacement (mm)",
+    "force_N": "force (N)",
+    "nominal_stress_Pa": "nominal stress (Pa)",
+    "shear_stress_Pa": "shear stress (Pa)",
+}
+
+
+def close_specimens(
+    dataset: Dataset,
+    sides: Split,
+    constants_by: str | None,
+    effects: Sequence[str],
+    max_effects: int,
+    processes: int | None,
+    progress: Progress,
+) -> LoopDocuments:
+    """The report, curves for its pictures, and the tissues before and after."""
+    simulator = Simulator(processes)
+    try:
+        loop = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), max_effects, progress)
+        documents = loop.close()
+    finally:
+        simulator.close()
+    documents.report.provenance["runs"] = simulator.runs
+    return documents
+
+
+class _SpecimenLoop:
+    """One closing of the loop on tests of specimens."""
+
+    def __init__(
+        self,
+        dataset: Dataset,
+        sides: Split,
+        simulator: Simulator,
+        constants_by: str | None,
+        effects: tuple[str, ...],
+        max_effects: int,
+        progress: Progress,
+    ) -> None:
+        self.dataset, self.sides, self.simulator = dataset, sides, simulator
+        self.max_effects, self.progress = max_effects, progress
+        self.system = Specimens(dataset, sides.fit, simulator, COARSE, constants_by, effects)
+        self._stage: tuple[Stage, float, float] = ("trace", 0.0, 0.0)
+        self._runs_before = 0
+        self._shown_share: dict[Stage, float] = {}
+        simulator.watch = self._after_a_run
+
+    # ---- progress ----
+
+    def _enter(self, stage: Stage, share: float, until: float) -> None:
+        """Say that a stage has come to a share; runs from now on lead towards ``until``."""
+        self._stage, self._runs_before = (stage, share, until), self.simulator.runs
+        self._show(stage, share)
+
+    def _after_a_run(self) -> None:
+        """Move the share on: never backwards, and never quite to the end, since nobody knows how many runs are to come."""
+        stage, share, until = self._stage
+        runs = (self.simulator.runs - self._runs_before) / (USUAL_RUNS_OF_A_TEST * len(self.system.tests))
+        self._show(stage, share + (until - share) * float(-np.expm1(-runs)))
+
+    def _show(self, stage: Stage, share: float) -> None:
+        """Show no less than before: a round that took many runs may have been thought further than it was."""
+        self._shown_share[stage] = max(self._shown_share.get(stage, 0.0), share)
+        self.progress(stage, self._shown_share[stage])
+
+    # ---- the loop ----
+
+    def close(self) -> LoopDocuments:
+        """The report, curves for its pictures, and texts of the model files."""
+        self._enter("trace", 0.0, FIRST_PROGRESS)
+        share_of_round = ROUNDS_PROGRESS_SHARE / (self.max_effects + 1)
+        try:
+            self._leave_out_what_fails()
+            outcome = search(
+                self.system,
+                max_effects=self.max_effects,
+                single=len(self.system.tests) == 1,
+                watch=lambda _, share: self._enter("trace", share, min(share + share_of_round, 1.0)),
+            )
+        except RunError as error:
+            report = self._new_report()
+            add_failure(report, str(error))
+            return LoopDocuments(report)
+        self._enter("trace", 1.0, 1.0)
+        changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
+        last = outcome.rounds[-1] if changed else outcome.rounds[0]
+        before, after = outcome.rounds[0].fit, last.fit
+        if not self.system.exact(after.model):
+            self._enter("decide", 0.0, DECIDE_PROGRESS)
+            self.system = replace(self.system, numerics=FINE)
+            before = refit(self.system, before.model, last.covariance, slopes=before.slopes)
+            self._enter("decide", DECIDE_PROGRESS, 1.0)
+            after = refit(self.system, after.model, last.covariance, slopes=after.slopes) if changed else before
+            self._enter("decide", 1.0, 1.0)
+        self._enter("predict", 0.0, PREDICT_PROGRESS)
+        report = self._new_report()
+        add_outcome(report, outcome, before, after, last)
+        curves = self._add_errors(report, before, after, last)
+        report.sensitivity_to_assumed = self._sensitivity(outcome, before, after, last)
+        self._enter("predict", PREDICT_PROGRESS, 1.0)
+        report.next_experiment = self._next_experiment(outcome)
+        report.warnings = self._warnings(report, before, after)
+        self._enter("predict", 1.0, 1.0)
+        files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
+        return LoopDocuments(report, curves, files)
+
+    def _leave_out_what_fails(self) -> None:
+        """Leave out the curves that the simulator cannot follow, with the reason."""
+        why = self.system.failing()
+        reasons = {name: f"the simulator cannot follow it: {reason}" for name, reason in why.items()}
+        self.sides = replace(self.sides, left_out=self.sides.left_out | reasons)
+        followed = tuple(c for c in self.system.curves if c.id not in why)
+        if not followed:
+            raise RunError(f"the simulator can follow none of the curves: {next(iter(why.values()))}")
+        self.system = replace(self.system, curves=followed)
+
+    def _tissue_text(self, fit: BestFit, title: str) -> str:
+        tissue = self.system.tissue(fit.model)
+        return tissue.model_copy(update={"title": f"{self.dataset.name}: {title}"}).text
+
+    # ---- the report ----
+
+    def _new_report(self) -> LoopReport:
+        unit, _ = PRINTED_UNITS[self.system.curves[0].predicted]
+        report = new_report(self.dataset, replace(self.sides, fit=self.system.curves), unit)
+        report.provenance = provenance() | {
+            "dataset": str(self.dataset.path),
+            "source": self.dataset.source,
+            "constants_by": self.system.constants_by,
+            "effects_considered": list(self.system.only) or list(EFFECTS),
+            "max_effects": self.max_effects,
+        }
+        return report
+
+    def _add_errors(self, report: LoopReport, before: BestFit, after: BestFit, last: Round) -> list[ReportCurve]:
+        """Put the errors of all curves before and after into the report, and return the curves for its pictures."""
+        every = (*self.system.curves, *self.sides.holdout)
+        tests = experiments(every)
+        tissues = [self.system.tissue(fit.model) for fit in (before, after)]
+        runs = self.simulator.run([(test, tissue.text) for tissue in tissues for test in tests])
+        floors = self._floors(last.covariance)
+        answers: list[dict[str, np.ndarray]] = []
+        models: tuple[ReportedModel, ReportedModel] = (report.baseline, report.final)
+        for model, part in zip(models, (runs[: len(tests)], runs[len(tests) :]), strict=True):
+            errors: dict[str, CurveError] = {}
+            answers.append({})
+            for test, run in zip(tests, part, strict=True):
+                for number, curve in enumerate(test):
+                    if isinstance(run, str):
+                        errors[curve.id] = CurveError(split=curve.split, rmse=None, nrmse=None, floor=None, message=run)
+                        continue
+                    factor = PRINTED_UNITS[curve.predicted][1]
+                    measured = factor * curve.columns[curve.predicted]
+                    values = factor * run[number]
+                    rmse = float(np.sqrt(np.mean((values - measured) ** 2)))
+                    floor = factor * floors[curve.id]
+                    largest = max(float(np.abs(measured).max()), 1e-300)
+                    errors[curve.id] = CurveError(split=curve.split, rmse=rmse, nrmse=rmse / largest, floor=floor / largest)
+                    answers[-1][curve.id] = values
+            model.error = errors_of_model(errors)
+        first, final = answers
+        return [_drawn(c, first[c.id], final[c.id], floors[c.id]) for c in every if c.id in first and c.id in final]
+
+    def _floors(self, covariance: Covariance) -> dict[str, float]:
+        """Curve -> rms [SI] of what no model can be expected to get below, of the fitted and of the held-out curves."""
+        floors = {one.id: covariance.floor_of(k) for k, one in enumerate(covariance.series)}
+        if self.sides.holdout:
+            others = replace(self.system, curves=self.sides.holdout).series
+            spread = covariance.scatter.scale  # equal tests differ by so much, and no model foretells in which direction
+            for one, row in zip(others, row_noise(others), strict=True):
+                floors[one.id] = float(np.sqrt(np.mean(row.sd**2) + spread**2 * np.mean(one.measured**2)))
+        return floors
+
+    def _sensitivity(self, outcome: Outcome, before: BestFit, after: BestFit, last: Round) -> dict[str, list[AssumedValue]]:
+        """Assumed length -> what follows if it is smaller or larger, by a refit of both models."""
+        if outcome.verdict == "failed":
+            return {}
+        rows: dict[str, list[tuple[float, AssumedValue]]] = {}
+        for factor in (1.0 - THRESHOLDS.assumed_variation_share, 1.0 + THRESHOLDS.assumed_variation_share):
+            for name, curves in self.system.assumed(factor).items():
+                table, _, key = name.partition(".")
+                value = float(getattr(getattr(curves[0], table), key))
+                changed = replace(self.system, curves=curves, numerics=COARSE)
+                row = _with_assumed(value, name, changed, outcome, last, after is not before)
+                rows.setdefault(name, []).append((value, row))
+        return {name: [row for _, row in sorted(pairs, key=lambda pair: pair[0])] for name, pairs in rows.items()}
+
+    def _next_experiment(self, outcome: Outcome) -> NextExperiment | None:
+        """A test that would tell apart what these data cannot."""
+        last = outcome.rounds[-1]
+        if not last.ambiguous_with or last.best is None:
+            return None
+        system = replace(self.system, numerics=COARSE)
+        best = last.refits[last.best]
+        proposals = [
+            next_experiment(system, best, last.refits[rival], last.covariance, (last.best, rival))
+            for rival in last.ambiguous_with
+            if rival in last.refits
+        ]
+        # The pair that is hardest to tell apart decides.
+        return min((one for one in proposals if one is not None), key=lambda one: one.separation or 0.0, default=None)
+
+    def _warnings(self, report: LoopReport, before: BestFit, after: BestFit) -> list[str]:
+        """What a reader should know, in sentences."""
+        notes = []
+        for stage, fit in (("before", before), ("after", after)):
+            notes += bound_warnings(stage, fit)
+            if not fit.converged:
+                notes.append(f"{stage}: the search for the best parameters stopped before it settled.")
+        if not self.sides.holdout:
+            notes.append("no curve is held out: errors are those of curves that were fitted.")
+        doubted = [row.curve for row in report.noise.rows if row.curve is not None and not row.stated]
+        if doubted:
+            notes.append(f"noise not stated, or rows rougher than stated: estimated from the rows of {', '.join(doubted)}.")
+        if report.n_eff is not None and report.n_eff < THRESHOLDS.few_data:
+            notes.append(f"n_eff is {report.n_eff:.1f}: so few independent rows show only what is very strong.")
+        if len({c.group for c in self.system.curves}) > 1 and report.noise.scatter_source == "unknown":
+            notes.append(
+                "several specimens, no repeats and no repeat_sd_fraction: scatter between them would count as an effect."
+            )
+        if len(self.system.tests) == 1:
+            notes.append("one test only: nothing that it shows can be confirmed by another, so no effect is claimed.")
+        for entry in report.noise.numerical:
+            what, share = entry.what or "", entry.share_of_noise or 0.0
+            if share > THRESHOLDS.numerical_share_of_noise and ASSUMED.strip() not in what:
+                notes.append(f"with {what} the answer changes by {share:.2g} of the noise, beyond the constants: a floor.")
+        errors = report.final.error
+        if report.verdict in ("effect-found", "no-missing-effect") and errors.fit:
+            usual = max(c.nrmse for c in errors.curves.values() if c.split == "fit" and c.nrmse is not None)
+            held = {name: c.nrmse for name, c in errors.curves.items() if c.split == "holdout" and c.rmse is not None}
+            missed = [name for name, nrmse in held.items() if (nrmse or 0.0) > THRESHOLDS.missed_factor * usual]
+            if missed:
+                notes.append(f"held out and missed by more than any fitted curve: {', '.join(missed)}; the verdict stands.")
+        notes += [f"{name}: {curve.message}" for name, curve in errors.curves.items() if curve.message]
+        return notes
+
+
+def _with_assumed(value: float, name: str, changed: Specimens, outcome: Outcome, last: Round, with_effects: bool) -> AssumedValue:
+    """What follows if an assumed length has another value.
+
+    Parameters
+    ----------
+    name : of the length, such as "tool.radius_mm".
+    changed : the tests with this value.
+    with_effects : the final model is not the baseline.
+    """
+    floors = {k: d for k, d in last.covariance.floors.items() if name not in k}
+    covariance = replace(last.covariance, floors=floors)
+    first = outcome.rounds[0].fit
+    try:
+        one = refit(changed, first.model, covariance, slopes=first.slopes)
+        other = refit(changed, last.fit.model, covariance, slopes=last.fit.slopes) if with_effects else one
+    except RunError as error:
+        return AssumedValue(value=value, verdict="failed", message=str(error))
+    verdict: Verdict = outcome.verdict
+    at_floor = lack_of_fit(one, covariance).p > THRESHOLDS.significance_p
+    if with_effects and one.chi2 - other.chi2 < THRESHOLDS.visible_separation:
+        verdict = "no-missing-effect" if at_floor else "unexplained"
+    if not with_effects and outcome.verdict == "no-missing-effect" and not at_floor:
+        verdict = "unexplained"
+    return AssumedValue(
+        value=value,
+        verdict=verdict,
+        effects=list(outcome.effects) if verdict == outcome.verdict else [],
+        parameters=dict(values_by_name(other.model)),
+        error_fit=float(np.mean(_errors_of(changed, other))),
+    )
+
+
+def _errors_of(system: Specimens, fit: BestFit) -> list[float]:
+    """Rms deviation of each series as a share of its largest value."""
+    ends = np.cumsum([len(one.measured) for one in system.series])[:-1]
+    parts = np.split(fit.answer, ends)
+    return [
+        float(np.sqrt(np.mean((part - one.measured) ** 2)) / np.abs(one.measured).max())
+        for one, part in zip(system.series, parts, strict=True)
+    ]
+
+
+def _drawn(curve: Curve, before: np.ndarray, after: np.ndarray, floor: float) -> ReportCurve:
+    """A curve for the report's pictures; answers are in the unit of the axis, and the floor is in SI."""
+    label, factor = X_AXES[curve.imposed]
+    _, y_factor = PRINTED_UNITS[curve.predicted]
+    measured = y_factor * curve.columns[curve.predicted]
+    return ReportCurve(
+        id=curve.id,
+        split=curve.split,
+        x_label=label,
+        y_label=Y_AXES[curve.predicted],
+        time_s=curve.time_s,
+        x=factor * programme_of(curve),
+        measured=measured,
+        before=before,
+        after=after,
+        sd=np.full(len(measured), y_factor * floor),
+    )

@@ -1,0 +1,58 @@
+"""What ``explicitfe design-test`` says of a planned test. Only keys that were set are written."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+
+class EffectInTest(BaseModel):
+    """What a planned test could say of one effect.
+
+    Attributes
+    ----------
+    strength : the parameter that is its strength; ``smallest`` and ``largest_plausible`` are in its unit.
+    shows : whether its largest plausible strength would show.
+    visible : squared distance to the model without it, at that strength, over the covariance.
+    smallest : the smallest strength that would show; None if it is beyond the bounds.
+    hides_in : constant -> the relative change that would imitate the effect up to there.
+    reason : why it does not show.
+    nearest, separation : the effect that imitates it best, and how far off that one stays.
+    cannot_tell_from : effects that the test would not tell from it.
+    """
+
+    effect: str
+    strength: str
+    shows: bool
+    visible: float = 0.0
+    largest_plausible: float | None = None
+    smallest: float | None = None
+    hides_in: dict[str, float] = {}
+    reason: str = ""
+    nearest: str | None = None
+    separation: float | None = None
+    cannot_tell_from: list[str] = []
+
+
+class PlannedTest(BaseModel):
+    """What a planned test can find and tell apart.
+
+    Attributes
+    ----------
+    protocol, file : its title, and where it is described.
+    n_eff : number of independent data that it would give.
+    constants : of the tissue that is expected.
+    effects : those that show most first.
+    runs : of the simulator.
+    """
+
+    protocol: str
+    file: str
+    n_eff: float
+    constants: dict[str, float]
+    effects: list[EffectInTest]
+    runs: int
+
+    @property
+    def document(self) -> dict[str, object]:
+        """The answer as JSON has it."""
+        return self.model_dump(exclude_unset=True)

@@ -1,15 +1,15 @@
 """What a fit hides: how far the constants would move if something that was taken for granted were otherwise.
 
 For each alternative the test is run once more with the fitted constants. Of the change dy of the prediction the constants can
-take up a part, d theta = -(J^T W J)^-1 J^T W dy to first order; what is left over, dy + J d theta, is all that could betray it.
-Where d theta is large, the step is made and the alternative run again from there, J corrected by what that shows (Broyden).
+take up a part, d theta = -(J^T W J)^-1 J^T W dy to first order; only what is left over, dy + J d theta, could betray it. Where
+d theta is large, the step is made and the alternative is run again from there, with J corrected by what that shows (Broyden).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
@@ -17,27 +17,36 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.identify.fit import Fit, Observed, Problem
 from explicitfe.identify.forward import depths, forces, smoothest
 from explicitfe.measured.curve import Curve
-from explicitfe.predict.setup import Setup
+from explicitfe.predict.setup import Setup, SpecimenKeys, ToolKeys
 
-GRAVITY = (0.0, 0.0, -9.81)
-LAYER_MM, LAYER_RATIO = 1.0, 3.0
-OTHER_POISSON = 0.49
-ASSUMED_SHARE = 0.2
-POINTS, BEYOND = 12, 1.1  # depths of a run, and how far it goes under imposed forces
-PASSES, NEAR, SMALL, FARTHEST = (
-    4,
-    0.2,
-    0.1,
-    0.3,
-)  # a large step is not the first order's: another run there, until the last one was small
-PLATEN_DEPTH = 0.5  # of the height: deeper, free sides fold
-COARSER = 0.75  # the mesh that goes with a sharper edge is this much coarser, or it would take longer than all the rest
-LENGTHS = {"specimen": ("radius_mm", "height_mm", "size_mm", "layer_mm"), "tool": ("radius_mm", "edge_radius_mm")}
+GRAVITY_M_S2 = (0.0, 0.0, -9.81)
+# A surface layer such as the tongue's mucosa: its thickness, and its stiffness over the body's.
+LAYER_THICKNESS_MM = 1.0
+LAYER_STIFFNESS_RATIO = 3.0
+OTHER_POISSON_RATIO = 0.49
+ASSUMED_LENGTH_SHARE = 0.2  # A length that the source does not state is taken to be this much shorter, and longer.
+DEPTHS_OF_AN_ALTERNATIVE = 12
+# Under imposed forces an alternative may sink in deeper than what was measured: the runs go so much farther.
+ALTERNATIVE_DEPTH_FACTOR = 1.1
+# The answer to a large change of the constants is not linear: another run is made from there, until the last change was less than
+# a share of the constants, or so many runs were made.
+MOST_RUNS_OF_AN_ALTERNATIVE = 4
+SMALL_CHANGE_SHARE = 0.2
+SMALLEST_SCALE_C10_SHARE = 0.1  # C20 may be 0: a change of it is compared with no less than this share of C10.
+LEAST_C10_SHARE = 0.3  # From one run to the next C10 falls to no less than this share.
+PLATEN_DEPTH_HEIGHT_SHARE = 0.5  # Deeper than this, free sides fold.
+# The mesh that goes with a sharper edge is this much coarser: it would take longer than all other alternatives.
+SHARP_EDGE_REFINEMENT_FACTOR = 0.75
+OTHER_LENGTH_FACTORS = (1.0 - ASSUMED_LENGTH_SHARE, 1.0 + ASSUMED_LENGTH_SHARE)
+SpecimenLength = Literal["radius_mm", "height_mm", "size_mm", "layer_mm"]
+ToolLength = Literal["radius_mm", "edge_radius_mm"]
+SPECIMEN_LENGTHS: tuple[SpecimenLength, ...] = ("radius_mm", "height_mm", "size_mm", "layer_mm")
+TOOL_LENGTHS: tuple[ToolLength, ...] = ("radius_mm", "edge_radius_mm")
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Something that may be otherwise than the fit supposes: its name in words, and the test then."""
+    """Something that the fit supposes and that may be otherwise: its name in words, and the test as it would be then."""
 
     name: str
     setup: Setup
@@ -49,10 +58,10 @@ class Hidden:
 
     Attributes
     ----------
-    change : (2,) of C10 and C20, relative to them; of C20 to C10 where it is 0.
+    change : (2,) change of C10 and C20, relative to them; that of C20 relative to C10 where C20 is 0.
     left : rms of what the constants cannot take up, in the unit of the data, SI.
-    left_in_noise : the same in sds of the rows.
-    problem : why there are no numbers.
+    left_in_noise : the same in standard deviations of the rows.
+    problem : why there are no numbers; "" where there are.
     """
 
     name: str
@@ -63,46 +72,70 @@ class Hidden:
 
 
 def alternatives(setup: Setup, curve: Curve) -> list[Alternative]:
-    """All that is worth asking of a test."""
+    """All alternatives that are worth a run for a test."""
     specimen, tool = setup.specimen, setup.tool
     assert curve.specimen is not None and curve.tool is not None
-    height = specimen["height_mm"] if "height_mm" in specimen else specimen["size_mm"][2]
-    found = []
+    choices = []
 
-    def add(name: str, body: dict[str, Any] | None = None, hand: dict[str, Any] | None = None, **more: Any) -> None:
-        changed = replace(setup, specimen=specimen | (body or {}), tool=tool | (hand or {}), **more)
-        found.append(Alternative(name, changed))
+    def add(
+        name: str, of_specimen: SpecimenKeys | None = None, of_tool: ToolKeys | None = None, poisson: float = setup.poisson
+    ) -> None:
+        new_specimen: SpecimenKeys = {**specimen, **(of_specimen or {})}
+        new_tool: ToolKeys = {**tool, **(of_tool or {})}
+        choices.append(Alternative(name, replace(setup, specimen=new_specimen, tool=new_tool, poisson=poisson)))
 
     if tool["shape"] == "platen" and curve.specimen.base == "unknown":
         add("sticking contact on both faces", {"base": "bonded"}, {"friction": "stick"})
     elif tool["shape"] != "bonded-disc":
         if tool["friction"] == "stick":
-            add("contact without friction", hand={"friction": 0.0})
+            add("contact without friction", of_tool={"friction": 0.0})
         else:
-            add("sticking contact", hand={"friction": "stick"})
+            add("sticking contact", of_tool={"friction": "stick"})
         if curve.specimen.base == "unknown":
             add("a sliding base", {"base": "sliding"})
     if "layer_mm" in specimen:
         add("no surface layer", {"layer_mm": 0.0, "layer_stiffness_ratio": 1.0})
     else:
-        thickness = min(LAYER_MM, height / 10.0)
-        name = f"a surface layer of {thickness:.3g} mm, {LAYER_RATIO:g} times as stiff"
-        add(name, {"layer_mm": thickness, "layer_stiffness_ratio": LAYER_RATIO})
-    add(f"Poisson's ratio {OTHER_POISSON:g}", poisson=OTHER_POISSON)
-    for table, of in (("specimen", curve.specimen), ("tool", curve.tool)):
-        for key in [key for key in LENGTHS[table] if key in of.assumed]:
-            value = (specimen if table == "specimen" else tool).get(key)
-            for share in (1.0 - ASSUMED_SHARE, 1.0 + ASSUMED_SHARE):
-                # of a block the width and breadth are inferred, its thickness is where it was pressed
-                changed = [share * value[0], share * value[1], value[2]] if key == "size_mm" else share * value
-                name = f"{table} {key.removesuffix('_mm').replace('_', ' ')} {100.0 * (share - 1.0):+.0f} %"
-                add(name, **{"body" if table == "specimen" else "hand": {key: changed}})
+        thickness = min(LAYER_THICKNESS_MM, setup.height_mm / 10.0)
+        name = f"a surface layer of {thickness:.3g} mm, {LAYER_STIFFNESS_RATIO:g} times as stiff"
+        add(name, {"layer_mm": thickness, "layer_stiffness_ratio": LAYER_STIFFNESS_RATIO})
+    add(f"Poisson's ratio {OTHER_POISSON_RATIO:g}", poisson=OTHER_POISSON_RATIO)
+    for key in SPECIMEN_LENGTHS:
+        if key in curve.specimen.assumed:
+            for factor in OTHER_LENGTH_FACTORS:
+                add(_length_name("specimen", key, factor), _longer_specimen(specimen, key, factor))
+    for tool_key in TOOL_LENGTHS:
+        if tool_key in curve.tool.assumed:
+            for factor in OTHER_LENGTH_FACTORS:
+                add(_length_name("tool", tool_key, factor), of_tool=_longer_tool(tool, tool_key, factor))
     if tool["shape"] == "flat-cylinder":
         half = 0.5 * tool["edge_radius_mm"]
-        coarser = {"refinement": COARSER * specimen["refinement"]}
+        coarser: SpecimenKeys = {"refinement": SHARP_EDGE_REFINEMENT_FACTOR * specimen["refinement"]}
         add(f"the tool's edge rounded by {half:.2g} mm", coarser, {"edge_radius_mm": half})
-    add("gravity", {"gravity_m_s2": list(GRAVITY)})
-    return found
+    add("gravity", {"gravity_m_s2": list(GRAVITY_M_S2)})
+    return choices
+
+
+def _length_name(table: str, key: str, factor: float) -> str:
+    return f"{table} {key.removesuffix('_mm').replace('_', ' ')} {100.0 * (factor - 1.0):+.0f} %"
+
+
+def _longer_specimen(specimen: SpecimenKeys, key: SpecimenLength, factor: float) -> SpecimenKeys:
+    if key == "size_mm":
+        # The width and breadth of a block were inferred; its thickness is known where it was pressed.
+        width, breadth, thickness = specimen["size_mm"]
+        return {"size_mm": [factor * width, factor * breadth, thickness]}
+    length = specimen[key]
+    assert length is not None
+    longer: SpecimenKeys = {}
+    longer[key] = factor * length
+    return longer
+
+
+def _longer_tool(tool: ToolKeys, key: ToolLength, factor: float) -> ToolKeys:
+    longer: ToolKeys = {}
+    longer[key] = factor * tool[key]
+    return longer
 
 
 def what_a_fit_hides(
@@ -121,36 +154,36 @@ def what_a_fit_hides(
     choices : of the same test.
     """
     if setup.tool["shape"] == "platen":
-        size = setup.specimen.get("size_mm")
-        limit = PLATEN_DEPTH * 1e-3 * (setup.specimen["height_mm"] if size is None else size[2])
-        observed, fit = _shallow(observed, fit, limit)
+        observed, fit = _shallow(observed, fit, PLATEN_DEPTH_HEIGHT_SHARE * 1e-3 * setup.height_mm)
     if not observed:
         return [], 0
     reach = [o.measured.max() if o.model.by_force else o.imposed.max() for o in observed]
-    beyond = BEYOND if observed[0].model.by_force else 1.0
-    way = depths(beyond * float(max(reach)), POINTS)
-    run = forces(setup, *map(float, fit.constants), way)
-    smooth = smoothest(way, [run])
+    depth_factor = ALTERNATIVE_DEPTH_FACTOR if observed[0].model.by_force else 1.0
+    depths_m = depths(depth_factor * float(max(reach)), DEPTHS_OF_AN_ALTERNATIVE)
+    run = forces(setup, float(fit.constants[0]), float(fit.constants[1]), depths_m)
+    smooth = smoothest(depths_m, [run])
     runs = 1
 
     def predicted(force: np.ndarray) -> np.ndarray:
-        c, _ = smooth.coefficients(way, force)
+        c, _ = smooth.coefficients(depths_m, force)
         return np.concatenate([(smooth.inverse if o.model.by_force else smooth.at)(c, o.imposed)[0] for o in observed])
 
-    # The test as it is by a run at the same depths too, for its roughness to cancel.
-    here = predicted(run)
+    # The test as it was fitted is run at the same depths too, so that the roughness of contact cancels.
+    as_fitted = predicted(run)
     sd = np.concatenate(fit.sds)
     start = Problem(observed, fit.sds).jacobian(fit.constants)
-    unit = np.maximum(fit.constants, SMALL * fit.constants[0])
-    found = []
+    unit = np.maximum(fit.constants, SMALLEST_SCALE_C10_SHARE * fit.constants[0])
+    answers = []
     for choice in choices:
         constants = np.array(fit.constants)
-        J, last = start.copy(), None
+        J = start.copy()
+        last: tuple[np.ndarray, np.ndarray] | None = None
         try:
-            for passed in range(PASSES):
-                change = (predicted(forces(choice.setup, *map(float, constants), way)) - here) / sd
+            for number in range(MOST_RUNS_OF_AN_ALTERNATIVE):
+                force = forces(choice.setup, float(constants[0]), float(constants[1]), depths_m)
+                change = (predicted(force) - as_fitted) / sd
                 runs += 1
-                if last is not None:  # Broyden: what the last step has shown of the alternative's own J
+                if last is not None:  # Broyden: the last step has shown something of the alternative's own J.
                     along = (constants - last[0]) / unit**2
                     seen = change - last[1] - J @ (constants - last[0])
                     J += np.outer(seen, along) / float(along @ (constants - last[0]))
@@ -158,37 +191,38 @@ def what_a_fit_hides(
                 step = _step(J, change, constants)
                 left = change + J @ step
                 constants = constants + step
-                if (np.abs(step) < NEAR * np.maximum(last[0], SMALL * last[0][0])).all() or passed == PASSES - 1:
+                small = SMALL_CHANGE_SHARE * np.maximum(last[0], SMALLEST_SCALE_C10_SHARE * last[0][0])
+                if (np.abs(step) < small).all() or number == MOST_RUNS_OF_AN_ALTERNATIVE - 1:
                     break
-                constants = np.maximum(constants, [FARTHEST * last[0][0], 0.0])
+                constants = np.maximum(constants, [LEAST_C10_SHARE * last[0][0], 0.0])
             scale = np.where(fit.constants > 0.0, fit.constants, fit.constants[0])
             moved = (constants - fit.constants) / scale
-            found.append(Hidden(choice.name, moved, _rms(left * sd), _rms(left)))
+            answers.append(Hidden(choice.name, moved, _rms(left * sd), _rms(left)))
         except (InputError, RunError, ValueError) as error:
-            found.append(Hidden(choice.name, problem=str(error).splitlines()[0]))
+            answers.append(Hidden(choice.name, problem=str(error).splitlines()[0]))
         progress()
-    return found, runs
+    return answers, runs
 
 
 def _step(J: np.ndarray, change: np.ndarray, constants: np.ndarray) -> np.ndarray:
-    """d theta; where C20 would fall below 0 it is held there and C10 takes the rest."""
+    """d theta; where C20 would fall below 0 it is held there, and C10 alone takes up what it can."""
     unit = float(constants[0])
     step = -unit * np.linalg.lstsq(unit * J, change, rcond=None)[0]
     if constants[1] + step[1] < 0.0:
-        rest = change - J[:, 1] * constants[1]
-        step = np.array([-float(J[:, 0] @ rest) / float(J[:, 0] @ J[:, 0]), -constants[1]])
+        remaining = change - J[:, 1] * constants[1]
+        step = np.array([-float(J[:, 0] @ remaining) / float(J[:, 0] @ J[:, 0]), -constants[1]])
     return step
 
 
 def _shallow(observed: Sequence[Observed], fit: Fit, limit_m: float) -> tuple[list[Observed], Fit]:
-    """Rows of no more than some depth."""
-    some, sds = [], []
+    """The rows whose depth does not exceed a limit."""
+    shallow, sds = [], []
     for o, sd in zip(observed, fit.sds, strict=True):
         kept = (o.measured if o.model.by_force else o.imposed) <= limit_m
         if kept.sum() > 2:
-            some.append(replace(o, imposed=o.imposed[kept], measured=o.measured[kept]))
+            shallow.append(replace(o, imposed=o.imposed[kept], measured=o.measured[kept]))
             sds.append(sd[kept])
-    return some, replace(fit, sds=tuple(sds))
+    return shallow, replace(fit, sds=tuple(sds))
 
 
 def _rms(values: np.ndarray) -> float:
@@ -196,10 +230,10 @@ def _rms(values: np.ndarray) -> float:
 
 
 def sentence(hidden: Sequence[Hidden], C10_Pa: float, unit: str, scale: float) -> str:
-    """The warning that a table of alternatives amounts to: the three that move C10 furthest."""
-    known = [h for h in hidden if h.change is not None]
-    if not known:
+    """A warning in one sentence: the three alternatives that would move C10 most."""
+    changes = [(float(h.change[0]), h) for h in hidden if h.change is not None]
+    if not changes:
         return ""
-    worst = sorted(known, key=lambda h: -abs(h.change[0]))[:3]
-    parts = [f"{h.name} would make C10 {100.0 * h.change[0]:+.0f} % and leave {scale * h.left:.2g} {unit}" for h in worst]
+    worst = sorted(changes, key=lambda change: -abs(change[0]))[:3]
+    parts = [f"{h.name} would make C10 {100.0 * change:+.0f} % and leave {scale * h.left:.2g} {unit}" for change, h in worst]
     return f"C10 is {C10_Pa:.4g} Pa only if all that was assumed is true: {'; '.join(parts)}."

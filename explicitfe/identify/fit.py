@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
@@ -14,10 +14,24 @@ from explicitfe.errors import RunError
 from explicitfe.identify.forward import CurveModel
 
 NAMES = ("C10_Pa", "C20_Pa")
-LEVEL = 0.95
-SMALLEST = 1e-3  # Pa: C10 must be above 0
-STEP = 1e-4  # of a constant, in derivatives
-PASSES = 4  # errors of the imposed column count by the model's slope, which the fit changes
+CONFIDENCE_LEVEL = 0.95
+SMALLEST_C10_PA = 1e-3  # C10 must be above 0.
+DERIVATIVE_STEP_SHARE = 1e-4  # Derivatives are central differences over this share of a constant.
+# The fit is repeated at most so often: weights count errors of the imposed column by the model's slope, which the fit changes.
+MOST_PASSES = 4
+# The weights are settled when a pass moves no constant by more than this share of C10.
+SETTLED_C10_SHARE = 1e-7
+# The fit begins with the best of these ratios C20 / (C10 + C20).
+FIRST_RATIOS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+# No row is exact: at zero force, where the slope is zero, a row would have infinite weight. Its noise is at least this share
+# of the median.
+SMALLEST_NOISE_SHARE = 1e-3
+
+# The end of a profile interval is sought farther and farther out, by this factor each time; after so many times it is infinite.
+WIDENING_FACTOR = 1.5
+MOST_WIDENINGS = 12
+
+ConstantsLike = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -28,8 +42,8 @@ class Observed:
     ----------
     id : of the curve.
     imposed, measured : (k,) SI.
-    imposed_sd, measured_sd : of one row; None is unknown.
-    model : predicts ``measured`` from ``imposed``.
+    imposed_sd, measured_sd : noise of one row; None where it is unknown.
+    model : it predicts ``measured`` from ``imposed``.
     """
 
     id: str
@@ -41,26 +55,26 @@ class Observed:
 
     @property
     def noise_known(self) -> bool:
-        """Whether the dataset states a noise that is not zero."""
+        """Whether the dataset states a noise other than zero."""
         return (self.imposed_sd or 0.0) > 0.0 or (self.measured_sd or 0.0) > 0.0
 
-    def predicted(self, constants: Sequence[float]) -> np.ndarray:
+    def predicted(self, constants: ConstantsLike) -> np.ndarray:
         """What the model says (k,)."""
         return self.model(self.imposed, *map(float, constants))
 
-    def sd(self, constants: Sequence[float]) -> np.ndarray:
+    def sd(self, constants: ConstantsLike) -> np.ndarray:
         """Standard deviation of measured - predicted (k,), the imposed column's own error included."""
         slope = self.model.with_slope(self.imposed, *map(float, constants))[1]
         return np.hypot(self.measured_sd or 0.0, slope * (self.imposed_sd or 0.0))
 
-    def errors(self, constants: Sequence[float]) -> dict[str, float]:
+    def errors(self, constants: ConstantsLike) -> dict[str, float]:
         """rmse in the unit of the measured column, and over its largest magnitude; the largest deviation."""
-        rest = self.predicted(constants) - self.measured
-        rmse = float(np.sqrt(np.mean(rest**2)))
+        residual = self.predicted(constants) - self.measured
+        rmse = float(np.sqrt(np.mean(residual**2)))
         return {
             "rmse": rmse,
             "nrmse": rmse / float(np.abs(self.measured).max()),
-            "largest": float(np.abs(rest).max()),
+            "largest": float(np.abs(residual).max()),
         }
 
 
@@ -73,10 +87,10 @@ class Fit:
     constants : (2,) C10, C20 [Pa].
     covariance : (2, 2) Pa^2, from the curvature; of C10 alone where C20 is at its bound.
     curvature, profile : name -> (low, high) Pa, 95 %.
-    at_bound : names of constants at a bound.
+    at_bound : names of constants that ended at a bound.
     chi2, count : weighted sum of squares and rows; with the noise unknown chi2 is in units of the estimated noise.
-    noise_estimated : sds are not stated by the dataset, they are those of the residual.
-    sds : one array a curve, of its rows.
+    noise_estimated : the dataset does not state the noise; it is estimated from the residual.
+    sds : standard deviations of the rows, one array a curve.
     """
 
     constants: np.ndarray
@@ -96,7 +110,7 @@ class Fit:
 
     @property
     def correlation(self) -> float | None:
-        """Of C10 and C20; none at a bound."""
+        """Correlation of C10 and C20; None where one is at its bound."""
         if self.at_bound:
             return None
         return float(self.covariance[0, 1] / np.sqrt(self.covariance[0, 0] * self.covariance[1, 1]))
@@ -108,28 +122,30 @@ class Problem:
     Parameters
     ----------
     observed : the curves.
-    sds : of their rows; found from the noise and the model at ``constants`` if left out.
+    sds : standard deviations of their rows.
     """
 
     def __init__(self, observed: Sequence[Observed], sds: Sequence[np.ndarray]) -> None:
         self.observed = observed
         self.sds = sds
 
-    def residual(self, constants: Sequence[float]) -> np.ndarray:
+    def residual(self, constants: ConstantsLike) -> np.ndarray:
         """(predicted - measured) / sd of all rows."""
         return np.concatenate([(o.predicted(constants) - o.measured) / s for o, s in zip(self.observed, self.sds, strict=True)])
 
-    def chi2(self, constants: Sequence[float]) -> float:
+    def chi2(self, constants: ConstantsLike) -> float:
+        """Sum of squares of the residual."""
         return float((self.residual(constants) ** 2).sum())
 
     def jacobian(self, constants: np.ndarray) -> np.ndarray:
-        """Of the residual (n, 2) 1/Pa, by central differences; C20 from above where it is 0."""
+        """Derivatives of the residual (n, 2) 1/Pa, by central differences; by C20 from above where it is 0."""
         columns = []
         for k in range(2):
-            step = STEP * max(abs(constants[k]), STEP * constants[0], 1e-2 * constants[0] if constants[k] == 0.0 else 0.0)
+            share = DERIVATIVE_STEP_SHARE
+            step = share * max(abs(constants[k]), share * constants[0], 1e-2 * constants[0] if constants[k] == 0.0 else 0.0)
             up, down = constants.copy(), constants.copy()
             up[k] += step
-            down[k] = max(down[k] - step, 0.0 if k else SMALLEST)
+            down[k] = max(down[k] - step, 0.0 if k else SMALLEST_C10_PA)
             columns.append((self.residual(up) - self.residual(down)) / (up[k] - down[k]))
         return np.stack(columns, axis=1)
 
@@ -140,23 +156,23 @@ class Problem:
         ------
         RunError : the optimiser did not find any; that says nothing about the model.
         """
-        unit = max(float(start[0]), SMALLEST)
-        found = least_squares(
+        unit = max(float(start[0]), SMALLEST_C10_PA)
+        solution = least_squares(
             lambda z: self.residual(unit * z),
             np.maximum(start / unit, [1e-6, 1e-9]),
-            bounds=([SMALLEST / unit, 0.0], [np.inf, np.inf]),
-            jac=lambda z: unit * self.jacobian(np.maximum(unit * z, [SMALLEST, 0.0])),
+            bounds=([SMALLEST_C10_PA / unit, 0.0], [np.inf, np.inf]),
+            jac=lambda z: unit * self.jacobian(np.maximum(unit * z, [SMALLEST_C10_PA, 0.0])),
             xtol=1e-12,
             ftol=1e-12,
             gtol=1e-12,
             max_nfev=200,
         )
-        if found.status <= 0 or not np.isfinite(found.x).all():
-            raise RunError(f"the optimiser gave up after {found.nfev} evaluations; this says nothing about the model.")
-        best = unit * found.x
-        # The solver stays strictly inside its bounds: is the bound itself better, or as good?
-        edge = np.array([self.best_other(1, 0.0, best[0]), 0.0])
-        return edge if self.chi2(edge) <= self.chi2(best) * (1.0 + 1e-9) else best
+        if solution.status <= 0 or not np.isfinite(solution.x).all():
+            raise RunError(f"the optimiser gave up after {solution.nfev} evaluations; this says nothing about the model.")
+        best = unit * solution.x
+        # The solver stays strictly inside its bounds; the bound itself may be better, or as good.
+        at_bound = np.array([self.best_other(1, 0.0, best[0]), 0.0])
+        return at_bound if self.chi2(at_bound) <= self.chi2(best) * (1.0 + 1e-9) else best
 
     def best_other(self, fixed: int, value: float, start: float) -> float:
         """The best of one constant while the other one, number ``fixed``, is held."""
@@ -164,9 +180,9 @@ class Problem:
         def at(other: float) -> np.ndarray:
             return np.array([value, other]) if fixed == 0 else np.array([other, value])
 
-        unit = max(abs(start), 1e-3 * abs(value), SMALLEST)
-        low = 0.0 if fixed == 0 else SMALLEST
-        found = least_squares(
+        unit = max(abs(start), 1e-3 * abs(value), SMALLEST_C10_PA)
+        low = 0.0 if fixed == 0 else SMALLEST_C10_PA
+        solution = least_squares(
             lambda z: self.residual(at(unit * z[0])),
             [max(start, low + 1e-6 * unit) / unit],
             bounds=([low / unit], [np.inf]),
@@ -175,7 +191,7 @@ class Problem:
             ftol=1e-12,
             gtol=1e-12,
         )
-        other = unit * float(found.x[0])
+        other = unit * float(solution.x[0])
         if fixed == 0 and self.chi2(at(0.0)) <= self.chi2(at(other)):
             return 0.0
         return other
@@ -188,20 +204,20 @@ class Problem:
 
 def start_of(observed: Sequence[Observed]) -> np.ndarray:
     """Constants to begin with: of a few ratios C20 / C10 the one whose scaled response misses the measured curves least."""
-    best, found = np.inf, np.array([1.0, 0.0])
-    for q in (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6):
+    least, constants = np.inf, np.array([1.0, 0.0])
+    for q in FIRST_RATIOS:
         top = bottom = total = 0.0
         for o in observed:
-            # In forces or stresses the size of the constants is linear, whatever is imposed.
+            # Forces and stresses are proportional to the constants, whatever is imposed.
             x, y = (o.measured, o.imposed) if o.model.by_force else (o.imposed, o.measured)
             unit = CurveModel(o.model.response)(x, 1.0 - q, q)
             weight = 1.0 / max(float((y**2).sum()), 1e-300)
             top += weight * float(unit @ y)
             bottom += weight * float(unit @ unit)
             total += weight * float(y @ y)
-        if bottom > 0.0 and top > 0.0 and total - top**2 / bottom < best:
-            best, found = total - top**2 / bottom, top / bottom * np.array([1.0 - q, q])
-    return found
+        if bottom > 0.0 and top > 0.0 and total - top**2 / bottom < least:
+            least, constants = total - top**2 / bottom, top / bottom * np.array([1.0 - q, q])
+    return constants
 
 
 def least_squares_fit(observed: Sequence[Observed], start: np.ndarray | None = None, *, profile: bool = True) -> Fit:
@@ -211,8 +227,8 @@ def least_squares_fit(observed: Sequence[Observed], start: np.ndarray | None = N
     ----------
     observed : curves that share the constants. Where one does not state its noise, every curve's rows weigh by the
         curve's largest value and the noise is estimated from the residual.
-    start : where to begin; found if left out.
-    profile : also the profile likelihood; without, ``Fit.profile`` is empty.
+    start : constants to begin with; chosen by :func:`start_of` if left out.
+    profile : whether intervals of the profile likelihood are computed; without them ``Fit.profile`` is empty.
 
     Raises
     ------
@@ -221,10 +237,12 @@ def least_squares_fit(observed: Sequence[Observed], start: np.ndarray | None = N
     estimated = not all(o.noise_known for o in observed)
     best = start_of(observed) if start is None else np.asarray(start, dtype=float)
     sds: list[np.ndarray] = []
-    for _ in range(1 if estimated else PASSES):
-        sds = [np.full(len(o.measured), np.abs(o.measured).max()) if estimated else _safe(o.sd(best)) for o in observed]
+    for _ in range(1 if estimated else MOST_PASSES):
+        sds = [
+            np.full(len(o.measured), np.abs(o.measured).max()) if estimated else _with_least_noise(o.sd(best)) for o in observed
+        ]
         before, best = best, Problem(observed, sds).solve(best)
-        if np.abs(best - before).max() < 1e-7 * best[0]:
+        if np.abs(best - before).max() < SETTLED_C10_SHARE * best[0]:
             break
     problem = Problem(observed, sds)
     count = sum(len(o.measured) for o in observed)
@@ -239,17 +257,20 @@ def least_squares_fit(observed: Sequence[Observed], start: np.ndarray | None = N
         covariance[0, 0] = 1.0 / float(J[:, 0] @ J[:, 0])
     else:
         covariance = np.linalg.pinv(J.T @ J)
-    quantile = student.ppf(0.5 + 0.5 * LEVEL, max(count - 2, 1)) if estimated else np.sqrt(chi2_distribution.ppf(LEVEL, 1))
+    if estimated:
+        quantile = student.ppf(0.5 + 0.5 * CONFIDENCE_LEVEL, max(count - 2, 1))
+    else:
+        quantile = np.sqrt(chi2_distribution.ppf(CONFIDENCE_LEVEL, 1))
     curvature = {
         name: (max(0.0, best[k] - quantile * np.sqrt(covariance[k, k])), best[k] + quantile * np.sqrt(covariance[k, k]))
         for k, name in enumerate(NAMES)
     }
-    if at_bound:  # one-sided: the other side is not a constant of the law
+    if at_bound:  # The interval is one-sided: below 0 there is no constant of the law.
         curvature["C20_Pa"] = (0.0, quantile / float(np.linalg.norm(J[:, 1])))
     fit = Fit(best, covariance, curvature, {}, at_bound, problem.chi2(best), count, estimated, tuple(sds))
     if not profile:
         return fit
-    return Fit(**{**vars(fit), "profile": _profile(problem, fit, float(quantile) ** 2)})
+    return replace(fit, profile=_profile(problem, fit, float(quantile) ** 2))
 
 
 def profile_curve(observed: Sequence[Observed], fit: Fit, number: int, values: np.ndarray) -> np.ndarray:
@@ -260,11 +281,12 @@ def profile_curve(observed: Sequence[Observed], fit: Fit, number: int, values: n
 
 
 def _profile(problem: Problem, fit: Fit, threshold: float) -> dict[str, tuple[float, float]]:
+    """Name -> (low, high), where chi2 has risen by the threshold with the other constant at its best; one may be infinite."""
     least = problem.chi2(fit.constants)
     limits = {}
     for k, name in enumerate(NAMES):
         best, other = float(fit.constants[k]), float(fit.constants[1 - k])
-        bottom = 0.0 if k else SMALLEST
+        bottom = 0.0 if k else SMALLEST_C10_PA
 
         def rise(value: float, k: int = k, other: float = other) -> float:
             return problem.profiled(k, value, other)[0] - least - threshold
@@ -273,8 +295,8 @@ def _profile(problem: Problem, fit: Fit, threshold: float) -> dict[str, tuple[fl
         ends = []
         for side in (-1.0, 1.0):
             far, near = best, best
-            for step in range(12):
-                far = max(best + side * half * 1.5**step, bottom)
+            for step in range(MOST_WIDENINGS):
+                far = max(best + side * half * WIDENING_FACTOR**step, bottom)
                 if rise(far) >= 0.0 or far == bottom:
                     break
                 near = far
@@ -288,6 +310,5 @@ def _profile(problem: Problem, fit: Fit, threshold: float) -> dict[str, tuple[fl
     return limits
 
 
-def _safe(sd: np.ndarray) -> np.ndarray:
-    """No row is exact: a slope of zero, as at zero force, would give it infinite weight."""
-    return np.maximum(sd, 1e-3 * float(np.median(sd)))
+def _with_least_noise(sd: np.ndarray) -> np.ndarray:
+    return np.maximum(sd, SMALLEST_NOISE_SHARE * float(np.median(sd)))

@@ -1,4 +1,4 @@
-"""The test behind a measured curve as a scenario, and what an elastic law answers in it for any pair of constants.
+"""What an elastic law answers in the test behind a measured curve, for any pair of constants.
 
 Without gravity all moduli scale together, contact included, so F = C10 Phi(d; C20 / C10) is exact: one run of the simulator gives
 the force at all depths for one ratio of the constants, and their size costs nothing. A response keeps a few runs as smooth
@@ -22,43 +22,52 @@ from explicitfe.predict.setup import Setup
 from explicitfe.solve import point
 from explicitfe.solve.equilibrium import Equilibrium
 
-Share = Callable[[float], None]
+ShareDone = Callable[[float], None]
 
-REFERENCE_PA = 200.0  # C10 + C20 of the runs; any would do
-POINTS = 16  # depths of a run
-CLUSTER = 1.5  # depths go with this power: the polynomial must not be left alone near 0
-SIMPLER = 1.3  # of the error: what a simpler polynomial may have more
-DEGREES = range(4, 9)  # of the polynomial of F / d, no more than half the depths
-POWERS = (1.0, 0.5)  # its variable is (d / largest) to this power; a ball's force begins with d^1.5
+REFERENCE_PA = 200.0  # All runs have this C10 + C20; any value would do.
+DEPTHS_OF_A_RUN = 16
+DEPTH_POWER = 1.5  # Depths go with this power of their number: the polynomial needs some near 0.
+# A simpler polynomial is taken when its error is no more than this times that of the best.
+SIMPLER_ERROR_FACTOR = 1.3
+DEGREES = range(4, 9)  # These degrees of the polynomial of F / d are tried; no more than half the number of depths.
+# The variable of the polynomial is (d / largest) to one of these powers; the force of a ball begins with d^1.5.
+VARIABLE_POWERS = (1.0, 0.5)
+# q = C20 / (C10 + C20) of the first runs, the largest q, and the smallest distance of two runs.
 FIRST_Q = (0.0, 0.3, 0.6)
 LARGEST_Q = 0.95
-CLOSEST_Q = 0.01  # two runs nearer than this are one
+CLOSEST_Q = 0.01
+# A response is inverted by a table of so many depths, and so many steps of Newton from there.
+INVERSION_DEPTHS = 400
+INVERSION_STEPS = 3
+# Platens are not closer than this share of the height.
+LARGEST_SHORTENING_SHARE = 0.95
+SLOPE_STEP = 1e-5  # The slope of a stress is a central difference over this change of the stretch or of the shear.
 
 
 def forces(
-    setup: Setup, C10_Pa: float, C20_Pa: float, depths_m: Iterable[float], progress: Share = lambda share: None
+    setup: Setup, C10_Pa: float, C20_Pa: float, depths_m: Iterable[float], progress: ShareDone = lambda share: None
 ) -> np.ndarray:
-    """Forces of the tool [N] at increasing depths, by the simulator.
+    """Forces of the tool [N] at increasing depths, computed by the simulator.
 
     Raises
     ------
     RunError : a depth is not reached.
     """
     body = setup.relaxation(C10_Pa, C20_Pa)
-    way = list(depths_m)
-    found = []
-    for depth in way:
+    depths_to_reach = list(depths_m)
+    answers: list[float] = []
+    for depth in depths_to_reach:
         reached = body.move(float(depth))
         if not isinstance(reached, Equilibrium):
             place = ", ".join(f"{1e3 * x:.3g}" for x in reached.place_m)
             raise RunError(
-                f"the forward model stops at {1e3 * reached.reached:.3g} mm of {1e3 * way[-1]:.3g} mm "
+                f"the forward model stops at {1e3 * reached.reached:.3g} mm of {1e3 * depths_to_reach[-1]:.3g} mm "
                 f"(C10 {C10_Pa:.4g} Pa, C20 {C20_Pa:.4g} Pa; {reached.reason} at {place} mm): "
                 "fit less of the curve, or take another refinement."
             )
-        found.append(reached.force_N)
-        progress(len(found) / len(way))
-    return np.array(found)
+        answers.append(reached.force_N)
+        progress(len(answers) / len(depths_to_reach))
+    return np.array(answers)
 
 
 # ---- smooth in depth ----
@@ -68,8 +77,8 @@ def forces(
 class Smooth:
     """F / d as a Chebyshev polynomial of (d / largest)^power, fitted to a run; beyond the run it goes on along its tangent.
 
-    What a run has more than such a polynomial is the roughness of contact on a mesh: forces rise in small steps as one point
-    of the surface after the other comes to bear.
+    A run differs from such a polynomial by the roughness of contact on a mesh: forces rise in small steps as one point of the
+    surface after the other comes into contact.
     """
 
     largest_m: float
@@ -82,11 +91,11 @@ class Smooth:
         mean = np.abs(secant).mean()
         basis = chebyshev.chebvander(self._x(depths_m), self.degree) * (mean / secant)[:, None]
         c, *_ = np.linalg.lstsq(basis, np.full(len(secant), mean), rcond=None)
-        rest = basis @ c / mean - 1.0
-        return c, float(np.sqrt((rest**2).sum() / (len(rest) - self.degree - 1)))
+        residual = basis @ c / mean - 1.0
+        return c, float(np.sqrt((residual**2).sum() / (len(residual) - self.degree - 1)))
 
     def at(self, c: np.ndarray, depth_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F [N] and dF/dd [N/m]; no force where the tool does not touch."""
+        """F [N] and dF/dd [N/m]; the force is 0 where the tool does not touch."""
         d = np.clip(depth_m, 0.0, self.largest_m)
         x = self._x(d)
         secant = chebyshev.chebval(x, c)
@@ -94,13 +103,13 @@ class Smooth:
         return np.where(depth_m > 0.0, secant * d + slope * (depth_m - d), 0.0), np.where(depth_m > 0.0, slope, secant)
 
     def inverse(self, c: np.ndarray, force_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """d [m] at a force, and dd/dF [m/N]; where the force does not rise, the depth at which it did."""
-        table = np.linspace(0.0, self.largest_m, 400)
+        """d [m] at a force, and dd/dF [m/N]; where the force does not rise, the depth is the one at which it last did."""
+        table = np.linspace(0.0, self.largest_m, INVERSION_DEPTHS)
         values, slopes = self.at(c, table)
         rising = np.maximum.accumulate(values)
         depth = np.interp(force_N, rising, table)
         depth += np.maximum(force_N - rising[-1], 0.0) / max(slopes[-1], 1e-3 * rising[-1] / table[-1])
-        for _ in range(3):
+        for _ in range(INVERSION_STEPS):
             value, slope = self.at(c, depth)
             safe = np.where(slope > 0.0, slope, np.inf)
             depth = np.where(force_N > 0.0, np.maximum(depth + (force_N - value) / safe, 0.0), 0.0)
@@ -113,24 +122,24 @@ class Smooth:
 
 def depths(largest_m: float, count: int) -> np.ndarray:
     """Depths of a run (count,) m."""
-    return largest_m * (np.arange(1, count + 1) / count) ** CLUSTER
+    return largest_m * (np.arange(1, count + 1) / count) ** DEPTH_POWER
 
 
 def smoothest(depths_m: np.ndarray, runs: Iterable[np.ndarray]) -> Smooth:
-    """The simplest polynomial about as good as the best by generalised cross-validation; the depths end at the largest.
+    """The simplest polynomial that is about as good as the best one by generalised cross-validation.
 
-    The simplest: roughness is no white noise, neighbouring depths share it, and a higher degree would follow it.
+    Roughness is no white noise: neighbouring depths share it, and a polynomial of a high degree would follow it.
     """
     runs = list(runs)
     count = len(depths_m)
 
     def error(smooth: Smooth) -> float:
-        rest = [smooth.coefficients(depths_m, run)[1] ** 2 for run in runs]
-        return float(np.sqrt(sum(rest) / (1.0 - (smooth.degree + 1) / count)))
+        squares = [smooth.coefficients(depths_m, run)[1] ** 2 for run in runs]
+        return float(np.sqrt(sum(squares) / (1.0 - (smooth.degree + 1) / count)))
 
-    kinds = [Smooth(float(depths_m[-1]), power, degree) for degree in DEGREES for power in POWERS if 2 * degree <= count]
+    kinds = [Smooth(float(depths_m[-1]), power, degree) for degree in DEGREES for power in VARIABLE_POWERS if 2 * degree <= count]
     errors = [error(kind) for kind in kinds]
-    return next(kind for kind, e in zip(kinds, errors, strict=True) if e <= SIMPLER * min(errors))
+    return next(kind for kind, e in zip(kinds, errors, strict=True) if e <= SIMPLER_ERROR_FACTOR * min(errors))
 
 
 # ---- responses ----
@@ -142,14 +151,14 @@ class ToolResponse:
     Parameters
     ----------
     setup : the test.
-    largest_m : largest depth that is asked for.
+    largest_m : largest depth of the runs.
 
     Attributes
     ----------
     runs : simulations so far.
     """
 
-    def __init__(self, setup: Setup, largest_m: float, points: int = POINTS) -> None:
+    def __init__(self, setup: Setup, largest_m: float, points: int = DEPTHS_OF_A_RUN) -> None:
         self.setup = setup
         self.depths_m = depths(largest_m, points)
         self.runs = 0
@@ -164,13 +173,13 @@ class ToolResponse:
 
     @property
     def roughness(self) -> float:
-        """Relative rms deviation of the runs' forces from what is smooth: numerical noise."""
+        """Numerical noise: the relative rms deviation of the runs' forces from the smooth polynomial."""
         assert self.smooth is not None
-        rest = [self.smooth.coefficients(self.depths_m, run)[1] for run in self._runs.values()]
-        return float(np.sqrt(np.mean(np.square(rest))))
+        deviations = [self.smooth.coefficients(self.depths_m, run)[1] for run in self._runs.values()]
+        return float(np.sqrt(np.mean(np.square(deviations))))
 
-    def add(self, ratios: Iterable[float], progress: Share = lambda share: None) -> None:
-        """Run the simulator for these q, but for those that are there already."""
+    def add(self, ratios: Iterable[float], progress: ShareDone = lambda share: None) -> None:
+        """Run the simulator for these q, unless a run is near enough."""
         wanted: list[float] = []
         for q in ratios:
             q = float(np.clip(q, 0.0, LARGEST_Q))
@@ -178,14 +187,14 @@ class ToolResponse:
                 wanted.append(q)
         for k, q in enumerate(wanted):
             C10, C20 = REFERENCE_PA * (1.0 - q), REFERENCE_PA * q
-            self._runs[q] = forces(self.setup, C10, C20, self.depths_m, lambda s, k=k: progress((k + s) / len(wanted)))
+            self._runs[q] = forces(self.setup, C10, C20, self.depths_m, _part_of(progress, k, len(wanted)))
             self.runs += 1
         if wanted and len(self._runs) >= len(FIRST_Q):
             self._interpolate()
         progress(1.0)
 
-    def check(self, q: float, progress: Share = lambda share: None) -> float:
-        """Run the simulator at q too; largest deviation that the interpolated response had from it, relative to the force."""
+    def check(self, q: float, progress: ShareDone = lambda share: None) -> float:
+        """Run the simulator at q too; the largest deviation of the interpolated response from that run, relative to the force."""
         q = float(np.clip(q, 0.0, LARGEST_Q))
         assert self.smooth is not None
         if q in self._runs:
@@ -236,13 +245,12 @@ class UniformResponse:
     roughness = 0.0
 
     def __init__(self, setup: Setup) -> None:
-        size = setup.specimen.get("size_mm")
-        self.height_m = 1e-3 * (setup.specimen["height_mm"] if size is None else size[2])
-        self.area_m2 = 1e-6 * (math.pi * setup.specimen["radius_mm"] ** 2 if size is None else size[0] * size[1])
+        self.height_m = 1e-3 * setup.height_mm
+        self.area_m2 = 1e-6 * setup.area_mm2
         self._point = PointResponse("uniaxial", setup.poisson)
 
     def at_depth(self, depth_m: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
-        """Force [N] and its slope [N/m]; none where the platen does not touch."""
+        """Force [N] and its slope [N/m]; the force is 0 where the platen does not touch."""
         depth_m = np.asarray(depth_m, dtype=float)
         stress, slope = self._point.at(1.0 - np.maximum(depth_m, 0.0) / self.height_m, C10_Pa, C20_Pa)
         return -self.area_m2 * stress, self.area_m2 * slope / self.height_m
@@ -250,11 +258,11 @@ class UniformResponse:
     def at_force(self, force_N: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
         """Depth [m] and its slope [m/N]."""
         force_N = np.asarray(force_N, dtype=float)
-        table = self.height_m * np.linspace(0.0, 0.95, 400)
+        table = self.height_m * np.linspace(0.0, LARGEST_SHORTENING_SHARE, INVERSION_DEPTHS)
         depth = np.interp(force_N, self.at_depth(table, C10_Pa, C20_Pa)[0], table)
-        for _ in range(3):
+        for _ in range(INVERSION_STEPS):
             value, slope = self.at_depth(depth, C10_Pa, C20_Pa)
-            depth = np.clip(depth + (force_N - value) / slope, 0.0, 0.95 * self.height_m)
+            depth = np.clip(depth + (force_N - value) / slope, 0.0, LARGEST_SHORTENING_SHARE * self.height_m)
         return depth, 1.0 / self.at_depth(depth, C10_Pa, C20_Pa)[1]
 
 
@@ -271,13 +279,17 @@ class PointResponse:
     def at(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
         """Stress [Pa] at a stretch, or at an amount of shear, and its slope."""
         imposed = np.asarray(imposed, dtype=float)
-        step = 1e-5
-        low, mid, high = (self._stress(imposed + h, C10_Pa, C20_Pa) for h in (-step, 0.0, step))
-        return mid, (high - low) / (2.0 * step)
+        low, mid, high = (self._stress(imposed + h, C10_Pa, C20_Pa) for h in (-SLOPE_STEP, 0.0, SLOPE_STEP))
+        return mid, (high - low) / (2.0 * SLOPE_STEP)
 
     def _stress(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> np.ndarray:
         law = Yeoh(C10_Pa=C10_Pa, C20_Pa=max(C20_Pa, 0.0), poisson=self.poisson)
         return (point.shear if self.kind == "shear" else point.uniaxial)(law, (), np.zeros(len(imposed)), imposed)
+
+
+def _part_of(progress: ShareDone, number: int, count: int) -> ShareDone:
+    """Progress of one run of several."""
+    return lambda share: progress((number + share) / count)
 
 
 Response = ToolResponse | UniformResponse | PointResponse
@@ -303,5 +315,5 @@ class CurveModel:
 
 
 def ratio(C10_Pa: float, C20_Pa: float) -> float:
-    """q of two constants."""
+    """q = C20 / (C10 + C20)."""
     return C20_Pa / (C10_Pa + C20_Pa) if math.isfinite(C20_Pa) else 1.0

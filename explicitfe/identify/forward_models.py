@@ -13,12 +13,23 @@ from explicitfe.measured.curve import Curve, programme_of, sd_of
 from explicitfe.measured.select import Group
 from explicitfe.predict.setup import Setup, is_uniform, setup_of
 
-BEYOND = 1.15  # of the largest depth measured: how far a response goes under imposed forces
+# Where forces are imposed, the model may sink in deeper than what was measured: a response goes so much farther.
+LARGEST_DEPTH_FACTOR = 1.15
+# So many runs of the simulator are planned for a group with a tool, for each of its meshed tests, and for the paper's method.
+PLANNED_RUNS_OF_A_GROUP = 2
+PLANNED_RUNS_OF_A_TEST = 5
+PLANNED_RUNS_BY_PAPER = 8
 
 
 @dataclass
 class ForwardModels:
-    """Setups and responses, shared by all curves of one geometry."""
+    """Setups and responses of the curves; curves of one geometry share them.
+
+    Attributes
+    ----------
+    setups : curve with a tool -> its test.
+    other_runs : runs of the simulator that are not those of a response.
+    """
 
     groups: list[Group]
     poisson: float
@@ -34,24 +45,29 @@ class ForwardModels:
                     continue
                 setup = self.setups[curve.id] = setup_of(curve, self.poisson, self.refinement)
                 setup.tables(1.0, 0.0)
-                # where forces are imposed, the model may sink in deeper than what was measured
-                beyond = BEYOND if curve.tool.control == "force" else 1.0
-                depth = beyond * float(curve.displacement_m[: group.rows[curve.id]].max())
+                factor = LARGEST_DEPTH_FACTOR if curve.tool.control == "force" else 1.0
+                depth = factor * float(curve.displacement_m[: group.rows[curve.id]].max())
                 largest[setup.key] = max(largest.get(setup.key, 0.0), depth)
         self._largest = largest
         self.other_runs = 0
 
     @property
     def runs(self) -> int:
-        """Simulations so far."""
+        """Runs of the simulator so far."""
         return self.other_runs + sum(response.runs for response in self._responses.values())
 
     def compile(self) -> None:
-        """Have the machine code ready before anything is timed."""
+        """Have the machine code ready before the fit begins."""
         for setup in list(self.setups.values())[:1]:
             setup.relaxation(1.0, 0.0)
 
+    def assumed(self, group: Group) -> list[str]:
+        """What is supposed of the tests of a group, in words."""
+        texts = {text for curve in group.fitted if curve.tool is not None for text in self.setups[curve.id].assumed}
+        return [*sorted(texts), f"Poisson's ratio {self.poisson:g}"]
+
     def response(self, curve: Curve) -> Response:
+        """What the law answers in the test of a curve."""
         if curve.tool is None:
             kind: Literal["uniaxial", "shear"] = "shear" if curve.kind == "shear" else "uniaxial"
             return self._responses.setdefault(kind, PointResponse(kind, self.poisson))
@@ -62,6 +78,7 @@ class ForwardModels:
         return self._responses[key]
 
     def observed(self, curve: Curve, rows: int) -> Observed:
+        """The first rows of a curve, with the model that predicts them."""
         by_force = curve.tool is not None and curve.tool.control == "force"
         return Observed(
             id=curve.id,
@@ -80,6 +97,8 @@ class ForwardModels:
             if tools:
                 first = group.fitted[0]
                 meshed = {self.setups[c.id].key for c in group.fitted if c.tool is not None and not is_uniform(self.setups[c.id])}
-                count += 2 + len(alternatives(self.setups[first.id], first)) + 5 * len(meshed) + 8 * (method == "paper")
-        everything = {s.key for s in self.setups.values() if not is_uniform(s)}
-        return count + len(FIRST_Q) * len(everything)
+                count += PLANNED_RUNS_OF_A_GROUP + len(alternatives(self.setups[first.id], first))
+                count += PLANNED_RUNS_OF_A_TEST * len(meshed)
+                count += PLANNED_RUNS_BY_PAPER if method == "paper" else 0
+        all_meshed = {setup.key for setup in self.setups.values() if not is_uniform(setup)}
+        return count + len(FIRST_Q) * len(all_meshed)

@@ -2,88 +2,100 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from explicitfe.identify.fit import NAMES, Fit, Observed, profile_curve
-from explicitfe.identify.forward_models import ForwardModels
-from explicitfe.identify.paper import (
-    PaperFit,
-)
-from explicitfe.identify.write import Deformed
-from explicitfe.measured.curve import PRINTED_UNITS
-from explicitfe.measured.select import Group
+from explicitfe.identify.fit import NAMES, SMALLEST_C10_PA, Fit, Observed, profile_curve
+from explicitfe.identify.fitted_test import FittedTest
+from explicitfe.identify.group_fit import GroupFit
+from explicitfe.identify.paper import PaperFit
+from explicitfe.measured.curve import PRINTED_UNITS, Curve
+from explicitfe.predict.setup import Setup
 
-PROFILE_POINTS, PROFILE_SD = 25, 3.0
+if TYPE_CHECKING:
+    from explicitfe.view.fit import ConstantProfile, FittedCurve, PaperTrace
+
+# A profile is drawn over this many values, to so many standard deviations on either side.
+PROFILE_POINTS = 25
+PROFILE_SDS = 3.0
+LINE_POINTS = 200  # The model's line has so many points.
 
 
-def pictures_of_group(
-    group: Group,
-    tests: ForwardModels,
-    observed: Sequence[Observed],
-    predicted: Sequence[Observed],
-    fit: Fit,
-    constants: np.ndarray,
-    paper: PaperFit | None,
-    loads_N: np.ndarray,
-    measured_m: np.ndarray,
-) -> dict[str, Any]:
-    """What the pictures of a group show, in the units of the axes."""
-    curves = []
-    for side, some, seen in (("fit", group.fitted, observed), ("holdout", group.predicted, predicted)):
-        for curve, o in zip(some, seen, strict=True):
-            x_unit, x_scale = PRINTED_UNITS.get(curve.imposed, ("", 1.0))
-            y_unit, y_scale = PRINTED_UNITS[curve.predicted]
-            fine = np.linspace(o.imposed.min(), o.imposed.max(), 200)
-            curves.append(
-                {
-                    "id": curve.id,
-                    "split": side,
-                    "x_label": _label(curve.imposed, x_unit),
-                    "y_label": _label(curve.predicted, y_unit),
-                    "x": x_scale * o.imposed,
-                    "measured": y_scale * o.measured,
-                    "sd": y_scale * (o.sd(constants) if o.noise_known else np.zeros(len(o.measured))),
-                    "predicted": y_scale * o.predicted(constants),
-                    "line_x": x_scale * fine,
-                    "line_y": y_scale * o.model(fine, *map(float, constants)),
-                }
-            )
-    pictures: dict[str, Any] = {"curves": curves, "constants": constants.tolist()}
-    if paper is None:
-        pictures["profiles"] = []
-        for k, name in enumerate(NAMES):
-            half = max(float(fit.sd[k]), (fit.curvature[name][1] - fit.constants[k]) / 2.0)
-            low = max(fit.constants[k] - PROFILE_SD * half, 1e-3 if k == 0 else 0.0)
-            values = np.linspace(low, fit.constants[k] + PROFILE_SD * half, PROFILE_POINTS)
-            pictures["profiles"].append(
-                {
-                    "name": name,
-                    "best": float(fit.constants[k]),
-                    "sd": float(fit.sd[k]),
-                    "values": values,
-                    "rise": profile_curve(observed, fit, k, values),
-                    "ci95": fit.profile[name],
-                }
-            )
-    else:
-        pictures["paper"] = {
-            "loads_N": loads_N,
-            "measured_mm": 1e3 * measured_m,
-            "displacements_mm": 1e3 * np.array([step.displacement_m for step in paper.trace]),
-            "changed": [step.changed for step in paper.trace],
-            "constants": np.array([[step.C10_Pa, step.C20_Pa] for step in paper.trace]),
-        }
+@dataclass(frozen=True)
+class GroupPictures:
+    """The pictures of a group.
+
+    Attributes
+    ----------
+    constants : C10 and C20 [Pa].
+    profiles : likelihood of each constant; none under the paper's method, which has ``paper`` instead.
+    test : the first test, to be drawn deformed; None for a homogeneous state.
+    """
+
+    curves: list[FittedCurve]
+    constants: list[float]
+    profiles: list[ConstantProfile] | None
+    paper: PaperTrace | None
+    test: FittedTest | None
+
+
+def pictures_of(fitted: GroupFit, setup: Setup | None) -> GroupPictures:
+    """The pictures of a group whose first curve has this test."""
+    group, constants, paper = fitted.group, fitted.constants, fitted.paper
+    curves = [_curve(curve, o, "fit", constants) for curve, o in zip(group.fitted, fitted.observed, strict=True)]
+    curves += [_curve(curve, o, "holdout", constants) for curve, o in zip(group.predicted, fitted.predicted, strict=True)]
     first = group.fitted[0]
-    if first.tool is not None:
-        rows = group.rows[first.id]
-        loads = first.force_N[:rows] if first.tool.control == "force" else first.displacement_m[:rows]
-        pictures["deformed"] = Deformed(
-            setup=tests.setups[first.id], constants=constants, by_force=first.tool.control == "force", loads=loads
-        )
-    return pictures
+    test = None
+    if setup is not None and first.tool is not None:
+        by_force = first.tool.control == "force"
+        loads = (first.force_N if by_force else first.displacement_m)[: group.rows[first.id]]
+        test = FittedTest(setup, constants, by_force, loads)
+    return GroupPictures(
+        curves=curves,
+        constants=constants.tolist(),
+        profiles=[_profile(k, fitted) for k in range(len(NAMES))] if paper is None else None,
+        paper=None if paper is None else _trace(paper, fitted),
+        test=test,
+    )
+
+
+def _curve(curve: Curve, observed: Observed, split: str, constants: np.ndarray) -> FittedCurve:
+    x_unit, x_scale = PRINTED_UNITS.get(curve.imposed, ("", 1.0))
+    y_unit, y_scale = PRINTED_UNITS[curve.predicted]
+    line = np.linspace(observed.imposed.min(), observed.imposed.max(), LINE_POINTS)
+    return {
+        "id": curve.id,
+        "split": split,
+        "x_label": _label(curve.imposed, x_unit),
+        "y_label": _label(curve.predicted, y_unit),
+        "x": x_scale * observed.imposed,
+        "measured": y_scale * observed.measured,
+        "sd": y_scale * (observed.sd(constants) if observed.noise_known else np.zeros(len(observed.measured))),
+        "predicted": y_scale * observed.predicted(constants),
+        "line_x": x_scale * line,
+        "line_y": y_scale * observed.model(line, *map(float, constants)),
+    }
+
+
+def _profile(number: int, fitted: GroupFit) -> ConstantProfile:
+    fit: Fit = fitted.fit
+    name, best = NAMES[number], float(fit.constants[number])
+    half = max(float(fit.sd[number]), (fit.curvature[name][1] - best) / 2.0)
+    low = max(best - PROFILE_SDS * half, SMALLEST_C10_PA if number == 0 else 0.0)
+    values = np.linspace(low, best + PROFILE_SDS * half, PROFILE_POINTS)
+    rise = profile_curve(fitted.observed, fit, number, values)
+    return {"name": name, "best": best, "sd": float(fit.sd[number]), "values": values, "rise": rise, "ci95": fit.profile[name]}
+
+
+def _trace(paper: PaperFit, fitted: GroupFit) -> PaperTrace:
+    return {
+        "loads_N": fitted.loads_N,
+        "measured_mm": 1e3 * fitted.measured_m,
+        "displacements_mm": 1e3 * np.array([run.displacement_m for run in paper.trace]),
+        "constants": np.array([[run.C10_Pa, run.C20_Pa] for run in paper.trace]),
+    }
 
 
 def _label(column: str, unit: str) -> str:

@@ -91,22 +91,22 @@ class Setup:
         }
 
     @property
-    def height_m(self) -> float:
-        """Height of the specimen along the load [m]."""
+    def height_mm(self) -> float:
+        """Height of the specimen along the load [mm]."""
         if "size_mm" in self.specimen:
-            return 1e-3 * self.specimen["size_mm"][2]
+            return self.specimen["size_mm"][2]
         height_mm = self.specimen["height_mm"]
         assert height_mm is not None
-        return 1e-3 * height_mm
+        return height_mm
 
     @property
-    def area_m2(self) -> float:
-        """Area of the specimen's loaded face [m2]."""
+    def area_mm2(self) -> float:
+        """Area of the specimen's loaded face [mm2]."""
         if "size_mm" in self.specimen:
-            return 1e-6 * (self.specimen["size_mm"][0] * self.specimen["size_mm"][1])
+            return self.specimen["size_mm"][0] * self.specimen["size_mm"][1]
         radius_mm = self.specimen["radius_mm"]
         assert radius_mm is not None
-        return 1e-6 * (math.pi * radius_mm**2)
+        return math.pi * radius_mm**2
 
     def relaxation(self, C10_Pa: float, C20_Pa: float, tolerance: float = 1e-4) -> Relaxation:
         """A body of this test, settled, its tool at first touch.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from identify_cases import LOADS_N, TRUTH, response, setup
 
-from explicitfe.identify.paper import ALPHA_M, BETA_M, LARGEST_RUNS, by_simulator, first_guess, identify_by_paper
+from explicitfe.identify.paper import ALPHA_M, BETA_M, MOST_RUNS, by_simulator, first_guess, identify_by_paper
 
 
 def forward(C10: float, C20: float) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_no_convergence_is_told():
     """A forward model that does not answer to C20, always too soft: C20 grows until the runs are used up."""
     fit = identify_by_paper(lambda C10, C20: 1e-3 * np.array([100.0 / C10, 4.0]), np.array([1e-3, 3e-3]), (80.0, 20.0))
     assert fit.status == "not-converged"
-    assert len(fit.trace) == LARGEST_RUNS
+    assert len(fit.trace) == MOST_RUNS
 
 
 def test_always_too_stiff_ends_at_the_bound():

@@ -18,7 +18,7 @@ from pathlib import Path
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.run.prepare import prepare
 from explicitfe.run.run import run
-from explicitfe.run.speed import ELEMENTS, SIZES, nanoseconds, problem
+from explicitfe.run.speed import TIMED_ELEMENTS, TIMED_SIZES, nanoseconds, problem
 
 ROOT = Path(__file__).resolve().parents[1]
 # The default, and one of about as many hexes with the fewest steps: the tongue's tip has half the layers.
@@ -32,8 +32,8 @@ def main() -> None:
 
     figures: dict[str, object] = {"machine": platform.processor() or platform.machine(), "lanes": WIDTH}
     print(f"{figures['machine']}, {WIDTH} lanes, float64")
-    for size in SIZES:
-        for element in ELEMENTS:
+    for size in TIMED_SIZES:
+        for element in TIMED_ELEMENTS:
             for threads in (1, 2):
                 simulation = problem(size, element, threads)
                 simulation.compile()

@@ -40,11 +40,11 @@ from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
 from explicitfe.elements import hex8
 from explicitfe.forces import internal
 from explicitfe.materials import kinematics, law_of
-from explicitfe.run.speed import ELEMENTS as TREATMENTS
-from explicitfe.run.speed import SIZES, problem
+from explicitfe.run.speed import TIMED_ELEMENTS as TREATMENTS
+from explicitfe.run.speed import TIMED_SIZES, problem
 from explicitfe.solve.kernels import ELEMENTS
 from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import FRACTION
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
 YEOH = law_of("yeoh")
 PEERS = ("warp", "jax")
@@ -559,7 +559,7 @@ def simulation_of(size: int, element: str, threads: int) -> tuple[Simulation, fl
     """The block at the start, and its step [s]."""
     simulation = problem(size, element, threads)
     simulation.compile()
-    dt_s = FRACTION * simulation.stable_limit(20)
+    dt_s = STEP_SHARE_OF_LIMIT * simulation.stable_limit(20)
     simulation.start(dt_s)
     return simulation, dt_s
 
@@ -740,7 +740,9 @@ def main() -> None:
         description=__doc__.split("\n")[0],
         epilog="example: python benchmarks/peers.py --sizes 1000 30000 --out outputs/peers",
     )
-    parser.add_argument("--sizes", type=int, nargs="+", choices=SIZES, default=list(SIZES), help="elements (default: all)")
+    parser.add_argument(
+        "--sizes", type=int, nargs="+", choices=TIMED_SIZES, default=list(TIMED_SIZES), help="elements (default: all)"
+    )
     parser.add_argument("--without", action="append", choices=PEERS, default=[], help="go on without it; may be repeated")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
     parser.add_argument("--out", type=Path, metavar="DIR", help="also write peers.md and peers.png to this folder")

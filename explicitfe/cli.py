@@ -338,12 +338,12 @@ def bench(
 
     Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
     """
-    from explicitfe.run.speed import SIZES
+    from explicitfe.run.speed import TIMED_SIZES
     from explicitfe.run.speed import bench as time_it
     from explicitfe.view.terminal.program import speed_tables
 
     with following(_console) as progress:
-        speed = time_it(sizes or tuple(SIZES), progress)
+        speed = time_it(sizes or tuple(TIMED_SIZES), progress)
     _answer(speed, as_json, lambda: speed_tables(speed))
 
 

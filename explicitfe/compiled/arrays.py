@@ -138,14 +138,14 @@ EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
 INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, ENERGIES = 0, 1, 2, 3, 4, 5, 6
 
 
-LINE = 64  # bytes of a line of the cache
+CACHE_LINE_BYTES = 64  # bytes of a line of the cache
 
 
 def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> np.ndarray:
     """An array of zeros that starts where a line of the cache starts: no vector of a kernel then lies across two of them."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    memory = np.zeros(size + LINE, dtype=np.uint8)
-    start = -memory.ctypes.data % LINE
+    memory = np.zeros(size + CACHE_LINE_BYTES, dtype=np.uint8)
+    start = -memory.ctypes.data % CACHE_LINE_BYTES
     return memory[start : start + size].view(dtype).reshape(shape)
 
 

@@ -34,7 +34,7 @@ DEPTH_WARNING_SHARE = 0.4  # of the thickness: a deeper indentation depends on h
 COLLAPSED_CORNER_SHARE = 1e-6  # of the largest corner: below it a corner has no volume to begin with, as on a sector's axis
 ITERATIONS_PER_LOAD = 3000  # at a residual of 1e-4 and Poisson's ratio 0.499, as seen on the default specimen
 
-HISTORY = {
+INDENTATION_HISTORY = {
     "force": Quantity("N", 1, "force of the whole tool, positive into the tissue"),
     "indentation": Quantity("m", 1, "way of the tool since first touch"),
     "iterations": Quantity("1", 1, "iterations of dynamic relaxation for this load"),
@@ -51,7 +51,7 @@ HISTORY = {
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
     "smallest_J": Quantity("1", 1, "smallest J of any element"),
 }
-CELLS: dict[str, Quantity] = {
+INDENTATION_FIELDS: dict[str, Quantity] = {
     "J": Quantity("1", 1, "volume over reference volume, det F"),
     "strain_energy_density": Quantity("Pa", 1, "strain energy over reference volume, with that of hourglass control"),
     "hourglass_energy": Quantity("J", 1, "hourglass energy of the element"),
@@ -161,8 +161,8 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         return ResultWriter(
             target,
             mesh=self.model.mesh,
-            cell_fields={name: quantity for name, quantity in CELLS.items() if name in wanted},
-            history=HISTORY,
+            cell_fields={name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
+            history=INDENTATION_HISTORY,
             scenario_text=self.text,
             model=self.describe(),
             provenance=provenance(),
@@ -191,7 +191,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         }
         writer.history(time_s, row)
         fields = self.body.element_fields()
-        cells: dict[str, np.ndarray] = {name: fields[name] for name in CELLS if name in self.scenario.record.fields}
+        cells: dict[str, np.ndarray] = {name: fields[name] for name in INDENTATION_FIELDS if name in self.scenario.record.fields}
         writer.sample(time_s, {"displacement": self.body.displacement}, cells)
 
     def _stuck(self, stuck: Stuck, load: str) -> str:

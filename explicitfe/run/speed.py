@@ -20,14 +20,14 @@ from explicitfe.results.run_summary import ScenarioSpeed, SpeedReport, SpeedRow
 from explicitfe.run.prepare import prepare
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import FRACTION
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
 # Elements of the block that is timed, and how many there are along x, y and z.
-SIZES: dict[int, tuple[int, int, int]] = {1000: (10, 10, 10), 30_000: (30, 40, 25), 250_000: (50, 100, 50)}
-ELEMENTS = ("hex8", "hex8-stiffness")
+TIMED_SIZES: dict[int, tuple[int, int, int]] = {1000: (10, 10, 10), 30_000: (30, 40, 25), 250_000: (50, 100, 50)}
+TIMED_ELEMENTS = ("hex8", "hex8-stiffness")
 
 # Nanoseconds per element and step, one thread: docs/performance.md says where and when.
-REFERENCE: dict[str, dict[str, dict[int, float]]] = {
+DOCUMENTED_NS: dict[str, dict[str, dict[int, float]]] = {
     "AVX2, 4 lanes": {
         "hex8": {1000: 48.0, 30_000: 52.0, 250_000: 56.0},
         "hex8-stiffness": {1000: 38.0, 30_000: 40.0, 250_000: 45.0},
@@ -37,19 +37,19 @@ REFERENCE: dict[str, dict[str, dict[int, float]]] = {
         "hex8-stiffness": {},
     },
 }
-SCENARIO = "vowel-i"  # whose speed a user asks for first
-MATERIAL = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
+TIMED_SCENARIO = "vowel-i"  # whose speed a user asks for first
+TIMED_MATERIAL = Yeoh(C10_Pa=191.5, C20_Pa=90.6)
 TIMED_RUNS = 5  # of which the best counts: the others were interrupted
 USUAL_SECONDS_PER_ELEMENT = 60e-9  # of a step, about; it says how many steps fill a run
 
 # What a person computes first: name -> scenario, settings.
-USUAL: dict[str, tuple[str, tuple[str, ...]]] = {
+USUAL_RUNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "the tongue": ("vowel-i", ("model.resolution=coarse",)),
     "a specimen under a punch": ("indentation-rear", ()),
     "a specimen under a ball": ("indentation-ball", ()),
 }
 # What else comes up: other elements, and time.
-MORE: dict[str, tuple[str, tuple[str, ...]]] = {
+FURTHER_RUNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "the tongue of hex8-stiffness": ("vowel-i", ("model.resolution=coarse", "model.element=hex8-stiffness")),
     "the tongue of hex8-full": ("vowel-i", ("model.resolution=coarse", "model.element=hex8-full")),
     "a viscoelastic tongue": ("vowel-i", ("model.resolution=coarse", "effects.viscoelastic={g=[0.3],tau_s=[0.02]}")),
@@ -66,16 +66,16 @@ def block(cells: tuple[int, int, int], edge_m: float = 0.004) -> HexMesh:
 
 def problem(elements: int, element: str, threads: int | None = None) -> Simulation:
     """The block that is timed: Yeoh tissue at Poisson's ratio 0.499, damped, free, set in motion at random."""
-    mesh = block(SIZES[elements])
+    mesh = block(TIMED_SIZES[elements])
     free = np.zeros((mesh.node_count, 3), dtype=bool)
     velocity = np.random.default_rng(1).standard_normal((mesh.node_count, 3)) * 1e-3
-    return Simulation(Model(mesh, MATERIAL, free, alpha_per_s=40.0, element=element), velocity=velocity, threads=threads)
+    return Simulation(Model(mesh, TIMED_MATERIAL, free, alpha_per_s=40.0, element=element), velocity=velocity, threads=threads)
 
 
 def nanoseconds(simulation: Simulation, seconds: float = 1.0) -> float:
     """Of the whole step, per element: best of several runs of the compiled loop, which take about ``seconds`` together."""
     elements = simulation.model.mesh.element_count
-    dt = FRACTION * simulation.stable_limit(20)
+    dt = STEP_SHARE_OF_LIMIT * simulation.stable_limit(20)
     simulation.start(dt)
     simulation.advance(2, dt)
     steps = max(3, int(seconds / TIMED_RUNS / (USUAL_SECONDS_PER_ELEMENT * elements)))
@@ -87,20 +87,20 @@ def nanoseconds(simulation: Simulation, seconds: float = 1.0) -> float:
     return 1e9 * best / steps / elements
 
 
-def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> SpeedReport:
+def bench(sizes: Sequence[int] = tuple(TIMED_SIZES), progress: Progress = silent) -> SpeedReport:
     """Time the step of a block of hexes at several sizes, and of the tongue saying [i].
 
     Raises
     ------
-    InputError : a size is none of ``SIZES``.
+    InputError : a size is none of ``TIMED_SIZES``.
     """
-    unknown = [size for size in sizes if size not in SIZES]
+    unknown = [size for size in sizes if size not in TIMED_SIZES]
     if unknown:
-        raise InputError(f"there is no block of {unknown[0]} elements to be timed; take {', '.join(map(str, SIZES))}.")
-    reference = next((table for name, table in REFERENCE.items() if f" {WIDTH} lanes" in name), {})
+        raise InputError(f"there is no block of {unknown[0]} elements to be timed; take {', '.join(map(str, TIMED_SIZES))}.")
+    reference = next((table for name, table in DOCUMENTED_NS.items() if f" {WIDTH} lanes" in name), {})
     rows: list[SpeedRow] = []
-    for done, (size, element) in enumerate([(size, element) for size in sizes for element in ELEMENTS]):
-        progress("bench", done / (len(sizes) * len(ELEMENTS) + 1))
+    for done, (size, element) in enumerate([(size, element) for size in sizes for element in TIMED_ELEMENTS]):
+        progress("bench", done / (len(sizes) * len(TIMED_ELEMENTS) + 1))
         alone = problem(size, element, threads=1)
         alone.compile(lambda share: progress("compile", share))
         row: SpeedRow = {
@@ -122,14 +122,14 @@ def bench(sizes: Sequence[int] = tuple(SIZES), progress: Progress = silent) -> S
 
 def _scenario_speed() -> ScenarioSpeed:
     """The loop alone of vowel [i], at the step that it begins with."""
-    prepared = prepare(_path(SCENARIO))
+    prepared = prepare(_path(TIMED_SCENARIO))
     simulation: Simulation = prepared.body
     simulation.compile()
-    steps = int(np.ceil(1e-3 * prepared.scenario.analysis.duration_ms / (FRACTION * simulation.stable_limit(40))))
+    steps = int(np.ceil(1e-3 * prepared.scenario.analysis.duration_ms / (STEP_SHARE_OF_LIMIT * simulation.stable_limit(40))))
     hexes = prepared.model.mesh.element_count
     seconds = 1e-9 * nanoseconds(simulation, 0.5) * steps * hexes
     factor = 1e-3 * prepared.scenario.analysis.duration_ms / seconds
-    return {"name": SCENARIO, "hexes": hexes, "steps": steps, "loop_s": seconds, "real_time_factor": factor}
+    return {"name": TIMED_SCENARIO, "hexes": hexes, "steps": steps, "loop_s": seconds, "real_time_factor": factor}
 
 
 def warm(everything: bool = False, progress: Progress = silent) -> dict[str, float]:
@@ -143,7 +143,7 @@ def warm(everything: bool = False, progress: Progress = silent) -> dict[str, flo
     -------
     What it was made for -> seconds that it took, next to nothing where it was there.
     """
-    wanted = USUAL | (MORE if everything else {})
+    wanted = USUAL_RUNS | (FURTHER_RUNS if everything else {})
     seconds_of: dict[str, float] = {}
     progress("warm", 0.0)
     for number, (name, (scenario, settings)) in enumerate(wanted.items()):
@@ -154,7 +154,7 @@ def warm(everything: bool = False, progress: Progress = silent) -> dict[str, flo
 
         seconds_of[name] = prepare(_path(scenario), settings).body.compile(report)
     begin = time.perf_counter()
-    point.uniaxial(MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
+    point.uniaxial(TIMED_MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
     seconds_of["homogeneous states"] = time.perf_counter() - begin
     progress("warm", 1.0)
     return seconds_of

@@ -24,8 +24,8 @@ from explicitfe.results.run_summary import (
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis
 from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.simulation import Simulation, Snapshot
-from explicitfe.solve.stable_step import FRACTION
-from explicitfe.solve.transient import DIVERGED, FINISHED, FIRST_TURNS, INTERRUPTED, Ledger, Status, Transient
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.solve.transient import DIVERGED, FINISHED, INTERRUPTED, TURNS_AT_THE_START, Ledger, Status, Transient
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -37,7 +37,7 @@ RESTART_EVERY_S = 1.0  # wall time between two restart states
 # A body has settled when no node would move by more than this share of the largest displacement in so long at its present speed.
 SETTLED_SHARE, SETTLED_WITHIN_S = 0.05, 0.1
 # Columns of the history that every run in time has.
-HISTORY = {
+TRANSIENT_HISTORY = {
     "step": Quantity("1", 1, "steps done"),
     "dt": Quantity("s", 1, "time step"),
     "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy"),
@@ -123,9 +123,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         progress("compile", 0.0)
         simulation.compile(lambda share: progress("compile", share))
         bound_s, element = simulation.stable_bound()
-        limit_s = simulation.stable_limit(FIRST_TURNS)
+        limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         fixed = scenario.analysis.step_us
-        dt_s = FRACTION * limit_s if fixed is None else 1e-6 * fixed
+        dt_s = STEP_SHARE_OF_LIMIT * limit_s if fixed is None else 1e-6 * fixed
         steps = int(np.ceil(1e-3 * scenario.analysis.duration_ms / dt_s))
         samples = int(scenario.analysis.duration_ms / scenario.record.every_ms) + 1
         per_node = 8 * 3 * (1 + ("velocity" in scenario.record.fields))
@@ -165,7 +165,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         velocity = Quantity("m/s", 3, "velocity of the nodes")
         J = Quantity("1", 1, "volume over reference volume, det F")
         hourglass = Quantity("J", 1, "hourglass energy of the element")
-        history = dict(HISTORY)
+        history = dict(TRANSIENT_HISTORY)
         for name in model.probes:
             history[f"probe_{name}_displacement"] = Quantity("m", 3, f"displacement of {name}")
             history[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")

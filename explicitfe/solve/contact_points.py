@@ -32,7 +32,7 @@ PENETRATION_SHARE = 1e-3
 GRIP_SHARE = 0.1
 BEYOND_ANY_SPECIMEN_m = 1e3  # the flat radius of a platen, which is infinite, in numbers that a kernel can subtract
 HEIGHT_OUT_OF_REACH_m = 1.0  # above the surface, where no tool reaches tissue that sags or swells
-LIFTS = 20  # attempts to lift a tool out of the surface before a load begins: each one leaves at most a few points inside
+MOST_LIFTS = 20  # attempts to lift a tool out of the surface before a load begins: each one leaves at most a few points inside
 ITERATIONS_TO_GOAL = 200  # in which a tool whose displacement is imposed gets there: a sudden push would tear elements
 
 
@@ -143,7 +143,7 @@ class ToolContact:
             tool[DRIVE], tool[GOAL] = driven_m, goal_m
         else:
             tool[[DEPTH, DRIVE, GOAL]] = goal_m
-            for _ in range(LIFTS):
+            for _ in range(MOST_LIFTS):
                 inside = -self.touch(u).gap.min(initial=0.0)
                 if inside <= allowed_m:
                     break

@@ -38,7 +38,7 @@ from explicitfe.solve.body import Body
 from explicitfe.solve.contact_points import PENETRATION_SHARE, ToolContact
 from explicitfe.solve.fictitious_masses import fictitious_masses
 from explicitfe.solve.parts import parts_of, usual_threads
-from explicitfe.solve.relax_step import RESTLESS
+from explicitfe.solve.relax_step import LARGEST_STIFFNESS_ESTIMATE
 from explicitfe.solve.sector import SectorTie
 
 RESIDUAL_TOLERANCE = 1e-4  # unbalanced forces, relative to those of tool and loads, at which a load has converged by default
@@ -49,7 +49,7 @@ ELEMENTS_PER_RELAXING_THREAD = 500
 # halvings: what converges does so in a fraction of the first, and a 256th of an increment is no increment any more.
 ITERATIONS_WITHOUT_PROGRESS = 8000
 SHARE_OF_RESIDUAL_THAT_IS_PROGRESS = 0.9
-HALVINGS = 8
+MOST_HALVINGS = 8
 LONGEST_EXTRAPOLATION = 1.5  # in increments: a load further away than so many times the last increment begins without a guess
 # A load that has all but gone is no measure of a residual: it is compared to this share of the largest load and work so far.
 LEAST_SHARE_OF_LARGEST_LOAD = 0.01
@@ -289,7 +289,7 @@ class Relaxation(Body):
                 continue
             stuck = Stuck(failure, now, self._known[-1].coordinate, float(self._monitor[RESIDUAL]), self._worst(failure))
             self._restore()
-            if share - done <= 0.5**HALVINGS:
+            if share - done <= 0.5**MOST_HALVINGS:
                 self.set_increment(0.0)
                 return stuck
             shares.append(0.5 * (done + share))
@@ -338,7 +338,9 @@ class Relaxation(Body):
             residual = self._monitor[RESIDUAL]
             if not self._monitor[REST_J] > 0.0 or not np.isfinite(residual):
                 return "inverted"
-            if self._monitor[STIFFNESS] > RESTLESS:  # tissue has stiffened on the way: new masses, a new start from here
+            if (
+                self._monitor[STIFFNESS] > LARGEST_STIFFNESS_ESTIMATE
+            ):  # tissue has stiffened on the way: new masses, a new start from here
                 heavy = False
                 self._stop()
                 continue

@@ -39,9 +39,11 @@ from explicitfe.solve.boundary import turn, turn_back
 # Placeholder, bound in solve/kernels.py.
 internal_force: Any = None
 
-FRESH = 0.05  # weight of the newest stiffness estimate in a relaxation's mean
-RESTLESS = 3.8  # stiffness estimate at which it stops: fresh masses keep it below 3.7, beyond 4 nothing is stable
-LOOK_EVERY = 20  # iterations of a relaxation between two looks at its residual
+NEWEST_ESTIMATE_WEIGHT = 0.05  # of the stiffness, in a relaxation's mean
+LARGEST_STIFFNESS_ESTIMATE = (
+    3.8  # above it a relaxation stops: fresh masses keep it below 3.7, beyond 4 nothing is stable
+)
+ITERATIONS_PER_RESIDUAL = 20  # between two looks at it
 
 
 def relax(
@@ -85,7 +87,7 @@ def relax(
     """
     u, v, force = state
     begin, end = part.first * ROW, (part.first + part.own) * ROW
-    mine = sums[part.number]
+    own_sums = sums[part.number]
     first = part.number == 0
     before = monitor[POWER]
     inertia = monitor[MOMENT]
@@ -96,7 +98,7 @@ def relax(
         if first:
             turn(u, turned)
         part.force[:] = 0.0
-        mine[SUM_J] = internal_force(part.u, part.force, part.blocks)
+        own_sums[SUM_J] = internal_force(part.u, part.force, part.blocks)
         follow(u, contact, part.number, part.parts)
         wait(part.gate, part.parts)
         rest_J = smallest(sums)
@@ -108,7 +110,7 @@ def relax(
             for at in range(begin, end, WIDTH):
                 store(force, at, load(part.force, at - begin))
             wait(part.gate, part.parts)
-        looks = done % LOOK_EVERY == 0
+        looks = done % ITERATIONS_PER_RESIDUAL == 0
         if first:
             add_springs(u, force, springs)
             turn_back(force, turned)
@@ -119,7 +121,7 @@ def relax(
                 if tool[COMPLIANCE] == 0.0:
                     tool[DEPTH] = tool[DRIVE]
             find_depth(contact, tool)
-            mine[PRESSED] = add_contact(force, contact, tool)
+            own_sums[PRESSED] = add_contact(force, contact, tool)
         wait(part.gate, part.parts)
         if looks:
             residual = splat(0.0)
@@ -133,7 +135,7 @@ def relax(
                 residual = residual + unbalanced * unbalanced
                 loads = loads + pushed * pushed
                 work = work + dead * load(u, at)
-            mine[UNBALANCED], mine[PUSHED], mine[DEAD_WORK] = sum_lanes(residual), sum_lanes(loads), sum_lanes(work)
+            own_sums[UNBALANCED], own_sums[PUSHED], own_sums[DEAD_WORK] = sum_lanes(residual), sum_lanes(loads), sum_lanes(work)
             wait(part.gate, part.parts)
             done_work = 0.5 * (abs(sums[0, PRESSED] * tool[DEPTH]) + abs(total(sums, DEAD_WORK)))
             pushed_by = math.sqrt(total(sums, PUSHED))
@@ -142,19 +144,19 @@ def relax(
             kinetic = 0.5 * inertia / max(done_work, least_work, 1e-300)
             if first:
                 monitor[LOADS], monitor[WORK], monitor[RESIDUAL], monitor[KINETIC_RATIO] = pushed_by, done_work, off, kinetic
-            there = tool[FREE] > 0.0 or tool[DRIVE] == tool[GOAL]
-            if there and off <= tolerance and kinetic <= tolerance * tolerance:
+            arrived = tool[FREE] > 0.0 or tool[DRIVE] == tool[GOAL]
+            if arrived and off <= tolerance and kinetic <= tolerance * tolerance:
                 break
         power = splat(0.0)
         for at in range(begin, end, WIDTH):
             power = power + load(v, at) * (load(force, at) + load(external, at))
-        mine[SUM_POWER] = sum_lanes(power)
+        own_sums[SUM_POWER] = sum_lanes(power)
         wait(part.gate, part.parts)
         if inertia > 0.0:
             quotient = (before - total(sums, SUM_POWER)) / inertia
             if quotient > 0.0:
-                stiffness = (1.0 - FRESH) * stiffness + FRESH * min(quotient, 4.0)
-                if stiffness > RESTLESS:
+                stiffness = (1.0 - NEWEST_ESTIMATE_WEIGHT) * stiffness + NEWEST_ESTIMATE_WEIGHT * min(quotient, 4.0)
+                if stiffness > LARGEST_STIFFNESS_ESTIMATE:
                     break
         c = 2.0 * math.sqrt(stiffness)
         keep = (2.0 - c) / (2.0 + c)
@@ -168,7 +170,7 @@ def relax(
             store(u, at, load(u, at) + new)
             power = power + new * push
             moment = moment + new * new * load(nodes.mass, at)
-        mine[MOVED_POWER], mine[MOVED_MOMENT] = sum_lanes(power), sum_lanes(moment)
+        own_sums[MOVED_POWER], own_sums[MOVED_MOMENT] = sum_lanes(power), sum_lanes(moment)
         wait(part.gate, part.parts)
         before = total(sums, MOVED_POWER)
         inertia = total(sums, MOVED_MOMENT)

@@ -2,7 +2,7 @@
 
 Two answers. ``fastest_element`` gives a bound: no mesh vibrates faster than its fastest element by itself (Irons &
 Treharne 1971). ``HighestFrequency`` finds the true one of the whole mesh, from below, so the step that is
-used stays a stated fraction under it (``FRACTION``).
+used stays a stated fraction under it (``STEP_SHARE_OF_LIMIT``).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from explicitfe.compiled.arrays import Blocks, in_blocks, node_rows, zeros
 from explicitfe.compiled.jit import kernel
 from explicitfe.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
 
-FRACTION = 0.9  # of the limit that the iteration gives
-APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
-BATCH = 256  # elements whose eigenvalues are solved for at once
+STEP_SHARE_OF_LIMIT = 0.9  # of the limit that the iteration gives
+BLOCKS_TAKEN_APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
+ELEMENTS_PER_BATCH = 256  # elements whose eigenvalues are solved for at once
 
 
 def fastest_element(
@@ -63,7 +63,7 @@ def fastest_element(
         if not np.isfinite(size).all():
             return float("nan"), part.start + int(np.argmin(np.isfinite(size)))
         order = np.argsort(-size)
-        for batch in np.split(order, range(BATCH, count, BATCH)):
+        for batch in np.split(order, range(ELEMENTS_PER_BATCH, count, ELEMENTS_PER_BATCH)):
             if size[batch[0]] <= largest:
                 break
             squares = np.linalg.eigvalsh(symmetric[batch])[:, -1] / node_mass[part][batch]
@@ -96,7 +96,7 @@ def stiffness_rows(
     rows = np.zeros(free.shape)
     for part, some, u in _taken_apart(blocks, displacement):
         count = part.stop - part.start
-        there, here = np.empty_like(u), np.empty_like(u)
+        moved, here = np.empty_like(u), np.empty_like(u)
         minus_force(u, here, some)
         collect = (own[part][:, :, None] == np.arange(8)).astype(float)  # (count, corner, corner that it counts for)
         step = 1e-6 * length_m[part]
@@ -107,8 +107,8 @@ def stiffness_rows(
             for k in range(3):
                 shifted = displacement[part] + moves[..., None] * rotation[part][..., k]
                 u[: 8 * count, :3] = shifted.reshape(-1, 3)
-                minus_force(u, there, some)
-                change = (here - there)[: 8 * count, :3].reshape(count, 8, 1, 3)
+                minus_force(u, moved, some)
+                change = (here - moved)[: 8 * count, :3].reshape(count, 8, 1, 3)
                 back = (change @ rotation[part])[:, :, 0]  # turned back: R^T f
                 rows[part] += np.abs(collect.transpose(0, 2, 1) @ back) * (free[part, corner, k] / step)[:, None, None]
     return rows * free
@@ -116,12 +116,12 @@ def stiffness_rows(
 
 def _taken_apart(blocks: Blocks, displacement: np.ndarray) -> Iterator[tuple[slice, Blocks, np.ndarray]]:
     """Elements with 8 nodes of their own each, part after part: which they are, their blocks, and their displacement rows."""
-    for first in range(0, len(blocks.nodes), APART):
-        part = slice(first * WIDTH, min((first + APART) * WIDTH, len(displacement)))
+    for first in range(0, len(blocks.nodes), BLOCKS_TAKEN_APART):
+        part = slice(first * WIDTH, min((first + BLOCKS_TAKEN_APART) * WIDTH, len(displacement)))
         count = part.stop - part.start
         # idle lanes keep a node that belongs to nobody
         apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
-        some = Blocks(apart, *(array[first : first + APART] for array in blocks[1:]))
+        some = Blocks(apart, *(array[first : first + BLOCKS_TAKEN_APART] for array in blocks[1:]))
         yield part, some, node_rows(displacement[part].reshape(-1, 3))
 
 
@@ -139,7 +139,7 @@ class HighestFrequency:
     length_m : typical element size; the force is differenced over a millionth of it.
     """
 
-    NOISE = 0.3  # of the length of the start vector
+    NOISE_SHARE = 0.3  # of the length of the start vector
 
     def __init__(
         self, minus_force: Callable[[np.ndarray, np.ndarray], object], inverse_mass: np.ndarray, length_m: float
@@ -160,7 +160,7 @@ class HighestFrequency:
         not finite.
         """
         basis = zeros((turns + 1, *u.shape))
-        basis[0] = self._unit(self.vector + self.NOISE * self._noise)
+        basis[0] = self._unit(self.vector + self.NOISE_SHARE * self._noise)
         diagonal, beside = np.zeros(turns), np.zeros(turns)
         done = 0
         for turn in range(turns):
@@ -210,9 +210,9 @@ def orthogonalise(root, force, response, scale, basis, turn, diagonal, beside):
     diagonal[turn] = sum_lanes(along)
     square = splat(0.0)
     for at in range(0, force.size, WIDTH):
-        rest = load(response, at) - diagonal[turn] * load(basis, here + at) - coupling * load(basis, last + at)
-        store(response, at, rest)
-        square = square + rest * rest
+        remainder = load(response, at) - diagonal[turn] * load(basis, here + at) - coupling * load(basis, last + at)
+        store(response, at, remainder)
+        square = square + remainder * remainder
     beside[turn] = math.sqrt(sum_lanes(square))
     if beside[turn] > 0.0:
         for at in range(0, force.size, WIDTH):

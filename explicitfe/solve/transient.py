@@ -10,21 +10,21 @@ import numpy as np
 from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
 from explicitfe.errors import InputError, RunError
 from explicitfe.solve.simulation import Simulation, Snapshot
-from explicitfe.solve.stable_step import FRACTION
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
 FINISHED, INVERTED, UNSTABLE, DIVERGED, INTERRUPTED = "finished", "inverted", "unstable", "diverged", "interrupted"
 
 # The stable step is looked at again when some element may have been strained by this much since, at the rate it had then: a
 # step force can distort the elements at its node within a few steps.
 STRAIN_BETWEEN_LOOKS = 0.15
-FEWEST_STEPS, MOST_STEPS = 2, 100
-FIRST_TURNS, TURNS = 40, 4  # of the iteration that finds the limit: at the start, and later from what it found
+FEWEST_STEPS_BETWEEN_LOOKS, MOST_STEPS_BETWEEN_LOOKS = 2, 100
+TURNS_AT_THE_START, TURNS_LATER = 40, 4  # of the iteration that finds the limit: at the start, and later from what it found
 # The step is kept while it lies between these shares of the limit: each change costs the energy balance a little.
-LOWEST_SHARE = 0.82
+LOWEST_STEP_SHARE = 0.82
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
-SHARE_FLOOR = 0.01
+ELASTIC_FLOOR_SHARE = 0.01
 # Elastic energy below this share of the largest external work and kinetic energy is rounding: a body in free fall has none.
-ROUNDING = 1e-12
+ROUNDING_SHARE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -61,9 +61,9 @@ class Transient:
         self._marks = np.append(edges[(edges > 0.0) & (edges < duration_s * (1.0 - 1e-9))], duration_s)
         self._mark = 0
         self._since = 0  # steps since the limit was looked at
-        self._cadence = FEWEST_STEPS
+        self._cadence = FEWEST_STEPS_BETWEEN_LOOKS
         self._left = 0  # steps to the next mark
-        self.limit_s = simulation.stable_limit(FIRST_TURNS)
+        self.limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         self.smallest_dt_s = np.inf
         self.largest_fraction = 0.0
         if step_s is not None and step_s > self.limit_s:
@@ -73,7 +73,7 @@ class Transient:
                 f"{1e6 * self.limit_s:.4g} microseconds (set by element {number}); take a smaller one or leave the key out."
             )
         self._dt = 0.0
-        self._divide(step_s or FRACTION * self.limit_s)
+        self._divide(step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
         simulation.start(self._dt)
 
     @property
@@ -99,7 +99,7 @@ class Transient:
                 simulation.time_s = float(self._marks[self._mark])
                 self._mark += 1
                 if not self.finished:
-                    self._divide(self.step_s or FRACTION * self.limit_s)
+                    self._divide(self.step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
         return None
 
     def samples(self, every_s: float) -> Iterator[Snapshot]:
@@ -120,7 +120,7 @@ class Transient:
     def _look(self) -> Status | None:
         """Find the stable limit of the present state, and the step from it."""
         before = self.limit_s
-        self.limit_s = self.simulation.stable_limit(TURNS)
+        self.limit_s = self.simulation.stable_limit(TURNS_LATER)
         self._since = 0
         if not np.isfinite(self.limit_s):
             return self._inverted()
@@ -128,8 +128,8 @@ class Transient:
         fall = 1.0 - self.limit_s / before
         strain = self.simulation.largest_strain_rate() * self._dt
         # Twice as many as last time at most: a body that starts from rest has no rate yet.
-        most = min(MOST_STEPS, 2 * self._cadence)
-        self._cadence = int(np.clip(STRAIN_BETWEEN_LOOKS / max(strain, 1e-12), FEWEST_STEPS, most))
+        most = min(MOST_STEPS_BETWEEN_LOOKS, 2 * self._cadence)
+        self._cadence = int(np.clip(STRAIN_BETWEEN_LOOKS / max(strain, 1e-12), FEWEST_STEPS_BETWEEN_LOOKS, most))
         if self.step_s is not None and self.step_s > self.limit_s:
             return Status(
                 UNSTABLE,
@@ -137,9 +137,9 @@ class Transient:
                 f"unstable: the tissue has stiffened and its limit is now {1e6 * self.limit_s:.4g} microseconds; "
                 "leave analysis.step_us out or make it smaller.",
             )
-        if self.step_s is None and not LOWEST_SHARE * self.limit_s <= self._dt <= FRACTION * self.limit_s:
+        if self.step_s is None and not LOWEST_STEP_SHARE * self.limit_s <= self._dt <= STEP_SHARE_OF_LIMIT * self.limit_s:
             # A limit that is falling will go on falling until the next look.
-            self._divide(FRACTION * self.limit_s * (1.0 - max(fall, 0.0)))
+            self._divide(STEP_SHARE_OF_LIMIT * self.limit_s * (1.0 - max(fall, 0.0)))
         return None
 
     def _divide(self, longest_s: float) -> None:
@@ -204,8 +204,8 @@ class Ledger:
         """Largest share of the hourglass energy in the elastic energy, where that is not next to nothing."""
         energies = np.array(self.energies)
         elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
-        there = elastic > max(SHARE_FLOOR * elastic.max(initial=0.0), self._rounding_J)
-        return float(np.max(energies[there, HOURGLASS] / elastic[there], initial=0.0))
+        elastic_enough = elastic > max(ELASTIC_FLOOR_SHARE * elastic.max(initial=0.0), self._rounding_J)
+        return float(np.max(energies[elastic_enough, HOURGLASS] / elastic[elastic_enough], initial=0.0))
 
     @property
     def hourglass_share_at_end(self) -> float:
@@ -217,4 +217,4 @@ class Ledger:
     @property
     def _rounding_J(self) -> float:
         energies = np.array(self.energies)
-        return ROUNDING * np.abs(energies[:, [EXTERNAL, KINETIC]]).max(initial=0.0)
+        return ROUNDING_SHARE * np.abs(energies[:, [EXTERNAL, KINETIC]]).max(initial=0.0)

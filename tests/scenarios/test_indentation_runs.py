@@ -147,8 +147,8 @@ def test_after_a_load_that_was_not_reached_one_can_go_on() -> None:
 
 def test_check_predicts(capsys: pytest.CaptureFixture[str]) -> None:
     assert command(["check", str(REAR), "--json", *QUICK]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["loads"] == 3 and found["predicted_iterations"] == 9000 and found["hexes"] > 50
+    check = json.loads(capsys.readouterr().out)
+    assert check["loads"] == 3 and check["predicted_iterations"] == 9000 and check["hexes"] > 50
     assert command(["check", str(REAR), *QUICK]) == 0
     assert "iterations" in capsys.readouterr().out
 

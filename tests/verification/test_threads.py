@@ -22,7 +22,7 @@ from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Equilibrium, Relaxation
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import FRACTION
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
 STEPS = 60
 ROUNDING = 1e-12  # of the largest displacement: STEPS sums of a few 1e-16 each, grown by a stable system at most STEPS-fold
@@ -56,7 +56,7 @@ def run(simulation: Simulation, dt: float) -> None:
 def test_several_threads_give_the_answer_of_one(element, count):
     alone, shared = moving(element, 1), moving(element, count)
     assert len(alone.parts) == 1 and len(shared.parts) > 1
-    dt = FRACTION * alone.stable_limit(40)
+    dt = STEP_SHARE_OF_LIMIT * alone.stable_limit(40)
     for simulation in (alone, shared):
         run(simulation, dt)
     size = np.abs(alone.displacement).max()
@@ -73,7 +73,7 @@ def test_what_the_material_remembers_is_shared_too():
     effects = (Viscoelastic(g=[0.4], tau_s=[0.01]),)
     alone, shared = moving("hex8", 1, effects=effects), moving("hex8", 3, effects=effects)
     assert len(shared.parts) > 1
-    dt = FRACTION * alone.stable_limit(40)
+    dt = STEP_SHARE_OF_LIMIT * alone.stable_limit(40)
     for simulation in (alone, shared):
         run(simulation, dt)
     scale = np.abs(alone.blocks.old).max(axis=(0, 2), keepdims=True)
@@ -97,7 +97,7 @@ def test_a_restart_goes_on_bit_for_bit():
     """What is computed anew at the restart is summed in the order of the run."""
     through, first, second = (moving("hex8", 3) for _ in range(3))
     assert len(through.parts) > 1
-    dt = FRACTION * through.stable_limit(40)
+    dt = STEP_SHARE_OF_LIMIT * through.stable_limit(40)
     for simulation in (through, first):
         simulation.start(dt)
         simulation.advance(30, dt)
@@ -111,7 +111,7 @@ def test_a_restart_goes_on_bit_for_bit():
 def test_all_end_with_the_step_in_which_an_element_turns_inside_out():
     alone, shared = moving("hex8", 1, speed=30.0), moving("hex8", 3, speed=30.0)
     assert len(shared.parts) > 1
-    dt = FRACTION * alone.stable_limit(40)
+    dt = STEP_SHARE_OF_LIMIT * alone.stable_limit(40)
     for simulation in (alone, shared):
         simulation.start(dt)
         assert not simulation.advance(400, dt)

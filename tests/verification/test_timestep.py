@@ -17,8 +17,8 @@ from explicitfe.model.model import Model, NodalLoad
 from explicitfe.model.profile import Profile
 from explicitfe.run.prepare import prepare
 from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import FRACTION
-from explicitfe.solve.transient import FIRST_TURNS, INVERTED, UNSTABLE, Transient
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.solve.transient import INVERTED, TURNS_AT_THE_START, UNSTABLE, Transient
 
 BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)
@@ -81,7 +81,7 @@ def test_estimate_is_close(law, held, element, record_property):
     shorter, but for the forward difference over d = 1e-6 h: d U'''/U'' h = 1e-5 in compressed elements; 5e-5.
     """
     mesh = block_mesh((3, 2, 2), EDGE, seed=33)
-    turns = FIRST_TURNS
+    turns = TURNS_AT_THE_START
     allowed = 0.5 * 0.103 * (np.log(mesh.points.size * (turns - 1) ** 4) / (turns - 1)) ** 2
     ratios = []
     for u in states(mesh, 3):
@@ -134,7 +134,7 @@ def test_step_against_the_measured_limit(name, element, record_property):
     taken, bound = step_limit.taken(model) / limit, Simulation(model).stable_bound()[0] / limit
     record_property("taken / true", taken)
     record_property("bound / true", bound)
-    assert (1.0 - 2e-3) * FRACTION < taken < 1.013 * FRACTION
+    assert (1.0 - 2e-3) * STEP_SHARE_OF_LIMIT < taken < 1.013 * STEP_SHARE_OF_LIMIT
     assert bound < 1.0 + step_limit.RESOLUTION
     assert step_limit.blows_up(model, 1.01 * limit)
     assert not step_limit.blows_up(model, 0.99 * limit)
@@ -240,7 +240,7 @@ def test_fixed_step_that_becomes_unstable_ends_the_run():
     """Elements that are squeezed get a shorter limit; a fixed step that fitted at rest ends with a sentence, not with NaN."""
     model = pressed_block(2.0, 0.1)
     simulation = Simulation(model)
-    step = 0.98 * simulation.stable_limit(FIRST_TURNS)
+    step = 0.98 * simulation.stable_limit(TURNS_AT_THE_START)
     status = Transient(simulation, 0.5, step_s=step).advance_to(0.5)
     assert status is not None
     assert status.state == UNSTABLE
@@ -253,7 +253,7 @@ def test_fixed_step_that_becomes_unstable_ends_the_run():
     automatic = Simulation(model)  # the same with the automatic step goes on
     transient = Transient(automatic, 0.5)
     assert transient.advance_to(1.5 * simulation.time_s) is None
-    assert transient.smallest_dt_s < FRACTION * step
+    assert transient.smallest_dt_s < STEP_SHARE_OF_LIMIT * step
 
 
 def test_inverted_element_ends_the_run_with_its_number():

@@ -27,9 +27,9 @@ def setup(refinement: float = COARSE, symmetry: str = "sector", **tool) -> Setup
 @cache
 def response() -> ToolResponse:
     """Of the paper's test, near the paper's constants."""
-    made = ToolResponse(setup(), DEEPEST_M)
-    made.add([*FIRST_Q, 0.2])
-    return made
+    tool_response = ToolResponse(setup(), DEEPEST_M)
+    tool_response.add([*FIRST_Q, 0.2])
+    return tool_response
 
 
 HEAD = """format = "explicitfe-dataset/1"

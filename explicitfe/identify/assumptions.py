@@ -24,7 +24,7 @@ GRAVITY_M_S2 = (0.0, 0.0, -9.81)
 LAYER_THICKNESS_MM = 1.0
 LAYER_STIFFNESS_RATIO = 3.0
 OTHER_POISSON_RATIO = 0.49
-ASSUMED_LENGTH_SHARE = 0.2  # A length that the source does not state is taken to be this much shorter, and longer.
+OTHER_LENGTH_SHARE = 0.2  # A length that the source does not state is taken to be this much shorter, and longer.
 DEPTHS_OF_AN_ALTERNATIVE = 12
 # Under imposed forces an alternative may sink in deeper than what was measured: the runs go so much farther.
 ALTERNATIVE_DEPTH_FACTOR = 1.1
@@ -37,7 +37,7 @@ LEAST_C10_SHARE = 0.3  # From one run to the next C10 falls to no less than this
 PLATEN_DEPTH_HEIGHT_SHARE = 0.5  # Deeper than this, free sides fold.
 # The mesh that goes with a sharper edge is this much coarser: it would take longer than all other alternatives.
 SHARP_EDGE_REFINEMENT_FACTOR = 0.75
-OTHER_LENGTH_FACTORS = (1.0 - ASSUMED_LENGTH_SHARE, 1.0 + ASSUMED_LENGTH_SHARE)
+OTHER_LENGTH_FACTORS = (1.0 - OTHER_LENGTH_SHARE, 1.0 + OTHER_LENGTH_SHARE)
 SpecimenLength = Literal["radius_mm", "height_mm", "size_mm", "layer_mm"]
 ToolLength = Literal["radius_mm", "edge_radius_mm"]
 SPECIMEN_LENGTHS: tuple[SpecimenLength, ...] = ("radius_mm", "height_mm", "size_mm", "layer_mm")

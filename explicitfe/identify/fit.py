@@ -25,7 +25,7 @@ SETTLED_C10_SHARE = 1e-7
 FIRST_RATIOS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 # No row is exact: at zero force, where the slope is zero, a row would have infinite weight. Its noise is at least this share
 # of the median.
-SMALLEST_NOISE_SHARE = 1e-3
+LEAST_ROW_NOISE_SHARE = 1e-3
 
 # The end of a profile interval is sought farther and farther out, by this factor each time; after so many times it is infinite.
 WIDENING_FACTOR = 1.5
@@ -311,4 +311,4 @@ def _profile(problem: Problem, fit: Fit, threshold: float) -> dict[str, tuple[fl
 
 
 def _with_least_noise(sd: np.ndarray) -> np.ndarray:
-    return np.maximum(sd, SMALLEST_NOISE_SHARE * float(np.median(sd)))
+    return np.maximum(sd, LEAST_ROW_NOISE_SHARE * float(np.median(sd)))

@@ -1,4 +1,4 @@
-"""The tissue of a model file in a scenario: its constants and effects as the settings of ``--set``, stored with the result."""
+"""A tissue in a scenario: its constants and effects as the settings of ``--set``, which are stored with the result."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ ACTS_ON_A_BODY = ("material", "muscle")
 WHERE_IN_A_SPECIMEN = ("material", "specimen", "contact", "boundary")
 
 
-def tissue_settings(model: Tissue, scenario: Scenario, group: str | None = None) -> tuple[list[str], list[str]]:
-    """Settings that put the tissue of a model into a scenario, and the effects that are left out of it.
+def tissue_settings(tissue: Tissue, scenario: Scenario, group: str | None = None) -> tuple[list[str], list[str]]:
+    """Settings that put a tissue into a scenario.
 
     Parameters
     ----------
-    model : constants and effects.
-    scenario : as its file states it: its density stays, and so do effects that the model does not have.
-    group : which constants; may be left out where there is one group.
+    tissue : constants and effects.
+    scenario : as its file states it: its density stays, and so do effects that the tissue does not have.
+    group : name of the constants; it may be left out where there is one group.
 
     Returns
     -------
@@ -31,18 +31,18 @@ def tissue_settings(model: Tissue, scenario: Scenario, group: str | None = None)
 
     Raises
     ------
-    InputError : no such group, or none named of several.
+    InputError : there is no such group, or there are several and none is named.
     """
-    constants = _constants(model, group)
+    constants = _constants(tissue, group)
     material = {
         "law": "yeoh",
         **constants.model_dump(),
-        "poisson": model.poisson,
+        "poisson": tissue.poisson,
         "density_kg_m3": catalogue.material(scenario.model.material).density_kg_m3,
     }
     settings, left_out = [f"model.material={toml_value(material)}"], []
     for name, kind in EFFECTS.items():
-        effect = getattr(model.effects, name.replace("-", "_"))
+        effect = getattr(tissue.effects, name.replace("-", "_"))
         if effect is None:
             continue
         if _belongs(kind, isinstance(scenario, IndentationScenario)):
@@ -52,17 +52,17 @@ def tissue_settings(model: Tissue, scenario: Scenario, group: str | None = None)
     return settings, left_out
 
 
-def _constants(model: Tissue, group: str | None) -> Constants:
-    groups = list(model.constants)
+def _constants(tissue: Tissue, group: str | None) -> Constants:
+    groups = list(tissue.constants)
     if group is None and len(groups) == 1:
-        return model.constants[groups[0]]
+        return tissue.constants[groups[0]]
     if groups == [EVERY]:
         raise InputError("the model has one set of constants for all; leave the group out.")
     if group is None:
         raise InputError(f"the model has several groups of constants; name one of {', '.join(groups)}.")
     if group not in groups:
         raise InputError(f'the model has no group of constants "{group}"; {nearest(group, groups)}')
-    return model.constants[group]
+    return tissue.constants[group]
 
 
 def _belongs(kind: type[Effect], under_a_tool: bool) -> bool:

@@ -1,4 +1,4 @@
-"""Least squares: the constants come back, the covariance is the curvature, profiles are right, bounds are told."""
+"""Least squares: the constants come back, the covariance is the curvature, profiles are right, bounds are said."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from identify_cases import LOADS_N, TRUTH, response
 from explicitfe.identify.fit import NAMES, Observed, Problem, least_squares_fit, profile_curve
 from explicitfe.identify.forward import CurveModel, PointResponse
 
-NOISE = 10e-6  # m
+NOISE_M = 10e-6
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ def line(seed: int, sd: float | None = 0.1, truth=(2.0, 1.0), rows: int = 12) ->
     return Observed("line", x, Linear()(x, *truth) + noise, 0.0, sd, Linear())
 
 
-def pressed(constants=TRUTH, sd=NOISE) -> Observed:
+def pressed(constants=TRUTH, sd=NOISE_M) -> Observed:
     model = CurveModel(response(), by_force=True)
-    return Observed("made", LOADS_N, model(LOADS_N, *constants), 0.0, sd, model)
+    return Observed("simulated", LOADS_N, model(LOADS_N, *constants), 0.0, sd, model)
 
 
 def test_exact_data_give_the_constants_back():
@@ -83,10 +83,10 @@ def test_covariance_is_the_inverse_of_half_the_hessian_of_chi2():
 def test_rows_that_err_in_force_count_by_the_slope():
     """sigma^2 = sigma_d^2 + (du/dF)^2 sigma_F^2."""
     seen = pressed()
-    both = Observed("made", LOADS_N, seen.measured, 0.002, NOISE, seen.model)
+    both = Observed("simulated", LOADS_N, seen.measured, 0.002, NOISE_M, seen.model)
     slope = response().at_force(LOADS_N, *TRUTH)[1]
     fit = least_squares_fit([both], profile=False)
-    assert fit.sds[0] == pytest.approx(np.hypot(NOISE, 0.002 * slope), rel=1e-4)
+    assert fit.sds[0] == pytest.approx(np.hypot(NOISE_M, 0.002 * slope), rel=1e-4)
 
 
 def test_intervals_cover():

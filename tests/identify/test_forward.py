@@ -22,41 +22,41 @@ def test_uniaxial_stress_is_that_of_an_incompressible_bar_but_for_its_compressib
     stretch = np.array([0.5, 0.8, 0.95, 1.1, 1.5])
     C10, C20 = TRUTH
     closed = 2.0 * (C10 + 2.0 * C20 * (stretch**2 + 2.0 / stretch - 3.0)) * (stretch - stretch**-2)
-    found = point.uniaxial(Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=POISSON), (), np.zeros(len(stretch)), stretch)
-    assert np.abs(found / closed - 1.0).max() < 5.0 * (1.0 - 2.0 * POISSON)
+    stress = point.uniaxial(Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=POISSON), (), np.zeros(len(stretch)), stretch)
+    assert np.abs(stress / closed - 1.0).max() < 5.0 * (1.0 - 2.0 * POISSON)
     tighter = point.uniaxial(Yeoh(C10_Pa=C10, C20_Pa=C20, poisson=0.4999), (), np.zeros(len(stretch)), stretch)
-    # ten times less compressible, ten times nearer
-    assert np.abs(tighter / closed - 1.0).max() == pytest.approx(0.1 * np.abs(found / closed - 1.0).max(), rel=0.1)
+    # It is ten times less compressible, and ten times nearer.
+    assert np.abs(tighter / closed - 1.0).max() == pytest.approx(0.1 * np.abs(stress / closed - 1.0).max(), rel=0.1)
 
 
 def test_shear_stress_is_exact():
     """Simple shear keeps the volume: P12 = 2 W' g with I1 - 3 = g^2."""
     amount = np.array([-0.4, 0.0, 0.1, 0.7])
-    found = point.shear(Yeoh(C10_Pa=200.0, C20_Pa=100.0, poisson=POISSON), (), np.zeros(len(amount)), amount)
-    assert found == pytest.approx(2.0 * (200.0 + 200.0 * amount**2) * amount, rel=1e-12)
+    stress = point.shear(Yeoh(C10_Pa=200.0, C20_Pa=100.0, poisson=POISSON), (), np.zeros(len(amount)), amount)
+    assert stress == pytest.approx(2.0 * (200.0 + 200.0 * amount**2) * amount, rel=1e-12)
 
 
 def test_slopes_of_responses():
     """What a response says of its slope is its derivative, by central differences."""
     for kind in ("uniaxial", "shear"):
-        made = PointResponse(kind, POISSON)
+        forward = PointResponse(kind, POISSON)
         x, h = np.array([0.7, 0.9, 1.2]), 1e-4
-        slope = (made.at(x + h, *TRUTH)[0] - made.at(x - h, *TRUTH)[0]) / (2.0 * h)
-        assert made.at(x, *TRUTH)[1] == pytest.approx(slope, rel=1e-6)
-    made, h = response(), 1e-7
+        slope = (forward.at(x + h, *TRUTH)[0] - forward.at(x - h, *TRUTH)[0]) / (2.0 * h)
+        assert forward.at(x, *TRUTH)[1] == pytest.approx(slope, rel=1e-6)
+    forward, h = response(), 1e-7
     depth = np.array([1e-3, 4e-3, 6e-3])
-    slope = (made.at_depth(depth + h, *TRUTH)[0] - made.at_depth(depth - h, *TRUTH)[0]) / (2.0 * h)
-    assert made.at_depth(depth, *TRUTH)[1] == pytest.approx(slope, rel=1e-6)
+    slope = (forward.at_depth(depth + h, *TRUTH)[0] - forward.at_depth(depth - h, *TRUTH)[0]) / (2.0 * h)
+    assert forward.at_depth(depth, *TRUTH)[1] == pytest.approx(slope, rel=1e-6)
 
 
 def test_depth_and_force_are_inverse():
-    made = response()
-    depth, slope = made.at_force(LOADS_N, *TRUTH)
-    force, stiffness = made.at_depth(depth, *TRUTH)
+    forward = response()
+    depth, slope = forward.at_force(LOADS_N, *TRUTH)
+    force, stiffness = forward.at_depth(depth, *TRUTH)
     assert force == pytest.approx(LOADS_N, rel=1e-9)
     assert slope * stiffness == pytest.approx(1.0, rel=1e-9)
-    assert made.at_force(np.array([0.0, -1.0]), *TRUTH)[0] == pytest.approx([0.0, 0.0])
-    assert made.at_depth(np.array([0.0, -1e-3]), *TRUTH)[0] == pytest.approx([0.0, 0.0])
+    assert forward.at_force(np.array([0.0, -1.0]), *TRUTH)[0] == pytest.approx([0.0, 0.0])
+    assert forward.at_depth(np.array([0.0, -1e-3]), *TRUTH)[0] == pytest.approx([0.0, 0.0])
 
 
 def test_both_constants_doubled_double_the_force():
@@ -68,17 +68,17 @@ def test_both_constants_doubled_double_the_force():
 
 def test_response_agrees_with_the_simulator_between_its_runs():
     """Within the roughness of contact on this coarse mesh."""
-    made = response()
-    assert min(abs(ratio(*TRUTH) - q) for q in made.ratios) > 0.01
+    forward = response()
+    assert min(abs(ratio(*TRUTH) - q) for q in forward.ratios) > 0.01
     depths = np.array([2e-3, 4e-3, 6e-3])
-    assert made.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(setup(), *TRUTH, depths), rel=5.0 * made.roughness)
-    assert 0.0 < made.roughness < 0.02
+    assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(setup(), *TRUTH, depths), rel=5.0 * forward.roughness)
+    assert 0.0 < forward.roughness < 0.02
 
 
 def test_beyond_its_runs_a_response_goes_straight_on():
-    made = response()
+    forward = response()
     depth = DEEPEST_M * np.array([1.0, 1.1, 1.2])
-    force, slope = made.at_depth(depth, *TRUTH)
+    force, slope = forward.at_depth(depth, *TRUTH)
     assert np.diff(force) == pytest.approx(slope[0] * np.diff(depth), rel=1e-9)
 
 
@@ -87,10 +87,10 @@ def test_specimen_between_smooth_platens_is_homogeneous():
     body = {"symmetry": "sector", "radius_mm": 25.0, "height_mm": 30.0, "base": "sliding", "refinement": COARSE}
     platen = Setup(body, {"shape": "platen", "friction": 0.0}, POISSON, 1040.0)
     assert is_uniform(platen)
-    made = UniformResponse(platen)
+    forward = UniformResponse(platen)
     depths = np.array([1e-3, 6e-3, 12e-3])
-    assert made.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(platen, *TRUTH, depths), rel=2e-3)
-    assert made.at_force(made.at_depth(depths, *TRUTH)[0], *TRUTH)[0] == pytest.approx(depths, rel=1e-9)
+    assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(platen, *TRUTH, depths), rel=2e-3)
+    assert forward.at_force(forward.at_depth(depths, *TRUTH)[0], *TRUTH)[0] == pytest.approx(depths, rel=1e-9)
 
 
 def test_smoothing_keeps_what_is_smooth_and_measures_what_is_rough():

@@ -1,4 +1,4 @@
-"""``identify`` as a whole: constants from data made with other numerics, what it tells, what it writes, what it refuses."""
+"""``identify`` as a whole: constants from data made with other numerics, what it says, what it writes, what it refuses."""
 
 from __future__ import annotations
 
@@ -44,42 +44,44 @@ def quarter() -> tuple[np.ndarray, np.ndarray]:
 @pytest.fixture(scope="module")
 def identified(quarter, tmp_path_factory):
     folder = tmp_path_factory.mktemp("identify")
-    told: list[tuple[str, float]] = []
+    stages: list[tuple[str, float]] = []
     data = write(folder / "data", {"one": quarter})
-    found = identify(data, out=folder / "out", refinement=COARSE, progress=lambda stage, share: told.append((stage, share)))
-    return found, told, folder
+    identification = identify(
+        data, out=folder / "out", refinement=COARSE, progress=lambda stage, share: stages.append((stage, share))
+    )
+    return identification, stages, folder
 
 
 def test_constants_come_back_from_other_numerics(identified):
     """No inverse crime: the meshes differ by up to 1 % of a displacement, which moves C10 by 3 and C20 by 8 % at most."""
-    found = identified[0]
-    constants = found["groups"]["all"]["constants"]
+    identification = identified[0]
+    constants = identification["groups"]["all"]["constants"]
     assert constants["C10_Pa"]["value"] == pytest.approx(TRUTH[0], rel=0.03)
     assert constants["C20_Pa"]["value"] == pytest.approx(TRUTH[1], rel=0.08)
     for entry in constants.values():
         assert entry["ci95"][0] < entry["value"] < entry["ci95"][1]
-    assert found["groups"]["all"]["error"]["fit"]["nrmse"] < 0.01
+    assert identification["groups"]["all"]["error"]["fit"]["nrmse"] < 0.01
 
 
 def test_progress_never_goes_back_and_ends(identified):
-    told = identified[1]
-    assert [stage for stage, _ in told if stage == "compile"]
-    shares = [share for stage, share in told if stage == "identify"]
+    stages = identified[1]
+    assert [stage for stage, _ in stages if stage == "compile"]
+    shares = [share for stage, share in stages if stage == "identify"]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     assert len(shares) > 20
 
 
 def test_what_is_written(identified):
-    found, _, folder = identified
+    identification, _, folder = identified
     names = {path.name for path in (folder / "out").iterdir()}
     assert names == {"identify.json", "fit.png", "profiles.png", "deformed.png", "fitted.toml", "material.toml"}
-    assert {Path(path).name for path in found["files"]} == names
+    assert {Path(path).name for path in identification["files"]} == names
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
     stored = json.loads((folder / "out" / "identify.json").read_text())
-    assert stored["groups"] == json.loads(json.dumps(found["groups"]))
+    assert stored["groups"] == json.loads(json.dumps(identification["groups"]))
     material = tomllib.loads((folder / "out" / "material.toml").read_text())["all"]
-    assert material["C10_Pa"] == pytest.approx(found["groups"]["all"]["constants"]["C10_Pa"]["value"], rel=1e-5)
+    assert material["C10_Pa"] == pytest.approx(identification["groups"]["all"]["constants"]["C10_Pa"]["value"], rel=1e-5)
 
 
 def test_written_scenario_repeats_the_test(identified):
@@ -102,13 +104,13 @@ def test_tables_for_people(identified):
 
 def test_same_again(identified):
     """No seed, no clock: bit by bit the same."""
-    found, _, folder = identified
-    assert identify(folder / "data", refinement=COARSE)["groups"] == found["groups"]
+    identification, _, folder = identified
+    assert identify(folder / "data", refinement=COARSE)["groups"] == identification["groups"]
 
 
 def test_paper_method(quarter, tmp_path):
-    found = identify(write(tmp_path / "data", {"one": quarter}), method="paper", out=tmp_path / "out", refinement=COARSE)
-    group = found["groups"]["all"]
+    identification = identify(write(tmp_path / "data", {"one": quarter}), method="paper", out=tmp_path / "out", refinement=COARSE)
+    group = identification["groups"]["all"]
     assert group["status"] == "converged"
     assert group["constants"]["C10_Pa"]["value"] == pytest.approx(TRUTH[0], rel=0.04)
     assert all(group["paper"]["within"])
@@ -122,12 +124,12 @@ def test_what_a_fit_hides_is_what_a_refit_finds():
     A run of 12 depths on this coarse mesh is smooth to 6e-3 of its forces, which four loads make some 3 percent of C10.
     """
     depths, loads = smooth_curve()
-    seen = Observed("made", loads, depths, 0.0, 1e-5, CurveModel(response(), True))
+    seen = Observed("simulated", loads, depths, 0.0, 1e-5, CurveModel(response(), True))
     fit = least_squares_fit([seen], profile=False)
     other = Setup(setup().specimen | {"layer_mm": 2.0, "layer_stiffness_ratio": 3.0}, setup().tool, 0.499, 1040.0)
-    made = ToolResponse(other, response().depths_m[-1])
-    made.add([*FIRST_Q, 0.2])
-    truth = least_squares_fit([Observed("made", loads, depths, 0.0, 1e-5, CurveModel(made, True))], profile=False)
+    layered = ToolResponse(other, response().depths_m[-1])
+    layered.add([*FIRST_Q, 0.2])
+    truth = least_squares_fit([Observed("simulated", loads, depths, 0.0, 1e-5, CurveModel(layered, True))], profile=False)
     hidden, _ = what_a_fit_hides(setup(), [seen], fit, [Alternative("layer", other)])
     moved = truth.constants / fit.constants - 1.0
     assert moved[0] < -0.05
@@ -154,20 +156,20 @@ def test_homogeneous_compression(tmp_path):
     stretch = np.linspace(1.0, 0.7, 20)
     stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
-    found = identify(data, out=tmp_path / "out")
-    constants = found["groups"]["all"]["constants"]
+    identification = identify(data, out=tmp_path / "out")
+    constants = identification["groups"]["all"]["constants"]
     assert constants["C10_Pa"]["value"] == pytest.approx(500.0, rel=1e-4)
     assert constants["C20_Pa"]["value"] == pytest.approx(200.0, rel=1e-3)
-    assert found["forward_runs"] == 0
-    assert found["groups"]["all"]["hides"] == []
+    assert identification["forward_runs"] == 0
+    assert identification["groups"]["all"]["hides"] == []
     assert not (tmp_path / "out" / "fitted.toml").exists()
 
 
 def test_homogeneous_shear_without_noise_stated(tmp_path):
     amount = np.linspace(0.0, 0.5, 15)
     stress = point.shear(Yeoh(C10_Pa=500.0, C20_Pa=0.0), (), np.zeros(len(amount)), amount) * (1.0 - 0.2 * amount**2)
-    found = identify(write_homogeneous(tmp_path / "data", "shear", "shear_strain,shear_stress_Pa", amount, stress))
-    group = found["groups"]["all"]
+    identification = identify(write_homogeneous(tmp_path / "data", "shear", "shear_strain,shear_stress_Pa", amount, stress))
+    group = identification["groups"]["all"]
     assert group["at_bound"] == ["C20_Pa"]
     assert group["noise"] == "estimated from the residual"
     assert any("at its bound" in warning for warning in group["warnings"])

@@ -31,15 +31,15 @@ RATE, STRAIN = 0.05, 0.3
 
 
 def model(*effects, **tables) -> Tissue:
-    made = Tissue(constants={EVERY: Constants(**YEOH)}, **tables)
+    tissue = Tissue(constants={EVERY: Constants(**YEOH)}, **tables)
     for effect in effects:
-        made = made.with_effect(effect)
-    return made
+        tissue = tissue.with_effect(effect)
+    return tissue
 
 
-def saved(folder: Path, made: Tissue | str) -> Path:
+def saved(folder: Path, tissue: Tissue | str) -> Path:
     path = folder / "model.toml"
-    path.write_text(made if isinstance(made, str) else made.text, encoding="utf-8")
+    path.write_text(tissue if isinstance(tissue, str) else tissue.text, encoding="utf-8")
     return path
 
 
@@ -50,11 +50,11 @@ def muscle(folder: Path, rows: int = 24, conditions: str = "") -> Path:
     """A ramp and hold whose corner lies between two rows, computed on instants a hundred times as fine."""
     t = np.concatenate([np.linspace(0.0, 5.9, rows // 2), np.geomspace(6.3, 300.0, rows // 2)])
     fine = np.unique(np.concatenate([np.linspace(0.0, 12.0, 4001), np.geomspace(12.0, 300.0, 200), t, [STRAIN / RATE]]))
-    way = 1.0 - np.minimum(RATE * fine, STRAIN)
+    stretch = 1.0 - np.minimum(RATE * fine, STRAIN)
     law = Yeoh(**YEOH, poisson=0.499)
-    stress = point.uniaxial(law, [PRONY], fine, way)[np.searchsorted(fine, t)]
+    stress = point.uniaxial(law, [PRONY], fine, stretch)[np.searchsorted(fine, t)]
     return _timed(
-        write_homogeneous(folder, "compression", "stretch,nominal_stress_Pa", np.interp(t, fine, way), stress), t, conditions
+        write_homogeneous(folder, "compression", "stretch,nominal_stress_Pa", np.interp(t, fine, stretch), stress), t, conditions
     )
 
 
@@ -102,8 +102,15 @@ def test_a_fit_finds_what_a_curve_was_made_with(tmp_path):
     """No noise: the constants come back within the accuracy of the curve."""
     data = muscle(tmp_path / "data", conditions=f"rate_per_s = {RATE}, max_strain = {STRAIN}")
     curves = read_dataset(data).curves
-    rest = 1.0 - sum(PRONY.g)
-    truth = {"C10": rest * 300.0, "C20": rest * 150.0, "s0": 0.4 / rest, "s1": 0.2 / rest, "t0": 0.5, "t1": 20.0}
+    remaining = 1.0 - sum(PRONY.g)
+    truth = {
+        "C10": remaining * 300.0,
+        "C20": remaining * 150.0,
+        "s0": 0.4 / remaining,
+        "s1": 0.2 / remaining,
+        "t0": 0.5,
+        "t1": 20.0,
+    }
 
     def make(v):
         sudden = 1.0 + v["s0"] + v["s1"]
@@ -111,10 +118,10 @@ def test_a_fit_finds_what_a_curve_was_made_with(tmp_path):
         return Tissue(constants={EVERY: constants}).with_effect(series([v["s0"], v["s1"]], [v["t0"], v["t1"]]))
 
     unknowns = {name: Unknown(1e-3 * value, 1e3 * value, 1.5 * value) for name, value in truth.items()}
-    found = fit_effects(curves, unknowns, make, lambda cs, m: [predict_test([c], m)[0].values for c in cs], starts=1)
-    assert found.values == pytest.approx(truth, rel=0.05)
-    assert not found.at_bound
-    assert found.nrmse["one"] < 2e-3
+    fit = fit_effects(curves, unknowns, make, lambda cs, m: [predict_test([c], m)[0].values for c in cs], starts=1)
+    assert fit.values == pytest.approx(truth, rel=0.05)
+    assert not fit.at_bound
+    assert fit.nrmse["one"] < 2e-3
 
 
 # ---- under a tool ----
@@ -133,10 +140,10 @@ def indentation(folder: Path, *, lines: str = "", copies: int = 1) -> Path:
     """A dataset whose forces are of no importance."""
     t, d = programme()
     names = [f"curve-{k}" for k in range(copies)]
-    made = write(folder, {n: (d, 1.0 + t) for n in names}, control="displacement", more={n: lines for n in names})
+    dataset = write(folder, {n: (d, 1.0 + t) for n in names}, control="displacement", more={n: lines for n in names})
     for name in names:
-        _timed_tool(made / f"{name}.csv", t)
-    return made
+        _timed_tool(dataset / f"{name}.csv", t)
+    return dataset
 
 
 def _timed_tool(file: Path, t: np.ndarray) -> None:
@@ -169,7 +176,7 @@ def test_a_tool_that_has_left_bears_nothing(soft):
     force = soft[1.0].values
     assert (force[t >= 20.0] == 0.0).all()
     assert (force[(t > 0.5) & (d > 0.7 * DEEP_M)] > 0.0).all()
-    # it relaxes in the hold, and on the way back it is below the way there
+    # It relaxes in the hold, and unloading lies below loading.
     hold = (t >= 8.0) & (t <= 16.0)
     assert (np.diff(force[hold]) < 0.0).all()
     back = (t > 16.0) & (t < 20.0)
@@ -183,12 +190,12 @@ def test_readings_are_exact(tmp_path, soft):
         + "force-offset = { offset_N = 0.1 }\nforce-drift = { rate_N_s = 0.01 }\ncycle-drift = { per_cycle = -0.1 }\n"
     )
     curve = curve_of(indentation(tmp_path / "data", lines="conditions = { repeat = 3 }"))
-    found = predict_test([curve], readings, refinement=COARSE)[0].values
-    # in the order of the table of effects: drift of the cell, its offset, then the repeat's factor
-    assert found == pytest.approx((soft[1.0].values + 0.01 * curve.time_s + 0.1) * 0.8, abs=1e-12)
+    read = predict_test([curve], readings, refinement=COARSE)[0].values
+    # Effects apply in the order of their table: drift of the cell, its offset, then the factor of the repeat.
+    assert read == pytest.approx((soft[1.0].values + 0.01 * curve.time_s + 0.1) * 0.8, abs=1e-12)
 
 
-def test_offset_of_contact_is_a_way_before_the_first_row(tmp_path):
+def test_offset_of_contact_is_a_shift_of_the_first_row(tmp_path):
     """The elastic force at d + d0: what is read at d, for either sign of d0."""
     curve = curve_of(indentation(tmp_path / "data"))
     plain = predict_test([curve], model(), refinement=COARSE)[0].values
@@ -196,22 +203,22 @@ def test_offset_of_contact_is_a_way_before_the_first_row(tmp_path):
     ramp = t <= 8.0
     for offset in (0.4, -0.4):
         shifted = parse_tissue(model().text + f"[effects]\ncontact-offset = {{ offset_mm = {offset} }}\n")
-        found = predict_test([curve], shifted, refinement=COARSE)[0].values[ramp]
+        shifted_values = predict_test([curve], shifted, refinement=COARSE)[0].values[ramp]
         inside = d[ramp] + 1e-3 * offset <= DEEP_M
         expected = np.interp(d[ramp] + 1e-3 * offset, d[ramp], plain[ramp], left=0.0)
-        assert np.abs(found - expected)[inside].max() < 5e-3 * plain.max()
-        assert (found[0] > 0.0) == (offset > 0.0)
+        assert np.abs(shifted_values - expected)[inside].max() < 5e-3 * plain.max()
+        assert (shifted_values[0] > 0.0) == (offset > 0.0)
 
 
 def test_force_that_is_imposed_gives_the_displacement_back(tmp_path, soft):
     """What the displacement test answers, imposed as a force in the ramp, gives its displacement."""
     t, d = programme()
     rows = (t <= 8.0) & (t > 0.5)
-    made = write(tmp_path / "data", {"one": (d[rows], soft[1.0].values[rows])}, control="force")
-    _timed_tool(made / "one.csv", t[rows] - t[rows][0])
-    # the first row presses already: the way there has the pace of what follows, as in the ramp it came from
-    found = predict_test([curve_of(made)], model(PRONY), refinement=COARSE)[0].values
-    assert np.abs(found - d[rows])[5:].max() < 0.01 * DEEP_M
+    dataset = write(tmp_path / "data", {"one": (d[rows], soft[1.0].values[rows])}, control="force")
+    _timed_tool(dataset / "one.csv", t[rows] - t[rows][0])
+    # The first row presses already: the tool came there at the pace of the rows that follow, as in the ramp.
+    values = predict_test([curve_of(dataset)], model(PRONY), refinement=COARSE)[0].values
+    assert np.abs(values - d[rows])[5:].max() < 0.01 * DEEP_M
 
 
 def test_numerics_of_the_model_file_are_used(tmp_path, soft):
@@ -297,7 +304,7 @@ SERIES = "viscoelastic = { g = [0.4, 0.2], tau_s = [0.5, 20.0] }\n"
 
 @pytest.fixture(scope="module")
 def pressed(tmp_path_factory):
-    """Ramp, hold, off, and soon in again: contact is lost before the way is back, and found late."""
+    """Ramp, hold, off, and soon in again: contact is lost before the tool is back, and found late."""
     folder = tmp_path_factory.mktemp("platen")
     t = np.linspace(0.0, 30.0, 100)
     d = np.interp(t, [0.0, 8.0, 16.0, 20.0, 21.0, 26.0, 30.0], [0.0, 4.0, 4.0, -0.3, -0.3, 4.0, 0.0])
@@ -336,9 +343,9 @@ def test_a_rig_that_gives_way_shifts_an_elastic_curve(pressed):
     soft = parse_tissue(stiff.text + "[effects]\ncompliance = { compliance_mm_N = 2.0 }\n")
     ramp = pressed.time_s < 8.0
     force = predict_test([pressed], soft)[0].values
-    way = pressed.displacement_m - 2e-3 * force
-    answer = -1e-6 * pressed.specimen.face_mm2 * point.uniaxial(stiff.law(pressed), (), pressed.time_s, 1.0 - way / 12e-3)
-    # between instants the curve is interpolated
+    shortening = pressed.displacement_m - 2e-3 * force
+    answer = -1e-6 * pressed.specimen.face_mm2 * point.uniaxial(stiff.law(pressed), (), pressed.time_s, 1.0 - shortening / 12e-3)
+    # Between instants the curve is interpolated.
     assert np.abs(answer - force)[ramp].max() < 1e-3 * force.max()
 
 
@@ -350,9 +357,9 @@ def test_where_no_homogeneous_state_is_found_the_simulator_goes_on(pressed, monk
 
     exact = predict_test([pressed], model())[0].values
     monkeypatch.setattr(Platens, "follow", none)
-    found = predict_test([pressed], model())[0]
-    assert found.iterations > 0
-    assert np.abs(found.values - exact).max() < 1e-3 * exact.max()
+    meshed = predict_test([pressed], model())[0]
+    assert meshed.iterations > 0
+    assert np.abs(meshed.values - exact).max() < 1e-3 * exact.max()
 
 
 # ---- instants ----
@@ -361,11 +368,11 @@ def test_where_no_homogeneous_state_is_found_the_simulator_goes_on(pressed, monk
 def test_bends_of_a_programme():
     t, d = programme()
     assert t[bends(t, d, 1e-6)] == pytest.approx([0.0, 8.0, 16.0, 20.0, 24.0])
-    made = course_of(t, d)
-    assert made.time_s[made.bends] == pytest.approx([0.0, 8.0, 16.0, 20.0, 24.0])
-    assert made.at(made.imposed, t) == pytest.approx(d, abs=1e-9)
+    course = course_of(t, d)
+    assert course.time_s[course.bends] == pytest.approx([0.0, 8.0, 16.0, 20.0, 24.0])
+    assert course.at(course.imposed, t) == pytest.approx(d, abs=1e-9)
     still = course_of(t, d, waits=False)
-    assert len(still.time_s) < len(made.time_s)
+    assert len(still.time_s) < len(course.time_s)
     early = course_of(t, d + 1e-3)
     assert (early.time_s[0], early.imposed[0]) == (pytest.approx(-2.0), 0.0)
     late = course_of(t, d - 1e-3)
@@ -376,17 +383,17 @@ def test_bends_of_a_programme():
 def test_loss_of_contact_is_found_between_instants():
     """F = (1 - t)^1.5 until 1, nothing after: with instants 0.1 apart that miss the end, to 1 % of the largest."""
     t = np.linspace(0.0, 2.0, 20)
-    made = course_of(t, 3.0 - t, waits=True)
-    force = np.maximum(1.0 - made.time_s, 0.0) ** 1.5
+    course = course_of(t, 3.0 - t, waits=True)
+    force = np.maximum(1.0 - course.time_s, 0.0) ** 1.5
     fine = np.linspace(0.0, 2.0, 300)
-    assert np.abs(made.at(force, fine, 1.5) - np.maximum(1.0 - fine, 0.0) ** 1.5).max() < 0.01
+    assert np.abs(course.at(force, fine, 1.5) - np.maximum(1.0 - fine, 0.0) ** 1.5).max() < 0.01
 
 
 # ---- model files ----
 
 
 def test_a_model_file_comes_back_exactly(tmp_path):
-    made = parse_tissue(
+    tissue = parse_tissue(
         """
         format = "explicitfe-model/1"
         title = 'a "quoted" \\ title'
@@ -402,9 +409,9 @@ def test_a_model_file_comes_back_exactly(tmp_path):
         numerics = { refinement = 0.3, density = 2, tolerance = 3.3333333333333333e-5 }
         """
     )
-    write_tissue(made, tmp_path / "model.toml")
-    assert read_tissue(tmp_path / "model.toml") == made
-    assert read_tissue(tmp_path / "model.toml").text == made.text
+    write_tissue(tissue, tmp_path / "model.toml")
+    assert read_tissue(tmp_path / "model.toml") == tissue
+    assert read_tissue(tmp_path / "model.toml").text == tissue.text
 
 
 HEAD = 'format = "explicitfe-model/1"\n'

@@ -47,10 +47,10 @@ def ran(capsys: pytest.CaptureFixture[str], scenario: Path, folder: Path, *optio
 def test_muscle_in_the_tongue(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The same as with the settings written out; what is stored runs again without the model file."""
     path = saved(tmp_path)
-    found = ran(capsys, VOWEL, tmp_path, *SHORT, "--tissue", str(path), "--tissue-group", "fibre")
-    assert found["status"] == "finished"
-    assert found["warnings"][0].endswith("friction, preload, contact-offset.")
-    with explicitfe.open_result(found["result"]) as result:
+    summary = ran(capsys, VOWEL, tmp_path, *SHORT, "--tissue", str(path), "--tissue-group", "fibre")
+    assert summary["status"] == "finished"
+    assert summary["warnings"][0].endswith("friction, preload, contact-offset.")
+    with explicitfe.open_result(summary["result"]) as result:
         stated, text = result.model["scenario"], result.scenario_text
     assert stated["model"]["material"] == {
         "law": "yeoh", "C10_Pa": 226.1, "C20_Pa": 1869.3, "poisson": 0.49, "density_kg_m3": 1040.0, "source": "",
@@ -59,18 +59,18 @@ def test_muscle_in_the_tongue(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "# --set model.material={" in text
     again = tmp_path / "again.json"
     again.write_text(json.dumps(stated))
-    assert explicitfe.run(again, tmp_path)["probes"] == found["probes"]
+    assert explicitfe.run(again, tmp_path)["probes"] == summary["probes"]
     path.unlink()
     plain = ran(capsys, VOWEL, tmp_path, *SHORT)
-    assert plain["probes"] != found["probes"] and not any("left out" in note for note in plain["warnings"])
+    assert plain["probes"] != summary["probes"] and not any("left out" in note for note in plain["warnings"])
 
 
 def test_tissue_under_a_tool(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Friction goes with the tissue, the preload of the test it was fitted to does not; the scenario's own effects stay."""
     options = ["--tissue", str(saved(tmp_path)), "--tissue-group", "cross-fibre", "--set", "effects.tilt={angle_deg=0.0}"]
-    found = ran(capsys, REAR, tmp_path, *QUICK, *options)
-    assert found["warnings"][0].endswith("preload, contact-offset.")
-    with explicitfe.open_result(found["result"]) as result:
+    summary = ran(capsys, REAR, tmp_path, *QUICK, *options)
+    assert summary["warnings"][0].endswith("preload, contact-offset.")
+    with explicitfe.open_result(summary["result"]) as result:
         stated = result.model["scenario"]
     assert set(stated["effects"]) == {"viscoelastic", "friction", "tilt"}
     same = [
@@ -78,13 +78,13 @@ def test_tissue_under_a_tool(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         "effects={viscoelastic={g=[0.58, 0.22], tau_s=[0.01, 62.0]}, friction={coefficient=0.3}}",
     ]
     written = ran(capsys, REAR, tmp_path, *QUICK, *(word for setting in same for word in ("--set", setting)))
-    assert written["curve"] == found["curve"]
+    assert written["curve"] == summary["curve"]
 
 
 def test_density_and_one_group(tmp_path: Path) -> None:
     """The density is the scenario's own; one table of constants needs no group; numbers come back bit by bit."""
-    made = parse_tissue('format = "explicitfe-model/1"\nconstants = { C10_Pa = 0.30000000000000004 }\n')
-    settings, left_out = tissue_settings(made, read_scenario(BALL)[0])
+    tissue = parse_tissue('format = "explicitfe-model/1"\nconstants = { C10_Pa = 0.30000000000000004 }\n')
+    settings, left_out = tissue_settings(tissue, read_scenario(BALL)[0])
     material = read_scenario(BALL, settings)[0].model.material
     assert (material.C10_Pa, material.C20_Pa, material.density_kg_m3) == (0.30000000000000004, 0.0, 1070.0)
     assert left_out == []
@@ -93,10 +93,10 @@ def test_density_and_one_group(tmp_path: Path) -> None:
 def test_settings_come_after_the_tissue(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["--tissue", str(saved(tmp_path)), "--tissue-group", "fibre", "--set", "model.material.C10_Pa=300.0"]
     assert command(["check", str(VOWEL), *SHORT, "--json", *options]) == 0
-    told = capsys.readouterr()
-    found = json.loads(told.out)
-    assert (found["material"]["C10_Pa"], found["material"]["C20_Pa"]) == (300.0, 1869.3)
-    assert "left out: friction, preload, contact-offset." in told.err.replace("\n", " ")
+    output = capsys.readouterr()
+    summary = json.loads(output.out)
+    assert (summary["material"]["C10_Pa"], summary["material"]["C20_Pa"]) == (300.0, 1869.3)
+    assert "left out: friction, preload, contact-offset." in output.err.replace("\n", " ")
 
 
 @pytest.mark.parametrize(

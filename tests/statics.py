@@ -112,26 +112,26 @@ class Statics:
         if change is None and course is not None:  # carry the free components along with the held ones
             K = self.tangent(start.reshape(-1, 3))
             u[self.free] -= _solve(K[self.free][:, self.free], (K @ (u - start))[self.free])
-        rest, scale = self._residual(u, force, level)
-        residuals = [np.linalg.norm(rest) / scale]
+        unbalanced, scale = self._residual(u, force, level)
+        residuals = [np.linalg.norm(unbalanced) / scale]
         while residuals[-1] > CLOSED and len(residuals) <= MOST_ITERATIONS:
             K = self.tangent(u.reshape(-1, 3))
             if not np.isfinite(K.data).all():
                 return u, [*residuals, np.inf]
-            step = _solve(K[self.free][:, self.free], rest)
+            step = _solve(K[self.free][:, self.free], unbalanced)
             # Line search on the work of the residual along the step; the whole step where it does not grow.
-            length, work = 1.0, abs(step @ rest)
+            length, work = 1.0, abs(step @ unbalanced)
             while True:
                 trial = u.copy()
                 trial[self.free] += length * step
-                rest, scale = self._residual(trial, force, level)
-                if np.isfinite(rest).all() and abs(step @ rest) <= 0.9 * work:
+                unbalanced, scale = self._residual(trial, force, level)
+                if np.isfinite(unbalanced).all() and abs(step @ unbalanced) <= 0.9 * work:
                     break
                 length *= 0.5
                 if length < 1.0 / 64.0:
                     return u, [*residuals, np.inf]
             u = trial
-            residuals.append(np.linalg.norm(rest) / scale)
+            residuals.append(np.linalg.norm(unbalanced) / scale)
         return u, residuals
 
     def _residual(self, u, force, level):

@@ -399,8 +399,8 @@ def test_registration_by_numbers(tmp_path: Path) -> None:
     tables, files = trajectory()
     turned = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     tables["registration"] = {"rotation": turned, "scale": "fit", "translation": "fit"}
-    found = read_dataset(write(tmp_path, (tables, files))).registration
-    assert np.array_equal(found.rotation, turned) and (found.scale, found.translation) == ("fit", "fit")
+    registration = read_dataset(write(tmp_path, (tables, files))).registration
+    assert np.array_equal(registration.rotation, turned) and (registration.scale, registration.translation) == ("fit", "fit")
 
 
 def _as(text: str, encoding: str = "utf-8") -> bytes:

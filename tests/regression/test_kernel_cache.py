@@ -148,14 +148,14 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
     )
     helper = LEAF + "@leaf\ndef helper(x):\n    return {} * x\n"
     code = PROCESS.format(folder=str(tmp_path))
-    found = []
+    processes = []
     for factor in (2.0, 3.0, 3.0):
         (tmp_path / "helper_file.py").write_text(helper.format(factor))
         value, hits, name = in_a_process(code, tmp_path / "cache").split()
-        found.append((float(value), int(hits), name))
-    assert [value for value, _, _ in found] == [21.0, 31.0, 31.0]
-    assert [hits for _, hits, _ in found] == [0, 0, 1]
-    assert found[0][2] != found[1][2] == found[2][2]
+        processes.append((float(value), int(hits), name))
+    assert [value for value, _, _ in processes] == [21.0, 31.0, 31.0]
+    assert [hits for _, hits, _ in processes] == [0, 0, 1]
+    assert processes[0][2] != processes[1][2] == processes[2][2]
 
 
 def test_a_binding_that_changes_nothing_is_an_error():
@@ -184,11 +184,11 @@ def test_the_next_process_does_not_compile(element, record_property):
     Simulation(model_of(block_mesh((2, 2, 2)), element=element)).compile()
     Relaxation(small_indentation(element=element)).compile()
     path = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
-    found = json.loads(in_a_process(path + SECOND.format(element=element)))
-    seconds = found.pop("seconds")
+    counts = json.loads(in_a_process(path + SECOND.format(element=element)))
+    seconds = counts.pop("seconds")
     record_property("seconds", seconds)
-    assert set(found) == set(kernels("yeoh", element).__dataclass_fields__)
-    assert all(hits_and_misses == [1, 0] for hits_and_misses in found.values()), found
+    assert set(counts) == set(kernels("yeoh", element).__dataclass_fields__)
+    assert all(hits_and_misses == [1, 0] for hits_and_misses in counts.values()), counts
 
 
 @pytest.mark.parametrize("element", ELEMENTS)

@@ -58,12 +58,12 @@ def test_effect_changes_the_curve(name: str, tmp_path: Path) -> None:
     """
     table, signs = CHANGES[name]
     plain = displacements(tmp_path)
-    found = displacements(tmp_path, f"effects.{name}={table}") / plain - 1.0
-    for change, sign in zip(found, signs, strict=True):
+    changes = displacements(tmp_path, f"effects.{name}={table}") / plain - 1.0
+    for change, sign in zip(changes, signs, strict=True):
         if sign:
-            assert sign * change > 3e-3, found
+            assert sign * change > 3e-3, changes
         elif name != "friction":  # on the way back it may be either
-            assert abs(change) < 3e-3, found
+            assert abs(change) < 3e-3, changes
 
 
 def test_adhesion_at_pull_off(tmp_path: Path) -> None:
@@ -140,13 +140,13 @@ SMALL = ("model.cells=[8,4,4]", "analysis.duration_ms=20")
 def test_effects_in_the_tongue(setting: str, tmp_path: Path) -> None:
     """They run, the balance closes to 1e-3, and the tongue goes less far than it does elastically with a step of force."""
     plain = explicitfe.run(VOWEL, tmp_path, settings=SMALL, overwrite=True)
-    found = explicitfe.run(VOWEL, tmp_path, settings=[*SMALL, setting], overwrite=True)
-    assert found["status"] == "finished" and found["energy_balance_error"] < 1e-3
-    with explicitfe.open_result(found["result"]) as result:
+    summary = explicitfe.run(VOWEL, tmp_path, settings=[*SMALL, setting], overwrite=True)
+    assert summary["status"] == "finished" and summary["energy_balance_error"] < 1e-3
+    with explicitfe.open_result(summary["result"]) as result:
         lost = result.history("material_loss")
     if "lag" in setting:
         assert np.all(lost == 0.0)
-        assert found["largest_displacement_mm"] < 0.9 * plain["largest_displacement_mm"]
+        assert summary["largest_displacement_mm"] < 0.9 * plain["largest_displacement_mm"]
     else:
         assert lost[-1] > 0.0 and lost.min() >= -1e-3 * lost.max()
 

@@ -251,23 +251,23 @@ def test_check_predicts_without_running(tmp_path: Path, capsys: pytest.CaptureFi
     """check says how many steps a run will take: within 10 % of what it then takes."""
     settings = [word for setting in SMALL for word in ("--set", setting)]
     assert command(["check", str(VOWEL), "--json", *settings]) == 0
-    found = json.loads(capsys.readouterr().out)
+    check = json.loads(capsys.readouterr().out)
     summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
-    assert found["stable"] and found["predicted_steps"] == pytest.approx(summary["steps"], rel=0.1)
-    assert found["hexes"] == 128 and found["predicted_wall_s"] > 0.0
-    assert found["stable_step_bound_us"] <= found["stable_step_us"]
+    assert check["stable"] and check["predicted_steps"] == pytest.approx(summary["steps"], rel=0.1)
+    assert check["hexes"] == 128 and check["predicted_wall_s"] > 0.0
+    assert check["stable_step_bound_us"] <= check["stable_step_us"]
 
 
 def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
     assert command(["inspect", summary["result"], "--json"]) == 0
     text = capsys.readouterr().out
-    found = json.loads(text)
-    assert found["status"] == "finished"
+    read = json.loads(text)
+    assert read["status"] == "finished"
     for word in ("displacement", "hourglass_energy", "kinetic_energy", "tip", "explicitfe"):
         assert word in text
     tip_m = [1e-3 * x for x in summary["probes"]["tip"]["displacement_mm"]]
-    assert found["last"]["probe_tip_displacement"] == pytest.approx(tip_m, rel=1e-12)
+    assert read["last"]["probe_tip_displacement"] == pytest.approx(tip_m, rel=1e-12)
     monkeypatch.setenv("COLUMNS", "80")
     assert command(["inspect", summary["result"]]) == 0
     shown = capsys.readouterr().out

@@ -60,9 +60,9 @@ def case_a(shape: str, poisson: float, *, friction: float | str = 0.0, tolerance
 def curve(case: str, refinement: float = 1.0, symmetry: str = "sector", friction: float | str = 0.0) -> tuple[Equilibrium, ...]:
     shape, poisson, *_ = CASES[case]
     body = case_a(shape, poisson, refinement=refinement, symmetry=symmetry, friction=friction)
-    found = tuple(body.press(float(load)) for load in LOADS)
-    assert all(isinstance(point, Equilibrium) for point in found), found[-1]
-    return found
+    points = tuple(body.press(float(load)) for load in LOADS)
+    assert all(isinstance(point, Equilibrium) for point in points), points[-1]
+    return points
 
 
 def displacements_mm(*case) -> np.ndarray:
@@ -198,9 +198,9 @@ def layer_force(tool: dict, height_mm: float, radius_mm: float, depth_mm: float,
     table = SpecimenTable(radius_mm=radius_mm, height_mm=height_mm, material=material(POISSON, 1e-6), **specimen)
     body = Relaxation(specimen_model(table, ToolTable(**tool)), 1e-4)
     assert isinstance(body.settle(), Equilibrium)
-    found = body.move(1e-3 * depth_mm)
-    assert isinstance(found, Equilibrium), found
-    return found
+    state = body.move(1e-3 * depth_mm)
+    assert isinstance(state, Equilibrium), state
+    return state
 
 
 @pytest.mark.parametrize("height_mm", [20.0, 10.0, 5.0])
@@ -213,13 +213,13 @@ def test_flat_punch_on_a_layer(height_mm, record_property):
     """
     a, depth = 5.0, 0.05
     tool = {"shape": "flat-cylinder", "radius_mm": a, "edge_radius_mm": 0.02 * a}
-    found = layer_force(tool, height_mm, max(12.0 * a, 5.0 * height_mm), depth, edge_size_mm=0.05)
+    state = layer_force(tool, height_mm, max(12.0 * a, 5.0 * height_mm), depth, edge_size_mm=0.05)
     forces = [layers.flat_punch_force(E_Pa, 1e-3 * r, 1e-3 * depth, 1e-3 * height_mm, POISSON) for r in (0.98 * a, a)]
-    seen = layers.flat_punch_force(E_Pa, found.contact_radius_m, 1e-3 * depth, 1e-3 * height_mm, POISSON)
-    record_property("contact radius / a", 1e3 * found.contact_radius_m / a)
-    record_property("off by % (radius pressed, a - e, a)", [round(100.0 * (found.force_N / f - 1.0), 2) for f in (seen, *forces)])
-    assert found.force_N == pytest.approx(seen, rel=0.02)
-    assert 0.98 * forces[0] < found.force_N < 1.02 * forces[1]
+    seen = layers.flat_punch_force(E_Pa, state.contact_radius_m, 1e-3 * depth, 1e-3 * height_mm, POISSON)
+    record_property("contact radius / a", 1e3 * state.contact_radius_m / a)
+    record_property("off by % (radius pressed, a - e, a)", [round(100.0 * (state.force_N / f - 1.0), 2) for f in (seen, *forces)])
+    assert state.force_N == pytest.approx(seen, rel=0.02)
+    assert 0.98 * forces[0] < state.force_N < 1.02 * forces[1]
 
 
 @pytest.mark.parametrize(("height_mm", "depth_mm"), [(20.0, 0.2), (5.0, 0.2), (2.5, 0.1)])
@@ -233,18 +233,18 @@ def test_sphere_on_a_layer(height_mm, depth_mm, record_property):
     R = 10.0
     chi = np.sqrt(R * depth_mm) / height_mm
     a = np.sqrt(R * depth_mm)
-    found = layer_force(
+    state = layer_force(
         {"shape": "sphere", "radius_mm": R}, height_mm, max(12.0 * a, 5.0 * height_mm), depth_mm, edge_size_mm=a / 12.0
     )
     arguments = E_Pa, 1e-3 * R, 1e-3 * depth_mm, 1e-3 * height_mm
     wanted = layers.sphere_layer_force(*arguments, POISSON)
     series = layers.dimitriadis_force_general(*arguments, POISSON)
     record_property("chi", chi)
-    record_property("contact radius / sqrt(R d)", 1e3 * found.contact_radius_m / a)
+    record_property("contact radius / sqrt(R d)", 1e3 * state.contact_radius_m / a)
     record_property(
-        "off by % of the equation, of the series", [round(100.0 * (found.force_N / f - 1.0), 2) for f in (wanted, series)]
+        "off by % of the equation, of the series", [round(100.0 * (state.force_N / f - 1.0), 2) for f in (wanted, series)]
     )
     record_property("series off by % of the equation", round(100.0 * (series / wanted - 1.0), 2))
-    assert found.force_N == pytest.approx(wanted, rel=0.02)
+    assert state.force_N == pytest.approx(wanted, rel=0.02)
     if chi < 0.1:
-        assert found.force_N == pytest.approx(series, rel=0.03)
+        assert state.force_N == pytest.approx(series, rel=0.03)

@@ -106,8 +106,8 @@ def test_hertz(poisson):
     assert force == pytest.approx(4.0 * E * 1e-18 / (3.0 * (1.0 - poisson**2) * R), rel=1e-5)
     chi = 0.01
     delta = (chi * H) ** 2 / R
-    found = layers.sphere_layer_force(E, R, delta, H, poisson) / layers.hertz_force(E, R, delta, poisson)
-    assert found == pytest.approx(np.polynomial.polynomial.polyval(chi, layers.sphere_series(poisson)), abs=2.0 * chi**3)
+    ratio = layers.sphere_layer_force(E, R, delta, H, poisson) / layers.hertz_force(E, R, delta, poisson)
+    assert ratio == pytest.approx(np.polynomial.polynomial.polyval(chi, layers.sphere_series(poisson)), abs=2.0 * chi**3)
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4])
@@ -163,9 +163,9 @@ def test_table_of_hayes(ratio):
 def test_two_forms_of_dimitriadis():
     """Dimitriadis et al. (2002): the formula for any nu has at 1/2 the printed coefficients, to their rounding, but the last one
     with the other sign."""
-    found = layers.dimitriadis_coefficients(0.5)
-    np.testing.assert_allclose(found[:4], layers.DIMITRIADIS[:4], atol=6e-4)
-    assert found[4] == pytest.approx(-layers.DIMITRIADIS[4], abs=6e-5)
+    coefficients = layers.dimitriadis_coefficients(0.5)
+    np.testing.assert_allclose(coefficients[:4], layers.DIMITRIADIS[:4], atol=6e-4)
+    assert coefficients[4] == pytest.approx(-layers.DIMITRIADIS[4], abs=6e-5)
     delta = (0.1 * H) ** 2 / R
     assert layers.dimitriadis_force(E, R, delta, H) == pytest.approx(
         layers.dimitriadis_force_general(E, R, delta, H, 0.5), rel=1e-4
@@ -176,14 +176,14 @@ def test_two_forms_of_dimitriadis():
 def test_dimitriadis_first_order(poisson):
     """The first coefficient, a fit over nu, is the exact one to 1 % for 0.3 <= nu <= 1/2 (7 % at 0); the second is 6/7 of it."""
     exact = layers.sphere_series(poisson)
-    found = layers.dimitriadis_coefficients(poisson)
-    assert found[1] == pytest.approx(exact[1], rel=0.01 if poisson >= 0.3 else 0.07)
-    assert found[2] == pytest.approx(6.0 / 7.0 * exact[2], rel=0.02 if poisson >= 0.3 else 0.14)
+    coefficients = layers.dimitriadis_coefficients(poisson)
+    assert coefficients[1] == pytest.approx(exact[1], rel=0.01 if poisson >= 0.3 else 0.07)
+    assert coefficients[2] == pytest.approx(6.0 / 7.0 * exact[2], rel=0.02 if poisson >= 0.3 else 0.14)
 
 
 @pytest.mark.parametrize(("chi", "short"), [(0.1, 0.0019), (0.2, 0.0106), (0.5, 0.0773), (1.0, 0.1628)])
 def test_dimitriadis_falls_short(chi, short):
     """How far the series for nu = 1/2 is from the integral equation: by 0.2, 1.1, 7.7 and 16 %. No reference for a solver."""
     delta = (chi * H) ** 2 / R
-    found = layers.dimitriadis_force(E, R, delta, H) / layers.sphere_layer_force(E, R, delta, H, 0.5)
-    assert 1.0 - found == pytest.approx(short, abs=1e-4)
+    ratio = layers.dimitriadis_force(E, R, delta, H) / layers.sphere_layer_force(E, R, delta, H, 0.5)
+    assert 1.0 - ratio == pytest.approx(short, abs=1e-4)

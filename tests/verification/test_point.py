@@ -98,9 +98,9 @@ def test_elastic_point_equals_the_closed_form(test, law, record_property):
     2 %: 1e-7. 1e-6 of the stress.
     """
     values = np.linspace(0.02, 3.0, 30) if test == "shear" else STRETCHES
-    found = getattr(point, test)(LAWS[law], (), np.zeros(len(values)), values)
+    stress = getattr(point, test)(LAWS[law], (), np.zeros(len(values)), values)
     wanted = np.array([expected(test, law, value) for value in values])
-    worst = np.abs(found / wanted - 1.0).max()
+    worst = np.abs(stress / wanted - 1.0).max()
     record_property("off by", worst)
     assert worst < 1e-6
 
@@ -137,16 +137,16 @@ def test_free_faces_carry_no_stress(effects, record_property):
     small = point.STRESS_TOLERANCE * YEOH.shear_modulus_Pa
     F = np.tile(np.eye(3), (len(stretch), 1, 1))
     F[:, 1, 1] = stretch
-    P, found = point.path(YEOH, effects, time_s, F, [0, 2])
+    P, gradients = point.path(YEOH, effects, time_s, F, [0, 2])
     worst = max(np.abs(P[:, 0, 0]).max(), np.abs(P[:, 2, 2]).max())
-    assert np.array_equal(found[:, 1, 1], stretch)
+    assert np.array_equal(gradients[:, 1, 1], stretch)
     F = np.tile(np.eye(3), (len(stretch), 1, 1))
     F[:, 0, 0] = F[:, 1, 1] = np.minimum(stretch, 1.6)
-    P, found = point.path(YEOH, effects, time_s, F, [2])
+    P, gradients = point.path(YEOH, effects, time_s, F, [2])
     worst = max(worst, np.abs(P[:, 2, 2]).max())
     record_property("largest stress / allowed", worst / small)
     assert worst <= small
-    assert (np.linalg.det(found) > 0.0).all()
+    assert (np.linalg.det(gradients) > 0.0).all()
 
 
 def element_path(effects: tuple, time_s: np.ndarray, F: np.ndarray) -> np.ndarray:

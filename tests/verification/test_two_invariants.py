@@ -180,15 +180,15 @@ def test_bends_as_the_equal_neo_hooke_does(element, record_property):
     """
     mesh = block_mesh((2, 1, 1), seed=3)
     assert MOONEY_RIVLIN.shear_modulus_Pa == NEO_HOOKE.shear_modulus_Pa
-    rest = np.zeros_like(mesh.points)
-    found, wanted = (
-        stiffness_matrix(Simulation(model_of(mesh, law, element=element)), rest) for law in (MOONEY_RIVLIN, NEO_HOOKE)
+    undeformed = np.zeros_like(mesh.points)
+    ours, wanted = (
+        stiffness_matrix(Simulation(model_of(mesh, law, element=element)), undeformed) for law in (MOONEY_RIVLIN, NEO_HOOKE)
     )
-    off = relative(found, wanted)
+    off = relative(ours, wanted)
     record_property("off by", off)
     assert off < 1e-8
     soft = np.linalg.eigvalsh(0.5 * (wanted + wanted.T))[6:]  # the lowest ones after rigid motion bend and twist
-    also = np.linalg.eigvalsh(0.5 * (found + found.T))[6:]
+    also = np.linalg.eigvalsh(0.5 * (ours + ours.T))[6:]
     assert np.abs(also / soft - 1.0).max() < 2e-6
 
 

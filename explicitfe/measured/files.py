@@ -7,13 +7,13 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.measured.curve import COLUMNS, TIME, Kind
+from explicitfe.measured.tables import RawTable
 from explicitfe.scenario.sentences import explain
 
 FILE_NAME = "dataset.toml"
@@ -49,7 +49,7 @@ class DatasetToml:
     def misfit(
         self,
         error: ValidationError,
-        data: Any,
+        data: RawTable,
         table: type[BaseModel],
         place: Callable[[Sequence[str | int]], Sequence[str | int]] = tuple,
         prefix: str = "",

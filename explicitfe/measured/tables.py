@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeGuard
 
 import numpy as np
 from pydantic import (
@@ -61,17 +61,18 @@ Length = Annotated[float, _within(_LENGTH_MM, "mm")]
 Thickness = Annotated[float, _within(_THIN_MM, "mm", zero=True)]
 
 
-def _three(value: Any) -> Any:
+def _three(value: object) -> object:
     if not isinstance(value, list | tuple) or len(value) != 3:
         raise ValueError("must be three numbers [x, y, z]")
     return tuple(value)
 
 
-def _friction(value: Any) -> Any:
-    number = _is_number(value) and value >= 0.0
-    if not number and value not in ("stick", "unknown"):
+def _friction(value: object) -> object:
+    if _is_number(value) and value >= 0.0:
+        return float(value)
+    if value not in ("stick", "unknown"):
         raise ValueError(f'{value!r} is not possible; it must be a number from 0 up, "stick" or "unknown"')
-    return float(value) if number else value
+    return value
 
 
 class _Described(Table):
@@ -172,11 +173,11 @@ class SensorTable(Table):
     model_point: str = Field(min_length=1, description="named point of the scenario's model")
 
 
-def _fit_or(check: Callable[[Any], Any]) -> BeforeValidator:
+def _fit_or(check: Callable[[object], object]) -> BeforeValidator:
     return BeforeValidator(lambda value: value if value == "fit" else check(value))
 
 
-def _rotation(value: Any) -> Any:
+def _rotation(value: object) -> object:
     rows = value if isinstance(value, list) else []
     if [len(row) if isinstance(row, list) and all(map(_is_number, row)) else 0 for row in rows] == [3, 3, 3]:
         matrix = np.array(rows, dtype=float)
@@ -185,13 +186,13 @@ def _rotation(value: Any) -> Any:
     raise ValueError('must be "fit" or three rows of three numbers that make a rotation matrix')
 
 
-def _translation(value: Any) -> Any:
+def _translation(value: object) -> object:
     if not isinstance(value, list) or len(value) != 3 or not all(map(_is_number, value)):
         raise ValueError('must be "fit" or three numbers [x, y, z] in mm')
     return tuple(map(float, value))
 
 
-def _scale(value: Any) -> Any:
+def _scale(value: object) -> object:
     if not _is_number(value) or value <= 0.0:
         raise ValueError('must be "fit" or a number above 0')
     return value
@@ -209,7 +210,7 @@ class RegistrationTable(Table):
     scale: Annotated[float | Literal["fit"], _fit_or(_scale)] = 1.0
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: object) -> TypeGuard[int | float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST_FLOAT
 
 

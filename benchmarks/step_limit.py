@@ -135,11 +135,11 @@ def bodies() -> Iterator[tuple[str, Callable[[str], Model]]]:
 def tongues(real: Path | None, folder: Path) -> dict[str, tuple[Path, list[str]]]:
     """Scenario and settings of vowel [i] on each tongue."""
     scenario = ROOT / "scenarios" / "vowel-i.toml"
-    found = {f"tongue, {r}": (scenario, [f"model.resolution={r}"]) for r in ("coarse", "medium")}
+    cases = {f"tongue, {r}": (scenario, [f"model.resolution={r}"]) for r in ("coarse", "medium")}
     if real:
         write_model(real, folder)
-        found["measured tongue"] = (write_scenario(folder), [])
-    return found
+        cases["measured tongue"] = (write_scenario(folder), [])
+    return cases
 
 
 # ---- deformed states, and a run ----
@@ -175,8 +175,8 @@ def deformed_ratios(mesh: HexMesh, noise: float, element: str) -> tuple[float, f
     edges = np.ptp(mesh.points, axis=0) / round(mesh.element_count ** (1 / 3))
     model = free(mesh, element)
     rng = np.random.default_rng(5)
-    found = []
-    while len(found) < 10:
+    shares = []
+    while len(shares) < 10:
         F = np.linalg.qr(rng.standard_normal((3, 3)))[0] * np.exp(rng.uniform(np.log(0.5), np.log(1.8), 3))
         F *= np.sign(np.linalg.det(F))
         u = mesh.points @ (F - np.eye(3)).T + rng.uniform(-noise, noise, mesh.points.shape) * edges
@@ -185,8 +185,8 @@ def deformed_ratios(mesh: HexMesh, noise: float, element: str) -> tuple[float, f
         dt = Transient(simulation, 1e4 * limit).smallest_dt_s
         if not simulation.ledger[SMALLEST_J] > 0.1:
             continue  # as good as inside out
-        found.append((Simulation(model, displacement=u).stable_bound()[0] / limit, dt / limit))
-    return tuple(np.max(found, axis=0))
+        shares.append((Simulation(model, displacement=u).stable_bound()[0] / limit, dt / limit))
+    return tuple(np.max(shares, axis=0))
 
 
 def run_ratios(scenario: Path, settings: list[str]) -> tuple[str, float, float]:

@@ -39,9 +39,9 @@ def body_of(tool: dict = PUNCH, *, tolerance: float = RESIDUAL_TOLERANCE, materi
     return body
 
 
-def reached(found: Equilibrium | Stuck) -> Equilibrium:
-    assert isinstance(found, Equilibrium), found
-    return found
+def reached(answer: Equilibrium | Stuck) -> Equilibrium:
+    assert isinstance(answer, Equilibrium), answer
+    return answer
 
 
 def press(body: Relaxation, forces) -> list[Equilibrium]:
@@ -142,25 +142,25 @@ def test_equilibrium_against_newton(base, tolerance, record_property):
     """
     part = BLOCK if base == "bonded" else BLOCK | {"symmetry": "quarter", "edge_size_mm": 3.0}  # nothing else stops a turn
     body = body_of(PLATEN, tolerance=tolerance, **part, base=base)
-    found = reached(body.move(1e-3))
+    end = reached(body.move(1e-3))
     u = np.zeros_like(body.state.u)
     for depth in np.linspace(0.0, 1e-3, 5)[1:]:
         body.contact.tool[DEPTH] = body.touch_m + depth
         for _ in range(30):
             K, free = tangent(body, u)
-            rest = all_forces(body, u)[free[:, 0], free[:, 1]]
-            u[free[:, 0], free[:, 1]] += np.linalg.solve(K, rest)
-            if np.linalg.norm(rest) < 1e-10:
+            imbalance = all_forces(body, u)[free[:, 0], free[:, 1]]
+            u[free[:, 0], free[:, 1]] += np.linalg.solve(K, imbalance)
+            if np.linalg.norm(imbalance) < 1e-10:
                 break
     pushed = np.zeros_like(u)
     body.kernels.press(u, pushed, body.contact.points, body.contact.tool)
-    assert np.linalg.norm(rest) < 1e-10
+    assert np.linalg.norm(imbalance) < 1e-10
     off = np.abs(u - body.state.u).max() / np.abs(u).max()
     record_property("displacement off by", off)
     wanted = -body.model.copies * pushed[:, 2].sum()
-    record_property("force off by", found.force_N / wanted - 1.0)
+    record_property("force off by", end.force_N / wanted - 1.0)
     assert off < 10.0 * tolerance
-    assert found.force_N == pytest.approx(wanted, rel=10.0 * tolerance)
+    assert end.force_N == pytest.approx(wanted, rel=10.0 * tolerance)
 
 
 # ---- closed forms ----
@@ -192,9 +192,9 @@ def test_homogeneous_compression_is_the_closed_form(specimen, poisson, record_pr
     area = body.model.copies * body.volumes.sum() / HEIGHT
     worst = 0.0
     for displacement in (1e-3, 2.5e-3, 5e-3):
-        found = reached(body.move(displacement))
-        wanted = uniaxial_force(1.0 - (displacement - found.penetration_m) / HEIGHT, area, material)
-        worst = max(worst, abs(found.force_N / wanted - 1.0))
+        end = reached(body.move(displacement))
+        wanted = uniaxial_force(1.0 - (displacement - end.penetration_m) / HEIGHT, area, material)
+        worst = max(worst, abs(end.force_N / wanted - 1.0))
     record_property("off by", worst)
     assert worst < 1e-5
 
@@ -208,11 +208,11 @@ def test_two_layers_are_springs_in_series(record_property):
     layer, ratio = 2e-3, 4.0
     extra = {"base": "sliding", "edge_size_mm": 1.0, "layer_mm": 1e3 * layer, "layer_stiffness_ratio": ratio}
     body = body_of(PLATEN, tolerance=1e-6, material=MATERIAL | {"poisson": 0.0}, **extra)
-    found = reached(body.move(1e-3 * HEIGHT))
+    end = reached(body.move(1e-3 * HEIGHT))
     area = body.model.copies * body.volumes.sum() / HEIGHT
     E = 2.0 * 2.0 * 191.5
-    wanted = found.force_N / (E * area) * (HEIGHT - layer + layer / ratio) + found.penetration_m
-    record_property("off by", found.displacement_m / wanted - 1.0)
+    wanted = end.force_N / (E * area) * (HEIGHT - layer + layer / ratio) + end.penetration_m
+    record_property("off by", end.displacement_m / wanted - 1.0)
     assert found.displacement_m == pytest.approx(wanted, rel=3e-3)
 
 
@@ -270,12 +270,12 @@ def test_friction_loses_what_the_tool_put_in(record_property):
     body = body_of(PUNCH | {"friction": 0.1}, edge_size_mm=1.0)
     d, F, stored, lost = [0.0], [0.0], 0.0, 0.0
     for force in np.linspace(0.0, 0.12, 25)[1:]:
-        found = press(body, force)[0]
+        end = press(body, force)[0]
         _, _, traction = body.contact.touch(body.state.u)
         sheared = body.model.copies * 0.5 * np.sum(np.sum(traction**2, axis=1) / body.contact.points.grip)
-        d.append(found.displacement_m)
-        F.append(found.force_N)
-        stored, lost = found.internal_J + found.hourglass_J + found.contact_J + sheared, found.friction_loss_J
+        d.append(end.displacement_m)
+        F.append(end.force_N)
+        stored, lost = end.internal_J + end.hourglass_J + end.contact_J + sheared, end.friction_loss_J
     work = float(CubicSpline(d, F).integrate(0.0, d[-1]))
     record_property("share lost", lost / work)
     record_property("off by, of the loss", (work - stored) / lost - 1.0)
@@ -291,9 +291,9 @@ def test_base_reaction_is_the_tool_force(specimen, record_property):
     body = body_of(**specimen)
     worst = 0.0
     for force in (0.05, 0.1):
-        found = press(body, force)[0]
-        assert found.force_N == pytest.approx(force, rel=1e-6)
-        worst = max(worst, abs(found.reaction_N / force - 1.0))
+        end = press(body, force)[0]
+        assert end.force_N == pytest.approx(force, rel=1e-6)
+        worst = max(worst, abs(end.reaction_N / force - 1.0))
     record_property("off by", worst)
     assert worst < 1e-3
 
@@ -313,24 +313,24 @@ def test_weight_rests_on_the_base(record_property):
     carried = body.model.copies * unbalanced.sum()
     record_property("off by", carried / weight - 1.0)
     assert carried == pytest.approx(weight, rel=1e-3)
-    rest = body.equilibrium(0)
-    assert abs(rest.reaction_N) < 1e-3 * weight
+    unloaded = body.equilibrium(0)
+    assert abs(unloaded.reaction_N) < 1e-3 * weight
     assert body.touch_m > 1e-4
-    found = press(body, 0.05)[0]
-    assert found.reaction_N == pytest.approx(0.05, abs=1e-3 * (0.05 + weight))
-    assert rest.displacement_m == pytest.approx(0.0, abs=1e-12)
+    end = press(body, 0.05)[0]
+    assert end.reaction_N == pytest.approx(0.05, abs=1e-3 * (0.05 + weight))
+    assert unloaded.displacement_m == pytest.approx(0.0, abs=1e-12)
 
 
 # ---- what must not matter ----
 
 
 def test_unloading_retraces_loading(record_property):
-    """Elastic tissue without friction: at each load the displacement on the way back is that on the way in, within 1e-3."""
+    """Elastic tissue without friction: at each load the displacement on the way out is that on the way in, within 1e-3."""
     body = body_of()
     loads = [0.03, 0.06, 0.09, 0.12]
-    there = displacements(body, loads)
+    downwards = displacements(body, loads)
     back = displacements(body, loads[-2::-1])[::-1]
-    off = np.abs(back / there[:-1] - 1.0).max()
+    off = np.abs(back / downwards[:-1] - 1.0).max()
     record_property("off by", off)
     assert off < 1e-3
 
@@ -359,10 +359,10 @@ def test_parts_of_the_body_agree(record_property):
 
     The three sums differ in order only, and stop at different iterations: within the tolerance, 2e-3 of it per load at t = 1e-6.
     """
-    found = {
+    curves = {
         s: displacements(body_of(tolerance=1e-6, symmetry=s, edge_size_mm=3.0), [0.05, 0.1]) for s in ("quarter", "half", "whole")
     }
-    off = max(np.abs(found[s] / found["whole"] - 1.0).max() for s in found)
+    off = max(np.abs(curves[s] / curves["whole"] - 1.0).max() for s in curves)
     record_property("off by", off)
     assert off < 1e-5
 
@@ -441,12 +441,12 @@ def test_a_load_too_large_keeps_the_last_equilibrium(record_property):
 def test_bonded_disc_moves_as_one(record_property):
     """All nodes under a bonded disc go down by the disc's way and sideways not at all, to the stretch of its springs, 1e-3."""
     body = body_of(DISC, edge_size_mm=1.0)
-    found = press(body, 0.1)[0]
+    end = press(body, 0.1)[0]
     X, u = body.model.mesh.points, body.displacement
     under = (X[:, 2] > HEIGHT - 1e-9) & (np.hypot(X[:, 0], X[:, 1]) < 0.008 * (1.0 - 1e-9))
     assert under.sum() > 5
-    sideways = np.abs(u[under, :2]).max() / found.displacement_m
-    down = np.abs(-u[under, 2] / found.displacement_m - 1.0).max()
+    sideways = np.abs(u[under, :2]).max() / end.displacement_m
+    down = np.abs(-u[under, 2] / end.displacement_m - 1.0).max()
     record_property("off by", (sideways, down))
     assert max(sideways, down) < 2e-3
 
@@ -454,9 +454,9 @@ def test_bonded_disc_moves_as_one(record_property):
 def test_a_disc_settles():
     """A bonded disc without a load is at rest: settling is an equilibrium, with nothing moved and no force."""
     body = Relaxation(specimen_model(SpecimenTable(radius_mm=20.0, height_mm=10.0, edge_size_mm=2.0), ToolTable(**DISC)))
-    found = body.settle()
-    assert isinstance(found, Equilibrium), found
-    assert found.displacement_m == 0.0
+    end = body.settle()
+    assert isinstance(end, Equilibrium), end
+    assert end.displacement_m == 0.0
     assert np.abs(body.displacement).max() < 1e-12
 
 
@@ -478,9 +478,9 @@ def test_friction_holds_the_surface(record_property):
     d, lost = [], []
     for friction in (0.0, 1e-3, 0.1, 0.3, "stick"):
         body = body_of(PUNCH | {"friction": friction}, edge_size_mm=1.0)
-        found = press(body, [0.03, 0.06, 0.09])
-        d.append(found[-1].displacement_m)
-        lost.append([e.friction_loss_J for e in found])
+        curve = press(body, [0.03, 0.06, 0.09])
+        d.append(curve[-1].displacement_m)
+        lost.append([e.friction_loss_J for e in curve])
     record_property("displacements", d)
     record_property("lost", lost)
     assert (np.diff(d) < 0.0).all()

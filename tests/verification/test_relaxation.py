@@ -213,7 +213,7 @@ def test_two_layers_are_springs_in_series(record_property):
     E = 2.0 * 2.0 * 191.5
     wanted = end.force_N / (E * area) * (HEIGHT - layer + layer / ratio) + end.penetration_m
     record_property("off by", end.displacement_m / wanted - 1.0)
-    assert found.displacement_m == pytest.approx(wanted, rel=3e-3)
+    assert end.displacement_m == pytest.approx(wanted, rel=3e-3)
 
 
 def test_a_layer_like_the_rest_is_no_layer(record_property):
@@ -336,7 +336,7 @@ def test_unloading_retraces_loading(record_property):
 
 
 def test_load_steps_do_not_matter(record_property):
-    """Twice and four times as many loads on the way: the same displacements within 1e-3; the force as the way: too."""
+    """Twice and four times as many loads on the way: the same displacements within 1e-3; the force as what is imposed: as well."""
     wanted = displacements(body_of(), [0.06, 0.12])
     finer = displacements(body_of(), np.linspace(0.015, 0.12, 8))[3::4]
     once = displacements(body_of(), [0.12])
@@ -473,7 +473,7 @@ def test_base_between_bonded_and_sliding(record_property):
 def test_friction_holds_the_surface(record_property):
     """The tool sinks less the rougher it is: 0 < 0.1 < 0.3 < stick, and a small coefficient is near none.
 
-    With friction the answer depends a little on the way; the loads are the same. No coefficient loses no energy.
+    With friction the answer depends a little on the course; the loads are the same. No coefficient loses no energy.
     """
     d, lost = [], []
     for friction in (0.0, 1e-3, 0.1, 0.3, "stick"):

@@ -255,7 +255,7 @@ def _refits(
     system: System, fit: BestFit, covariance: Covariance, promising: Sequence[Score], near: Sequence[Score]
 ) -> tuple[dict[str, BestFit], dict[str, str]]:
     """The model with each of the best candidates, fitted; and why some cannot be."""
-    most = THRESHOLDS.refits if system.exact(fit.model) else THRESHOLDS.refits_on_a_mesh
+    most = THRESHOLDS.refitted_candidates if system.exact(fit.model) else THRESHOLDS.refitted_candidates_on_a_mesh
     cheap = sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)
     refits: dict[str, BestFit] = {}
     failures: dict[str, str] = {}

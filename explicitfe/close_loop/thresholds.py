@@ -7,10 +7,12 @@ derivatives, stay beside the code that uses them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import TypeVar
+
+Number = TypeVar("Number", int, float)
 
 
-def threshold(value: Any, unit: str, reason: str) -> Any:
+def threshold(value: Number, unit: str, reason: str) -> Number:
     """An entry of the table."""
     return field(default=value, metadata={"unit": unit, "reason": reason})
 
@@ -24,7 +26,7 @@ class Thresholds:
         1.6,
         "times the stated noise",
         "Rows that differ by more than this are rougher than the dataset says, and their noise is estimated instead. "
-        "The roughness of a short curve scatters by some ten per cent, so a smaller factor would doubt honest statements.",
+        "Thirty rows that have the stated noise look rougher than this in one case of a hundred.",
     )
     smooth_degree: int = threshold(
         5,
@@ -102,8 +104,12 @@ class Thresholds:
     )
 
     # ---- which candidates are fitted ----
-    refits: int = threshold(8, "candidates in a round", "A bound on the time: each costs some runs of a homogeneous state.")
-    refits_on_a_mesh: int = threshold(3, "candidates in a round", "A bound on the time: each costs tens of runs of a mesh.")
+    refitted_candidates: int = threshold(
+        8, "candidates in a round", "A bound on the time: each costs some runs of a homogeneous state."
+    )
+    refitted_candidates_on_a_mesh: int = threshold(
+        3, "candidates in a round", "A bound on the time: each costs tens of runs of a mesh."
+    )
     refit_share_of_best_drop: float = threshold(
         0.25, "share of the best drop of chi2", "A fit finds more than the best trial, but not several times as much."
     )

@@ -144,6 +144,17 @@ def test_the_check_sees_what_it_should():
     assert [name for name, _ in imports(at_import_time(ast.parse(late)))] == ["numpy"]
 
 
+def test_the_statistics_know_no_tissue():
+    """They serve any system of measured series: beside each other they know errors, numbers, and how a parameter is sought."""
+    known = {"errors", "close_loop.thresholds", "effects.effect"}
+    for module, tree in TREES.items():
+        if module.startswith("close_loop.statistics."):
+            others = {target for target, _ in inside(tree) if not target.startswith("close_loop.statistics")}
+            assert others <= known, module
+            sought = {name for name, _ in imports(tree) if name.startswith("explicitfe.effects.")}
+            assert sought <= {"explicitfe.effects.effect.Sought"}, module
+
+
 def test_only_jit_compiles():
     """numba is imported in jit.py, and in simd.py and threads.py, which teach it vectors and waiting; only jit.py compiles."""
     users = {module for module, tree in TREES.items() if any(n.split(".")[0] == "numba" for n, _ in imports(tree))}

@@ -9,7 +9,7 @@ import numpy as np
 
 from explicitfe.close_loop.next_test import next_experiment
 from explicitfe.close_loop.report import LoopDocuments, add_failure, add_outcome, bound_warnings, errors_of_model, new_report
-from explicitfe.close_loop.search import ASSUMED, Outcome, Round, search
+from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, search
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Specimens
 from explicitfe.close_loop.split import Split
@@ -37,8 +37,8 @@ from explicitfe.results.loop_report import (
 MODEL_FILE, BASELINE_FILE = "model.toml", "baseline.toml"
 # Runs of each test in one round, usually: by their number a waiting person sees that the search goes on.
 USUAL_RUNS_OF_A_TEST = 20
-# Share of the stage "trace" in which curves that cannot be computed are left out, and share that all rounds take.
-FIRST_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.8
+# Share of the stage "trace" in which curves that cannot be computed are left out.
+LEAVING_OUT_PROGRESS = 0.02
 # Shares of the stages "decide" and "predict" at which their second parts begin.
 DECIDE_PROGRESS, PREDICT_PROGRESS = 0.4, 0.8
 X_AXES = {
@@ -118,7 +118,7 @@ class _SpecimenLoop:
 
     def close(self) -> LoopDocuments:
         """The report, curves for its pictures, and texts of the model files."""
-        self._enter("trace", 0.0, FIRST_PROGRESS)
+        self._enter("trace", 0.0, LEAVING_OUT_PROGRESS)
         share_of_round = ROUNDS_PROGRESS_SHARE / (self.max_effects + 1)
         try:
             self._leave_out_what_fails()

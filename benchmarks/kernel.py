@@ -57,8 +57,8 @@ def main() -> None:
                 "kernel_s": kernel_s,
             }
             print(
-                f"vowel-i, {mesh}: {fastest['hexes']} hexes, {fastest['steps']} steps, {fastest['threads']} thread(s): "
-                f"steps without interruption {1e3 * kernel_s:.0f} ms ({fastest['simulated_s'] / kernel_s:.2f} x real time), in the run "
+                f"vowel-i, {mesh}: {fastest['hexes']} hexes, {fastest['steps']} steps, {fastest['threads']} thread(s): steps "
+                f"without interruption {1e3 * kernel_s:.0f} ms ({fastest['simulated_s'] / kernel_s:.2f} x real time), in the run "
                 f"{1e3 * fastest['loop_s']:.0f} ms ({fastest['simulated_s'] / fastest['loop_s']:.2f} x), "
                 f"with samples {1e3 * wall_s:.0f} ms, with building {fastest['total_s']:.2f} s"
             )

@@ -200,9 +200,9 @@ def gather_rows(typingctx, rows, index, start):
             address = _pointer(context, builder, sig.args[0], args[0], row)
             loaded.append(builder.load(builder.bitcast(address, _ROW.as_pointer()), align=8))
         if WIDTH < ROW:  # two rows: their x, y and z side by side
-            values = [_shuffle(builder, *loaded, [k, ROW + k]) for k in range(3)]
+            values = [_shuffle(builder, loaded[0], loaded[1], [k, ROW + k]) for k in range(3)]
             return context.make_tuple(builder, result, values)
-        parts = [[], [], []]
+        parts: list[list[ir.Value]] = [[], [], []]
         for first in range(0, WIDTH, ROW):  # transpose 4 rows at a time
             r0, r1, r2, r3 = loaded[first : first + ROW]
             xz01, xz23 = _shuffle(builder, r0, r1, _EVEN), _shuffle(builder, r2, r3, _EVEN)

@@ -336,7 +336,7 @@ def test_unloading_retraces_loading(record_property):
 
 
 def test_load_steps_do_not_matter(record_property):
-    """Twice and four times as many loads on the way: the same displacements within 1e-3; the force as what is imposed: as well."""
+    """Twice and four times as many loads, and displacements imposed instead of forces: the same answers within 1e-3."""
     wanted = displacements(body_of(), [0.06, 0.12])
     finer = displacements(body_of(), np.linspace(0.015, 0.12, 8))[3::4]
     once = displacements(body_of(), [0.12])

@@ -211,7 +211,7 @@ class MaterialEffect(Effect):
         remembers = cls.memory is not MaterialEffect.memory
         if cls.remembers != remembers or (remembers and not cls.depends_on_path):
             raise TypeError(
-                f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; no other"
+                f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; one without says neither"
             )
 
     def apply(self, model: ModelT) -> ModelT:

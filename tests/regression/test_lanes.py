@@ -1,7 +1,7 @@
 """Results do not depend on how many elements are computed at once: 2, 4 and 8 lanes agree to rounding.
 
-EXPLICITFE_LANES forces a number, so that one machine tests all of them; each number is a process of its own, as lanes are fixed when
-the package is imported. The whole suite can be run so as well: ``EXPLICITFE_LANES=2 python -m pytest``.
+EXPLICITFE_LANES forces a number, so that one machine tests all of them; each number is a process of its own, as lanes are fixed
+when the package is imported. The whole suite can be run so as well: ``EXPLICITFE_LANES=2 python -m pytest``.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def test_forces_and_energies_agree(lanes, answers, record_property):
 
 @pytest.mark.parametrize("lanes", LANES[:-1])
 def test_a_point_agrees(lanes, answers):
-    """One state without sums: the same Newton steps, fused alike or not: 1e-9 of the shear modulus is the tolerance they stop at."""
+    """One state without sums: the same Newton steps, fused alike or not; they stop at 1e-9 of the shear modulus."""
     assert answers[lanes]["stress"] == pytest.approx(answers[8]["stress"], rel=1e-9)
 
 

@@ -20,7 +20,7 @@ NOMINAL_STRETCH_DEVIATION = 1e-5
 # Increments are fine enough when halving them changes the stress by less than this share of its peak.
 INCREMENT_ERROR_PEAK_SHARE = 2e-3
 # Increments are halved no more often than this: then they are 32 times finer than the rows.
-MOST_HALVINGS = 5
+MOST_HALVINGS_OF_INCREMENTS = 5
 
 
 def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) -> list[CurveAnswer]:
@@ -84,7 +84,7 @@ def _stress(
     if not any(effect.memory for effect in effects):
         return in_parts(1), len(time_s)
     parts, now = 1, in_parts(1)
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_HALVINGS_OF_INCREMENTS):
         before, parts = now, 2 * parts
         now = in_parts(parts)
         if np.abs(now - before).max() <= INCREMENT_ERROR_PEAK_SHARE * np.abs(now).max():

@@ -66,12 +66,12 @@ class Linear:
         return Hypothesis(self.base, (), np.clip(np.zeros(len(self.base)), *np.array([(p.low, p.high) for p in self.base]).T))
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
-        found = []
+        candidates = []
         for name, planted in self.effects.items():
             if name not in model.effects:
-                made = candidate(name, 1, planted.sought, Scales())
-                found.append(replace(made, trials=(), reason=planted.reason) if planted.reason else made)
-        return found
+                own = candidate(name, 1, planted.sought, Scales())
+                candidates.append(replace(own, trials=(), reason=planted.reason) if planted.reason else own)
+        return candidates
 
     def sketch(self, model: Hypothesis) -> Hypothesis:
         return model

@@ -12,7 +12,7 @@ from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 SIZES = (9, 14, 6)
 
 
-def made(scale: float = 0.05, offset: float = 0.02, floors: bool = True, correlation: float = 0.7) -> Covariance:
+def covariance_with(scale: float = 0.05, offset: float = 0.02, floors: bool = True, correlation: float = 0.7) -> Covariance:
     rng = np.random.default_rng(11)
     # the last two are cycles of one test
     series = [ramp(k, rng.standard_normal(n) + 3.0, sd=0.1, test=f"t{min(k, 1)}") for k, n in enumerate(SIZES)]
@@ -53,7 +53,7 @@ def dense(covariance: Covariance) -> np.ndarray:
 )
 def test_norms_and_inner_products(how):
     """a . Sigma^-1 b by Cholesky. The numbers are of size 1e4 and the condition below 1e6: rounding is 1e-10 of the largest."""
-    covariance = made(**how)
+    covariance = covariance_with(**how)
     columns = np.random.default_rng(12).standard_normal((sum(SIZES), 5))
     L = np.linalg.cholesky(dense(covariance))
     wanted = np.linalg.solve(L, columns)
@@ -65,20 +65,20 @@ def test_norms_and_inner_products(how):
 
 def test_what_has_the_covariance_becomes_white():
     """Whitened, its own square root has orthonormal rows: W Sigma W^T = 1."""
-    covariance = made()
+    covariance = covariance_with()
     W = covariance.whiten(np.eye(sum(SIZES)))
     np.testing.assert_allclose(W @ dense(covariance) @ W.T, np.eye(sum(SIZES)), atol=1e-9)
 
 
 def test_numbers_for_reports():
     """n (1 - r) / (1 + r) rows; a floor of rows and numerics, without scatter; rows alone."""
-    covariance = made()
+    covariance = covariance_with()
     assert covariance.effective == pytest.approx(sum(SIZES) * 0.3 / 1.7)
     part = covariance.slices()[1]
     assert part == slice(9, 23)
     wanted = np.mean(covariance.rows[1].sd ** 2) + sum(np.mean(d[part] ** 2) for d in covariance.floors.values())
     assert covariance.floor_of(1) == pytest.approx(np.sqrt(wanted))
-    alone = made(scale=0.0, offset=0.0, floors=False)
+    alone = covariance_with(scale=0.0, offset=0.0, floors=False)
     column = np.random.default_rng(13).standard_normal(sum(SIZES))
     np.testing.assert_allclose(covariance.by_rows(column[:, None])[:, 0], alone.whiten(column), atol=1e-12)
 
@@ -93,7 +93,7 @@ def test_correlated_rows_weigh_as_much_as_they_say_about_something_smooth():
 
 def test_the_scale_of_a_test_multiplies_what_a_model_answers():
     """A model that answers nothing is off by all there is, however large the scale may be."""
-    covariance = made(scale=0.5, offset=0.0, floors=False)
+    covariance = covariance_with(scale=0.5, offset=0.0, floors=False)
     y = np.concatenate([one.measured for one in covariance.series])
     rows = np.concatenate([row.weight_sd for row in covariance.rows])
     nothing = covariance.at(np.zeros(len(y))).whiten(y)

@@ -38,8 +38,8 @@ EFFECTS = {
 KS = 1e-3
 
 
-def by_name(found):
-    return {score.candidate.effect: score for score in found}
+def by_name(scored):
+    return {score.candidate.effect: score for score in scored}
 
 
 def test_outside_is_orthogonal():
@@ -47,9 +47,9 @@ def test_outside_is_orthogonal():
     rng = np.random.default_rng(1)
     J, columns = rng.standard_normal((50, 4)), rng.standard_normal((50, 3))
     J = np.column_stack([J, J[:, 0] + J[:, 1]]) * [1.0, 1e4, 1e-4, 1.0, 1.0]
-    rest = outside(J, columns)
-    np.testing.assert_allclose((J / np.linalg.norm(J, axis=0)).T @ rest, 0.0, atol=1e-10)
-    np.testing.assert_allclose(columns - rest, J @ np.linalg.lstsq(J, columns, rcond=1e-10)[0], atol=1e-9)
+    left = outside(J, columns)
+    np.testing.assert_allclose((J / np.linalg.norm(J, axis=0)).T @ left, 0.0, atol=1e-10)
+    np.testing.assert_allclose(columns - left, J @ np.linalg.lstsq(J, columns, rcond=1e-10)[0], atol=1e-9)
     np.testing.assert_allclose(outside(J, J[:, 1]), 0.0, atol=1e-8)
     np.testing.assert_allclose(outside(J[:, :0], columns), columns)
 
@@ -58,12 +58,12 @@ def test_explained_is_the_best_amplitude():
     """max over 0 <= a <= limit of |r|^2 - |r - a s|^2, on a grid so fine that the maximum is missed by (step / 2)^2 |s|^2."""
     rng = np.random.default_rng(2)
     secants, r, limits = rng.standard_normal((20, 6)), rng.standard_normal(20), np.array([0.01, 0.1, 0.3, 1.0, 3.0, 10.0])
-    found = largest_drop(secants.T @ r, (secants**2).sum(axis=0), limits)
+    drop = largest_drop(secants.T @ r, (secants**2).sum(axis=0), limits)
     for k, limit in enumerate(limits):
         a = np.linspace(0.0, limit, 2001)
         drops = r @ r - ((r[:, None] - a * secants[:, [k]]) ** 2).sum(axis=0)
         missed = (0.5 * limit / 2000) ** 2 * (secants[:, k] ** 2).sum()
-        assert drops.max() <= found[k] + 1e-12 and found[k] <= drops.max() + missed + 1e-12
+        assert drops.max() <= drop[k] + 1e-12 and drop[k] <= drops.max() + missed + 1e-12
     assert largest_drop(np.array([-1.0]), np.array([2.0]), np.array([5.0]))[0] == 0.0
 
 
@@ -125,13 +125,13 @@ def test_a_planted_effect_is_significant_and_of_its_size():
     extra = 0.05 * np.sin(2.0 * np.pi * D)
     system = elastic(np.random.default_rng(4), effects=EFFECTS, extra=extra)
     fit, candidates, prints = fitted(system, white(system))
-    found = by_name(scores(fit, prints, candidates))
-    rest = extra - system.X @ np.linalg.lstsq(system.X, extra, rcond=None)[0]
-    size = float(rest @ rest) / SD**2
-    assert (found["waves"].status, found["rate"].status) == (SIGNIFICANT, NOT_SIGNIFICANT)
-    assert found["waves"].drop == pytest.approx(size, abs=6.0 * np.sqrt(size))  # sd of |rest + noise|^2 is 2 |rest|
-    assert found["waves"].values[1] == 2.0
-    assert found["waves"].values[0] == pytest.approx(0.05, abs=3.0 * SD * np.sqrt(1.0 / (size * SD**2)))
+    scored = by_name(scores(fit, prints, candidates))
+    left = extra - system.X @ np.linalg.lstsq(system.X, extra, rcond=None)[0]
+    size = float(left @ left) / SD**2
+    assert (scored["waves"].status, scored["rate"].status) == (SIGNIFICANT, NOT_SIGNIFICANT)
+    assert scored["waves"].drop == pytest.approx(size, abs=6.0 * np.sqrt(size))  # sd of |rest + noise|^2 is 2 |rest|
+    assert scored["waves"].values[1] == 2.0
+    assert scored["waves"].values[0] == pytest.approx(0.05, abs=3.0 * SD * np.sqrt(1.0 / (size * SD**2)))
     assert lack_of_fit(fit, white(system)).excess == pytest.approx(size, abs=6.0 * np.sqrt(size))
 
 
@@ -149,8 +149,8 @@ def test_what_stays_under_the_floors_is_not_testable(size, status):
     """|secant|^2 of the largest plausible strength just under and just over 25, with nothing there."""
     column = np.sin(2.0 * np.pi * D)
     system = elastic(np.random.default_rng(6))
-    rest = column - system.X @ np.linalg.lstsq(system.X, column, rcond=None)[0]
-    column = np.sqrt(size * THRESHOLDS.visible_separation) * SD / np.linalg.norm(rest) * column
+    left = column - system.X @ np.linalg.lstsq(system.X, column, rcond=None)[0]
+    column = np.sqrt(size * THRESHOLDS.visible_separation) * SD / np.linalg.norm(left) * column
     system.effects = {"small": Planted(lambda: column, {"size": BOTH_WAYS})}
     fit, candidates, prints = fitted(system, white(system))
     (score,) = scores(fit, prints, candidates)
@@ -171,9 +171,9 @@ def test_reasons_and_failures():
     effects = {"lacking": Planted(lambda: D, reason="these data have no time"), "broken": Planted(lambda: D * TEST)}
     system = elastic(np.random.default_rng(8), effects=effects, fails=lambda model: "broken" in model.effects)
     fit, candidates, prints = fitted(system, white(system))
-    found = by_name(scores(fit, prints, candidates))
-    assert (found["lacking"].status, found["lacking"].reason) == (NOT_TESTABLE, "these data have no time")
-    assert found["broken"].status == FAILED
+    scored = by_name(scores(fit, prints, candidates))
+    assert (scored["lacking"].status, scored["lacking"].reason) == (NOT_TESTABLE, "these data have no time")
+    assert scored["broken"].status == FAILED
 
 
 def test_a_reference_takes_the_place_of_the_answer():
@@ -184,8 +184,8 @@ def test_a_reference_takes_the_place_of_the_answer():
     offset = Linear(system.series, system.X, {"rate": EFFECTS["rate"]})
     offset.rows = lambda model: Linear.rows(system, model) + (0.3 * D**2 if model.terms else 0.0)
     reference = replace(plain, reference=((0.0,),) * len(plain.trials))
-    (found,) = fingerprints(offset, fit, covariance, [reference])
-    np.testing.assert_allclose(found.secants, wanted.secants, atol=1e-8 * np.abs(wanted.secants).max())
+    (moved,) = fingerprints(offset, fit, covariance, [reference])
+    np.testing.assert_allclose(moved.secants, wanted.secants, atol=1e-8 * np.abs(wanted.secants).max())
 
 
 # ---- constants at a bound, noise in the imposed column ----

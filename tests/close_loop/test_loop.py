@@ -27,17 +27,17 @@ EFFECTS = {
 TWIN = Planted(lambda: D * TEST * (1.0 + 0.02 * D))
 
 
-def closed(seed: int = 1, effects=EFFECTS, max_effects: int = 3, single: bool = False, **more) -> Outcome:
+def outcome_of(seed: int = 1, effects=EFFECTS, max_effects: int = 3, single: bool = False, **more) -> Outcome:
     system = elastic(np.random.default_rng(seed), tests=more.pop("tests", TESTS), effects=effects, **more)
     return search(system, max_effects=max_effects, single=single)
 
 
 def test_controls():
     """An alarm has p < 0.01: of 40 seeds with noise of the stated sd more than three would be one case in a thousand."""
-    found = [closed(seed) for seed in range(40)]
-    alarms = [c for c in found if c.verdict != "no-missing-effect"]
+    outcomes = [outcome_of(seed) for seed in range(40)]
+    alarms = [c for c in outcomes if c.verdict != "no-missing-effect"]
     assert len(alarms) <= 3
-    quiet = next(c for c in found if c.verdict == "no-missing-effect")
+    quiet = next(c for c in outcomes if c.verdict == "no-missing-effect")
     assert (quiet.remainder, quiet.effects, len(quiet.rounds)) == ("at-floor", (), 1)
     assert "Nothing is missing" in words.sentence(quiet) and words.where(quiet.rounds[0]) == ""
 
@@ -47,103 +47,103 @@ def test_controls_of_other_noise(stated, correlation):
     """The same where neighbouring rows go together or nothing is stated; what is estimated may alarm in three of a hundred:
     of 40 seeds more than five would then be one case in a hundred.
     """
-    found = [closed(seed, stated=stated, correlation=correlation) for seed in range(40)]
-    assert sum(c.verdict != "no-missing-effect" for c in found) <= 5
+    outcomes = [outcome_of(seed, stated=stated, correlation=correlation) for seed in range(40)]
+    assert sum(c.verdict != "no-missing-effect" for c in outcomes) <= 5
 
 
 @pytest.mark.parametrize("name", ["rate", "wave", "bump"])
 def test_one_effect_is_found(name):
     """0.05 of it: |secant|^2 of more than 0.05^2 x 10 / 1e-4 = 250. Its strength comes back within four standard errors."""
-    found = closed(hidden={name: 0.05})
-    assert (found.verdict, found.remainder, found.effects) == ("effect-found", "at-floor", (name,))
-    last = found.rounds[-1]
+    outcome = outcome_of(hidden={name: 0.05})
+    assert (outcome.verdict, outcome.remainder, outcome.effects) == ("effect-found", "at-floor", (name,))
+    last = outcome.rounds[-1]
     ((effect, values),) = last.fit.model.of_terms()
     error = np.sqrt(np.linalg.inv(last.fit.jacobian.T @ last.fit.jacobian)[-1, -1])
     assert effect == name and values["size"] == pytest.approx(0.05, abs=4.0 * error)
-    assert f"The model lacks {name}" in words.sentence(found)
-    (first, second) = found.rounds
+    assert f"The model lacks {name}" in words.sentence(outcome)
+    (first, second) = outcome.rounds
     assert first.chosen == name and second.chosen is None and first.fit.chi2 - second.fit.chi2 > 100.0
 
 
 def test_two_effects_are_found_one_after_the_other():
     """The one that explains more comes first."""
-    found = closed(hidden={"rate": 0.2, "bump": 0.05})
-    assert (found.verdict, found.remainder, found.effects) == ("effect-found", "at-floor", ("rate", "bump"))
-    assert [step.chosen for step in found.rounds] == ["rate", "bump", None]
+    outcome = outcome_of(hidden={"rate": 0.2, "bump": 0.05})
+    assert (outcome.verdict, outcome.remainder, outcome.effects) == ("effect-found", "at-floor", ("rate", "bump"))
+    assert [one.chosen for one in outcome.rounds] == ["rate", "bump", None]
 
 
 def test_what_is_left_of_two_when_one_may_be_added():
-    found = closed(hidden={"rate": 0.2, "bump": 0.02}, max_effects=1)
-    assert (found.verdict, found.effects, found.remainder) == ("effect-found", ("rate",), "unexplained")
-    assert words.where(found.rounds[-1]) != ""
+    outcome = outcome_of(hidden={"rate": 0.2, "bump": 0.02}, max_effects=1)
+    assert (outcome.verdict, outcome.effects, outcome.remainder) == ("effect-found", ("rate",), "unexplained")
+    assert words.where(outcome.rounds[-1]) != ""
 
 
 def test_two_that_cannot_be_told_apart():
     """y_A - y_B of 0.05 strength is 0.05 x 0.02 x d^2 t less what a change of strength takes up: |.|^2 below
     (1e-3)^2 x 160 x 0.2 x 1.25 / 1e-4 = 0.4, and 25 are needed.
     """
-    found = closed(effects={**EFFECTS, "twin": TWIN}, hidden={"rate": 0.05})
-    first = found.rounds[0]
-    assert found.verdict == "ambiguous" and first.chosen is None
+    outcome = outcome_of(effects={**EFFECTS, "twin": TWIN}, hidden={"rate": 0.05})
+    first = outcome.rounds[0]
+    assert outcome.verdict == "ambiguous" and first.chosen is None
     assert {first.best, *first.ambiguous_with} == {"rate", "twin"}
     ((_, _, apart),) = [row for row in first.separations if set(row[:2]) == {"rate", "twin"}]
     assert apart < 0.5
-    assert "cannot tell" in words.sentence(found) and "rate" in words.sentence(found) and "twin" in words.sentence(found)
+    assert "cannot tell" in words.sentence(outcome) and "rate" in words.sentence(outcome) and "twin" in words.sentence(outcome)
 
 
 def test_a_separation_is_the_least_misfit_of_the_rival():
     """min over the rival's parameters of |y_A - y_B|^2 / sd^2 is |(1 - P) y_A|^2, P on the baseline and the rival."""
     near = Planted(lambda: D * TEST + 0.25 * WAVE)
-    found = closed(effects={"rate": EFFECTS["rate"], "near": near}, hidden={"rate": 0.05})
-    first = found.rounds[0]
+    outcome = outcome_of(effects={"rate": EFFECTS["rate"], "near": near}, hidden={"rate": 0.05})
+    first = outcome.rounds[0]
     (row,) = first.separations
     rival = np.column_stack([D, D**3, near.column()])
     best = first.refits["rate"]
-    rest = best.answer - rival @ np.linalg.lstsq(rival, best.answer, rcond=None)[0]
-    wanted = float(rest @ rest) / 0.01**2
+    left = best.answer - rival @ np.linalg.lstsq(rival, best.answer, rcond=None)[0]
+    wanted = float(left @ left) / 0.01**2
     assert first.best == "rate"
     # the search ends where a step gains less than 0.02 and 1e-5 of it; rows are stated white, their correlation is estimated
     sure = first.covariance.rows[0].correlation
     if sure == 0.0:
         assert row[2] == pytest.approx(wanted, abs=0.05, rel=1e-3)
     white = first.covariance.whiten(np.column_stack([best.answer, rival]))
-    rest = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)[0]
-    assert row[2] == pytest.approx(float(rest @ rest), abs=0.05, rel=1e-3)
+    left = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)[0]
+    assert row[2] == pytest.approx(float(left @ left), abs=0.05, rel=1e-3)
     assert (first.chosen is None) == (row[2] < THRESHOLDS.told_apart_separation)
 
 
 def test_what_none_of_them_explains():
     """A corner and a steep end, of ten times the noise, which no candidate has."""
-    found = closed(extra=0.1 * np.abs(D - 0.6) - 0.3 * D**6)
-    assert (found.verdict, found.effects) == ("unexplained", ())
-    assert "none of the effects that were considered" in words.sentence(found) or "would help" in words.sentence(found)
+    outcome = outcome_of(extra=0.1 * np.abs(D - 0.6) - 0.3 * D**6)
+    assert (outcome.verdict, outcome.effects) == ("unexplained", ())
+    assert "none of the effects that were considered" in words.sentence(outcome) or "would help" in words.sentence(outcome)
 
 
 def test_a_candidate_that_helps_a_little_is_not_what_is_missing():
     """Waves of 0.5, of which "bump" takes up some, significantly, and leaves more than half."""
-    found = closed(effects={"bump": EFFECTS["bump"]}, extra=0.5 * np.sin(9.0 * D) + 0.05 * BUMP)
-    assert (found.verdict, found.effects) == ("unexplained", ())
-    assert "none of the effects that were considered" in words.sentence(found)
+    outcome = outcome_of(effects={"bump": EFFECTS["bump"]}, extra=0.5 * np.sin(9.0 * D) + 0.05 * BUMP)
+    assert (outcome.verdict, outcome.effects) == ("unexplained", ())
+    assert "none of the effects that were considered" in words.sentence(outcome)
 
 
 def test_a_single_test_is_ambiguous_at_most():
     effects = {"wave": Planted(lambda: WAVE[:ROWS])}
-    found = closed(tests=1, effects=effects, hidden={"wave": 0.1}, single=True)
-    assert (found.verdict, found.effects) == ("ambiguous", ("wave",))
-    assert "one test alone" in words.sentence(found)
-    assert closed(tests=1, effects=effects, single=True).verdict in ("no-missing-effect", "ambiguous")
+    outcome = outcome_of(tests=1, effects=effects, hidden={"wave": 0.1}, single=True)
+    assert (outcome.verdict, outcome.effects) == ("ambiguous", ("wave",))
+    assert "one test alone" in words.sentence(outcome)
+    assert outcome_of(tests=1, effects=effects, single=True).verdict in ("no-missing-effect", "ambiguous")
 
 
 def test_a_search_that_gives_up_is_a_failure():
     """Everything above x0 = 0.5 cannot be computed, while the data want 2: nothing is said about what is missing."""
-    found = closed(hidden={"rate": 0.2}, fails=lambda model: model.x[0] > 0.5)
-    assert found.verdict == "failed" and found.effects == ()
-    assert "says nothing about what the model lacks" in words.sentence(found)
+    outcome = outcome_of(hidden={"rate": 0.2}, fails=lambda model: model.x[0] > 0.5)
+    assert outcome.verdict == "failed" and outcome.effects == ()
+    assert "says nothing about what the model lacks" in words.sentence(outcome)
 
 
 def test_a_baseline_that_cannot_be_computed_is_an_error():
     with pytest.raises(RunError):
-        closed(fails=lambda model: True)
+        outcome_of(fails=lambda model: True)
 
 
 def test_a_constant_at_its_bound_is_no_effect():
@@ -151,21 +151,21 @@ def test_a_constant_at_its_bound_is_no_effect():
     follow it down: nothing is found, and nothing is "at the floor".
     """
     effects = {"stiffer": Planted(lambda: D**5, {"size": UPWARD})}
-    found = closed(effects=effects, extra=-2.0 * D**3 + 0.5 * D**5, bounds=[(-1e6, 1e6), (0.0, 1e6)])
-    assert (found.verdict, found.effects, found.remainder) == ("unexplained", (), "unexplained")
+    outcome = outcome_of(effects=effects, extra=-2.0 * D**3 + 0.5 * D**5, bounds=[(-1e6, 1e6), (0.0, 1e6)])
+    assert (outcome.verdict, outcome.effects, outcome.remainder) == ("unexplained", (), "unexplained")
 
 
 def test_numerics_are_a_floor():
     """A mesh that changes the answer by what is there, wave 0.05: then that may be the mesh. Half the noise is its share
     beyond the constants, by rows: |(1 - P) 0.05 wave| / sd / sqrt(n), whitened.
     """
-    found = closed(hidden={"wave": 0.05}, checked={"a finer mesh": 0.05 * WAVE})
-    assert found.verdict == "no-missing-effect"
-    first = found.rounds[0]
+    outcome = outcome_of(hidden={"wave": 0.05}, checked={"a finer mesh": 0.05 * WAVE})
+    assert outcome.verdict == "no-missing-effect"
+    first = outcome.rounds[0]
     share = numerical_shares(first.covariance, first.fit, ["a finer mesh"])["a finer mesh"]
     rows = first.covariance.by_rows(np.column_stack([0.05 * WAVE, D, D**3]))
-    rest = rows[:, 0] - rows[:, 1:] @ np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0]
-    assert share == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-3) and share > 0.5
+    left = rows[:, 0] - rows[:, 1:] @ np.linalg.lstsq(rows[:, 1:], rows[:, 0], rcond=None)[0]
+    assert share == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-3) and share > 0.5
 
 
 def test_against_a_gross_misfit_an_effect_must_bring_more_than_numerics_change():
@@ -174,13 +174,13 @@ def test_against_a_gross_misfit_an_effect_must_bring_more_than_numerics_change()
     """
     unknown = 0.06 * np.cos(9.0 * np.pi * D)
     numerics = {"mesh": 0.05 * np.cos(11.0 * np.pi * D)}
-    without, behind = (closed(hidden={"wave": 0.03}, extra=unknown, checked=c).rounds[0] for c in ({}, numerics))
+    without, behind = (outcome_of(hidden={"wave": 0.03}, extra=unknown, checked=c).rounds[0] for c in ({}, numerics))
     assert without.fit.by_rows is not None and behind.fit.by_rows is not None
     assert (without.chosen, behind.chosen) == ("wave", None)
 
 
 def test_what_is_assumed_is_a_floor():
-    assert closed(hidden={"wave": 0.05}, assumed={"height_mm": 0.05 * WAVE}).verdict == "no-missing-effect"
+    assert outcome_of(hidden={"wave": 0.05}, assumed={"height_mm": 0.05 * WAVE}).verdict == "no-missing-effect"
 
 
 def test_scatter_between_tests_is_no_rate():
@@ -207,7 +207,7 @@ def test_two_tests_do_not_veto_what_explains_all():
 
 def test_the_same_twice():
     """The bootstrap has a seed."""
-    one, other = closed(hidden={"rate": 0.05}), closed(hidden={"rate": 0.05})
+    one, other = outcome_of(hidden={"rate": 0.05}), outcome_of(hidden={"rate": 0.05})
     assert [s.p for s in one.rounds] == [s.p for s in other.rounds]
     assert [c.p_holm for c in one.rounds[0].scores] == [c.p_holm for c in other.rounds[0].scores]
     np.testing.assert_array_equal(one.rounds[-1].fit.model.x, other.rounds[-1].fit.model.x)
@@ -215,8 +215,8 @@ def test_the_same_twice():
 
 def test_nothing_is_tried_where_nothing_may_be_added():
     """--max-effects 0 traces the residual and adds nothing."""
-    found = closed(hidden={"rate": 0.2}, max_effects=0)
-    assert found.verdict == "unexplained" and len(found.rounds) == 1 and found.rounds[0].refits == {}
+    outcome = outcome_of(hidden={"rate": 0.2}, max_effects=0)
+    assert outcome.verdict == "unexplained" and len(outcome.rounds) == 1 and outcome.rounds[0].refits == {}
 
 
 def test_the_system_is_what_it_says():

@@ -30,7 +30,7 @@ def smooth(rows: int) -> np.ndarray:
     return 2.0 * d + d**3
 
 
-def found(seed: int, *, rows: int = 100, tests: int = 3, correlation: float = 0.0, stated: bool = True, sd: float = SD):
+def noise_of(seed: int, *, rows: int = 100, tests: int = 3, correlation: float = 0.0, stated: bool = True, sd: float = SD):
     rng = np.random.default_rng(seed)
     measured = [smooth(rows) + sd * autoregressive(rng, rows, correlation) for _ in range(tests)]
     return row_noise([ramp(k, y, sd=sd if stated else None) for k, y in enumerate(measured)])
@@ -38,7 +38,7 @@ def found(seed: int, *, rows: int = 100, tests: int = 3, correlation: float = 0.
 
 def averages(**how) -> tuple[float, float]:
     """Means over seeds: sd of the rows over the true one, correlation."""
-    every = [found(seed, **how) for seed in range(SEEDS)]
+    every = [noise_of(seed, **how) for seed in range(SEEDS)]
     sds = [row.sd.mean() for rows in every for row in rows]
     return float(np.mean(sds)) / how.get("sd", SD), float(np.mean([rows[0].correlation for rows in every]))
 
@@ -92,7 +92,7 @@ def test_a_bend_of_few_rows_is_no_noise(rows):
     6 d / rows^2 are then ten times the noise; what is stated must still be believed, up to chance: a median of so few
     differences exceeds 1.6 times its value in some percent of the curves.
     """
-    believed = [row.stated for seed in range(SEEDS) for row in found(seed, rows=rows, sd=0.01)]
+    believed = [row.stated for seed in range(SEEDS) for row in noise_of(seed, rows=rows, sd=0.01)]
     assert np.mean(believed) > 0.75
 
 
@@ -116,7 +116,7 @@ def test_effective_rows_of_a_correlated_series():
     """The mean of n rows of AR(1) noise has the variance sd^2 (1 + r) / (1 - r) / n for many rows."""
     rng = np.random.default_rng(4)
     means = [autoregressive(rng, 400, 0.8).mean() for _ in range(600)]
-    rows = found(0, rows=400, correlation=0.8)
+    rows = noise_of(0, rows=400, correlation=0.8)
     row = replace(rows[0], correlation=0.8)
     # the sampling error of a variance of 600 is 6 %; 1 / n of the edges 1 %
     assert np.var(means) == pytest.approx(1.0 / row.effective, rel=0.2)

@@ -70,12 +70,12 @@ def test_intervals_are_the_analytic_ones_and_cover():
     for seed in range(200):
         system = elastic(np.random.default_rng(seed))
         fit = refit(system, system.start(), white(system))
-        found = intervals(fit, white(system))
-        inside += [low <= truth <= high for truth, (low, high) in zip((2.0, 1.0), found, strict=True)]
+        limits = intervals(fit, white(system))
+        inside += [low <= truth <= high for truth, (low, high) in zip((2.0, 1.0), limits, strict=True)]
     half = 1.959964 * SD * np.sqrt(np.diag(np.linalg.inv(system.X.T @ system.X)))
-    for k, (low, high) in enumerate(found):
+    for k, (low, high) in enumerate(limits):
         np.testing.assert_allclose([low, high], fit.model.x[k] + half[k] * np.array([-1.0, 1.0]), rtol=1e-5)
-    np.testing.assert_allclose(np.diff(intervals(fit, white(system), 4.0)), 2.0 * np.diff(found), rtol=1e-9)
+    np.testing.assert_allclose(np.diff(intervals(fit, white(system), 4.0)), 2.0 * np.diff(limits), rtol=1e-9)
     assert np.abs(inside / 200 - 0.95).max() < 0.05
 
 
@@ -87,8 +87,8 @@ def test_intervals_do_not_depend_on_units(by):
     other.X = system.X * [1.0, by]
     fit = refit(system, system.start(), white(system))
     scaled = refit(other, Hypothesis(other.base, (), fit.model.x / [1.0, by]), white(other))
-    wanted, found = intervals(fit, white(system))[1], intervals(scaled, white(other))[1]
-    assert by * (found[1] - found[0]) == pytest.approx(wanted[1] - wanted[0], rel=1e-4)
+    wanted, limits = intervals(fit, white(system))[1], intervals(scaled, white(other))[1]
+    assert by * (limits[1] - limits[0]) == pytest.approx(wanted[1] - wanted[0], rel=1e-4)
 
 
 def test_of_what_the_data_do_not_depend_on_nothing_is_known():
@@ -148,8 +148,8 @@ def test_derivatives_stay_inside_the_bounds():
     seen = []
     system = elastic(np.random.default_rng(9), bounds=[(0.0, 2.0), (0.0, 1.0)], fails=lambda m: seen.append(m.x) or False)
     model = system.start().at(np.array([2.0, 1.0]))
-    found = derivatives(system, model, system.rows(model))
-    np.testing.assert_allclose(found, system.X, atol=1e-11)
+    slopes = derivatives(system, model, system.rows(model))
+    np.testing.assert_allclose(slopes, system.X, atol=1e-11)
     assert max(x[0] for x in seen) <= 2.0 and max(x[1] for x in seen) <= 1.0
 
 
@@ -158,10 +158,10 @@ def test_derivatives_are_kept_up_to_date_test_by_test():
     them mends both tests, and no test takes up the constant of the other.
     """
     true = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
-    off, way = 1.3 * true, np.array([1.0, -2.0, 0.5])
-    found = _update(off, true @ way, way)
-    assert found @ way == pytest.approx(true @ way, rel=1e-14)
-    assert found[0, 1] == found[1, 0] == 0.0
+    off, step = 1.3 * true, np.array([1.0, -2.0, 0.5])
+    slopes = _update(off, true @ step, step)
+    assert slopes @ step == pytest.approx(true @ step, rel=1e-14)
+    assert slopes[0, 1] == slopes[1, 0] == 0.0
 
 
 # ---- leaving tests out ----
@@ -169,12 +169,12 @@ def test_derivatives_are_kept_up_to_date_test_by_test():
 
 def left_out(system: Linear, test: int, rows: int) -> float:
     """Really without it: white rows, least squares of the others."""
-    mine = np.zeros(len(system.X), dtype=bool)
-    mine[test * rows : (test + 1) * rows] = True
+    tested = np.zeros(len(system.X), dtype=bool)
+    tested[test * rows : (test + 1) * rows] = True
     y = measured_rows(system.series)
-    x = np.linalg.lstsq(system.X[~mine], y[~mine], rcond=None)[0]
-    rest = (y - system.X @ x)[mine]
-    return float(np.sqrt(np.mean(rest**2)) / np.abs(y[mine]).max())
+    x = np.linalg.lstsq(system.X[~tested], y[~tested], rcond=None)[0]
+    left = (y - system.X @ x)[tested]
+    return float(np.sqrt(np.mean(left**2)) / np.abs(y[tested]).max())
 
 
 def test_cross_validation_is_really_leaving_a_test_out():
@@ -182,10 +182,10 @@ def test_cross_validation_is_really_leaving_a_test_out():
     rng = np.random.default_rng(10)
     system = elastic(rng, tests=4, extra=np.repeat(rng.standard_normal(4), 40) * programme(4))
     fit = refit(system, system.start(), correlated(system))
-    found = cross_validation_errors(system, fit, correlated(system))
-    assert list(found) == [f"test-{k}" for k in range(4)]
+    errors = cross_validation_errors(system, fit, correlated(system))
+    assert list(errors) == [f"test-{k}" for k in range(4)]
     for k in range(4):
-        assert found[f"test-{k}"] == pytest.approx(left_out(system, k, 40), rel=1e-8)
+        assert errors[f"test-{k}"] == pytest.approx(left_out(system, k, 40), rel=1e-8)
 
 
 def test_cycles_are_left_out_with_their_test():
@@ -194,12 +194,12 @@ def test_cycles_are_left_out_with_their_test():
     system = elastic(rng, tests=4)
     names = ("a", "a", "b", "c")
     system.series = [replace(one, test=name) for one, name in zip(system.series, names, strict=True)]
-    found = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
-    assert list(found) == ["a", "b", "c"]
-    y, mine = measured_rows(system.series), np.arange(160) < 80
-    x = np.linalg.lstsq(system.X[~mine], y[~mine], rcond=None)[0]
-    errors = [np.sqrt(np.mean((y - system.X @ x)[part] ** 2)) / y[part].max() for part in (slice(0, 40), slice(40, 80))]
-    assert found["a"] == pytest.approx(np.mean(errors), rel=1e-8)
+    errors = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
+    assert list(errors) == ["a", "b", "c"]
+    y, tested = measured_rows(system.series), np.arange(160) < 80
+    x = np.linalg.lstsq(system.X[~tested], y[~tested], rcond=None)[0]
+    of_cycles = [np.sqrt(np.mean((y - system.X @ x)[part] ** 2)) / y[part].max() for part in (slice(0, 40), slice(40, 80))]
+    assert errors["a"] == pytest.approx(np.mean(of_cycles), rel=1e-8)
 
 
 def test_constants_of_one_test_alone_cannot_be_predicted():
@@ -209,5 +209,5 @@ def test_constants_of_one_test_alone_cannot_be_predicted():
     X = np.zeros((120, 2))
     X[:80, 0], X[80:, 1] = programme(2), programme(1)
     system = Linear(series, X)
-    found = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
-    assert list(found) == ["test-0", "test-1"]
+    errors = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
+    assert list(errors) == ["test-0", "test-1"]

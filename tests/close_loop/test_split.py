@@ -17,7 +17,7 @@ from explicitfe.measured.read import read_dataset
 def dataset(folder: Path, curves: dict[str, dict[str, Any]]) -> Dataset:
     """Ramps in compression: id -> rate, strain and lines of the curve."""
     folder.mkdir(exist_ok=True)
-    text = 'format = "explicitfe-dataset/1"\nname = "made"\ntitle = "Ramps"\ntest = "compression"\n[specimen]\nshape = "point"\n'
+    text = 'format = "explicitfe-dataset/1"\nname = "ramps"\ntitle = "Ramps"\ntest = "compression"\n[specimen]\nshape = "point"\n'
     for name, how in curves.items():
         rate, strain = how.get("rate", 0.1), how.get("strain", 0.3)
         text += f'[[curve]]\nid = "{name}"\nfile = "{name}.csv"\n{how.get("lines", "")}\n'

@@ -39,10 +39,10 @@ def closed(lagging: Dataset) -> tuple[Trajectories, Outcome]:
 
 
 def test_a_hidden_lag_is_found(closed: tuple[Trajectories, Outcome]) -> None:
-    _, found = closed
-    assert (found.verdict, found.effects) == ("effect-found", ("activation-lag",))
-    fit = found.rounds[-1].fit
-    low, high = intervals(fit, found.rounds[-1].covariance)[-1]
+    _, outcome = closed
+    assert (outcome.verdict, outcome.effects) == ("effect-found", ("activation-lag",))
+    fit = outcome.rounds[-1].fit
+    low, high = intervals(fit, outcome.rounds[-1].covariance)[-1]
     # the 95 % interval is of 1.96 standard deviations; three of them miss in 0.3 % of all data
     assert abs(fit.model.values[-1] - LAG_MS) < 3.0 / 1.96 * 0.5 * (high - low)
     assert high - low < 5.0
@@ -53,8 +53,8 @@ def test_nothing_is_found_where_nothing_is_hidden(tmp_path: Path) -> None:
     dataset = simulate_sensors(tmp_path / "data", numerics=OTHER_NUMERICS, registration="given", **QUICK)
     system = trajectory_system(dataset, dataset.curves, only=("activation-lag", "gravity", "force-scale"))
     assert system.base == ()
-    found = search(system, max_effects=1, rows=system.rows)
-    assert (found.verdict, found.effects) == ("no-missing-effect", ())
+    outcome = search(system, max_effects=1, rows=system.rows)
+    assert (outcome.verdict, outcome.effects) == ("no-missing-effect", ())
 
 
 def test_the_registration_is_recovered(tmp_path: Path) -> None:
@@ -88,16 +88,16 @@ def test_a_written_scenario_gives_the_answers_again(lagging: Dataset, tmp_path: 
             for number, (sensor, point) in enumerate(lagging.sensors.items()):
                 u = result.history(f"probe_{point}_displacement")
                 v = result.history(f"probe_{point}_velocity")
-                there = system.registration(model).to_sensors(system.undeformed[number] + u[rows] + late * v[rows])
+                placed = system.registration(model).to_sensors(system.undeformed[number] + u[rows] + late * v[rows])
                 for one, y in zip(system.series, answer, strict=True):
                     if one.id.startswith(f"{curve.id} {sensor} "):
                         axis = "xyz".index(one.id[-1])
-                        assert np.abs(y + curve.sensors[sensor][0, axis] - there[:, axis]).max() < 1e-12
+                        assert np.abs(y + curve.sensors[sensor][0, axis] - placed[:, axis]).max() < 1e-12
 
 
 def test_other_curves_share_the_models(closed: tuple[Trajectories, Outcome], lagging: Dataset) -> None:
-    system, found = closed
-    model = found.rounds[-1].fit.model
+    system, outcome = closed
+    model = outcome.rounds[-1].fit.model
     (both,) = system.answers([model])
     (one,) = system.for_curves(lagging.curves[1:]).answers([model])
     assert both is not None and one is not None

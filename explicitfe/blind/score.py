@@ -64,6 +64,7 @@ def score(
     processes: int = 2,
     max_effects: int = 3,
     limit_s: float | None = None,
+    pages: bool = True,
     progress: Progress = silent,
 ) -> StudyScore:
     """Close the loop on every case that has no report yet, then score all of them.
@@ -74,6 +75,7 @@ def score(
     processes : cases at the same time, each in a process of its own.
     max_effects : the largest number of effects that ``close-loop`` may add.
     limit_s : a case that takes longer is stopped, and counts as failed.
+    pages : whether each report is written with its page and pictures, or as report.json only, which takes much less time.
     progress : called with the stage and the share of it that is done.
 
     Returns
@@ -89,7 +91,7 @@ def score(
     if not names:
         raise InputError(f"{directory}: there are no cases here; make some first.")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the parallel part
-    _run(directory, names, processes, max_effects, limit_s, progress)
+    _run(directory, names, processes, max_effects, limit_s, pages, progress)
     rows: list[ScoredCase] = []
     for name in names:
         report, wall_s = _result(directory, name)
@@ -125,7 +127,15 @@ def _brief(row: ScoredCase) -> BriefCase:
 # ---- running ----
 
 
-def _run(directory: Path, names: list[str], processes: int, max_effects: int, limit_s: float | None, progress: Progress) -> None:
+def _run(
+    directory: Path,
+    names: list[str],
+    processes: int,
+    max_effects: int,
+    limit_s: float | None,
+    pages: bool,
+    progress: Progress,
+) -> None:
     """Close the loop on all cases without a report, each in a process of its own: a crash stops nothing else."""
     reports = directory / "reports"
     reports.mkdir(exist_ok=True)
@@ -140,7 +150,7 @@ def _run(directory: Path, names: list[str], processes: int, max_effects: int, li
             name = todo.pop()
             if (reports / name).is_dir():  # an earlier crash left it behind
                 shutil.rmtree(reports / name)
-            job = context.Process(target=_close, args=(str(directory), name, max_effects))
+            job = context.Process(target=_close, args=(str(directory), name, max_effects, pages))
             job.start()
             running[name] = job, time.perf_counter()
         time.sleep(POLL_INTERVAL_S)
@@ -158,14 +168,19 @@ def _run(directory: Path, names: list[str], processes: int, max_effects: int, li
             progress("close-loop", done / len(names))
 
 
-def _close(directory: str, name: str, max_effects: int) -> None:
+def _close(directory: str, name: str, max_effects: int, pages: bool) -> None:
     """One case, in its own process."""
     reports = Path(directory) / "reports"
     try:
         from explicitfe.close_loop.close import close_loop
 
-        out = reports / name
-        close_loop(Path(directory) / "cases" / name, out=out, max_effects=max_effects, processes=1, overwrite=True)
+        case, out = Path(directory) / "cases" / name, reports / name
+        if pages:
+            close_loop(case, out=out, max_effects=max_effects, processes=1, overwrite=True)
+        else:
+            report = close_loop(case, max_effects=max_effects, processes=1)
+            out.mkdir()
+            (out / "report.json").write_text(report.text, encoding="utf-8")
     except BaseException:
         (reports / f"{name}.traceback").write_text(traceback.format_exc(), encoding="utf-8")
         raise SystemExit(1) from None

@@ -1,7 +1,8 @@
 """A small blind set through the whole loop: data made with other numerics, with no effect or one effect hidden in them.
 
-The verdicts are compared with the sealed truth. Seven cases prove no rate; they show that the chain works and that no verdict is
-confidently wrong here. The study with its rates is benchmarks/blind_study.py. This is the slowest test: SECONDS.
+The verdicts are compared with the sealed truth. Seven cases prove no rate; they show that the chain works and that no verdict
+is confidently wrong here. The study with its rates is benchmarks/blind_study.py. It is a slow test: it takes about 20 s on two
+cores, and longer where kernels have to be compiled first.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ SEED = 12
 def test_a_small_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # The processes are the parallel part.
     make(tmp_path / "cases", seed=SEED, kinds={"control": 3, "single": 4}, family="homogeneous", processes=2)
-    result = score(tmp_path / "cases", processes=2)
+    result = score(tmp_path / "cases", processes=2, pages=False)
     outcomes = {case["case"]: (case["kind"], case["outcome"], case["true"]) for case in result["cases"]}
     assert len(outcomes) == 7
     assert all(outcome == "no-missing-effect" for kind, outcome, _ in outcomes.values() if kind == "control"), outcomes

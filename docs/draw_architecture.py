@@ -80,7 +80,7 @@ def read_graph() -> dict[str, set[str]]:
     """Room -> the rooms that it imports from."""
     modules = sorted(PACKAGE.rglob("*.py"))
     rooms = {room_of(path) for path in modules if path.parent != PACKAGE}
-    graph: dict[str, set[str]] = {room: set() for room in rooms}
+    graph: dict[str, set[str]] = {room: set() for room in sorted(rooms)}
     for path in modules:
         if path.parent != PACKAGE:
             graph[room_of(path)] |= (imported_rooms(path) & rooms) - {room_of(path)}
@@ -218,8 +218,12 @@ def draw(graph: dict[str, set[str]], path: Path) -> None:
         axes.text(centre, bottom + height - 0.42, wrapped, ha="center", va="top", fontsize=10.5, zorder=4, linespacing=1.15)
 
     # where an arrow leaves and reaches a box: spread over its edge, in the order of where the arrows go
-    leaving = {room: sorted({p[1] for p in layout.paths if p[0] == room}, key=lambda place: x[place]) for room in graph}
-    arriving = {room: sorted({p[-2] for p in layout.paths if p[-1] == room}, key=lambda place: x[place]) for room in graph}
+    leaving = {
+        room: sorted({p[1] for p in layout.paths if p[0] == room}, key=lambda place: (x[place], str(place))) for room in graph
+    }
+    arriving = {
+        room: sorted({p[-2] for p in layout.paths if p[-1] == room}, key=lambda place: (x[place], str(place))) for room in graph
+    }
 
     def spread(centre: float, places: list[Place], place: Place) -> float:
         return centre + 0.55 * WIDTH * ((places.index(place) + 1.0) / (len(places) + 1.0) - 0.5)

@@ -19,7 +19,8 @@ def explain(error: ValidationError, data: object, table: type[BaseModel]) -> str
     keys = [key for key in problem["loc"] if key not in {"name", *LAWS} or key == problem["loc"][-1]]
     where = _where(keys, data)
     if problem["type"] == "extra_forbidden":
-        sentence = f'unknown key "{keys[-1]}"{_inside(where[:-1])}; {nearest(str(keys[-1]), _valid_keys(table, keys[:-1]))}'
+        valid = _valid_keys(table, problem["loc"][:-1])
+        sentence = f'unknown key "{keys[-1]}"{_inside(where[:-1])}; {nearest(str(keys[-1]), valid)}'
     elif problem["type"] == "missing":
         sentence = f'the key "{keys[-1]}" is missing{_inside(where[:-1])}; add it'
     elif problem["type"] == "union_tag_invalid":
@@ -58,10 +59,13 @@ def _inside(path: list[str]) -> str:
 
 
 def _valid_keys(table: type[BaseModel], keys: Sequence[int | str]) -> list[str]:
-    """Keys that the table at this place knows."""
+    """Keys that the table at this place knows; a material has those of its law."""
     current: type[BaseModel] | None = table
     for key in keys:
         if isinstance(key, int) or current is None:
+            continue
+        if key in LAWS:
+            current = LAWS[key][0]
             continue
         named = {field.alias or name: field for name, field in current.model_fields.items()}
         inner = named[key].annotation if key in named else None

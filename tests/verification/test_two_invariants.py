@@ -1,24 +1,25 @@
 """Laws of I1_bar and I2_bar: Mooney-Rivlin in every element, at a point and with every effect, against its energy.
 
-The reference is the energy alone, stated here in numpy and differentiated by a complex step, P_ij = Im W(F + i h E_ij) / h with
-h = 1e-30: no difference is taken, so it is exact to rounding (Squire & Trapp 1998). F, I1_bar = J^(-2/3) tr C,
-I2_bar = J^(-4/3) ((tr C)^2 - tr C^2) / 2; C10 = 121.5 Pa, C01 = 70 Pa, nu = 0.499.
+The reference is the energy alone, in numpy, differentiated by a complex step (tests/energies.py); C10 = 121.5 Pa, C01 = 70 Pa,
+nu = 0.499.
 
 Tolerance: K |J - 1| = 1e4 to 1e5 Pa is rounded by some 100 eps in F and J, 2e-14 of it; 1e-9 of the largest stress is asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
+from energies import derivative, series_energy, volume_energy
 from scipy.special import erf
 from support import (
     ELEMENTS,
     MOONEY_RIVLIN,
     NEO_HOOKE,
+    ROOT,
     YEOH,
     block_mesh,
     model_of,
@@ -36,6 +37,7 @@ from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import InputError
 from explicitfe.materials import mooney_rivlin
 from explicitfe.materials.law import Law, leaves_of
+from explicitfe.scenario.read import read_scenario
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
 
@@ -58,28 +60,7 @@ SOME: tuple[MaterialEffect, ...] = (
 FIBRE = np.array([1.0, 2.0, 2.0]) / 3.0
 
 
-def invariants(F: np.ndarray) -> tuple[complex, complex, complex]:
-    """I1_bar, I2_bar and J."""
-    C, J = F.T @ F, np.linalg.det(F)
-    first = np.trace(C)
-    return first * J ** (-2.0 / 3.0), 0.5 * (first**2 - np.trace(C @ C)) * J ** (-4.0 / 3.0), J
-
-
-def law_energy(F: np.ndarray) -> complex:
-    """Isochoric energy [Pa]."""
-    first, second, _ = invariants(F)
-    return C10 * (first - 3.0) + C01 * (second - 3.0)
-
-
-def volume_energy(F: np.ndarray) -> complex:
-    """U [Pa]."""
-    J = invariants(F)[2]
-    return 0.25 * K * (J * J - 1.0 - 2.0 * np.log(J))
-
-
-def third_energy(F: np.ndarray) -> complex:
-    """Of the third Yeoh term [Pa]."""
-    return 50.0 * (invariants(F)[0] - 3.0) ** 3
+law_energy = series_energy(C10, C01=C01)
 
 
 def fibre_energy(F: np.ndarray) -> complex:
@@ -89,19 +70,9 @@ def fibre_energy(F: np.ndarray) -> complex:
     return 200.0 / (2.0 * 0.5) * (np.exp(0.5 * beyond**2) - 1.0) if beyond.real > 0.0 else 0.0j
 
 
-def derivative(energy: Callable[[np.ndarray], complex], F: np.ndarray) -> np.ndarray:
-    """dW/dF (3, 3) Pa by a complex step."""
-    P = np.empty((3, 3))
-    for entry in range(9):
-        shifted = F.astype(complex)
-        shifted.flat[entry] += 1e-30j
-        P.flat[entry] = energy(shifted).imag / 1e-30
-    return P
-
-
 def elastic(F: np.ndarray) -> np.ndarray:
     """First Piola-Kirchhoff stress (3, 3) Pa of the law."""
-    return derivative(lambda A: law_energy(A) + volume_energy(A), F)
+    return derivative(F, law_energy, volume_energy(K))
 
 
 def states(seed: int, count: int = 12, size: float = 0.35) -> np.ndarray:
@@ -214,8 +185,8 @@ def test_all_effects_at_once_and_after_long(record_property):
     for F in states(5, size=0.25):
         path = np.array([np.eye(3), F, F])
         P, _ = point.path(MOONEY_RIVLIN, SOME, np.array([0.0, 0.0, long]), path, [])
-        isochoric = derivative(lambda A: law_energy(A) + third_energy(A) + fibre_energy(A), F)
-        pressure = derivative(volume_energy, F)
+        isochoric = derivative(F, series_energy(C10, C01=C01, C30=50.0), fibre_energy)
+        pressure = derivative(F, volume_energy(K))
         worst = max(worst, relative(P[1], isochoric + pressure))
         wanted = (1.0 - sum(series.g)) * isochoric + (1.0 - drainage.share) * pressure
         worst = max(worst, relative(P[2], wanted))
@@ -234,7 +205,7 @@ def test_softening_sees_the_whole_energy(record_property):
     largest = np.maximum.accumulate(W)
     eta = 1.0 - softening.inverse_r * erf((largest - W) / (softening.m_Pa + softening.beta * largest))
     assert eta.min() < 0.7
-    wanted = np.array([e * derivative(law_energy, A) for e, A in zip(eta, F, strict=True)])
+    wanted = np.array([e * derivative(A, law_energy) for e, A in zip(eta, F, strict=True)])
     off = relative(P, wanted)
     record_property("off by", off)
     assert off < 1e-9
@@ -256,6 +227,16 @@ def test_a_law_of_other_invariants_is_refused():
 
     with pytest.raises(InputError, match=r"OfFibres: no element knows a law of I1 and I4; .*I1 and I2"):
         leaves_of(OfFibres, mooney_rivlin)
+
+
+def test_scenarios_take_the_law():
+    """By its name; a misspelt constant is refused with the keys of this law and of no other."""
+    path = ROOT / "scenarios" / "vowel-i.toml"
+    law = '{law="mooney-rivlin", C10_Pa=121.5, %s=70.0}'
+    scenario, _ = read_scenario(path, ["model.material=" + law % "C01_Pa"])
+    assert scenario.model.material == MOONEY_RIVLIN
+    with pytest.raises(InputError, match=r'"stiffness".*valid are: C01_Pa, C10_Pa, density_kg_m3, law, poisson, source'):
+        read_scenario(path, ["model.material=" + law % "stiffness"])
 
 
 def test_a_layer_scales_stresses_only():

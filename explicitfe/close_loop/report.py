@@ -74,7 +74,7 @@ def new_report(dataset: Dataset, sides: Split, unit: str) -> LoopReport:
             left_out=sides.left_out,
             rule=sides.rule,
         ),
-        thresholds={name: ReportedThreshold(value=value, unit=unit) for name, value, unit, _ in entries()},
+        thresholds={name: ReportedThreshold(value=value, unit=of_what) for name, value, of_what, _ in entries()},
     )
 
 

@@ -45,17 +45,21 @@ _KERNEL_SOURCES = (
 )
 
 
-def leaf(function: Callable[..., Any]) -> Dispatcher:
+Template = Callable[..., Any]  # a function that is compiled for arguments of many types: arrays, lanes, tuples of lanes
+PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in its place
+
+
+def leaf(function: Template) -> Dispatcher:
     """Compile ``function`` into its callers; not cached by itself."""
     return numba.jit(function, forceinline=True, **OPTIONS)
 
 
-def kernel(function: Callable[..., Any]) -> Dispatcher:
+def kernel(function: Template) -> Dispatcher:
     """Compile a function that needs no binding, with its code cached on disk."""
     return bind(function)
 
 
-def bind(template: Callable[..., Any], *, stored: bool = True, inline: bool = False, **bindings: Any) -> Dispatcher:
+def bind(template: Template, *, stored: bool = True, inline: bool = False, **bindings: Any) -> Dispatcher:
     """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
 
     Parameters

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.jit import Template, leaf
 from explicitfe.compiled.simd import WIDTH, load, store
 from explicitfe.effects.affected import LawT, ModelT, SpecimenT, ToolT
 
@@ -211,7 +211,7 @@ class MaterialEffect(Effect):
         remembers = cls.memory is not MaterialEffect.memory
         if cls.remembers != remembers or (remembers and not cls.depends_on_path):
             raise TypeError(
-                f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; one without says neither"
+                f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; without, neither"
             )
 
     def apply(self, model: ModelT) -> ModelT:
@@ -238,7 +238,7 @@ class MaterialEffect(Effect):
 
     @classmethod
     @abstractmethod
-    def leaves(cls) -> Mapping[str, Callable]:
+    def leaves(cls) -> Mapping[str, Template]:
         """Slot of the response -> the leaf of this effect that fills it; ``SLOTS`` of forces/response.py lists the slots."""
 
     @abstractmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import ModuleType
 
-from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, geometry, gradient, hourglass_modes, to_modes
 from explicitfe.forces import response
@@ -16,7 +16,7 @@ from explicitfe.materials.kinematics import cofactor, determinant
 from explicitfe.mesh.hexmesh import CORNERS
 
 # Placeholders, bound below to the response of a material and an hourglass treatment of elements/.
-respond = energies = hourglass_invariant = hourglass_force = None
+respond = energies = hourglass_invariant = hourglass_force = PLACEHOLDER
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from types import ModuleType
 
-from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
@@ -16,7 +16,7 @@ from explicitfe.materials import Leaves, volumetric
 from explicitfe.materials.kinematics import cofactor, determinant
 
 # Placeholders, bound below to a law of materials/.
-invariants = first_stress = law_isochoric = law_slopes = None
+invariants = first_stress = law_isochoric = law_slopes = PLACEHOLDER
 LAW_CONSTANTS = 1
 _ELEMENT_STRIDE = GAUSS_POINTS * NUMBERS_PER_POINT * WIDTH
 _POINT_STRIDE = NUMBERS_PER_POINT * WIDTH

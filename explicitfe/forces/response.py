@@ -10,11 +10,11 @@ it, and how two effects share it: they add up, or they are refused when the mode
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from explicitfe.compiled.jit import Dispatcher, bind, leaf
+from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, Template, bind, leaf
 from explicitfe.compiled.simd import inverse_cube_root
 from explicitfe.effects.effect import MaterialEffect, remember, remembered
 from explicitfe.errors import InputError, nearest
@@ -22,10 +22,10 @@ from explicitfe.materials import Leaves, volumetric
 from explicitfe.materials.kinematics import inverse_C, right_cauchy_green
 
 # Placeholders, bound below.
-law_stress = law_delta_slope = law_energy = law_isochoric = law_slopes = None
-invariants = raised = lowered = stiffened = total = second_stress = None
-stiffen = soften = recoverable = pull = relax = branch_energy = drain = held = None
-first_leaf = second_leaf = None
+law_stress = law_delta_slope = law_energy = law_isochoric = law_slopes = PLACEHOLDER
+invariants = raised = lowered = stiffened = total = second_stress = PLACEHOLDER
+stiffen = soften = recoverable = pull = relax = branch_energy = drain = held = PLACEHOLDER
+first_leaf = second_leaf = PLACEHOLDER
 LAW_CONSTANTS = 1
 
 # Where the work of the stress is remembered, before what effects remember: F (9), P (9), delta, slope, work.
@@ -191,7 +191,7 @@ class Slot:
     """
 
     nobody: Dispatcher
-    both: Callable | None = None
+    both: Template | None = None
     refusal: str = ""
 
 
@@ -292,7 +292,7 @@ def bound(law: Leaves, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
     return _bound_where_read(with_effects, values), _bound_where_read(energy_with_effects, values)
 
 
-def _bound_where_read(template: Callable, values: Mapping[str, object]) -> Dispatcher:
+def _bound_where_read(template: Template, values: Mapping[str, Any]) -> Dispatcher:
     """A template with those of its placeholders bound that it reads."""
     reads = template.__code__.co_names
     return bind(template, inline=True, **{name: value for name, value in values.items() if name in reads})

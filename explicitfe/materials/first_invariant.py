@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.jit import PLACEHOLDER, leaf
 from explicitfe.materials.kinematics import isochoric_invariant, isochoric_stress
 
 LEAVES = ("isochoric", "slope")  # that the module of a law has: the energy and its slope
 
 # Placeholders, bound to those.
-law_isochoric = law_slopes = None
+law_isochoric = law_slopes = PLACEHOLDER
 
 
 def isochoric_at(at, c):

@@ -21,7 +21,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from explicitfe.compiled.jit import Dispatcher, bind
+from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind
 from explicitfe.errors import InputError
 from explicitfe.materials import first_invariant, two_invariants, volumetric
 from explicitfe.materials.kinematics import cofactor
@@ -30,7 +30,7 @@ from explicitfe.materials.volumetric import bulk_modulus
 KINDS: dict[tuple[str, ...], ModuleType] = {("I1",): first_invariant, ("I1", "I2"): two_invariants}
 
 # Placeholders, bound below to the leaves of a law and of its kind.
-invariants = raised = isochoric_at = slopes_at = total = first_stress = None
+invariants = raised = isochoric_at = slopes_at = total = first_stress = PLACEHOLDER
 LAW_CONSTANTS = 1
 
 

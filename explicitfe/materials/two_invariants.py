@@ -7,14 +7,14 @@ With I2_bar = J^(-4/3) I2, I2 = (tr C)^2 / 2 - tr C^2 / 2 and dI2/dC = tr C 1 - 
 
 from __future__ import annotations
 
-from explicitfe.compiled.jit import leaf
+from explicitfe.compiled.jit import PLACEHOLDER, leaf
 from explicitfe.compiled.simd import inverse_cube_root
 from explicitfe.materials.kinematics import isochoric_invariant, right_cauchy_green
 
 LEAVES = ("isochoric", "slopes")  # that the module of a law has: the energy and its two slopes
 
 # Placeholders, bound to those.
-law_isochoric = law_slopes = None
+law_isochoric = law_slopes = PLACEHOLDER
 
 
 def isochoric_at(at, c):

@@ -5,12 +5,13 @@ What a poroelastic tissue shows first, without its length scale: the bulk modulu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
+from explicitfe.compiled.jit import Template
 from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 
 AT = MEMORY = 0
@@ -48,7 +49,7 @@ class Drainage(MaterialEffect):
         return 2
 
     @classmethod
-    def leaves(cls) -> Mapping[str, Callable]:
+    def leaves(cls) -> Mapping[str, Template]:
         return {"drain": drain, "held": held}
 
     def values(self, increment_s: float) -> tuple[float, ...]:

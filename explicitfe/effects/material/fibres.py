@@ -5,12 +5,13 @@ W4 = k1 / (2 k2) (exp(k2 (I4_bar - 1)^2) - 1) where I4_bar > 1, nothing in compr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import exp, maximum
 from explicitfe.effects.effect import Conditions, Description, MaterialEffect, Sought, number
 
@@ -61,7 +62,7 @@ class Fibres(MaterialEffect):
         return self if direction is None else self.model_copy(update={"direction": direction})
 
     @classmethod
-    def leaves(cls) -> Mapping[str, Callable]:
+    def leaves(cls) -> Mapping[str, Template]:
         return {"pull": pull}
 
     def values(self, increment_s: float) -> tuple[float, ...]:

@@ -6,11 +6,12 @@ Wm is the largest isochoric energy so far. On the way up eta is 1; below, the ti
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import erf, exp, maximum
 from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 
@@ -51,7 +52,7 @@ class Softening(MaterialEffect):
         return 1
 
     @classmethod
-    def leaves(cls) -> Mapping[str, Callable]:
+    def leaves(cls) -> Mapping[str, Template]:
         return {"soften": soften, "recoverable": recoverable}
 
     def values(self, increment_s: float) -> tuple[float, ...]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pydantic import Field
 
+from explicitfe.compiled.jit import Template
 from explicitfe.effects.effect import Description, MaterialEffect, Sought, number
 
 AT = MEMORY = 0
@@ -33,7 +34,7 @@ class ThirdYeoh(MaterialEffect):
         return self.C30_Pa
 
     @classmethod
-    def leaves(cls) -> Mapping[str, Callable]:
+    def leaves(cls) -> Mapping[str, Template]:
         return {"stiffen": stiffen}
 
     def values(self, increment_s: float) -> tuple[float, ...]:

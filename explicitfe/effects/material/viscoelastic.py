@@ -8,12 +8,13 @@ Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import maximum, minimum
 from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 from explicitfe.materials.law import Law
@@ -80,7 +81,7 @@ class Viscoelastic(MaterialEffect):
         return {"TERMS": len(self.g)}
 
     @classmethod
-    def leaves(cls) -> Mapping[str, Callable]:
+    def leaves(cls) -> Mapping[str, Template]:
         return {"relax": relax, "branch_energy": branch_energy}
 
     def values(self, increment_s: float) -> tuple[float, ...]:

@@ -19,7 +19,8 @@ class Block(NamedTuple):
 def blocks_of(page: str) -> list[Block]:
     """Fenced blocks of a page of docs/, in order."""
     blocks, heading = [], ""
-    for match in re.finditer(r"^#+ ([^\n]+)$|^```(\w*)\n(.*?)^```$", (ROOT / "docs" / page).read_text(encoding="utf-8"), re.M | re.S):
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    for match in re.finditer(r"^#+ ([^\n]+)$|^```(\w*)\n(.*?)^```$", text, re.M | re.S):
         if match[1]:
             heading = match[1]
         else:

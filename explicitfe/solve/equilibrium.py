@@ -165,7 +165,7 @@ class Relaxation(Body):
         if not self._external.any() and not self.contact.tilted:
             return self._touched(0.0)
         self.contact.retreat()
-        failure = self._attempt(progress)
+        failure = self._attempt(progress, slowly=True)
         if failure is not None:
             return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
         if not self.contact.tied:
@@ -313,17 +313,20 @@ class Relaxation(Body):
             self.contact.aim(self.state.u, goal + self.touch_m, self._drive, allowed_m)
         self._stop()
 
-    def _attempt(self, progress: Callable[[float], None]) -> str | None:
-        """Relax from the present state; what went wrong, if anything did."""
+    def _attempt(self, progress: Callable[[float], None], *, slowly: bool = False) -> str | None:
+        """Relax from the present state; what went wrong, if anything did.
+
+        ``slowly``: as long as it goes on at all. A load of the tool is approached in halves instead, from a nearer start.
+        """
         for extrapolated in (True, False):
-            failure = self._settle_down(progress)
+            failure = self._settle_down(progress, slowly)
             if failure != "inverted":
                 return failure
             if extrapolated:
                 self._restore()  # too far, maybe: begin where the last load ended
         return failure
 
-    def _settle_down(self, progress: Callable[[float], None]) -> str | None:
+    def _settle_down(self, progress: Callable[[float], None], slowly: bool) -> str | None:
         first = best = np.inf
         idle = 0  # iterations without progress
         heavy = False
@@ -338,17 +341,17 @@ class Relaxation(Body):
             residual = self._monitor[RESIDUAL]
             if not self._monitor[REST_J] > 0.0 or not np.isfinite(residual):
                 return "inverted"
-            if (
-                self._monitor[STIFFNESS] > LARGEST_STIFFNESS_ESTIMATE
-            ):  # tissue has stiffened on the way: new masses, a new start from here
-                heavy = False
+            if self._monitor[STIFFNESS] > LARGEST_STIFFNESS_ESTIMATE:
+                heavy = False  # the tissue has stiffened on its way: new masses, a new start from here
                 self._stop()
                 continue
             if done < ITERATIONS_PER_LOOK:
                 return None
             first = residual if first == np.inf else first
-            if residual < SHARE_OF_RESIDUAL_THAT_IS_PROGRESS * best:  # of the last progress: slow and steady counts too
+            if residual < SHARE_OF_RESIDUAL_THAT_IS_PROGRESS * best:
                 idle, best = 0, residual
+            elif not slowly:  # it has to fall by that share from one look to the next
+                best = min(best, residual)
             progress(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
         return "not-converged"
 

@@ -2,6 +2,6 @@
 
 ``internal`` stress and hourglass forces of the elements; ``dead`` nodal forces of fixed direction (muscles along their
 reference directions, gravity, dead loads); ``follower`` tense fibres that turn with the deformation. Each is a leaf or a
-template that adds its force to the node rows; ``loop`` calls them. Mass-proportional damping stands in the loop itself,
-since it acts on the velocity that the loop is solving for.
+template that adds its force to the node rows; ``solve/step`` calls them. Mass-proportional damping stands in the step
+itself, since it acts on the velocity that the step is solving for.
 """

@@ -30,8 +30,10 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.jit import leaf
 
-TURNS = 30  # of Newton, for the way of a tool under a force: exact once it is known which points touch,
-CLOSE = 1e-3  # which it is when the last turn began from so small an imbalance
+# The depth of a tool under a force is found by Newton's method. It is exact once it is known which points touch, and that is known
+# when a turn began from an imbalance below this share of the force.
+NEWTON_TURNS = 30
+LAST_TURN_IMBALANCE_SHARE = 1e-3
 
 
 @leaf
@@ -96,13 +98,13 @@ def follow(u, contact, number, count):
 
 @leaf
 def find_depth(contact, tool):
-    """Move a tool under a force to where the springs balance it; one in a rig that gives way, to where that does."""
+    """Move a tool under a force to where the springs balance it, and a tool in a rig that gives way to where the rig does."""
     soft = tool[COMPLIANCE] > 0.0
     shape = shape_of(contact)
     moved, position, anchor = contact.moved, contact.position, contact.anchor
     if tool[FREE] > 0.0 or soft:
         depth = tool[DEPTH]
-        for _ in range(TURNS):
+        for _ in range(NEWTON_TURNS):
             force = 0.0
             slope = 0.0
             nearest = math.inf
@@ -126,7 +128,7 @@ def find_depth(contact, tool):
                 depth += nearest + 1e-12
                 continue
             depth += (load - force) / slope
-            if abs(load - force) <= CLOSE * max(abs(load), abs(force)):
+            if abs(load - force) <= LAST_TURN_IMBALANCE_SHARE * max(abs(load), abs(force)):
                 break
         tool[DEPTH] = depth
 

@@ -11,6 +11,7 @@ import json
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -19,8 +20,10 @@ from types import ModuleType
 import numba
 import numpy as np
 import pytest
+from llvmlite.binding import get_host_cpu_features
 from support import ELEMENTS, ROOT, YEOH, block_mesh, model_of, small_indentation, tongue
 
+from explicitfe.compiled import jit
 from explicitfe.compiled.jit import OPTIONS, bind
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.model.model import PrescribedMotion
@@ -131,11 +134,11 @@ print(kernel(1.0), sum(kernel.stats.cache_hits.values()), kernel.py_func.__qualn
 """
 
 
-def in_a_process(code: str, cache: Path | None = None) -> str:
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+def in_a_process(code: str, cache: Path | None = None, package: Path = ROOT) -> str:
+    environment = os.environ | {"PYTHONPATH": str(package), "PYTHONDONTWRITEBYTECODE": "1"}
     if cache is not None:
         environment["NUMBA_CACHE_DIR"] = str(cache)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=ROOT, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, cwd=package, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -156,6 +159,52 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
     assert [value for value, _, _ in processes] == [21.0, 31.0, 31.0]
     assert [hits for _, hits, _ in processes] == [0, 0, 1]
     assert processes[0][2] != processes[1][2] == processes[2][2]
+
+
+EFFECT = """
+import numpy as np
+from explicitfe.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.forces.response import layout_of
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.solve import point
+law, effects = Yeoh(C10_Pa=191.5, C20_Pa=90.6), (ThirdYeoh(C30_Pa=500.0),)
+stress = point.shear(law, effects, np.zeros(1), np.ones(1))[0]
+stats = point._kernel("yeoh", layout_of(effects)).stats
+print(stress, sum(stats.cache_hits.values()))
+"""
+
+
+def test_an_edited_effect_is_never_served_stale(tmp_path):
+    """In a copy of the package the file of an effect is edited between two processes: 2 (C10 + 2 C20 + 3 C30) in shear by 1,
+    where I1_bar - 3 = 1, becomes 2 (C10 + 2 C20 + 6 C30); the third process finds the machine code of the second.
+    """
+    shutil.copytree(ROOT / "explicitfe", tmp_path / "explicitfe", ignore=shutil.ignore_patterns("__pycache__"))
+    effect = tmp_path / "explicitfe" / "effects" / "material" / "third_yeoh.py"
+    answers = []
+    for factor in ("3.0", "6.0", "6.0"):
+        text = effect.read_text()
+        effect.write_text(re.sub(r"\d\.0 \* c \* x \* x,", f"{factor} * c * x * x,", text))
+        answers.append([float(word) for word in in_a_process(EFFECT, tmp_path / "cache", package=tmp_path).split()])
+    slopes = [2.0 * (191.5 + 2.0 * 90.6 + factor * 500.0) for factor in (3.0, 6.0, 6.0)]
+    assert [stress for stress, _ in answers] == pytest.approx(slopes, rel=1e-12)
+    assert [hits for _, hits in answers] == [0, 0, 1]
+
+
+def test_every_file_with_kernels_counts(tmp_path, monkeypatch):
+    """An edit of any file that can reach machine code, in folders of folders too, gives every kernel another name."""
+    copy = tmp_path / "explicitfe"
+    shutil.copytree(ROOT / "explicitfe", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(jit, "_PACKAGE", copy)
+    names = set()
+    edited = ["effects/material/fibres.py", "effects/effect.py", "materials/yeoh.py", "materials/two_invariants.py"]
+    edited += ["elements/hex8.py", "forces/response.py", "compiled/simd.py", "solve/step.py", "solve/relax_step.py"]
+    for place in ("", *edited):
+        if place:
+            (copy / place).write_text((copy / place).read_text() + "# edited\n")
+        jit._package_digest.cache_clear()
+        names.add(bind(template, law=1.0).py_func.__qualname__)
+    jit._package_digest.cache_clear()
+    assert len(names) == 1 + len(edited)
 
 
 def test_a_binding_that_changes_nothing_is_an_error():
@@ -241,14 +290,15 @@ def test_one_signature_per_kernel(element):
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_the_force_kernel_is_vectorised(element, record_property):
-    """On x86-64 with AVX the machine code of the forces works on whole registers: packed multiplications on ymm or zmm.
+    """On x86-64 with AVX the machine code of the forces works on whole registers: packed multiplications on xmm, ymm or zmm.
 
     An element takes some 500 multiplications, so a scalar kernel, whatever a compiler packs by itself, has few of these.
     Machine code from the cache cannot be looked at, so the same function is compiled here without it.
     """
     if platform.machine().lower() not in ("x86_64", "amd64"):
         pytest.skip(f"looks for registers of x86-64, this is {platform.machine()}")
-    register = "zmm" if WIDTH == 8 else "ymm"
+    wide = "zmm" if get_host_cpu_features().get("avx512f", False) else "ymm"  # eight lanes are two registers of AVX2
+    register = {2: "xmm", 4: "ymm", 8: wide}[WIDTH]
     simulation = Simulation(model_of(block_mesh((1, 1, 1)), element=element))
     simulation.compile()
     fresh = numba.jit(simulation.kernels.forces.py_func, **OPTIONS)

@@ -86,11 +86,11 @@ class Viscoelastic(MaterialEffect):
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
-        found = [1.0 - sum(self.g)]
+        numbers = [1.0 - sum(self.g)]
         for g, tau in zip(self.g, self.tau_s, strict=True):
             x = increment_s / tau
-            found += [g * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), g]
-        return tuple(float(value) for value in found)
+            numbers += [g * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), g]
+        return tuple(float(value) for value in numbers)
 
 
 def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelastic]:

@@ -9,7 +9,7 @@ at the name and at the template's own file only, so without the digest an edited
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -22,7 +22,7 @@ from explicitfe.compiled.simd import WIDTH
 
 # contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
 # meaning). error_model numpy: a division by zero gives inf, not a branch.
-OPTIONS: dict[str, Any] = {
+OPTIONS: dict[str, object] = {
     "nopython": True,
     "error_model": "numpy",
     "fastmath": {"contract"},
@@ -83,7 +83,7 @@ def bind(template: Template, *, stored: bool = True, inline: bool = False, **bin
     return numba.jit(bound, cache=stored and not inline, forceinline=inline, **OPTIONS)
 
 
-def _digest(bindings: dict[str, Any]) -> str:
+def _digest(bindings: Mapping[str, object]) -> str:
     sums = hashlib.sha256(_package_digest())
     for name, value in sorted(bindings.items()):
         sums.update(name.encode())
@@ -106,7 +106,7 @@ def _reached(function: FunctionType) -> list[bytes]:
         seen.add(id(current))
         parts.append(f"{current.__module__}.{current.__qualname__}".encode())
         parts.append(_file_bytes(current.__code__.co_filename))
-        reads: dict[str, Any] = {}
+        reads: dict[str, object] = {}
         codes = [current.__code__]
         while codes:  # inner functions and comprehensions too: the repr of their code would carry an address
             code = codes.pop()

@@ -30,8 +30,8 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.jit import leaf
 
-# The depth of a tool under a force is found by Newton's method. It is exact once it is known which points touch, and that is known
-# when a turn began from an imbalance below this share of the force.
+# The depth of a tool under a force is found by Newton's method. It is exact once it is known which points touch, and that is
+# known when a turn began from an imbalance below this share of the force.
 NEWTON_TURNS = 30
 LAST_TURN_IMBALANCE_SHARE = 1e-3
 

@@ -7,13 +7,14 @@ that were set are written.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict
+
+from explicitfe.results.document import Document
 
 Verdict = Literal["failed", "no-missing-effect", "unexplained", "ambiguous", "effect-found"]
 Remainder = Literal["at-floor", "unexplained", "ambiguous"]
@@ -255,7 +256,7 @@ class ReportedThreshold(ReportPart):
     unit: _Text = ""
 
 
-class LoopReport(ReportPart):
+class LoopReport(Document, ReportPart):
     """What ``report.json`` holds.
 
     Attributes
@@ -301,16 +302,6 @@ class LoopReport(ReportPart):
     warnings: _Entries[str] = []
     thresholds: _Table[ReportedThreshold] = {}
     files: _Entries[str] = []
-
-    @property
-    def document(self) -> dict[str, object]:
-        """The report as JSON has it: the keys that were set."""
-        return self.model_dump(exclude_unset=True)
-
-    @property
-    def text(self) -> str:
-        """The text of ``report.json``."""
-        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"
 
 
 Column = np.ndarray | Sequence[float | None] | None

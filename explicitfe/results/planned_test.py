@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
+from explicitfe.results.document import Document
+
 
 class EffectInTest(BaseModel):
     """What a planned test could say of one effect.
@@ -33,7 +35,7 @@ class EffectInTest(BaseModel):
     cannot_tell_from: list[str] = []
 
 
-class PlannedTest(BaseModel):
+class PlannedTest(Document):
     """What a planned test can find and tell apart.
 
     Attributes
@@ -51,8 +53,3 @@ class PlannedTest(BaseModel):
     constants: dict[str, float]
     effects: list[EffectInTest]
     runs: int
-
-    @property
-    def document(self) -> dict[str, object]:
-        """The answer as JSON has it."""
-        return self.model_dump(exclude_unset=True)

@@ -5,10 +5,11 @@ Only keys that were set are written: a curve that failed has a message and no er
 
 from __future__ import annotations
 
-import json
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, JsonValue
+from pydantic import BaseModel, ConfigDict
+
+from explicitfe.results.document import Document
 
 
 class PredictionPart(BaseModel):
@@ -65,7 +66,7 @@ class PredictionError(PredictionPart):
     nrmse: float
 
 
-class Prediction(PredictionPart):
+class Prediction(Document, PredictionPart):
     """What ``predict.json`` holds.
 
     Attributes
@@ -95,13 +96,3 @@ class Prediction(PredictionPart):
     def failures(self) -> dict[str, str]:
         """Curve that could not be computed -> why."""
         return {name: curve.message for name, curve in self.curves.items() if curve.status != "predicted"}
-
-    @property
-    def document(self) -> dict[str, JsonValue]:
-        """The file as JSON has it."""
-        return self.model_dump(exclude_unset=True)
-
-    @property
-    def text(self) -> str:
-        """The text of the file."""
-        return json.dumps(self.document, indent=1, allow_nan=False) + "\n"

@@ -40,9 +40,7 @@ from explicitfe.solve.boundary import turn, turn_back
 internal_force: Any = None
 
 NEWEST_ESTIMATE_WEIGHT = 0.05  # of the stiffness, in a relaxation's mean
-LARGEST_STIFFNESS_ESTIMATE = (
-    3.8  # above it a relaxation stops: fresh masses keep it below 3.7, beyond 4 nothing is stable
-)
+LARGEST_STIFFNESS_ESTIMATE = 3.8  # above it a relaxation stops: fresh masses keep it below 3.7, beyond 4 nothing is stable
 ITERATIONS_PER_RESIDUAL = 20  # between two looks at it
 
 

@@ -197,7 +197,7 @@ def ranking(report: LoopReport) -> Figure:
         powers = [10.0**n for n in range(math.ceil(math.log10(max(top, 10.0))) + 1)]
         axes.set_xticks(powers, ["1", "10", *(f"10{str(n).translate(SUPERSCRIPTS)}" for n in range(2, len(powers)))], fontsize=8)
         axes.minorticks_off()
-        axes.set_title(f"step {k + 1}", loc="left", fontsize=10)
+        axes.set_title(f"round {k + 1}", loc="left", fontsize=10)
         axes.set_xlabel("drop of χ²", fontsize=9)
         plain(axes)
         axes.grid(axis="y", visible=False)

@@ -51,7 +51,7 @@ def loop_tables(report: LoopReport) -> Group:
 
 def _round_table(number: int, candidates: Sequence[ReportedCandidate], added: str | None) -> Table:
     """What would explain the residual of one round."""
-    table = Table(title=f"step {number}: what would explain the rest", title_justify="left")
+    table = Table(title=f"round {number}: what would explain the rest", title_justify="left")
     for column in ("effect", "status", "chi² drop", "p (Holm)", "cross-validated error"):
         table.add_column(column, no_wrap=column == "effect")
     for row in candidates:

@@ -11,7 +11,7 @@ from explicitfe.close_loop.statistics.fingerprints import outside
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS
 
-# So many parts of the data are named, those with the largest misfit.
+# The report names at most this many parts of the data: those with the largest misfit.
 NAMED_PARTS = 3
 
 

@@ -27,8 +27,8 @@ from explicitfe.solve.kernels import Kernels
 # more than the allowed share of the indentation. Softer ones would only be doubled more often, stiffer ones slow the relaxation.
 FIRST_SPRING_RATIO = 4000.0
 PENETRATION_SHARE = 1e-3
-# A tool that sticks has tangential springs as stiff as those that press; one with friction has these times the latter, so that
-# the slip before it slides is small beside the elements and the masses need not grow.
+# Friction is computed with tangential springs, softer than the springs that press by this factor: stiff enough that the surface
+# hardly moves before it slides, and soft enough that the fictitious masses need not grow. A bonded tool has the factor 1.
 GRIP_SHARE = 0.1
 BEYOND_ANY_SPECIMEN_m = 1e3  # the flat radius of a platen, which is infinite, in numbers that a kernel can subtract
 HEIGHT_OUT_OF_REACH_m = 1.0  # above the surface, where no tool reaches tissue that sags or swells
@@ -71,7 +71,7 @@ class ToolContact:
             nodes, weights, areas, facing = place[tool.nodes], tool.weights, tool.areas_m2, tool.facing_m2
             stiffness = FIRST_SPRING_RATIO * model.material.shear_modulus_Pa / tool.face_size_m
             shape[:] = _shape_of(tool)
-            # of the part that is computed: it carries its share of the force
+            # only a part of the body is computed, and it carries only its share of the force that bends the rig
             self.tool[COMPLIANCE] = tool.compliance_m_N * model.copies
         grips = 1.0 if shape[TIED] else GRIP_SHARE * (tool is not None and tool.friction > 0.0)
         self.points = Contact(

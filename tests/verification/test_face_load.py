@@ -78,8 +78,9 @@ def test_a_set_without_a_face_is_refused():
 def test_a_slender_beam_comes_to_rest():
     """Its residual falls by less than a tenth from one look to the next: that is progress all the same.
 
-    Timoshenko's tip deflection F L^3 / (3 E I) + 1.2 F L / (G A), with E = 3 G. Four elements through the thickness are about 4 %
-    stiffer (docs/elements.md), the clamp that keeps the section from narrowing about 1 %.
+    Timoshenko's tip deflection F L^3 / (3 E I) + 1.2 F L / (G A), with E = 3 G. A clamp that keeps the section from narrowing
+    stiffens so short a beam by some 4 %, and four elements through the thickness by 2 % more: 8 elements give 0.952
+    of the theory, 4 give 0.939.
     """
     length, edge, force_N = 0.05, 0.01, 2e-5
     tissue = fe.Yeoh(C10_Pa=1037.0, C20_Pa=486.0)

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from explicitfe.bones.distance import DistanceField
+from explicitfe.bones.motion import RigidMotion
+from explicitfe.bones.surface import TriangleSurface
 from explicitfe.compiled.arrays import Springs
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.materials import Law
@@ -50,6 +53,74 @@ class FibrePull:
     points: tuple[MaterialPoints, ...]
     tension_N: tuple[np.ndarray, ...]
     profile: Profile
+
+
+@dataclass(frozen=True)
+class FibreStress:
+    """Active stress of a muscle along its fibres, P += a sigma phi(lambda) / lambda (F a0) x a0 with lambda = |F a0|.
+
+    For a constant activation a it derives from an energy, a sigma times the integral of phi.
+
+    Attributes
+    ----------
+    name : the muscle.
+    elements : (k,) the elements that it acts in, each once.
+    direction : (k, 3) a0 of each, unit vectors in the reference state.
+    stress_Pa : (k,) sigma of each at profile value 1.
+    profile : its course in time.
+    force_length : whether the stress falls off in a shortened fibre, phi = 1 - ((lambda - 1) / 0.5)^2 below 1; else phi = 1.
+    of_muscle : the muscle's own dynamics shape the course.
+    """
+
+    name: str
+    elements: np.ndarray
+    direction: np.ndarray
+    stress_Pa: np.ndarray
+    profile: Profile
+    force_length: bool = False
+    of_muscle: bool = True
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A rigid surface that the body can rest on.
+
+    Attributes
+    ----------
+    name : what a user calls it.
+    field : signed distance of the surface at rest.
+    surface : its triangles at rest, for pictures and measures.
+    motion : how it moves; not at all if left out.
+    friction : Coulomb's coefficient.
+    """
+
+    name: str
+    field: DistanceField
+    surface: TriangleSurface
+    motion: RigidMotion | None = None
+    friction: float = 0.0
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """A patch of the surface that springs tie to a bone, in proportion to its area: so it does not depend on the mesh.
+
+    Attributes
+    ----------
+    name : the bone.
+    points : (k) material points on the surface.
+    areas_m2 : (k,) that each stands for.
+    stiffness_Pa_m : of the tie, a force per area and per length [Pa/m].
+    bone_stiffness_N_m : of the springs that hold the bone itself, which then moves without turning; inf: it is fixed.
+    motion : how the bone moves.
+    """
+
+    name: str
+    points: MaterialPoints
+    areas_m2: np.ndarray
+    stiffness_Pa_m: float
+    bone_stiffness_N_m: float = np.inf
+    motion: RigidMotion | None = None
 
 
 @dataclass(frozen=True)
@@ -134,6 +205,9 @@ class Model:
     alpha_per_s : mass-proportional damping.
     element : "hex8", "hex8-stiffness" or "hex8-full".
     loads, pulls : what acts on it.
+    stresses : muscles as stress along their fibres.
+    bones : rigid surfaces that it may touch.
+    attachments : patches of its surface that bones hold.
     motion : nodes that are moved.
     effects : of the material, beside its law.
     stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
@@ -159,3 +233,6 @@ class Model:
     support: Springs | None = None
     sector: RotationalSymmetry | None = None
     copies: float = 1.0
+    stresses: tuple[FibreStress, ...] = ()
+    bones: tuple[Bone, ...] = ()
+    attachments: tuple[Attachment, ...] = ()

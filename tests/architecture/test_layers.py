@@ -24,7 +24,7 @@ RANKS = [
     {"errors"},
     {"compiled"},
     {"mesh", "materials"},
-    {"elements"},
+    {"elements", "bones"},
     {"effects"},
     {"forces"},
     {"scenario", "results"},

@@ -20,25 +20,31 @@ from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.box import grid_hexes
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions
+from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, joined_points, shape_functions
+from explicitfe.mesh.surface_points import points_on_pieces
 
 # The fewest elements along s, t and w with which the shape is still a tongue.
 _FEWEST_ELEMENTS = (4, 3, 4)
 
 _AXIS_NAMES = ("s", "t", "w")
 
+# A bound of a patch that is so near to a plane between elements, in elements, lies in it.
+_SAME_PLANE_SHARE = 1e-9
+
 
 @dataclass(frozen=True)
 class Patch:
-    """A piece of the surface that a bone holds: a box in (s, t, |w|), flat along one axis, or two for a line.
+    """A piece of the surface that a bone holds: a box in (s, t, |w|), flat along one axis.
 
     Attributes
     ----------
     lower, upper : (s, t, |w|) of its bounds, each in [0, 1].
+    row : the axis, 0 to 2, in whose middle it is held by a single row of nodes, where nodes are held; None: by all of its nodes.
     """
 
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
+    row: int | None = None
 
 
 @dataclass(frozen=True)
@@ -211,6 +217,39 @@ class ContourMap:
             position=np.einsum("ka,kai->ki", shape_functions(natural), corners),
         )
 
+    def attachment_points(self, cells: Sequence[int], name: str) -> tuple[MaterialPoints, np.ndarray]:
+        """Points on an attachment in the mesh with these cells, with the area (k,), m^2, that each stands for.
+
+        Every patch is cut at its own bounds and at the planes between elements, with two by two Gauss points on each
+        piece. So the held area is the same for every mesh but for what the mesh flattens. The right side comes first,
+        then, in the same order, its mirror image.
+
+        Raises
+        ------
+        InputError
+            An unknown attachment, or cells that ``check_cells`` refuses.
+        """
+        ns, nt, nw = check_cells(cells)
+        if name not in self.attachments:
+            raise InputError(f'unknown attachment "{name}"; {nearest(name, self.attachments)}')
+        # The grid of elements as the mesh counts it, along s, w and t, with w from the midplane to the right.
+        count, middle = np.array([ns, nw // 2, nt]), nw // 2
+        right, areas_m2 = [], []
+        for patch in self.attachments[name]:
+            spans = [_cuts(patch.lower[axis], patch.upper[axis], n) for axis, n in zip((0, 2, 1), count.tolist(), strict=True)]
+            index = np.indices([len(span) for span in spans]).reshape(3, -1)
+            bounds = np.stack([span[i] for span, i in zip(spans, index, strict=True)])
+            cell = np.minimum(np.floor(bounds.mean(axis=2)).astype(np.int64), count[:, None] - 1)
+            corner = (cell.T[:, None, :] + (CORNERS > 0.0)) / count
+            corners = self._place(corner[..., 0], corner[..., 2], corner[..., 1])
+            element = (cell[0] * nw + middle + cell[1]) * nt + cell[2]
+            lower, upper = (2.0 * (bounds[..., side] - cell).T - 1.0 for side in (0, 1))
+            points, areas = points_on_pieces(element, corners, lower, upper)
+            right.append(points)
+            areas_m2.append(areas)
+        side = joined_points(right)
+        return joined_points([side, mirror(side, cells)]), np.concatenate(2 * areas_m2)
+
 
 def mirror(points: MaterialPoints, cells: Sequence[int]) -> MaterialPoints:
     """The mirror images, y -> -y, of points in the mesh of a ``ContourMap`` with these cells: exact to the last bit.
@@ -253,6 +292,16 @@ def _plane(fraction: float, n: int) -> int:
     return int(np.floor(fraction * n + 0.5))
 
 
+def _cuts(low: float, high: float, n: int) -> np.ndarray:
+    """A range of fractions of n elements, cut at the planes between them: bounds (k, 2) of its pieces, counted in elements."""
+    first, last = n * low, n * high
+    planes = np.arange(np.floor(first) + 1.0, np.ceil(last))
+    # A plane that differs from a bound by rounding only is that bound.
+    planes = planes[(planes - first > _SAME_PLANE_SHARE) & (last - planes > _SAME_PLANE_SHARE)]
+    ends = np.concatenate([[first], planes, [last]])
+    return np.column_stack([ends[:-1], ends[1:]])
+
+
 def _patch_nodes(patches: Sequence[Patch], number: np.ndarray) -> np.ndarray:
     """Sorted nodes of the patches, on both sides, in the grid of node numbers (ns + 1, nw + 1, nt + 1)."""
     ns, nw, nt = (n - 1 for n in number.shape)
@@ -260,7 +309,9 @@ def _patch_nodes(patches: Sequence[Patch], number: np.ndarray) -> np.ndarray:
     nodes = []
     for patch in patches:
         ranges = []
-        for low, high, n in zip(patch.lower, patch.upper, (ns, nt, middle), strict=True):
+        for axis, (low, high, n) in enumerate(zip(patch.lower, patch.upper, (ns, nt, middle), strict=True)):
+            if axis == patch.row:
+                low = high = 0.5 * (low + high)
             first, last = _plane(low, n), _plane(high, n)
             if low < high and first == last:
                 # Narrower than an element: one element wide, never a bare line of nodes.
@@ -277,11 +328,11 @@ def _nearest_node(point: tuple[float, float, float], number: np.ndarray) -> int:
     return int(number[_plane(s, ns), _plane(0.5 * (w + 1.0), nw), _plane(t, nt)])
 
 
-def _known(table: Mapping[str, Any], names: Sequence[str], where: str) -> None:
+def _known(table: Mapping[str, Any], names: Sequence[str], where: str, optional: Sequence[str] = ()) -> None:
     """Refuse unknown and missing keys."""
     for key in table:
-        if key not in names:
-            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, names)}')
+        if key not in (*names, *optional):
+            raise InputError(f'{where}: unknown key "{key}"; {nearest(key, (*names, *optional))}')
     for name in names:
         if name not in table:
             raise InputError(f'{where}: the key "{name}" is missing.')
@@ -307,7 +358,7 @@ def _axis(values: object, where: str) -> np.ndarray:
 
 
 def _patch(table: Mapping[str, Any], where: str) -> Patch:
-    _known(table, _AXIS_NAMES, where)
+    _known(table, _AXIS_NAMES, where, optional=("row",))
     bounds = np.array(
         [
             _numbers(table[name], (2,), f"{where}: {name}") if isinstance(table[name], list) else [table[name]] * 2
@@ -319,6 +370,16 @@ def _patch(table: Mapping[str, Any], where: str) -> Patch:
         raise InputError(f"{where}: ranges of s, t and |w| run upwards between 0 and 1.")
     surface = [bounds[0, 0] in (0.0, 1.0), bounds[1, 0] in (0.0, 1.0), bounds[2, 0] == 1.0]
     flat = bounds[:, 0] == bounds[:, 1]
-    if flat.all() or not (flat & surface).any():
-        raise InputError(f"{where}: a patch needs one of s, t and w as a single value on the surface, and a range.")
-    return Patch(lower=tuple(bounds[:, 0].tolist()), upper=tuple(bounds[:, 1].tolist()))
+    if flat.sum() != 1 or not (flat & surface).any():
+        raise InputError(
+            f"{where}: a patch needs one of s, t and w as a single value on the surface and the other two as ranges; "
+            "a line has no area, so give it a width."
+        )
+    row = table.get("row")
+    if row is not None and (row not in _AXIS_NAMES or flat[_AXIS_NAMES.index(row)]):
+        raise InputError(f"{where}: row names the axis that the patch is narrow along, one of its two ranges, not {row!r}.")
+    return Patch(
+        lower=tuple(bounds[:, 0].tolist()),
+        upper=tuple(bounds[:, 1].tolist()),
+        row=None if row is None else _AXIS_NAMES.index(row),
+    )

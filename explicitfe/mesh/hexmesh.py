@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -87,6 +88,30 @@ class MaterialPoints:
         return len(self.element)
 
 
+def joined_points(parts: Sequence[MaterialPoints]) -> MaterialPoints:
+    """Several sets of material points as one, in their order."""
+    return MaterialPoints(
+        element=np.concatenate([part.element for part in parts]),
+        natural=np.concatenate([part.natural for part in parts]),
+        position=np.concatenate([part.position for part in parts]),
+    )
+
+
 def shape_functions(natural: np.ndarray) -> np.ndarray:
     """Trilinear shape functions N_a, (..., 8), at natural coordinates (..., 3) (Hughes 2000, eq. 3.5.20)."""
     return np.prod(1.0 + natural[..., None, :] * CORNERS, axis=-1) / 8.0
+
+
+def shape_gradients(natural: np.ndarray) -> np.ndarray:
+    """Gradients dN_a / d(xi, eta, zeta), (..., 8, 3), at natural coordinates (..., 3)."""
+    factors = 1.0 + natural[..., None, :] * CORNERS
+    others = np.stack([factors[..., (i + 1) % 3] * factors[..., (i + 2) % 3] for i in range(3)], axis=-1)
+    return CORNERS * others / 8.0
+
+
+def free_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The faces that belong to one element only: element and place in ``FACES`` of each, (f,) and (f,), element after element."""
+    faces = np.sort(hexes[:, FACES].reshape(-1, 4), axis=1)
+    _, first, count = np.unique(faces, axis=0, return_index=True, return_counts=True)
+    element, face = np.divmod(np.sort(first[count == 1]), len(FACES))
+    return element, face

@@ -12,9 +12,11 @@ from outside_data import SHARED_DATA, needs
 
 from explicitfe.errors import InputError
 from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions
+from explicitfe.mesh.box import box
+from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions, shape_gradients
 from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, points_at_nodes, read_muscles
 from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
+from explicitfe.mesh.surface_points import points_on_set
 
 ROOT = Path(__file__).resolve().parents[2]
 TONGUE = ROOT / "models" / "tongue"
@@ -83,6 +85,14 @@ def test_volume_of_a_mesh_with_curved_faces():
             dv = ((1 - u) * (d - a) + (1 + u) * (c - b)) / 4
             flux += x @ np.cross(du, dv) / 3.0
     np.testing.assert_allclose(volumes(mesh.points, mesh.hexes)[0], flux, rtol=1e-13)
+
+
+def test_gradients_of_the_shape_functions():
+    """Central differences of a trilinear function along one axis are exact but for rounding."""
+    natural = np.random.default_rng(8).uniform(-1.0, 1.0, size=(50, 3))
+    for axis, step in enumerate(0.25 * np.eye(3)):
+        change = (shape_functions(natural + step) - shape_functions(natural - step)) / 0.5
+        np.testing.assert_allclose(shape_gradients(natural)[..., axis], change, rtol=0.0, atol=1e-15)
 
 
 def test_check_accepts_a_good_mesh(meshes):
@@ -249,6 +259,113 @@ def test_attachments_have_nearly_the_same_area(meshes, name):
     areas = np.array([_held_area(meshes[resolution], name) for resolution in RESOLUTIONS])
     assert areas.min() > 200e-6
     assert areas.max() / areas.min() < 1.15, areas
+
+
+# Any meshes: three of the model, coarser, finer, and none whose planes are the bounds of a patch.
+ANY_CELLS = [(4, 3, 4), (10, 6, 8), (13, 7, 14), (16, 8, 10), (22, 10, 12), (44, 20, 24)]
+
+
+def _smooth_area(tongue: ContourMap, name: str) -> float:
+    """Area of an attachment on the smooth shape, m^2: triangles between points 1/400 of a range apart."""
+    area = 0.0
+    for patch in tongue.attachments[name]:
+        low, high = np.array(patch.lower), np.array(patch.upper)
+        first, second = np.flatnonzero(low < high)
+        share = np.linspace(0.0, 1.0, 401)
+        stw = np.tile(low, (401, 401, 1))
+        stw[..., first] += (share * (high - low)[first])[:, None]
+        stw[..., second] += (share * (high - low)[second])[None, :]
+        grid = tongue.position(stw)
+        along, across = grid[1:] - grid[:-1], grid[:, 1:] - grid[:, :-1]
+        for one, other in ((along[:, :-1], across[:-1]), (along[:, 1:], across[1:])):
+            area += 0.5 * np.linalg.norm(np.cross(one, other), axis=-1).sum()
+    return 2.0 * area
+
+
+@pytest.mark.parametrize("name", ["jaw", "hyoid"])
+def test_area_of_an_attachment_is_that_of_the_smooth_shape(tongue, name):
+    """A mesh flattens: the chord of an arc of angle a is shorter by a share a^2 / 24.
+
+    No patch turns by more than a right angle. Within one element of the coarsest mesh, a quarter of the block long, that would be
+    10 %; elements k times shorter turn by a k-th of it, which leaves 10 % / k^2.
+    """
+    smooth = _smooth_area(tongue, name)
+    errors = {}
+    for cells in ANY_CELLS:
+        points, areas_m2 = tongue.attachment_points(cells, name)
+        assert (areas_m2 > 0.0).all() and len(areas_m2) == len(points)
+        errors[cells] = abs(areas_m2.sum() / smooth - 1.0)
+        assert errors[cells] < (np.pi / 2.0) ** 2 / 24.0 * (4 / cells[0]) ** 2, (cells, errors[cells])
+    assert max(errors[cells] for cells in tongue.resolutions.values()) < 0.01
+
+
+@pytest.mark.parametrize("name", ["jaw", "hyoid"])
+def test_points_of_an_attachment_lie_on_it_and_mirror_exactly(tongue, name):
+    for cells in ANY_CELLS:
+        mesh = tongue.mesh(cells)
+        points, areas_m2 = tongue.attachment_points(cells, name)
+        np.testing.assert_allclose(position_in(mesh, points), points.position, rtol=0.0, atol=1e-16)
+        half = len(points) // 2
+        assert (areas_m2[:half] == areas_m2[half:]).all()
+        assert (points.position[:half] * [1.0, -1.0, 1.0] == points.position[half:]).all()
+        assert (points.position[:half, 1] > 0.0).all()
+        # In (s, t, |w|) each point lies in a patch.
+        row, t = np.divmod(points.element[:half], cells[1])
+        s, w = np.divmod(row, cells[2])
+        grid = np.column_stack([s, t, w]) + 0.5 * (points.natural[:half][:, [0, 2, 1]] + 1.0)
+        stw = grid / np.array([cells[0], cells[1], 0.5 * cells[2]]) - [0.0, 0.0, 1.0]
+        patches = tongue.attachments[name]
+        low, high = (np.array([getattr(patch, end) for patch in patches]) for end in ("lower", "upper"))
+        inside = ((stw[:, None] > low - 1e-12) & (stw[:, None] < high + 1e-12)).all(axis=2)
+        assert inside.any(axis=1).all()
+
+
+def test_points_of_an_attachment_integrate_exactly_in_the_plane():
+    """A straight block, patches whose bounds are planes of no mesh: area, first and second moments of a rectangle."""
+    tables = {
+        "fixed": ["floor"],
+        "axes": {"s": [0.0, 0.3, 0.7, 1.0], "t": [0.0, 0.3, 0.7, 1.0]},
+        "contour": {
+            "lower_mm": [[0.0, 0.0], [30.0, 0.0], [70.0, 0.0], [100.0, 0.0]],
+            "upper_mm": [[0.0, 20.0], [30.0, 20.0], [70.0, 20.0], [100.0, 20.0]],
+            "bow_mm": [0.0] * 4,
+            "drop": [0.0] * 4,
+            "keel": [0.0] * 4,
+        },
+        "half_width": {"mm": [[30.0] * 4] * 4},
+        "resolutions": {},
+        "named_points": {},
+        "attachments": {"floor": [{"s": [0.21, 0.77], "t": 0.0, "w": [0.11, 0.87]}]},
+    }
+    block = ContourMap.from_tables(tables, "block")
+    for cells in ANY_CELLS:
+        points, areas_m2 = block.attachment_points(cells, "floor")
+        x, y = points.position[:, 0], np.abs(points.position[:, 1])
+        assert areas_m2.sum() == pytest.approx(2.0 * 0.056 * 0.0228, rel=1e-13)
+        assert areas_m2 @ x**2 == pytest.approx(2.0 * 0.0228 * (0.077**3 - 0.021**3) / 3.0, rel=1e-12)
+        assert areas_m2 @ (x * y**3) == pytest.approx(
+            2.0 * (0.077**2 - 0.021**2) / 2.0 * (0.0261**4 - 0.0033**4) / 4.0, rel=1e-12
+        )
+    with pytest.raises(InputError, match='unknown attachment "flor"; did you mean "floor"'):
+        block.attachment_points((16, 8, 10), "flor")
+
+
+def test_points_on_a_node_set(meshes):
+    """All faces whose four nodes are in the set: on a box exactly its side, on the tongue the area counted face by face."""
+    side = box((3, 4, 5), (0.3, 0.4, 0.5))
+    points, areas_m2 = points_on_set(side, "y1")
+    assert len(points) == 4 * 15
+    np.testing.assert_allclose(points.position[:, 1], 0.4, rtol=1e-15)
+    assert areas_m2.sum() == pytest.approx(0.15, rel=1e-14)
+    assert areas_m2 @ points.position[:, 0] ** 2 == pytest.approx(0.5 * 0.3**3 / 3.0, rel=1e-13)
+    np.testing.assert_allclose(position_in(side, points), points.position, rtol=0.0, atol=1e-16)
+    for name in ("jaw", "hyoid"):
+        # The faces are a little twisted: half the cross product of the diagonals is the area of their mean plane.
+        assert points_on_set(meshes["fine"], name)[1].sum() == pytest.approx(_held_area(meshes["fine"], name), rel=2e-3)
+    with pytest.raises(InputError, match=r"axis.*covers no face"):
+        points_on_set(HexMesh(side.points, side.hexes, {"axis": np.array([0, 1, 2])}), "axis")
+    with pytest.raises(InputError, match='unknown node set "y2"'):
+        points_on_set(side, "y2")
 
 
 def test_attachments_are_never_empty_and_never_shared(tongue):
@@ -537,6 +654,8 @@ def test_muscle_files_that_cannot_be(tongue, tmp_path, text, words):
         ("[resolutions]", "[resolutions]\nodd = [16, 8, 9]", "resolutions.odd.*even"),
         ("bow_mm = [", "bow_mm = [0.0, ", "contour.bow_mm.*shape"),
         ("s = [0.385, 0.69]", "s = [0.69, 0.385]", "attachments.jaw.*upwards"),
+        ("s = [0.615, 0.665]", "s = 0.64", "attachments.jaw.*a line has no area, so give it a width"),
+        ('row = "s"', 'row = "w"', "attachments.jaw: row names the axis .* not 'w'"),
         ('fixed = ["jaw", "hyoid"]', 'fixed = ["jaws"]', 'fixed names no attachment "jaws"; did you mean "jaw"'),
         ("[contour]", "[contour", "cannot be read"),
     ],

@@ -5,6 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.spatial import cKDTree
+
+from explicitfe.bones.surface import TriangleSurface
+
+# Samples of the surface stand this many grid spacings apart: the nearest of them names the nearest triangle.
+_SAMPLE_SPACINGS = 1.0
+# Nodes nearer than this many spacings compare several triangles.
+_NEAR_SPACINGS = 4.0
+_NEAR_TRIANGLES = 6
+# Pieces of the surface that are farther than this from the grid do not count.
+_PAD_SPACINGS = 12
+# Columns of the grid are moved by this share of a spacing against the triangles, so that none runs along an edge.
+_COLUMN_SHIFT_SHARES = (1.7320508e-6, 2.2360680e-6)
 
 
 @dataclass(frozen=True)
@@ -21,3 +35,175 @@ class DistanceField:
     origin_m: np.ndarray
     spacing_m: float
     values: np.ndarray
+
+    def at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance (k,) m and its gradient (k, 3) at points (k, 3) m.
+
+        Trilinear between the nodes of the grid, with the exact gradient of that. Beyond the grid there is no contact: the
+        distance is that of the nearest point of the border, at least 0, and the gradient is 0.
+        """
+        points = np.asarray(points, dtype=float).reshape(-1, 3)
+        cells = np.array(self.values.shape) - 1
+        place = (points - self.origin_m) / self.spacing_m
+        beyond = ((place < 0.0) | (place > cells)).any(axis=1)
+        place = np.clip(place, 0.0, cells)
+        cell = np.minimum(place.astype(np.int64), cells - 1)
+        u = place - cell
+        corner = np.stack([[[self._corner(cell, i, j, k) for k in (0, 1)] for j in (0, 1)] for i in (0, 1)])
+        along_x = corner[0] + u[:, 0] * (corner[1] - corner[0])
+        along_xy = along_x[0] + u[:, 1] * (along_x[1] - along_x[0])
+        value = along_xy[0] + u[:, 2] * (along_xy[1] - along_xy[0])
+        slope_x = _bilinear(corner[1] - corner[0], u[:, 1], u[:, 2])
+        slope_y = _bilinear(corner[:, 1] - corner[:, 0], u[:, 0], u[:, 2])
+        slope_z = _bilinear(corner[:, :, 1] - corner[:, :, 0], u[:, 0], u[:, 1])
+        gradient = np.column_stack([slope_x, slope_y, slope_z]) / self.spacing_m
+        return np.where(beyond, np.maximum(value, 0.0), value), np.where(beyond[:, None], 0.0, gradient)
+
+    def _corner(self, cell: np.ndarray, i: int, j: int, k: int) -> np.ndarray:
+        return self.values[cell[:, 0] + i, cell[:, 1] + j, cell[:, 2] + k]
+
+
+def _bilinear(corner: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    first = corner[0, 0] + u * (corner[1, 0] - corner[0, 0])
+    second = corner[0, 1] + u * (corner[1, 1] - corner[0, 1])
+    return first + v * (second - first)
+
+
+def distance_field(
+    surface: TriangleSurface, *, spacing_m: float = 1e-3, smoothing_m: float = 1e-3, region: np.ndarray
+) -> DistanceField:
+    """The signed distance of a closed surface on a grid, smoothed by a Gaussian.
+
+    The sign is that of the winding number along columns of the grid, so pieces may overlap. Nodes lie at multiples of the
+    spacing: a surface that is its own mirror image, y -> -y, in a region that is so too has a field that is, to the last bit.
+
+    Parameters
+    ----------
+    surface : as ``check_surface`` accepts it.
+    spacing_m : m. Edge of the cells.
+    smoothing_m : m. Standard deviation of the Gaussian; 0 for none.
+    region : (2, 3) m. Lowest and highest corner of what the grid covers at least.
+    """
+    region = np.asarray(region, dtype=float)
+    first = np.floor(region[0] / spacing_m).astype(np.int64)
+    last = np.ceil(region[1] / spacing_m).astype(np.int64)
+    axes = [spacing_m * np.arange(first[i], last[i] + 1) for i in range(3)]
+    length = _unsigned(surface, first, last, spacing_m)
+    values = np.where(_winding_number(surface, axes, spacing_m) > 0, -length, length)
+    if smoothing_m > 0.0:
+        values = gaussian_filter(values, smoothing_m / spacing_m, mode="nearest")
+    if first[1] == -last[1] and _is_its_own_mirror_image(surface):
+        values = 0.5 * (values + values[:, ::-1])
+    return DistanceField(origin_m=spacing_m * first, spacing_m=spacing_m, values=values)
+
+
+def reach(body_points: np.ndarray, margin_m: float) -> np.ndarray:
+    """The box (2, 3) m around a body's points that is ``margin_m`` wider, and as wide to the left as to the right."""
+    low, high = body_points.min(axis=0) - margin_m, body_points.max(axis=0) + margin_m
+    low[1], high[1] = min(low[1], -high[1]), max(high[1], -low[1])
+    return np.stack([low, high])
+
+
+def _is_its_own_mirror_image(surface: TriangleSurface) -> bool:
+    """Whether the points with y changed in sign are the same points, to the last bit."""
+    mirrored = surface.points * np.array([1.0, -1.0, 1.0]) + 0.0
+    return bool(np.array_equal(np.unique(surface.points + 0.0, axis=0), np.unique(mirrored, axis=0)))
+
+
+def _samples(surface: TriangleSurface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points (k, 3) on the triangles, no farther apart than the spacing, and the triangle (k,) of each."""
+    corners = surface.corners
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    parts = np.maximum(np.ceil(longest / spacing).astype(np.int64), 1)
+    points, triangle = [], []
+    for n in np.unique(parts):
+        members = np.flatnonzero(parts == n)
+        i, j = np.divmod(np.arange(n * n), n)
+        # The centres of the n^2 small triangles: i + j below n stands upright, else upside down.
+        upright = i + j < n
+        a = np.where(upright, i + 1.0 / 3.0, n - i - 1.0 / 3.0) / n
+        b = np.where(upright, j + 1.0 / 3.0, n - j - 1.0 / 3.0) / n
+        share = np.column_stack([1.0 - a - b, a, b])
+        points.append(np.einsum("sc,mci->msi", share, corners[members]).reshape(-1, 3))
+        triangle.append(np.repeat(members, n * n))
+    return np.concatenate(points), np.concatenate(triangle)
+
+
+def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spacing: float) -> np.ndarray:
+    """Distance from the surface at the nodes from ``first`` to ``last``, in multiples of the spacing.
+
+    Near the surface the least distance from the triangles of the nearest samples; elsewhere that from one sample, which is
+    too long by (distance of samples)^2 / (8 distance) at most.
+    """
+    samples, triangle = _samples(surface, _SAMPLE_SPACINGS * spacing)
+    low, high = first - _PAD_SPACINGS, last + _PAD_SPACINGS
+    cell = np.rint(samples / spacing).astype(np.int64) - low
+    inside = np.flatnonzero(((cell >= 0) & (cell <= high - low)).all(axis=1))
+    sample_at = np.full(high - low + 1, -1, dtype=np.int64)
+    sample_at[tuple(cell[inside].T)] = inside
+    nodes = spacing * np.stack(np.meshgrid(*[np.arange(a, b + 1) for a, b in zip(first, last, strict=True)], indexing="ij"), -1)
+    if not len(inside):
+        far, _ = cKDTree(samples).query(nodes, eps=0.1)
+        return far
+    feature = distance_transform_edt(sample_at < 0, return_distances=False, return_indices=True)
+    core = tuple(slice(_PAD_SPACINGS, -_PAD_SPACINGS) for _ in range(3))
+    nearest = sample_at[tuple(index[core] for index in feature)]
+    length = np.linalg.norm(nodes - samples[nearest], axis=-1)
+    near = length < _NEAR_SPACINGS * spacing
+    if near.any():
+        points = nodes[near]
+        _, several = cKDTree(samples).query(points, k=min(_NEAR_TRIANGLES, len(samples)))
+        corners = surface.corners
+        columns = triangle[several].reshape(len(points), -1).T
+        length[near] = np.min([triangle_distance(points, corners[column]) for column in columns], axis=0)
+    return length
+
+
+def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distance (k,) m of points (k, 3) m from one triangle each, (k, 3 corners, 3) m: from its plane or its edges."""
+    squared = np.full(len(points), np.inf)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    above = np.ones(len(points), dtype=bool)
+    for i in range(3):
+        edge = corners[:, (i + 1) % 3] - corners[:, i]
+        offset = points - corners[:, i]
+        share = np.clip(np.einsum("ij,ij->i", offset, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
+        apart = offset - share[:, None] * edge
+        squared = np.minimum(squared, np.einsum("ij,ij->i", apart, apart))
+        above &= np.einsum("ij,ij->i", np.cross(normal, edge), offset) >= 0.0
+    height = np.einsum("ij,ij->i", points - corners[:, 0], normal)
+    plane = height * height / np.einsum("ij,ij->i", normal, normal)
+    return np.sqrt(np.where(above, plane, squared))
+
+
+def _winding_number(surface: TriangleSurface, axes: list[np.ndarray], spacing: float) -> np.ndarray:
+    """How often the surface winds around each node: crossings of the column above it, those upwards less those downwards."""
+    shift = np.array([*_COLUMN_SHIFT_SHARES, 0.0]) * spacing
+    corners = surface.corners - np.array([axes[0][0], axes[1][0], axes[2][0]]) - shift
+    corners = corners / spacing
+    count = np.array([len(axis) for axis in axes])
+    low = np.maximum(np.ceil(corners[:, :, :2].min(axis=1)).astype(np.int64), 0)
+    high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)).astype(np.int64), count[:2] - 1)
+    span = np.maximum(high - low + 1, 0)
+    columns = span[:, 0] * span[:, 1]
+    triangle = np.repeat(np.arange(len(corners)), columns)
+    within = np.arange(len(triangle)) - np.repeat(np.cumsum(columns) - columns, columns)
+    i = low[triangle, 0] + within // span[triangle, 1]
+    j = low[triangle, 1] + within % span[triangle, 1]
+
+    a, b, c = np.moveaxis(corners[triangle], 1, 0)
+    weights = [_cross(b, c, i, j), _cross(c, a, i, j), _cross(a, b, i, j)]
+    whole = weights[0] + weights[1] + weights[2]
+    hit = (whole != 0.0) & np.all([weight * whole > 0.0 for weight in weights], axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = (weights[0] * a[:, 2] + weights[1] * b[:, 2] + weights[2] * c[:, 2]) / whole
+    # A crossing at height z counts for the nodes below it: upwards facing +1, downwards facing -1.
+    below = np.clip(np.ceil(z[hit]), 0, count[2]).astype(np.int64)
+    crossings = np.zeros((count[0], count[1], count[2] + 1), dtype=np.int64)
+    np.add.at(crossings, (i[hit], j[hit], below), np.sign(whole[hit]).astype(np.int64))
+    return crossings[:, :, ::-1].cumsum(axis=2)[:, :, ::-1][:, :, 1:]
+
+
+def _cross(a: np.ndarray, b: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """Twice the area of the triangle of a, b and (i, j), seen from above."""
+    return (a[:, 0] - i) * (b[:, 1] - j) - (a[:, 1] - j) * (b[:, 0] - i)

@@ -6,6 +6,7 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
+from explicitfe.bones.tables import BoneShape, read_bones
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import LAWS, Law
 from explicitfe.mesh.bent_block import ContourMap
@@ -71,6 +72,14 @@ def contour(name: str) -> ContourMap:
     if name not in folders:
         raise InputError(f'unknown model "{name}"; {nearest(name, folders)}')
     return ContourMap.from_toml(folders[name] / "geometry.toml")
+
+
+@cache
+def bones(name: str) -> dict[str, BoneShape]:
+    """The bones of a built-in model by name, none where its folder has no bones.toml; the arrays are shared, so read-only."""
+    contour(name)  # refuses an unknown model
+    path = model_folders()[name] / "bones.toml"
+    return read_bones(path) if path.is_file() else {}
 
 
 def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | None) -> tuple[int, int, int]:

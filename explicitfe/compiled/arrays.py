@@ -8,6 +8,7 @@ have a node to read and write, which has no mass and never moves; an even number
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,16 @@ class Blocks(NamedTuple):
     effects: np.ndarray  # numbers of the material's effects for the present time increment, (B, number, W)
     old: np.ndarray  # what the material remembers of the last accepted instant, (B, number, W)
     new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
+    muscle: np.ndarray  # which muscles pull in each block, int64, -1 after the last, (B, K, W)
+    contraction: np.ndarray  # of each of them sigma [Pa] and a0 (3), (B, 4 K, W)
+    activation: np.ndarray  # of the M muscles now, and 1 where the stress falls off in a shortened fibre, (M, 2)
+    length: np.ndarray  # volume integral of sigma times that of phi over lambda, of the state evaluated last [J], (M, W)
+    last_length: np.ndarray  # the same, summed, of the last accepted instant [J], (M,)
+
+    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Blocks:
+        """The same with all arrays of blocks changed: of some blocks or lanes only; sums begin anew."""
+        changed = {name: change(getattr(self, name)) for name in self._fields[: self._fields.index("activation")]}
+        return self._replace(**changed, length=np.zeros_like(self.length), last_length=np.zeros_like(self.last_length))
 
 
 class Part(NamedTuple):
@@ -51,6 +62,8 @@ class Part(NamedTuple):
     force: np.ndarray  # minus the internal force of its elements at those rows [N]
     lower: np.ndarray  # the same of the part before, from this part's first row on; none in the first part
     blocks: Blocks  # with node numbers counted from ``first``
+    near: int = 0  # the first of the contact points that lie on its own rows
+    far: int = 0  # and the one after the last
 
 
 class Nodes(NamedTuple):
@@ -116,6 +129,45 @@ class Springs(NamedTuple):
     stiffness: np.ndarray  # [N/m] along x, y, z, (k, 3)
 
 
+class Bones(NamedTuple):
+    """Rigid surfaces by their signed distance on grids, and the nodes of the body's surface that may touch them."""
+
+    node: np.ndarray  # row of each contact point, rising, int64, (k,)
+    position: np.ndarray  # reference position [m], (k, 3)
+    spring: np.ndarray  # k A: contact stiffness of its tributary area [N/m], (k,)
+    damper: np.ndarray  # c = sqrt(k A m): half critical [N s/m], (k,)
+    rest_depth: np.ndarray  # how deep it lies in each bone at rest, which does not push [m], (bones, k)
+    start: np.ndarray  # first entry of each bone's grid in ``distance``, int64, (bones,)
+    shape: np.ndarray  # nodes of the grid along x, y, z, int64, (bones, 3)
+    origin: np.ndarray  # its first node [m], (bones, 3)
+    spacing: np.ndarray  # edge of its cells [m], (bones,)
+    distance: np.ndarray  # signed distances, positive outside [m], of all grids one after the other
+    friction: np.ndarray  # Coulomb's coefficient, (bones,)
+    moves: np.ndarray  # 1 where a bone moves, int64, (bones,)
+
+
+class Ties(NamedTuple):
+    """Patches of the surface that springs tie to bones, as a matrix between nodes (compressed rows), bone after bone."""
+
+    node: np.ndarray  # row of each tied node, int64, (k,)
+    bone: np.ndarray  # that ties it, int64, (k,)
+    position: np.ndarray  # its reference position [m], (k, 3)
+    start: np.ndarray  # first entry of each row of the matrix, and the end, int64, (k + 1,)
+    column: np.ndarray  # tied node of each entry, a number among the k, int64, (entries,)
+    stiffness: np.ndarray  # integral of stiffness times both shape functions over the patch [N/m], (entries,)
+    total: np.ndarray  # sum of the stiffness of each bone's entries [N/m], (bones,)
+    bone_stiffness: np.ndarray  # of the springs that hold the bone itself [N/m], inf where it is fixed, (bones,)
+    shift: np.ndarray  # how far each bone has given way: work array [m], (bones, 3)
+    moves: np.ndarray  # 1 where a bone moves by a given course, int64, (bones,)
+
+
+# Entries of the placement of a bone at an instant: rotation R by rows, shift s, spin [rad/s], speed of the origin [m/s]; a point X
+# of the bone at rest is at R X + s.
+ROTATION, SHIFT, SPIN, SPEED, PLACEMENT = 0, 9, 12, 15, 18
+
+# Entries of what each bone does to the body at an instant: force on it [N], area in contact [m^2], deepest point [m].
+BONE_FORCE, BONE_AREA, BONE_DEPTH, BONE_SUMS = 0, 3, 4, 5
+
 # Entries of a tool's shape. It is a disc with a rounded edge; above the edge it has a vertical wall, or goes on as a ball.
 # It may be tilted about the y axis [rad], and pull at what is near: a stress [Pa] that falls to nothing within a reach [m].
 FLAT_RADIUS, EDGE_RADIUS, WALL, LOWEST, TIED, FRICTION, TILT, ADHESION, REACH, SHAPE = range(10)
@@ -132,10 +184,10 @@ SUM_J, PRESSED, UNBALANCED, PUSHED, DEAD_WORK, SUM_POWER, MOVED_POWER, MOVED_MOM
 SUMS = 16
 
 # Entries of the ledger, float64.
-EXTERNAL_WORK, DAMPING_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3
+EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3, 4
 
 # Entries of the energies that a snapshot gives [J].
-INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, ENERGIES = 0, 1, 2, 3, 4, 5, 6
+INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, CONTACT, TIED, RUBBED, ENERGIES = range(10)
 
 
 CACHE_LINE_BYTES = 64  # bytes of a line of the cache
@@ -171,3 +223,14 @@ def in_blocks(values: np.ndarray, idle: int | None = None) -> np.ndarray:
         blocks[full, :, :left] = values[full * WIDTH :].T
         blocks[full, :, left:] = values[-1, :, None] if idle is None else idle
     return blocks
+
+
+def no_muscles(blocks: int) -> dict[str, np.ndarray]:
+    """The arrays of ``Blocks`` for so many blocks in which no muscle pulls."""
+    return {
+        "muscle": zeros((blocks, 0, WIDTH), np.int64),
+        "contraction": zeros((blocks, 0, WIDTH)),
+        "activation": zeros((0, 2)),
+        "length": zeros((0, WIDTH)),
+        "last_length": zeros((0,)),
+    }

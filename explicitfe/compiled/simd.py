@@ -392,6 +392,31 @@ def _log(value):
     return lambda value: math.log(value)
 
 
+def square_root(value):
+    """Square root of a float or of a vector."""
+    return math.sqrt(value)
+
+
+@intrinsic
+def _sqrt_lanes(typingctx, value):
+    """Square root of every lane, in one instruction."""
+
+    def lower(context, builder, sig, args):
+        name = f"llvm.sqrt.v{WIDTH}f64"
+        known = builder.module.globals.get(name)
+        function = known if known is not None else ir.Function(builder.module, ir.FunctionType(_VEC, [_VEC]), name)
+        return builder.call(function, args)
+
+    return vector(vector), lower
+
+
+@overload(square_root, jit_options={"forceinline": True})
+def _square_root(value):
+    if value == vector:
+        return lambda value: _sqrt_lanes(value)
+    return lambda value: math.sqrt(value)
+
+
 def inverse_cube_root(value):
     """value^(-1/3) for value > 0, of a float or of a vector."""
     return value ** (-1.0 / 3.0)

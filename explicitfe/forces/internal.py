@@ -8,7 +8,8 @@ from types import ModuleType
 from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, geometry, gradient, hourglass_modes, to_modes
-from explicitfe.forces import response
+from explicitfe.forces import contraction, response
+from explicitfe.forces.contraction import no_contraction, no_start
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.forces.response import Layout
 from explicitfe.materials import Leaves
@@ -18,17 +19,19 @@ from explicitfe.mesh.hexmesh import CORNERS
 # Placeholders, bound below to the response of a material and an hourglass treatment of elements/.
 respond = energies = hourglass_invariant = hourglass_force = PLACEHOLDER
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
+start, contract = no_start, no_contraction
 
 
-def bound(law: Leaves, treatment: ModuleType, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
-    """The force and the energy kernel of a law with effects and an hourglass treatment."""
+def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law with effects and an hourglass treatment, with or without stress of muscles."""
     respond, energies = response.bound(law, layout)
     common = {
         "LAW_CONSTANTS": law.count,
         "hourglass_invariant": treatment.invariant,
         "HOURGLASS_CONSTANTS": hourglass_constants(treatment),
     }
-    force = bind(internal_force, stored=False, respond=respond, hourglass_force=treatment.force, **common)
+    active = {"start": contraction.start_contraction, "contract": contraction.contract} if muscles else {}
+    force = bind(internal_force, stored=False, respond=respond, hourglass_force=treatment.force, **common, **active)
     energy = bind(internal_energy, stored=False, energies=energies, **common)
     return force, energy
 
@@ -63,8 +66,9 @@ def internal_force(u, force, blocks):
     """Subtract the internal force at displacement u from the node rows ``force``; give the smallest J.
 
     The derivative of V W(F, delta), total Lagrangian (Miller et al. 2007): f_a = (V P + Q) B_a + sum_k r_k g_k with
-    F = 1 + sum_a u_a B_a, P = dW/dF at constant delta, Q = V W' d delta/dF and r_k = V W' d delta/dq_k.
+    F = 1 + sum_a u_a B_a, P = dW/dF at constant delta, Q = V W' d delta/dF and r_k = V W' d delta/dq_k; P with the muscles' stress.
     """
+    start(blocks)
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
         at = block * (8 * WIDTH)
@@ -77,6 +81,7 @@ def internal_force(u, force, blocks):
         delta = hourglass_invariant(F, qx, qy, qz, h)
         P, slope = respond(F, cof, J, delta, c, blocks, block)
         v = g[VOLUME]
+        P = contract(P, F, v, blocks, block)
         rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h, v * slope)
         fx = corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
         fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)

@@ -10,6 +10,8 @@ from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum,
 from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
 from explicitfe.errors import InputError
+from explicitfe.forces import contraction
+from explicitfe.forces.contraction import no_contraction, no_start
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.forces.response import Layout
 from explicitfe.materials import Leaves, volumetric
@@ -18,12 +20,13 @@ from explicitfe.materials.kinematics import cofactor, determinant
 # Placeholders, bound below to a law of materials/.
 invariants = first_stress = law_isochoric = law_slopes = PLACEHOLDER
 LAW_CONSTANTS = 1
+start, contract = no_start, no_contraction
 _ELEMENT_STRIDE = GAUSS_POINTS * NUMBERS_PER_POINT * WIDTH
 _POINT_STRIDE = NUMBERS_PER_POINT * WIDTH
 
 
-def bound(law: Leaves, treatment: ModuleType, layout: Layout) -> tuple[Dispatcher, Dispatcher]:
-    """The force and the energy kernel of a law; ``treatment`` is elements/full.py.
+def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool) -> tuple[Dispatcher, Dispatcher]:
+    """The force and the energy kernel of a law, with or without stress of muscles; ``treatment`` is elements/full.py.
 
     Raises
     ------
@@ -32,7 +35,9 @@ def bound(law: Leaves, treatment: ModuleType, layout: Layout) -> tuple[Dispatche
     if layout:
         raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
     common = {"invariants": law.kind.invariants, "LAW_CONSTANTS": law.count}
-    force = bind(internal_force, stored=False, law_slopes=law.slopes_at, first_stress=law.kind.first_stress, **common)
+    active = {"start": contraction.start_contraction, "contract": contraction.contract} if muscles else {}
+    leaves = {"law_slopes": law.slopes_at, "first_stress": law.kind.first_stress}
+    force = bind(internal_force, stored=False, **leaves, **common, **active)
     energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric_at, **common)
     return force, energy
 
@@ -55,6 +60,7 @@ def _deformation(x, y, z, numbers, at):
 
 def internal_force(u, force, blocks):
     """Subtract the internal force at displacement u from the node rows ``force``; give the smallest J of any Gauss point."""
+    start(blocks)
     numbers = blocks.hourglass
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
@@ -78,6 +84,7 @@ def internal_force(u, force, blocks):
             J = determinant(F, cof)
             here = invariants(F, cof, J)
             P = first_stress(F, cof, J, here, law_slopes(here, c), pressure)
+            P = contract(P, F, load(numbers, at), blocks, block)
             fx = point_forces(fx, P[0], P[1], P[2], numbers, at)
             fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
             fz = point_forces(fz, P[6], P[7], P[8], numbers, at)

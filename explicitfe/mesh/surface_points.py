@@ -73,3 +73,12 @@ def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]
         )
     bounds = CORNERS[FACES[face]]
     return points_on_pieces(element, mesh.points[mesh.hexes[element]], bounds.min(axis=1), bounds.max(axis=1))
+
+
+def surface_areas(mesh: HexMesh) -> np.ndarray:
+    """The area of the surface that belongs to each node, (n,) m^2: a quarter of each face that it is a corner of."""
+    element, face = free_faces(mesh.hexes)
+    corners = mesh.hexes[element[:, None], FACES[face]]
+    x = mesh.points[corners]
+    areas = 0.5 * np.linalg.norm(np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]), axis=1)
+    return np.bincount(corners.ravel(), np.repeat(areas / 4.0, 4), mesh.node_count)

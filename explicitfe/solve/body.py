@@ -21,6 +21,7 @@ from explicitfe.errors import InputError
 from explicitfe.forces import response
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import Model
+from explicitfe.solve.contractions import contractions
 from explicitfe.solve.kernels import ELEMENTS, kernels
 
 
@@ -70,6 +71,7 @@ class Body:
             constants=in_blocks(self.constants),
             hourglass=in_blocks(ELEMENTS[model.element][1].constants(corners, geometry)),
             **memory_of(model.effects, count),
+            **contractions(model.stresses, self.element_order),
         )
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         held = model.held.copy()
@@ -77,7 +79,7 @@ class Body:
             held[model.motion.nodes] = True
         self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
         self._increment_s = np.nan
-        self.kernels = kernels(law.law, model.element, response.layout_of(model.effects))
+        self.kernels = kernels(law.law, model.element, response.layout_of(model.effects), bool(model.stresses))
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),
@@ -125,8 +127,8 @@ class Body:
         u, scratch = self.state.u, np.empty_like(self.state.u)
 
         def smallest(first: int, lanes: slice) -> float:
-            few = Blocks(*(np.ascontiguousarray(array[first : first + 1, :, lanes]) for array in self.blocks))
-            full = Blocks(*(np.repeat(a, WIDTH, axis=2) if a.shape[2] == 1 else a for a in few))
+            few = self.blocks.each(lambda array: np.ascontiguousarray(array[first : first + 1, :, lanes]))
+            full = few.each(lambda array: np.repeat(array, WIDTH, axis=2) if array.shape[2] == 1 else array)
             J = self.kernels.forces(u, scratch, full)
             return J if -np.inf < J else -np.inf  # a NaN counts as lowest
 

@@ -33,6 +33,7 @@ from explicitfe.compiled.arrays import (
     zeros,
 )
 from explicitfe.compiled.threads import together
+from explicitfe.errors import InputError
 from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
 from explicitfe.solve.contact_points import PENETRATION_SHARE, ToolContact
@@ -132,6 +133,9 @@ class Relaxation(Body):
     """
 
     def __init__(self, model: Model, tolerance: float = RESIDUAL_TOLERANCE, threads: int | None = None) -> None:
+        for name in ("stresses", "bones", "attachments"):
+            if getattr(model, name):
+                raise InputError(f"a relaxation knows no {name} of a model; take a Simulation, which runs in time, or leave them out.")
         super().__init__(model)
         self.tolerance = tolerance
         self.iterations = 0

@@ -26,7 +26,7 @@ class Kernels:
 
     Attributes
     ----------
-    forces, advance, snapshot, elastic_energy : of ``solve/step.py``.
+    forces, advance, snapshot, elastic_energy, hold : of ``solve/step.py``.
     relax, press, touch : of ``solve/relax_step.py``.
     largest_strain_rate : of ``forces/internal.py``.
     """
@@ -39,6 +39,7 @@ class Kernels:
     elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float]]
     press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
     touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+    hold: Callable[..., None]
 
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
@@ -49,18 +50,20 @@ ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
 }
 
 
-def kernels(law: str, element: str, layout: Layout = ()) -> Kernels:
+def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False) -> Kernels:
     """Kernels with the leaves of a law, an element and effects bound in (``response.layout_of`` gives the places of the latter).
+
+    ``muscles`` says whether muscles pull by a stress along their fibres.
 
     Compiled at the first call, kept on disk for the next process.
     """
-    return _kernels(law, element, layout)
+    return _kernels(law, element, layout, muscles)
 
 
 @cache  # which would tell a default from the same value given
-def _kernels(law: str, element: str, layout: Layout) -> Kernels:
+def _kernels(law: str, element: str, layout: Layout, muscles: bool) -> Kernels:
     templates, treatment = ELEMENTS[element]
-    force, energy = templates.bound(law_of(law), treatment, layout)
+    force, energy = templates.bound(law_of(law), treatment, layout, muscles)
     return Kernels(
         forces=bind(step.forces, internal_force=force),
         advance=bind(step.advance, internal_force=force),
@@ -70,4 +73,5 @@ def _kernels(law: str, element: str, layout: Layout) -> Kernels:
         elastic_energy=bind(step.elastic_energy, internal_energy=energy),
         press=kernel(relax_step.press),
         touch=kernel(relax_step.touch),
+        hold=kernel(step.hold),
     )

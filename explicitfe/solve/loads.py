@@ -10,6 +10,7 @@ from explicitfe.compiled.arrays import DeadLoads, FollowerFibres, Motion
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.model.model import FibrePull, Model, NodalLoad
 from explicitfe.model.profile import Profile
+from explicitfe.solve.bones import placements
 
 
 class Loads:
@@ -31,18 +32,30 @@ class Loads:
         self._profiles: list[Profile] = []
         self.dead = self._dead_loads(model.loads)
         self.fibres = self._follower_fibres(model.pulls, model.mesh)
+        self._muscles = [stress.profile for stress in model.stresses]
+        self._bones = [bone.motion for bone in model.bones]
+        self._holders = [attachment.motion for attachment in model.attachments]
 
     @property
     def edges_s(self) -> np.ndarray:
         """Times at which some load jumps or bends: they are put on step boundaries."""
-        return np.unique(np.concatenate([profile.edges_s for profile in self._profiles] or [np.zeros(0)]))
+        courses = [*self._profiles, *self._muscles, *self._bones, *self._holders]
+        return np.unique(np.concatenate([course.edges_s for course in courses if course is not None] or [np.zeros(0)]))
 
     def activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
         """Scale of each profile at instants (k,) s, (profiles, k).
 
         An instant that is within a millionth of a step of an edge is taken to be on it.
         """
-        return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in self._profiles]).reshape(-1, len(instants))
+        return _scales(self._profiles, instants, dt_s)
+
+    def muscles(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
+        """Activation of the muscles that pull by a stress at instants (k,) s, (k, muscles)."""
+        return np.ascontiguousarray(_scales(self._muscles, instants, dt_s).T)
+
+    def bones(self, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Placements of the bones that the body may touch, and of those that hold it, at instants (k,) s."""
+        return placements(self._bones, instants), placements(self._holders, instants)
 
     def motion(self, instants: np.ndarray) -> Motion:
         """Displacements of the prescribed nodes at instants [s]; no node without prescribed motion."""
@@ -100,3 +113,7 @@ class Loads:
         weights = shape_functions(natural)
         weights[in_space] = 0.0
         return np.ascontiguousarray(nodes), np.ascontiguousarray(weights)
+
+
+def _scales(profiles: Sequence[Profile], instants: np.ndarray, dt_s: float) -> np.ndarray:
+    return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in profiles]).reshape(-1, len(instants))

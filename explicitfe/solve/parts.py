@@ -24,12 +24,16 @@ def usual_threads(elements: int, each: int = ELEMENTS_PER_THREAD) -> int:
     return max(1, min(cores(), elements // each))
 
 
-def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
-    """The blocks in ``count`` runs of equal length, or in fewer where a run would share nodes with more than the next one."""
+def parts_of(state: State, blocks: Blocks, count: int, contact_rows: np.ndarray | None = None) -> list[Part]:
+    """The blocks in ``count`` runs of equal length, or in fewer where a run would share nodes with more than the next one.
+
+    ``contact_rows`` are the rows of the points that may touch a bone, rising: each belongs to the part whose own row it is.
+    """
+    rows = np.zeros(0) if contact_rows is None else contact_rows
     total = len(blocks.nodes)
     meeting = gate()
     if count < 2:
-        return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks)]
+        return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks, 0, len(rows))]
     bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
     runs = [blocks.nodes[a:b] for a, b in pairwise(bounds)]
     first = [0, *(int(run.min()) // 2 * 2 for run in runs[1:])]
@@ -38,12 +42,14 @@ def parts_of(state: State, blocks: Blocks, count: int) -> list[Part]:
     after = [max(int(run.max()) // 2 * 2 + 2, begin) for run, begin in zip(runs[:-1], first[1:], strict=True)] + [len(state.u)]
     owned = np.diff(begins)
     if any(owned <= 0) or any(end > begin for end, begin in zip(after, begins[2:], strict=False)):
-        return parts_of(state, blocks, count - 1)
+        return parts_of(state, blocks, count - 1, contact_rows)
     forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
     parts = []
     for k, (a, b) in enumerate(pairwise(bounds)):
-        own_blocks = Blocks(*(array[a:b] for array in blocks))._replace(nodes=runs[k] - np.uint32(first[k]))
+        own_blocks = blocks.each(lambda array, a=a, b=b: array[a:b])._replace(nodes=runs[k] - np.uint32(first[k]))
         lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
-        rows = slice(first[k], after[k])
-        parts.append(Part(k, len(runs), meeting, first[k], int(owned[k]), state.u[rows], forces[k], lower, own_blocks))
+        touched = slice(first[k], after[k])
+        near, far = np.searchsorted(rows, [begins[k], begins[k + 1]])
+        others = state.u[touched], forces[k], lower, own_blocks, int(near), int(far)
+        parts.append(Part(k, len(runs), meeting, first[k], int(owned[k]), *others))
     return parts

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.compiled.arrays import Blocks
+from explicitfe.compiled.arrays import Blocks, no_muscles
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, splat, store
 from explicitfe.effects.effect import MaterialEffect
@@ -161,6 +161,7 @@ def path(
         constants=np.tile(constants[None, :, None], (count, 1, WIDTH)),
         hourglass=np.zeros((count, 1, WIDTH)),
         **memory_of(effects, STATES),
+        **no_muscles(count),
     )
     stress = np.zeros_like(gradients)
     work = np.zeros((count, 9, WIDTH)), np.zeros((count, 9, WIDTH))

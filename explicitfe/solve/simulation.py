@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.compiled.arrays import (
+    BONE_SUMS,
     ENERGIES,
     LEDGER,
     SMALLEST_J,
@@ -19,10 +20,12 @@ from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import together
 from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
+from explicitfe.solve.bones import bones_of, ties_of
 from explicitfe.solve.loads import Loads
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.stable_step import HighestFrequency, fastest_element
 
+_NOBODY = np.zeros((0, 0))  # asks for no sums over the bones
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
 
 
@@ -35,8 +38,11 @@ class Snapshot:
     time_s : s.
     displacement, velocity : (n, 3) m, m/s.
     J, hourglass_energy : (m,), (m,) J.
-    energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material.
+    energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material, stored in
+        contact, stored in ties, lost in contact.
     smallest_J : the smallest J of any element in any step so far.
+    contact_pressure : (bones, n) Pa. With which each bone presses on each node.
+    contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
     """
 
     time_s: float
@@ -46,6 +52,8 @@ class Snapshot:
     hourglass_energy: np.ndarray
     energies: np.ndarray
     smallest_J: float
+    contact_pressure: np.ndarray
+    contact: np.ndarray
 
 
 class Simulation(Body):
@@ -67,8 +75,14 @@ class Simulation(Body):
         threads: int | None = None,
     ) -> None:
         super().__init__(model, displacement=displacement, velocity=velocity)
-        self._highest = self._highest_frequency()
         self.loads = Loads(model, self._place)
+        held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
+        self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
+        self.ties = ties_of(model.attachments, model.mesh, self._place)
+        self._pressure = np.zeros((len(model.bones), len(self.bones.node)))
+        self._contact = np.zeros((len(model.bones), BONE_SUMS))
+        self._resting = zeros(self.state.u.shape)
+        self._highest = self._highest_frequency()
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self._velocity = np.zeros_like(self.state.u)
@@ -81,18 +95,24 @@ class Simulation(Body):
         self._origin_s, self._index = 0.0, 0
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         running = self.blocks._replace(new=self.blocks.old)
-        self.parts = parts_of(self.state, running, 1 if model.motion else threads or usual_threads(len(self.hexes)))
+        share = 1 if model.motion else threads or usual_threads(len(self.hexes))
+        self.parts = parts_of(self.state, running, share, self.bones.node)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         # The same to look at a state without accepting it.
         ends = np.cumsum([len(part.blocks.nodes) for part in self.parts])
         memories = np.split(self.blocks.new, ends[:-1])
-        self._seen = [part.blocks._replace(new=memory) for part, memory in zip(self.parts, memories, strict=True)]
+        self._seen = [
+            part.blocks._replace(new=memory, length=np.zeros_like(part.blocks.length))
+            for part, memory in zip(self.parts, memories, strict=True)
+        ]
+        self._activate()
 
     # ---- the stable step ----
 
     def stable_limit(self, turns: int) -> float:
         """Largest stable step [s] of the present state, by so many turns of Lanczos; NaN if it cannot be found."""
-        return 2.0 / self._highest(self.state.u, self._present_force(), turns)
+        self._present_force()
+        return 2.0 / self._highest(self.state.u, self._with_bones(self.state.u, self.state.force.copy()), turns)
 
     def stable_bound(self) -> tuple[float, int]:
         """A step [s] that the present state bears for certain, and the element (user's number) that sets it.
@@ -114,7 +134,7 @@ class Simulation(Body):
         places = np.argsort(-strength.max(axis=1), kind="stable")[: MANY_ELEMENTS // WIDTH]
         lanes = np.sort((places[:, None] * WIDTH + np.arange(WIDTH)).ravel())
         lanes = lanes[lanes < len(self.hexes)]
-        return self._fastest(lanes, Blocks(*(array[np.sort(places)] for array in self.blocks)))[1]
+        return self._fastest(lanes, self.blocks.each(lambda array: array[np.sort(places)]))[1]
 
     def largest_strain_rate(self) -> float:
         """Largest norm of grad v of any element [1/s], with the velocity of the last half step."""
@@ -148,7 +168,9 @@ class Simulation(Body):
         """
         begin = time.perf_counter()
         progress(0.0)
-        self._highest_frequency()(self.state.u, self.state.force, 1)
+        here = np.zeros_like(self.state.u)
+        self._force_at_rest(self.state.u, here)
+        self._highest_frequency()(self.state.u, here, 1)
         progress(0.5)
         self._snapshot()
         progress(0.75)
@@ -161,11 +183,13 @@ class Simulation(Body):
 
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
-        _, v, force = self.state
+        v = self.state.v
         self.ledger[SMALLEST_J] = self._evaluate(self.state.u, self.state.force, [part.blocks for part in self.parts])
+        for part in self.parts:  # the work of the muscles counts from here
+            part.blocks.last_length[:] = part.blocks.length.sum(axis=1)
         self.dt_s = dt_s
-        self._snapshot()  # fills the external force at time 0
-        acceleration = self.nodes.inverse_mass * (force + self._external) - self.model.alpha_per_s * v
+        self._snapshot()  # fills the forces at time 0
+        acceleration = self.nodes.inverse_mass * (self._resting + self._external) - self.model.alpha_per_s * v
         acceleration[self.nodes.inverse_mass == 0.0] = 0.0
         # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
         before = v - 0.5 * dt_s * acceleration
@@ -179,13 +203,20 @@ class Simulation(Body):
             self._origin_s, self._index = self.time_s, 0
         self.set_increment(dt_s)
         instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
+        bone_placement, tie_placement = self.loads.bones(instants)
         others = (
             self.nodes,
             self.loads.dead,
             self.loads.fibres,
             self.loads.activation(instants, dt_s),
+            self.loads.muscles(instants, dt_s),
+            self.bones,
+            bone_placement,
+            self.ties,
+            tie_placement,
             self.loads.motion(instants),
             self._planned,
+            _NOBODY,
             float(self.model.alpha_per_s),
             float(self.dt_s),
             float(dt_s),
@@ -230,7 +261,15 @@ class Simulation(Body):
             hourglass_energy=self._in_elements(self._element_hourglass),
             energies=energies,
             smallest_J=float(self.ledger[SMALLEST_J]),
+            contact_pressure=self._contact_pressure(),
+            contact=self._contact.copy(),
         )
+
+    def _contact_pressure(self) -> np.ndarray:
+        """(bones, n) Pa on the nodes, in the user's numbering."""
+        pressure = np.zeros((len(self.model.bones), len(self.state.u)))
+        pressure[:, self.bones.node] = self._pressure
+        return pressure[:, self._place]
 
     # ---- restart ----
 
@@ -242,6 +281,7 @@ class Simulation(Body):
             "highest_mode": self._highest.vector.copy(),
             "ledger": self.ledger.copy(),
             "memory": self.blocks.old.copy(),
+            "lengths": np.sum([part.blocks.last_length for part in self.parts], axis=0),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
         }
@@ -255,16 +295,36 @@ class Simulation(Body):
         self.blocks.old[:] = state["memory"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
+        self._activate()
         self._present_force()
+        for part in self.parts:
+            part.blocks.last_length[:] = state["lengths"] if part.number == 0 else 0.0
 
     # ---- inside ----
 
     def _highest_frequency(self) -> HighestFrequency:
         return HighestFrequency(
-            lambda u, force: self._evaluate(u, force, self._seen),
+            self._force_at_rest,
             self.nodes.inverse_mass,
             float(np.cbrt(self.volumes.min())),
         )
+
+    def _force_at_rest(self, u: np.ndarray, force: np.ndarray) -> float:
+        """Minus the internal force at u, with what bones do to a body that does not move, into ``force``; the smallest J."""
+        smallest = self._evaluate(u, force, self._seen)
+        self._with_bones(u, force)
+        return smallest
+
+    def _with_bones(self, u: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Forces on the node rows with those of contact and ties added, of bones as they are placed now."""
+        if self.model.bones or self.model.attachments:
+            bone_placement, tie_placement = self.loads.bones(np.array([self.time_s]))
+            self.kernels.hold(u, force, self.bones, bone_placement, self.ties, tie_placement)
+        return force
+
+    def _activate(self) -> None:
+        """Give the muscles that pull by a stress their activation of the present time."""
+        self.blocks.activation[:, 0] = self.loads.muscles(np.array([self.time_s]), max(self.dt_s, 1e-12))[0]
 
     def _present_force(self) -> np.ndarray:
         self.set_increment(0.0)  # of this instant: a look must not let time pass
@@ -287,6 +347,7 @@ class Simulation(Body):
 
     def _snapshot(self) -> np.ndarray:
         energies = np.empty(ENERGIES)
+        bone_placement, tie_placement = self.loads.bones(np.array([self.time_s]))
         energies[:] = self.kernels.snapshot(
             self.state,
             self._external,
@@ -295,11 +356,18 @@ class Simulation(Body):
             self.loads.dead,
             self.loads.fibres,
             self.loads.activation(np.array([self.time_s]), max(self.dt_s, 1e-12)),
+            self.bones,
+            bone_placement,
+            self.ties,
+            tie_placement,
             self.loads.motion(np.array([self.time_s, self.time_s + self.dt_s])),
             float(self.model.alpha_per_s),
             float(self.dt_s),
             self.ledger,
             self._velocity,
+            self._resting,
+            self._contact,
+            self._pressure,
             self._element_J,
             self._element_energy,
             self._element_hourglass,

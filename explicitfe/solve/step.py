@@ -14,14 +14,18 @@ from __future__ import annotations
 from typing import Any
 
 from explicitfe.compiled.arrays import (
+    CONTACT_LOSS,
     DAMPING_LOSS,
     EXTERNAL_WORK,
     SMALLEST_J,
 )
 from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
+from explicitfe.forces.bone import press_out, rest_on_bones
+from explicitfe.forces.contraction import contraction_work
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
+from explicitfe.forces.ties import add_ties
 from explicitfe.solve.boundary import correct, drive, place
 
 # Placeholders, bound in solve/kernels.py.
@@ -35,7 +39,34 @@ def forces(u, force, blocks):
     return internal_force(u, force, blocks)
 
 
-def advance(state, external, part, nodes, loads, fibres, activation, motion, planned, alpha, dt_before, dt, steps, ledger):
+def hold(u, force, bones, bone_placement, ties, tie_placement):
+    """Add to the node rows what bones do to a body at displacement u that does not move: contact and ties."""
+    press_out(force, u, bones, bone_placement, 0)
+    add_ties(force, u, ties, tie_placement, 0)
+
+
+def advance(
+    state,
+    external,
+    part,
+    nodes,
+    loads,
+    fibres,
+    activation,
+    muscles,
+    bones,
+    bone_placement,
+    ties,
+    tie_placement,
+    motion,
+    planned,
+    nobody,
+    alpha,
+    dt_before,
+    dt,
+    steps,
+    ledger,
+):
     """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
 
     The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
@@ -47,7 +78,10 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
     external : (N, 4) N. Work array for the external force.
     part : Part.
     activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
+    muscles : (steps + 1, M). That of the muscles that pull by a stress along their fibres.
+    bones, ties : Bones, Ties, with the placements of their bones, (steps + 1, bones, PLACEMENT).
     motion : Motion, with the displacements of the prescribed nodes at the same instants; ``planned`` (k, 3) is a work array.
+    nobody : (0, 0). Asks for no sums over the bones.
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
     ledger : (LEDGER,). Sums of work [J] and the smallest J of this part, changed in place.
@@ -72,6 +106,7 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
         if part.number == 0:
             add_dead_loads(external, loads, activation, step)
             add_follower_fibres(external, u, fibres, activation, step)
+            add_ties(external, u, ties, tie_placement, step)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
         wait(part.gate, part.parts)
         if part.parts > 1 and asked_to_stop(part.gate):
@@ -79,6 +114,25 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
             break
         for here in range(0, part.lower.size, WIDTH):
             store(force, here, load(force, here) + load(part.lower, here))
+        rubbed, carried, _ = rest_on_bones(
+            force,
+            part.first,
+            external,
+            u,
+            v,
+            bones,
+            bone_placement,
+            step,
+            part.near,
+            part.far,
+            nodes,
+            keep,
+            gain,
+            0.5 * dt,
+            0.5 * dt_before,
+            nobody,
+            nobody,
+        )
         work = splat(0.0)
         loss = splat(0.0)
         for here in range(0, own, WIDTH):
@@ -94,12 +148,17 @@ def advance(state, external, part, nodes, loads, fibres, activation, motion, pla
             work = work + push * moved
             loss = loss + load(nodes.mass, at) * (old + new) * moved
         place(u, v, motion, planned, step)
-        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work
+        if part.number == 0:
+            for muscle in range(muscles.shape[1]):
+                part.blocks.activation[muscle, 0] = muscles[step + 1, muscle]
+        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work + carried
         ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
+        ledger[CONTACT_LOSS] += rubbed
         dt_before = dt
         wait(part.gate, part.parts)
         force[part.own :] = 0.0
         smallest = internal_force(part.u, force, part.blocks)
+        ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
         if not (smallest >= ledger[SMALLEST_J]):
             ledger[SMALLEST_J] = smallest
             if not (smallest > 0.0):
@@ -124,20 +183,29 @@ def snapshot(
     loads,
     fibres,
     activation,
+    bones,
+    bone_placement,
+    ties,
+    tie_placement,
     motion,
     alpha,
     dt,
     ledger,
     velocity,
+    resting,
+    sums,
+    pressure,
     element_J,
     element_energy,
     element_hourglass,
 ):
     """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
 
-    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2; ``element_J``, ``element_energy`` and
+    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2, ``resting`` (N, 4) all forces but the external ones,
+    ``sums`` (bones, BONE_SUMS) and ``pressure`` (bones, points) what the bones do; ``element_J``, ``element_energy`` and
     ``element_hourglass`` (B, W) receive J, the strain energy and the hourglass energy [J]. ``activation`` (profiles, 1) is that
-    of t_n, dt the step before t_n; ``motion`` has the displacements of the prescribed nodes at t_n and t_n + dt.
+    of t_n, dt the step before t_n. What ties store counts as work of the bones too: their pull is among the external forces.
+    ``motion`` has the displacements of the prescribed nodes at t_n and t_n + dt.
     """
     u, v, force = state
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
@@ -145,13 +213,36 @@ def snapshot(
     external[:] = 0.0
     add_dead_loads(external, loads, activation, 0)
     add_follower_fibres(external, u, fibres, activation, 0)
+    tied = add_ties(external, u, ties, tie_placement, 0)
+    resting[:] = force
+    sums[:] = 0.0
+    pressure[:] = 0.0
+    rubbed, carried, touching = rest_on_bones(
+        resting,
+        0,
+        external,
+        u,
+        v,
+        bones,
+        bone_placement,
+        0,
+        0,
+        len(bones.node),
+        nodes,
+        keep,
+        gain,
+        0.0,
+        0.5 * dt,
+        sums,
+        pressure,
+    )
     kinetic = splat(0.0)
     work = splat(0.0)
     loss = splat(0.0)
     for at in range(0, u.size, WIDTH):
         old = load(v, at)
         push = load(external, at)
-        new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, at) + push)
+        new = keep * old + gain * load(nodes.inverse_mass, at) * (load(resting, at) + push)
         store(velocity, at, 0.5 * (old + new))
         momentum = load(nodes.mass, at) * old
         kinetic = kinetic + 0.5 * momentum * new
@@ -163,9 +254,12 @@ def snapshot(
         internal,
         hourglass,
         sum_lanes(kinetic) + driven_kinetic,
-        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work,
+        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + carried + tied,
         ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
         lost,
+        touching,
+        tied,
+        ledger[CONTACT_LOSS] + rubbed,
     )
 
 

@@ -57,7 +57,7 @@ def fuzz() -> tuple[np.ndarray, np.ndarray]:
 def alone(simulation: Simulation, element: int) -> Blocks:
     """Blocks of one element (computing order), which stands in every lane."""
     block, lane = divmod(element, WIDTH)
-    return Blocks(*(np.repeat(values[block : block + 1, :, lane : lane + 1], WIDTH, axis=2) for values in simulation.blocks))
+    return simulation.blocks.each(lambda values: np.repeat(values[block : block + 1, :, lane : lane + 1], WIDTH, axis=2))
 
 
 @EVERY_ELEMENT

@@ -1,0 +1,205 @@
+"""Contact of the surface of a body with bones, which are rigid: node against signed distance.
+
+A node with tributary area A that lies p deep in a bone is pushed out along the gradient g of the signed distance d,
+
+    f = A k p g - c v_n n - c_t v_t,   p = -(d + d0) > 0,   n = g / |g|,   c = sqrt(k A m),   c_t = c / 20 + mu N / |v_t|,
+
+with its velocity v relative to the bone, parts along n and across it. The first term derives from the energy k A p^2 / 2. The
+dampers take the mean velocity of the step, so they are stable at every step length and what they lose is counted to the last
+bit; they never pull. Friction (Coulomb, mu > 0) is smoothed: below ``CREEP_M_S`` a body that sticks creeps instead.
+"""
+
+from __future__ import annotations
+
+import math
+
+from explicitfe.compiled.arrays import (
+    BONE_AREA,
+    BONE_DEPTH,
+    BONE_FORCE,
+    BONE_SUMS,
+    PLACEMENT,
+    ROTATION,
+    SHIFT,
+    SPEED,
+    SPIN,
+)
+from explicitfe.compiled.jit import leaf
+
+CONTACT_STIFFNESS_PA_M = 2e7  # k: a pressure of 2 kPa presses a node 0.1 mm into bone
+TANGENTIAL_DAMPER_SHARE = 0.05  # of the normal one
+CREEP_M_S = 1e-3
+
+
+@leaf
+def cell(bones, bone, x, y, z):
+    """Where in the grid of a bone a point lies that its own frame puts at x, y, z: first entry of the cell, and how far into it.
+
+    -1 where it is outside of the grid or further from bone than a cell is wide.
+    """
+    scale = 1.0 / bones.spacing[bone]
+    gx = (x - bones.origin[bone, 0]) * scale
+    gy = (y - bones.origin[bone, 1]) * scale
+    gz = (z - bones.origin[bone, 2]) * scale
+    nx, ny, nz = bones.shape[bone, 0], bones.shape[bone, 1], bones.shape[bone, 2]
+    # not one of these holds for a NaN
+    if not (gx >= 0.0 and gy >= 0.0 and gz >= 0.0 and gx < nx - 1 and gy < ny - 1 and gz < nz - 1):
+        return -1, 0.0, 0.0, 0.0
+    i, j, k = int(gx), int(gy), int(gz)
+    first = bones.start[bone] + (i * ny + j) * nz + k
+    # distances change by no more than the way: from the corner to any point of the cell, the diagonal
+    if bones.distance[first] > 2.0 * bones.spacing[bone]:
+        return -1, 0.0, 0.0, 0.0
+    return first, gx - i, gy - j, gz - k
+
+
+@leaf
+def distance(bones, bone, first, a, b, c):
+    """Signed distance [m] and its gradient, trilinear in a cell."""
+    ny, nz = bones.shape[bone, 1], bones.shape[bone, 2]
+    d, scale = bones.distance, 1.0 / bones.spacing[bone]
+    x, y = ny * nz, nz
+    d00 = d[first] + c * (d[first + 1] - d[first])
+    d01 = d[first + y] + c * (d[first + y + 1] - d[first + y])
+    d10 = d[first + x] + c * (d[first + x + 1] - d[first + x])
+    d11 = d[first + x + y] + c * (d[first + x + y + 1] - d[first + x + y])
+    d0, d1 = d00 + b * (d01 - d00), d10 + b * (d11 - d10)
+    along_z0 = (1.0 - b) * (d[first + 1] - d[first]) + b * (d[first + y + 1] - d[first + y])
+    along_z1 = (1.0 - b) * (d[first + x + 1] - d[first + x]) + b * (d[first + x + y + 1] - d[first + x + y])
+    along_y = (1.0 - a) * (d01 - d00) + a * (d11 - d10)
+    return d0 + a * (d1 - d0), scale * (d1 - d0), scale * along_y, scale * ((1.0 - a) * along_z0 + a * along_z1)
+
+
+@leaf
+def depth_in(bones, bone, point, x, y, z, placement, instant):
+    """How deep a contact point at x, y, z has gone into a bone beyond its depth at rest, and the gradient g of the distance."""
+    if bones.moves[bone]:
+        x, y, z = x - placement[instant, bone, SHIFT], y - placement[instant, bone, SHIFT + 1], z - placement[instant, bone, SHIFT + 2]
+        R = placement[instant, bone]
+        x, y, z = (
+            R[ROTATION] * x + R[ROTATION + 3] * y + R[ROTATION + 6] * z,
+            R[ROTATION + 1] * x + R[ROTATION + 4] * y + R[ROTATION + 7] * z,
+            R[ROTATION + 2] * x + R[ROTATION + 5] * y + R[ROTATION + 8] * z,
+        )
+    first, a, b, c = cell(bones, bone, x, y, z)
+    if first < 0:
+        return 0.0, 0.0, 0.0, 0.0
+    d, gx, gy, gz = distance(bones, bone, first, a, b, c)
+    p = -(d + bones.rest_depth[bone, point])
+    if p > 0.0 and bones.moves[bone]:
+        R = placement[instant, bone]
+        gx, gy, gz = (
+            R[ROTATION] * gx + R[ROTATION + 1] * gy + R[ROTATION + 2] * gz,
+            R[ROTATION + 3] * gx + R[ROTATION + 4] * gy + R[ROTATION + 5] * gz,
+            R[ROTATION + 6] * gx + R[ROTATION + 7] * gy + R[ROTATION + 8] * gz,
+        )
+    return p, gx, gy, gz
+
+
+@leaf
+def press_out(force, u, bones, placement, instant):
+    """Add the elastic part of the contact force at displacement u to the node rows: for a look at a state that does not move."""
+    for point in range(len(bones.node)):
+        node = bones.node[point]
+        x = bones.position[point, 0] + u[node, 0]
+        y = bones.position[point, 1] + u[node, 1]
+        z = bones.position[point, 2] + u[node, 2]
+        for bone in range(len(bones.start)):
+            p, gx, gy, gz = depth_in(bones, bone, point, x, y, z, placement, instant)
+            if p > 0.0:
+                push = bones.spring[point] * p
+                force[node, 0] += push * gx
+                force[node, 1] += push * gy
+                force[node, 2] += push * gz
+
+
+@leaf
+def rest_on_bones(
+    force, row, external, u, v, bones, placement, instant, near, far, nodes, keep, gain, ahead, behind, sums, pressure
+):
+    """Add the contact force on the points from ``near`` to ``far`` to the node rows ``force``, whose first is ``row``.
+
+    Parameters
+    ----------
+    force : all other forces but ``external`` on entry [N].
+    v : (N, 4) m/s. Velocity of the half step before; keep and gain lead from it to the next, v+ = keep v- + gain f / m.
+    ahead, behind : s. The velocities before and after count for these times in the work at this instant.
+    sums : (bones, BONE_SUMS). Receives what each bone does, and ``pressure`` (bones, points) [Pa]; both empty: nobody asks.
+
+    Returns
+    -------
+    loss, work : J. What the dampers and friction lose, and the work of the bones that move.
+    stored : J. Elastic energy of the contact now.
+    """
+    loss = work = stored = 0.0
+    asked = len(sums) > 0
+    for point in range(near, far):
+        node = bones.node[point]
+        x = bones.position[point, 0] + u[node, 0]
+        y = bones.position[point, 1] + u[node, 1]
+        z = bones.position[point, 2] + u[node, 2]
+        touched = False
+        dx = dy = dz = 0.0  # dampers and friction of all bones
+        driven = 0.0  # their power against the bones' own speed
+        for bone in range(len(bones.start)):
+            p, gx, gy, gz = depth_in(bones, bone, point, x, y, z, placement, instant)
+            if not p > 0.0:
+                continue
+            touched = True
+            wx = wy = wz = 0.0
+            if bones.moves[bone]:
+                R = placement[instant, bone]
+                wx = R[SPEED] + R[SPIN + 1] * z - R[SPIN + 2] * y
+                wy = R[SPEED + 1] + R[SPIN + 2] * x - R[SPIN] * z
+                wz = R[SPEED + 2] + R[SPIN] * y - R[SPIN + 1] * x
+            push = bones.spring[point] * p
+            stored += 0.5 * push * p
+            size = math.sqrt(gx * gx + gy * gy + gz * gz)
+            ex, ey, ez = push * gx, push * gy, push * gz
+            at = node - row
+            force[at, 0] += ex
+            force[at, 1] += ey
+            force[at, 2] += ez
+            mobility_x, mobility_y, mobility_z = (
+                gain * nodes.inverse_mass[node, 0],
+                gain * nodes.inverse_mass[node, 1],
+                gain * nodes.inverse_mass[node, 2],
+            )
+            # mean velocity of the step without dampers, relative to the bone
+            mx = 0.5 * ((1.0 + keep) * v[node, 0] + mobility_x * (force[at, 0] + external[node, 0])) - wx
+            my = 0.5 * ((1.0 + keep) * v[node, 1] + mobility_y * (force[at, 1] + external[node, 1])) - wy
+            mz = 0.5 * ((1.0 + keep) * v[node, 2] + mobility_z * (force[at, 2] + external[node, 2])) - wz
+            mobility = max(mobility_x, max(mobility_y, mobility_z))
+            nx, ny, nz = gx / size, gy / size, gz / size
+            normal = mx * nx + my * ny + mz * nz
+            damper = bones.damper[point]
+            brake = max(-damper * normal / (1.0 + 0.5 * mobility * damper), -push * size)
+            tx, ty, tz = mx - normal * nx, my - normal * ny, mz - normal * nz
+            drag = TANGENTIAL_DAMPER_SHARE * damper
+            if bones.friction[bone] > 0.0:
+                speed = math.sqrt(tx * tx + ty * ty + tz * tz)
+                drag += bones.friction[bone] * (push * size + brake) / (speed + CREEP_M_S)
+            drag = -drag / (1.0 + 0.5 * mobility * drag)
+            bx, by, bz = brake * nx + drag * tx, brake * ny + drag * ty, brake * nz + drag * tz
+            force[at, 0] += bx
+            force[at, 1] += by
+            force[at, 2] += bz
+            dx, dy, dz = dx + bx, dy + by, dz + bz
+            driven += bx * wx + by * wy + bz * wz
+            if bones.moves[bone]:
+                work += (ahead + behind) * ((ex + bx) * wx + (ey + by) * wy + (ez + bz) * wz)
+            if asked:
+                sums[bone, BONE_FORCE] += ex + bx
+                sums[bone, BONE_FORCE + 1] += ey + by
+                sums[bone, BONE_FORCE + 2] += ez + bz
+                area = bones.spring[point] / CONTACT_STIFFNESS_PA_M
+                sums[bone, BONE_AREA] += area
+                sums[bone, BONE_DEPTH] = max(sums[bone, BONE_DEPTH], p)
+                pressure[bone, point] = (push * size + brake) / area
+        if touched:
+            at = node - row
+            for k, d in ((0, dx), (1, dy), (2, dz)):
+                new = keep * v[node, k] + gain * nodes.inverse_mass[node, k] * (force[at, k] + external[node, k])
+                loss -= d * (behind * v[node, k] + ahead * new)
+            loss += (ahead + behind) * driven
+    return loss, work, stored

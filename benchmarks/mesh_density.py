@@ -34,7 +34,7 @@ from scipy.optimize import brentq
 
 import explicitfe
 from explicitfe.mesh.bent_block import Patch
-from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
+from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.mesh.quality import corner_jacobians, edge_lengths, volumes
 from explicitfe.model import catalogue
 from explicitfe.model.specimen import specimen_model
@@ -202,11 +202,14 @@ def coarse_patches() -> Iterator[None]:
     shape = contour("tongue")
     cells = np.array([COARSE[0], COARSE[1], COARSE[2] // 2])
 
-    def on_plane(bound: Sequence[float]) -> tuple[float, ...]:
-        return tuple((np.floor(cells * np.array(bound) + 0.5) / cells).tolist())
+    def on_plane(patch: Patch, bound: Sequence[float]) -> tuple[float, ...]:
+        place = np.array(bound)
+        if patch.row is not None:  # the middle of the strip
+            place[patch.row] = 0.5 * (patch.lower[patch.row] + patch.upper[patch.row])
+        return tuple((np.floor(cells * place + 0.5) / cells).tolist())
 
     held = {
-        name: tuple(Patch(on_plane(patch.lower), on_plane(patch.upper)) for patch in patches)
+        name: tuple(Patch(on_plane(patch, patch.lower), on_plane(patch, patch.upper)) for patch in patches)
         for name, patches in shape.attachments.items()
     }
     catalogue.contour = lambda _: replace(shape, attachments=held)
@@ -244,23 +247,19 @@ def compute(run: Run, folder: Path) -> dict[str, Any]:
             answer["mm"] = {f"{point['force_N']:g} N": [point["displacement_mm"]] for point in summary["curve"]}
             answer["size_mm"] = {name: abs(value) for name, (value,) in answer["mm"].items()}
         elif summary["status"] == "finished":
-            answer["mm"], answer["size_mm"] = tongue_quantities(result, run.factor)
+            answer["mm"], answer["size_mm"] = tongue_quantities(result)
     path.unlink()
     return answer
 
 
-def tongue_quantities(result: Result, factor: float) -> tuple[dict[str, list[float]], dict[str, float]]:
+def tongue_quantities(result: Result) -> tuple[dict[str, list[float]], dict[str, float]]:
     """Quantities in mm and their sizes.
 
-    A probe is interpolated at its own place in the tissue: the nearest node would be another place on every mesh. The groove is
-    cut at the front section of the smooth shape.
+    The groove is cut at the front section of the smooth shape.
     """
     shape = catalogue.contour("tongue")
     mesh = result.mesh
-    at = shape.locate([shape.named_points[name] for name in PROBES], cells_of(factor))
-    weights, nodes = shape_functions(at.natural), mesh.hexes[at.element]
-    every = range(len(result.times))
-    paths = 1e3 * np.stack([np.einsum("ka,kai->ki", weights, result.displacement(step)[nodes]) for step in every])
+    paths = 1e3 * np.stack([result.probe(name) for name in PROBES], axis=1)
     u = result.displacement()
 
     quantities = {name: [-float(paths[-1, k, 0]), float(paths[-1, k, 2])] for k, name in enumerate(PROBES)}

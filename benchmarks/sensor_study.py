@@ -103,7 +103,7 @@ def simulate_sensors(
     scenario = folder / "scenario.toml"
     scenario.write_text(SCENARIO.format(duration_ms=float(duration_ms), mesh=mesh), encoding="utf-8")
     body = prepare(scenario).model.mesh
-    at_rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
+    at_rest = np.concatenate([body.named_points[point].position for point in SENSORS.values()])
     times_s = np.arange(0.0, 1e-3 * duration_ms + 1e-9, 1.0 / rate_hz)
     random = np.random.default_rng(seed)
     lines = [
@@ -140,7 +140,7 @@ def _displacements(duration_ms: float, mesh: str, settings: tuple[str, ...], tim
         path = Path(folder) / "scenario.toml"
         path.write_text(SCENARIO.format(duration_ms=duration_ms, mesh=mesh), encoding="utf-8")
         body = prepare(path).model.mesh
-        at_rest = body.points[[body.named_points[point] for point in SENSORS.values()]]
+        at_rest = np.concatenate([body.named_points[point].position for point in SENSORS.values()])
         return displacements_of(path, settings, at_rest, times_s)[0]
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from explicitfe.errors import InputError, nearest
@@ -59,7 +60,7 @@ class ContourMap:
     drop, keel : (k,) How far the upper surface drops and the lower one rises at the sides, as a share of the thickness.
     half_width : (k, l) m.
     resolutions : name -> elements along s, t, w.
-    named_points : name -> (s, t, w).
+    named_points : name -> (s, t, w); in a mesh they lie there, between its nodes.
     attachments : name -> patches of the surface held by a bone.
     fixed : names of the attachments that are held unless a scenario says otherwise.
     """
@@ -161,6 +162,11 @@ class ContourMap:
         stw = np.asarray(stw, dtype=float)
         return self._place(stw[..., 0], stw[..., 1], stw[..., 2])
 
+    def thickness(self, stw: np.ndarray) -> np.ndarray:
+        """(k,) m, from the lower to the upper surface through points (s, t, w), (k, 3), along t."""
+        upper, lower = (self.position(stw * [1.0, 0.0, 1.0] + [0.0, t, 0.0]) for t in (1.0, 0.0))
+        return np.linalg.norm(upper - lower, axis=1)
+
     def mesh(self, cells: Sequence[int]) -> HexMesh:
         """The structured mesh with (ns, nt, nw) elements along s, t and w.
 
@@ -183,10 +189,10 @@ class ContourMap:
             points=points.reshape(-1, 3),
             hexes=grid_hexes(number),
             node_sets={name: _patch_nodes(patches, number) for name, patches in self.attachments.items()},
-            named_points={name: _nearest_node(point, number) for name, point in self.named_points.items()},
+            named_points={name: self.locate([point], cells) for name, point in self.named_points.items()},
         )
 
-    def locate(self, stw: np.ndarray, cells: Sequence[int]) -> MaterialPoints:
+    def locate(self, stw: npt.ArrayLike, cells: Sequence[int]) -> MaterialPoints:
         """The points (s, t, w), (k, 3), in the mesh with these cells: straight from the grid, without a search.
 
         Their position is that in the mesh, not on the smooth shape: the two differ by what the mesh flattens.
@@ -320,12 +326,6 @@ def _patch_nodes(patches: Sequence[Patch], number: np.ndarray) -> np.ndarray:
         s, t, side = ranges
         nodes += [number[np.ix_(s, middle + sign * side, t)].ravel() for sign in (1, -1)]
     return np.unique(np.concatenate(nodes))
-
-
-def _nearest_node(point: tuple[float, float, float], number: np.ndarray) -> int:
-    ns, nw, nt = (n - 1 for n in number.shape)
-    s, t, w = point
-    return int(number[_plane(s, ns), _plane(0.5 * (w + 1.0), nw), _plane(t, nt)])
 
 
 def _known(table: Mapping[str, Any], names: Sequence[str], where: str, optional: Sequence[str] = ()) -> None:

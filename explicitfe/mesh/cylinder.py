@@ -72,7 +72,7 @@ def sector_mesh(radii_m: np.ndarray, heights_m: np.ndarray, angle_rad: float) ->
         "turned": turned,
         "turned_from": turned_from,
     }
-    return HexMesh(points, hexes, sets, {"top-centre": int(plane[-1, 0])})
+    return HexMesh(points, hexes, sets).with_named_nodes({"top-centre": int(plane[-1, 0])})
 
 
 def cylinder_mesh(

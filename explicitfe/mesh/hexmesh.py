@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,25 @@ FACES = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3,
 
 
 @dataclass(frozen=True)
+class MaterialPoints:
+    """Points that move with the material, or, where ``element`` is -1, points fixed in space (on a bone).
+
+    Attributes
+    ----------
+    element : (k,) int64. The element that holds each point; -1: fixed in space.
+    natural : (k, 3) float64. Natural coordinates in that element, each in [-1, 1]; 0 where fixed in space.
+    position : (k, 3) float64, m. Reference position.
+    """
+
+    element: np.ndarray
+    natural: np.ndarray
+    position: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.element)
+
+
+@dataclass(frozen=True)
 class HexMesh:
     """Nodes and 8-node hexes with their named sets; never changed.
 
@@ -27,13 +46,13 @@ class HexMesh:
     points : (n, 3) float64, m. Reference positions.
     hexes : (m, 8) int64. Node numbers of each element in VTK order.
     node_sets : name -> (k,) int64. Sets of nodes, such as the attachments ``jaw`` and ``hyoid``.
-    named_points : name -> node number. Single nodes that a user asks for by name, such as ``tip``.
+    named_points : name -> one point. Points that a user asks for by name, such as ``tip``.
     """
 
     points: np.ndarray
     hexes: np.ndarray
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
-    named_points: dict[str, int] = field(default_factory=dict)
+    named_points: dict[str, MaterialPoints] = field(default_factory=dict)
 
     @property
     def node_count(self) -> int:
@@ -68,24 +87,47 @@ class HexMesh:
             mask[np.ix_(self.nodes_of(name), np.array(["xyz".index(axis) for axis in along]))] = True
         return mask
 
+    def at(self, points: MaterialPoints, values: np.ndarray) -> np.ndarray:
+        """Values of the nodes, (n, ...), interpolated by the shape functions at points in the mesh, (k, ...).
 
-@dataclass(frozen=True)
-class MaterialPoints:
-    """Points that move with the material, or, where ``element`` is -1, points fixed in space (on a bone).
+        At a node it is the node's value to the last bit.
+        """
+        return np.einsum("ka,ka...->k...", shape_functions(points.natural), values[self.hexes[points.element]])
 
-    Attributes
-    ----------
-    element : (k,) int64. The element that holds each point; -1: fixed in space.
-    natural : (k, 3) float64. Natural coordinates in that element, each in [-1, 1]; 0 where fixed in space.
-    position : (k, 3) float64, m. Reference position.
-    """
+    def points_in(self, element: np.ndarray, natural: np.ndarray) -> MaterialPoints:
+        """The points with these natural coordinates, (k, 3), in these elements, (k,)."""
+        unplaced = MaterialPoints(element, natural, np.empty_like(natural))
+        return replace(unplaced, position=self.at(unplaced, self.points))
 
-    element: np.ndarray
-    natural: np.ndarray
-    position: np.ndarray
+    def points_at_nodes(self, nodes: Sequence[int] | np.ndarray) -> MaterialPoints:
+        """Nodes as material points: each in the first element that holds it, at its corner.
 
-    def __len__(self) -> int:
-        return len(self.element)
+        Raises
+        ------
+        InputError : a node number out of range, or a node of no element.
+        """
+        numbers = np.asarray(nodes, dtype=np.int64)
+        outside = numbers[(numbers < 0) | (numbers >= self.node_count)]
+        if len(outside):
+            raise InputError(f"node {outside[0]} is not in the mesh: its nodes run from 0 to {self.node_count - 1}.")
+        flat = self.hexes.ravel()
+        first = np.full(self.node_count, -1)
+        # Of repeated indices the last assignment stays: reversed, that is the first element.
+        first[flat[::-1]] = np.arange(len(flat))[::-1]
+        place = first[numbers]
+        if (place < 0).any():
+            raise InputError(f"node {numbers[place < 0][0]} belongs to no element.")
+        element, corner = np.divmod(place, 8)
+        return MaterialPoints(element=element, natural=CORNERS[corner], position=self.points[numbers])
+
+    def with_named_nodes(self, nodes: Mapping[str, int]) -> HexMesh:
+        """The same mesh with named points at nodes.
+
+        Raises
+        ------
+        InputError : see ``points_at_nodes``.
+        """
+        return replace(self, named_points={name: self.points_at_nodes([node]) for name, node in nodes.items()})
 
 
 def joined_points(parts: Sequence[MaterialPoints]) -> MaterialPoints:

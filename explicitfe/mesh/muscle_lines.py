@@ -180,29 +180,6 @@ def _from_anchor(anchor: np.ndarray, points: MaterialPoints) -> MaterialPoints:
     )
 
 
-def points_at_nodes(mesh: HexMesh, nodes: Sequence[int] | np.ndarray) -> MaterialPoints:
-    """Nodes as material points: each in the first element that holds it, at its corner.
-
-    Raises
-    ------
-    InputError
-        A node number out of range or a node of no element.
-    """
-    numbers = np.asarray(nodes, dtype=np.int64)
-    outside = numbers[(numbers < 0) | (numbers >= mesh.node_count)]
-    if len(outside):
-        raise InputError(f"node {outside[0]} is not in the mesh: its nodes run from 0 to {mesh.node_count - 1}.")
-    flat = mesh.hexes.ravel()
-    first = np.full(mesh.node_count, -1)
-    # Of repeated indices the last assignment stays: reversed, that is the first element.
-    first[flat[::-1]] = np.arange(len(flat))[::-1]
-    place = first[numbers]
-    if (place < 0).any():
-        raise InputError(f"node {numbers[place < 0][0]} belongs to no element.")
-    element, corner = np.divmod(place, 8)
-    return MaterialPoints(element=element, natural=CORNERS[corner], position=mesh.points[numbers])
-
-
 def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5) -> MaterialPoints:
     """The elements that hold positions, (k, 3), m, in any hex mesh: the inverse of the trilinear map, by Newton.
 

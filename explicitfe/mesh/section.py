@@ -78,7 +78,7 @@ def extruded(quarter: Section, heights_m: np.ndarray, symmetry: str) -> HexMesh:
     sections |= {name: np.flatnonzero(zero[:, k]) for k, name in enumerate(("x0", "y0")) if k not in SYMMETRIES[symmetry]}
     sets = {"base": np.arange(count), "top": first[-1] + np.arange(count)}
     sets |= {name: (first + nodes).ravel() for name, nodes in sections.items()}
-    return HexMesh(points, hexes, sets, {"top-centre": int(sets["axis"][-1])})
+    return HexMesh(points, hexes, sets).with_named_nodes({"top-centre": int(sets["axis"][-1])})
 
 
 def rising(values: np.ndarray, what: str) -> np.ndarray:

@@ -215,7 +215,7 @@ class Model:
     support : springs that hold nodes, in the mesh's numbering.
     sector : its rotational symmetry, where it is a sector.
     copies : how many times the body stands for the whole one.
-    probes : name -> node number, recorded at every sample.
+    probes : name -> one point of the mesh, whose motion is recorded at every sample.
     """
 
     mesh: HexMesh
@@ -224,7 +224,7 @@ class Model:
     alpha_per_s: float = 0.0
     loads: tuple[NodalLoad, ...] = ()
     pulls: tuple[FibrePull, ...] = ()
-    probes: dict[str, int] = field(default_factory=dict)
+    probes: dict[str, MaterialPoints] = field(default_factory=dict)
     element: str = "hex8"
     motion: PrescribedMotion | None = None
     stiffness: np.ndarray | None = None

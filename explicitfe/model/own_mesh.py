@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
-from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, points_at_nodes
+from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.scenario.sentences import explain
@@ -141,7 +141,7 @@ def read_model_file(path: Path) -> Anatomy:
         if name not in sets:
             raise InputError(f'{path}: fixed names no node set "{name}"; {nearest(name, sets)}')
     named = {name: int(nodes([number], f"named_points.{name}")[0]) for name, number in table.named_points.items()}
-    mesh = HexMesh(bare.points, bare.hexes, node_sets=sets, named_points=named)
+    mesh = HexMesh(bare.points, bare.hexes, node_sets=sets).with_named_nodes(named)
 
     muscles = {}
     for muscle in table.muscle:
@@ -150,7 +150,7 @@ def read_model_file(path: Path) -> Anatomy:
             what = f"fibre {number + 1} of muscle {muscle.name}"
             numbers = nodes(fibre.nodes, what)
             try:
-                chain = points_at_nodes(mesh, numbers) if fibre.nodes else locate_in_mesh(mesh, np.array(fibre.points) * unit)
+                chain = mesh.points_at_nodes(numbers) if fibre.nodes else locate_in_mesh(mesh, np.array(fibre.points) * unit)
                 chain = _anchored(chain, fibre.anchor, unit)
                 _check_pieces(chain, mesh)
                 fibres.append(Fibre.through(chain, fibre.side, mesh))

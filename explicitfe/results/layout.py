@@ -12,12 +12,12 @@ says how many are valid.
         Values (T) s   NumberOfParts [T] = 1   PartOffsets [T] = PointOffsets [T] = 0
         CellOffsets ([T], 1) = ConnectivityIdOffsets ([T], 1) = 0
         PointDataOffsets/<field> [T] = i*N   CellDataOffsets/<field> [T] = i*E
-    /explicitfe                            @format = 1
+    /explicitfe                            @format = 2
       status/state, message, summary       fixed length; summary is JSON
       scenario                             text as the user wrote it, @sha256
       model   provenance                   JSON; model has the scenario with --set and defaults as "scenario"
       node_sets/<name>                     node numbers
-      named_points/<name>                  node number
+      named_points/<name> (4)              element, and natural coordinates there; in format 1 a node number
       history/<name> (rows, ...)           @unit @description; the group's @rows says how many rows are valid
       restart/slot0, slot1/                <array>, and seal = [sequence, checksum]; sequence 0: never written
 
@@ -41,7 +41,7 @@ import numpy.typing as npt
 
 from explicitfe.mesh.hexmesh import HexMesh
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 POINT_DATA = "VTKHDF/PointData"
 CELL_DATA = "VTKHDF/CellData"
 STEPS = "VTKHDF/Steps"
@@ -156,8 +156,8 @@ def create(
     for name, nodes in mesh.node_sets.items():
         file[NODE_SETS][name] = np.asarray(nodes, dtype=np.int64)
     file.create_group(NAMED_POINTS)
-    for name, node in mesh.named_points.items():
-        file[NAMED_POINTS][name] = np.int64(node)
+    for name, point in mesh.named_points.items():
+        file[NAMED_POINTS][name] = np.concatenate([point.element, point.natural[0]]).astype("<f8")
 
     file.create_group(HISTORY).attrs["rows"] = np.int64(0)
     for name, quantity in history.items():

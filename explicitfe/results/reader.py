@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -13,10 +14,11 @@ import h5py
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
-from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.results import layout
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
+from explicitfe.results.run_summary import PointAtRest, point_at_rest
 
 if TYPE_CHECKING:
     import pyvista
@@ -75,7 +77,7 @@ class ResultContents(TypedDict):
     history_rows: int
     last: dict[str, float | list[float]]
     node_sets: dict[str, int]
-    named_points: dict[str, int]
+    named_points: dict[str, PointAtRest]
     scenario_sha256: str
     model: Mapping[str, Any]
     provenance: Provenance
@@ -165,12 +167,13 @@ class Result:
     def mesh(self) -> HexMesh:
         """The reference mesh with its node sets and named points."""
         vtk = self._file["VTKHDF"]
-        return HexMesh(
+        mesh = HexMesh(
             points=self._read(vtk["Points"]),
             hexes=self._read(vtk["Connectivity"]).reshape(-1, 8),
             node_sets={name: self._read(nodes) for name, nodes in self._file[layout.NODE_SETS].items()},
-            named_points={name: int(self._read(node)) for name, node in self._file[layout.NAMED_POINTS].items()},
         )
+        named = {name: self._read(point) for name, point in self._file[layout.NAMED_POINTS].items()}
+        return replace(mesh, named_points={name: _point(mesh, stored) for name, stored in named.items()})
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -231,9 +234,12 @@ class Result:
         points = self.mesh.named_points
         if name not in points:
             raise InputError(f'{self.path} has no named point "{name}"; {nearest(name, points)}')
-        rows = points[name] + self.mesh.node_count * np.arange(len(self.times))
-        dataset, _ = self._field("displacement")
-        return np.array([self._read(dataset, row) for row in rows]).reshape(-1, 3)
+        dataset, count = self._field("displacement")
+        shares = shape_functions(points[name].natural[0])
+        corners = np.flatnonzero(shares)  # mostly fewer than eight: a point lies on the surface, or in a plane of symmetry
+        nodes = self.mesh.hexes[points[name].element[0], corners]
+        moved = [[self._read(dataset, step * count + node) for node in nodes] for step in range(len(self.times))]
+        return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
 
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:
         """The mesh with all fields at one step, as pyvista and ParaView see it.
@@ -293,7 +299,7 @@ class Result:
             "history_rows": rows,
             "last": {name: self.history(name)[-1].tolist() for name in self.history_names} if rows else {},
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
-            "named_points": self.mesh.named_points,
+            "named_points": {name: point_at_rest(point) for name, point in self.mesh.named_points.items()},
             "scenario_sha256": self.scenario_sha256,
             "model": self.model,
             "provenance": self.provenance,
@@ -350,6 +356,13 @@ class Result:
 
     def _damaged(self, what: str) -> InputError:
         return InputError(f"{self.path} is damaged ({what}); run the scenario again")
+
+
+def _point(mesh: HexMesh, stored: np.ndarray) -> MaterialPoints:
+    """A named point as stored: an element and natural coordinates, or, in format 1, a node number."""
+    if stored.ndim == 0:
+        return mesh.points_at_nodes([int(stored)])
+    return mesh.points_in(stored[:1].astype(np.int64), stored[None, 1:])
 
 
 def _stored_quantity(name: str, quantity: Quantity) -> StoredQuantity:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
+from explicitfe.mesh.hexmesh import MaterialPoints
+
 Json = str | int | float | bool | None | list["Json"] | dict[str, "Json"]
 
 
@@ -22,12 +24,23 @@ class ModelDescription(TypedDict):
     scenario: dict[str, Json]
 
 
+class PointAtRest(TypedDict):
+    """Where a point of the body is in the reference shape: x, y, z."""
+
+    position_mm: list[float]
+
+
+def point_at_rest(point: MaterialPoints) -> PointAtRest:
+    """Where one point is in the reference shape."""
+    return {"position_mm": (1e3 * point.position[0]).tolist()}
+
+
 class TransientModelDescription(ModelDescription):
-    """What else a model under muscles has; ``probes`` are nodes by name."""
+    """What else a model under muscles has; ``probes`` are points by name."""
 
     alpha_per_s: float
     muscles: list[dict[str, Json]]
-    probes: dict[str, int]
+    probes: dict[str, PointAtRest]
 
 
 class IndentationModelDescription(ModelDescription):

@@ -20,6 +20,7 @@ from explicitfe.results.run_summary import (
     TransientCheckReport,
     TransientModelDescription,
     TransientSummary,
+    point_at_rest,
 )
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis
 from explicitfe.scenario.transient import TransientScenario
@@ -67,7 +68,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             **self._description(),
             "alpha_per_s": self.model.alpha_per_s,
             "muscles": [muscle.model_dump() for muscle in self.scenario.muscle],
-            "probes": {name: int(node) for name, node in self.model.probes.items()},
+            "probes": {name: point_at_rest(point) for name, point in self.model.probes.items()},
         }
 
     def run(self, target: Path, *, overwrite: bool, progress: Progress) -> TransientSummary:
@@ -201,9 +202,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "balance_error": ledger.balance_error,
             "smallest_J": snapshot.smallest_J,
         }
-        for name, node in self.model.probes.items():
-            row[f"probe_{name}_displacement"] = snapshot.displacement[node]
-            row[f"probe_{name}_velocity"] = snapshot.velocity[node]
+        for name, point in self.model.probes.items():
+            row[f"probe_{name}_displacement"] = self.model.mesh.at(point, snapshot.displacement)[0]
+            row[f"probe_{name}_velocity"] = self.model.mesh.at(point, snapshot.velocity)[0]
         writer.history(snapshot.time_s, row)
         points = {"displacement": snapshot.displacement} | ({"velocity": snapshot.velocity} if "velocity" in wanted else {})
         cells = {"J": snapshot.J, "hourglass_energy": snapshot.hourglass_energy}
@@ -246,7 +247,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         compile_s: float,
         wall_s: float,
     ) -> TransientSummary:
-        simulation = transient.simulation
+        simulation, mesh = transient.simulation, self.model.mesh
         last = simulation.snapshot()
         finite = bool(np.isfinite(last.energies).all())
         speed = np.linalg.norm(last.velocity, axis=1)
@@ -257,8 +258,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "warnings": self._warnings(ledger, last),
             "result": str(target),
             "title": self.scenario.title,
-            "nodes": self.model.mesh.node_count,
-            "hexes": self.model.mesh.element_count,
+            "nodes": mesh.node_count,
+            "hexes": mesh.element_count,
             "simulated_s": simulation.time_s,
             "steps": simulation.steps,
             "threads": len(simulation.parts),
@@ -278,10 +279,10 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "largest_speed_mm_s": float(1e3 * speed.max()),
             "probes": {
                 name: {
-                    "displacement_mm": [float(1e3 * x) for x in last.displacement[node]],
-                    "speed_mm_s": float(1e3 * speed[node]),
+                    "displacement_mm": (1e3 * mesh.at(point, last.displacement)[0]).tolist(),
+                    "speed_mm_s": float(1e3 * np.linalg.norm(mesh.at(point, last.velocity))),
                 }
-                for name, node in self.model.probes.items()
+                for name, point in self.model.probes.items()
             },
         }
 

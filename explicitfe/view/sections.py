@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from explicitfe.mesh.hexmesh import FACES, HexMesh
+from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 
 X, Y, Z = 0, 1, 2
 
@@ -48,7 +48,8 @@ def section(mesh: HexMesh, axis: int, position: float) -> PlaneCut:
     """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
     distance = mesh.points[:, axis] - position
     distance[np.abs(distance) < 1e-9 * np.ptp(mesh.points, axis=0).max()] = 0.0
-    quads = _surface(mesh.hexes)
+    element, face = free_faces(mesh.hexes)
+    quads = mesh.hexes[element[:, None], FACES[face]]
     segments: list[tuple[tuple[int, int], tuple[int, int]]] = []
     # Nodes in the plane count as above it. A half model that ends in the plane has nothing below: then they count as below.
     for above in (distance >= 0.0, distance > 0.0):
@@ -80,7 +81,7 @@ def middle(mesh: HexMesh) -> float:
 def front_position(mesh: HexMesh) -> float:
     """The x of a front coronal section, m: that of the point named "front", else 40 % of the length from the tip."""
     if "front" in mesh.named_points:
-        return float(mesh.points[mesh.named_points["front"], X])
+        return float(mesh.named_points["front"].position[0, X])
     x = mesh.points[:, X]
     return float(x.min() + 0.4 * np.ptp(x))
 
@@ -106,13 +107,6 @@ def groove_depth(reference: np.ndarray, now: np.ndarray) -> float:
     upper = reference[:, Z] > 0.5 * (reference[:, Z].min() + reference[:, Z].max())
     sides = [now[upper & side, Z].max(initial=-np.inf) for side in (y < 0.0, y > 0.0)]
     return max(0.0, float(min(sides) - now[top, Z]))
-
-
-def _surface(hexes: np.ndarray) -> np.ndarray:
-    """The faces that belong to one element only, (f, 4) nodes in cyclic order."""
-    faces = hexes[:, FACES].reshape(-1, 4)
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    return faces[np.sort(first[count == 1])]
 
 
 def _crossing(a: int, b: int, distance: np.ndarray) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.results import Result
 from explicitfe.view.heading import result_figure
 from explicitfe.view.palette import AT_REST, HELD, plain, sequence
@@ -52,8 +52,8 @@ def contour_figure(result: Result, step: int) -> Figure | None:
 
     in_plane = _points_in_plane(mesh)
     centre = np.nanmean(1e3 * cut.outline(mesh.points), axis=0)
-    for name, node in in_plane.items():
-        path = 1e3 * (mesh.points[node] + result.probe(name)[: step + 1])
+    for name, point in in_plane.items():
+        path = 1e3 * (point.position + result.probe(name)[: step + 1])
         label = "named point,\nfrom rest ○ to end ●" if name == next(iter(in_plane)) else None
         axes.plot(path[:, X], path[:, Z], color="black", lw=1.0, zorder=5, label=label)
         axes.plot(*path[0, [X, Z]], "o", mfc="white", mec="black", ms=5.5, zorder=6)
@@ -138,11 +138,11 @@ def _side_view(axes: Axes, adjustable: Literal["box", "datalim"] = "datalim") ->
     axes.set_ylabel("z, up (mm)")
 
 
-def _points_in_plane(mesh: HexMesh) -> dict[str, int]:
+def _points_in_plane(mesh: HexMesh) -> dict[str, MaterialPoints]:
     """The named points of the midsagittal plane; all of them if none lies there."""
     tolerance = 1e-3 * float(np.ptp(mesh.points[:, Y]))
-    away = np.abs(mesh.points[:, Y] - middle(mesh))
-    return {name: k for name, k in mesh.named_points.items() if away[k] < tolerance} or mesh.named_points
+    points = mesh.named_points
+    return {name: at for name, at in points.items() if abs(at.position[0, Y] - middle(mesh)) < tolerance} or points
 
 
 def _polygon(outline: np.ndarray, across: int, up: int) -> list[np.ndarray]:

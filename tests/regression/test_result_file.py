@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -34,7 +35,9 @@ def two_hexes() -> HexMesh:
     points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
     base = np.array([0, 6, 9, 3])
     hexes = np.array([[*(base + k), *(base + k + 1)] for k in range(2)])
-    return HexMesh(points, hexes, {"jaw": np.array([0, 3, 6, 9])}, {"tip": 11})
+    mesh = HexMesh(points, hexes, {"jaw": np.array([0, 3, 6, 9])}).with_named_nodes({"tip": 11})
+    inside = mesh.points_in(np.array([1]), np.array([[0.5, -0.25, 0.125]]))
+    return replace(mesh, named_points=mesh.named_points | {"inside": inside})
 
 
 MESH = two_hexes()
@@ -199,7 +202,14 @@ def test_the_reader_gives_back_what_was_written(tmp_path):
         np.testing.assert_array_equal(result.mesh.points, MESH.points)
         np.testing.assert_array_equal(result.mesh.hexes, MESH.hexes)
         np.testing.assert_array_equal(result.mesh.node_sets["jaw"], MESH.node_sets["jaw"])
-        assert result.mesh.named_points == {"tip": 11}
+        named = result.mesh.named_points
+        assert set(named) == {"tip", "inside"}
+        for name, point in MESH.named_points.items():
+            for part in ("element", "natural", "position"):
+                np.testing.assert_array_equal(getattr(named[name], part), getattr(point, part))
+            assert named[name].element.dtype == np.int64
+        inside = [MESH.at(MESH.named_points["inside"], displacement(row))[0] for row in (0, 1000, 2000)]
+        np.testing.assert_allclose(result.probe("inside"), inside, rtol=0.0, atol=1e-15)
         np.testing.assert_array_equal(result.probe("tip"), [displacement(row)[11] for row in (0, 1000, 2000)])
         np.testing.assert_array_equal(result.history("time"), np.arange(2500))
         np.testing.assert_array_equal(result.history("kinetic_energy"), -np.arange(2500))
@@ -213,7 +223,21 @@ def test_the_reader_gives_back_what_was_written(tmp_path):
         progress = json.loads(json.dumps(result.contents()))
         assert (progress["status"], progress["steps"], progress["history_rows"]) == ("failed", 3, 2500)
         assert progress["time_s"] == [0.0, 2000.0]
+        assert progress["named_points"]["tip"] == {"position_mm": [10.0, 10.0, 20.0]}
         assert {"name": "J", "kind": "cell", "unit": "1", "components": 1, "description": ""} in progress["fields"]
+
+
+def test_a_file_of_format_1_names_nodes(tmp_path):
+    path = write(tmp_path / "old.vtkhdf", 3)
+    with h5py.File(path, "r+") as file:
+        assert file["explicitfe"].attrs["format"] == 2
+        np.testing.assert_array_equal(file["explicitfe/named_points/inside"], [1.0, 0.5, -0.25, 0.125])
+        file["explicitfe"].attrs["format"] = 1
+        del file["explicitfe/named_points/tip"], file["explicitfe/named_points/inside"]
+        file["explicitfe/named_points/tip"] = np.int64(11)
+    with open_result(path) as result:
+        np.testing.assert_array_equal(result.mesh.named_points["tip"].position, MESH.points[[11]])
+        np.testing.assert_array_equal(result.probe("tip"), [displacement(row)[11] for row in range(3)])
 
 
 def test_what_is_not_there_is_answered_with_what_is(tmp_path):

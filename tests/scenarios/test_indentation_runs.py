@@ -87,7 +87,7 @@ def test_summary_and_result(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     with explicitfe.open_result(summary["result"]) as result:
         assert list(result.times) == [0.0, 1.0, 2.0, 3.0]
         assert 1e3 * result.history("indentation")[1:] == pytest.approx(ways, abs=1e-12)
-        deepest = result.displacement(3)[result.mesh.named_points["top-centre"], 2]
+        deepest = result.probe("top-centre")[3, 2]
         assert -1e3 * deepest == pytest.approx(ways[-1], rel=2e-3)
         assert result.field("strain_energy_density", 3).min() > 0.0
         # what the elements store adds up to what the history says

@@ -17,6 +17,7 @@ from command import command
 
 import explicitfe
 from explicitfe.materials.neo_hooke import NeoHooke
+from explicitfe.mesh.hexmesh import shape_functions
 from explicitfe.model import catalogue
 from explicitfe.results import open_result
 from explicitfe.run.lists import LISTS
@@ -65,8 +66,15 @@ def test_json_is_one_object_and_nothing_else(tmp_path: Path) -> None:
     assert len(tip["displacement_mm"]) == 3 and tip["speed_mm_s"] > 0.0
     assert "compiling" in done.stderr
     with open_result(tmp_path / "vowel-i.vtkhdf") as result:
-        node = result.model["probes"]["tip"]
-        assert tip["displacement_mm"] == pytest.approx(1e3 * result.displacement(step=-1)[node], abs=1e-12)
+        mesh, last = result.mesh, result.displacement(step=-1)
+        # Cells along s put the dorsum, s = 0.32, between nodes: it moves as the trilinear element does.
+        for name, point in mesh.named_points.items():
+            moved = (shape_functions(point.natural[0])[:, None] * last[mesh.hexes[point.element[0]]]).sum(axis=0)
+            assert summary["probes"][name]["displacement_mm"] == pytest.approx(1e3 * moved, abs=1e-12)
+            assert result.history(f"probe_{name}_displacement")[-1] == pytest.approx(moved, abs=1e-15)
+            np.testing.assert_allclose(result.probe(name)[-1], moved, rtol=0.0, atol=1e-15)
+            assert result.model["probes"][name] == {"position_mm": pytest.approx(1e3 * point.position[0], abs=1e-12)}
+        assert np.abs(mesh.named_points["dorsum"].natural[0, 0]) < 0.9
 
 
 def test_result_agrees_between_pyvista_and_h5py(tmp_path: Path) -> None:

@@ -238,7 +238,7 @@ def test_sector_nodes(name):
     }
     for key, mask in expected.items():
         assert (sets[key] == np.flatnonzero(mask)).all()
-    assert (points[mesh.named_points["top-centre"]] == [0.0, 0.0, heights[-1]]).all()
+    assert (mesh.named_points["top-centre"].position == [0.0, 0.0, heights[-1]]).all()
 
 
 # --- cylinders and blocks: shape of elements -------------------------------------------------------------------------
@@ -408,7 +408,7 @@ def test_sets_lie_where_they_should(shape, name, symmetry):
         assert (mesh.node_sets[key] == np.flatnonzero(mask)).all()
     assert (np.unique(z) == case.heights).all()
     assert len(mesh.node_sets["axis"]) == len(case.heights)
-    assert (mesh.points[mesh.named_points["top-centre"]] == [0.0, 0.0, case.heights[-1]]).all()
+    assert (mesh.named_points["top-centre"].position == [0.0, 0.0, case.heights[-1]]).all()
     assert (x.min() >= 0.0) == (symmetry == "quarter") and (y.min() >= 0.0) == (symmetry != "whole")
 
 

@@ -14,7 +14,7 @@ from explicitfe.errors import InputError
 from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
 from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions, shape_gradients
-from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, points_at_nodes, read_muscles
+from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, read_muscles
 from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
 from explicitfe.mesh.surface_points import points_on_set
 
@@ -386,14 +386,35 @@ def test_attachments_lie_where_the_real_ones_do(meshes, name):
     assert distance.mean() < 4e-3 and distance.max() < 9e-3, (distance.mean(), distance.max())
 
 
-def test_named_points_lie_on_the_midsagittal_upper_surface(meshes):
-    for mesh in meshes.values():
-        points = mesh.points[list(mesh.named_points.values())]
+def test_named_points_lie_on_the_midsagittal_upper_surface(tongue, meshes):
+    for name, mesh in meshes.items():
+        points = np.concatenate([point.position for point in mesh.named_points.values()])
+        np.testing.assert_array_equal(
+            points, tongue.locate(list(tongue.named_points.values()), tongue.resolutions[name]).position
+        )
         assert list(mesh.named_points) == ["tip", "blade", "front", "dorsum", "back", "root", "base"]
         assert (points[:, 1] == 0.0).all()
         assert (np.diff(points[:, 0]) > 0.0).all()
-        assert mesh.points[mesh.named_points["tip"], 0] == mesh.points[:, 0].min()
-        assert mesh.points[mesh.named_points["dorsum"], 2] > mesh.points[:, 2].max() - 0.5e-3
+        assert mesh.named_points["tip"].position[0, 0] == mesh.points[:, 0].min()
+        assert mesh.named_points["dorsum"].position[0, 2] > mesh.points[:, 2].max() - 0.5e-3
+
+
+def test_named_points_are_the_same_points_at_every_resolution(tongue, meshes):
+    """They stand off the smooth shape by what the mesh flattens there: h^2 / 8 times the curvature, at most along s and t."""
+    for name, (s, t, w) in tongue.named_points.items():
+        for resolution, (ns, nt, _) in tongue.resolutions.items():
+            away = meshes[resolution].named_points[name].position[0] - tongue.position([s, t, w])
+            # Curvature from second differences of the smooth contour over an element to both sides.
+            bound = 0.0
+            for axis, h in ((0, 1.0 / ns), (1, 1.0 / nt)):
+                near = np.clip(np.linspace(-1.5 * h, 1.5 * h, 61) + (s, t)[axis], 0.0, 1.0)
+                line = np.tile([s, t, w], (61, 1))
+                line[:, axis] = near
+                line = line[np.append(np.diff(near) > 0.0, True)]
+                bound += (
+                    h**2 / 8.0 * np.linalg.norm(np.diff(tongue.position(line), n=2, axis=0), axis=1).max() / (3.0 * h / 60) ** 2
+                )
+            assert np.linalg.norm(away) <= 1.05 * bound + 1e-15, (name, resolution)
 
 
 @needs_real_mesh
@@ -496,10 +517,33 @@ def test_search_in_the_real_mesh():
 
 def test_points_at_nodes(meshes):
     mesh = meshes["coarse"]
-    points = points_at_nodes(mesh, np.arange(mesh.node_count))
+    points = mesh.points_at_nodes(np.arange(mesh.node_count))
     assert (position_in(mesh, points) == mesh.points).all()
     with pytest.raises(InputError, match=f"node {mesh.node_count} is not in the mesh"):
-        points_at_nodes(mesh, [0, mesh.node_count])
+        mesh.points_at_nodes([0, mesh.node_count])
+    with pytest.raises(InputError, match="node 12 belongs to no element"):
+        _spoil("unused").points_at_nodes([12])
+
+
+def test_values_of_nodes_at_points(meshes):
+    """The mesh interpolates exactly what is linear, a node's value is its own, and a point stands where its position says."""
+    mesh = meshes["coarse"]
+    generator = np.random.default_rng(9)
+    points = mesh.points_in(generator.integers(mesh.element_count, size=200), generator.uniform(-1.0, 1.0, size=(200, 3)))
+    np.testing.assert_allclose(points.position, position_in(mesh, points), rtol=0.0, atol=1e-16)
+    gradient, shift = generator.normal(size=(3, 3)), generator.normal(size=3)
+    moved = mesh.at(points, mesh.points @ gradient.T + shift)
+    np.testing.assert_allclose(moved, points.position @ gradient.T + shift, rtol=0.0, atol=1e-14)
+    scalar = generator.normal(size=mesh.node_count)
+    corners = scalar[mesh.hexes[points.element]]
+    xi, eta, zeta = points.natural.T
+    low, high = (
+        ((1 - xi) * (1 - eta) * c[0] + (1 + xi) * (1 - eta) * c[1] + (1 + xi) * (1 + eta) * c[2] + (1 - xi) * (1 + eta) * c[3])
+        / 4
+        for c in (corners.T[:4], corners.T[4:])
+    )
+    np.testing.assert_allclose(mesh.at(points, scalar), 0.5 * ((1 - zeta) * low + (1 + zeta) * high), rtol=0.0, atol=1e-14)
+    assert (mesh.at(mesh.points_at_nodes(np.arange(mesh.node_count)), scalar) == scalar).all()
 
 
 # --- muscles ---------------------------------------------------------------------------------------------------------

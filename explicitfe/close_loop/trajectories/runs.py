@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.errors import InputError, RunError
-from explicitfe.mesh.hexmesh import shape_functions
 from explicitfe.mesh.muscle_lines import locate_in_mesh
 from explicitfe.run.prepare import prepare
 from explicitfe.solve.transient import Transient
@@ -48,8 +47,8 @@ def displacements_of(
         raise InputError(
             f"{path}: analysis.duration_ms = {analysis.duration_ms:g} ends before the data do, at {1e3 * times_s[-1]:g} ms."
         )
-    points = locate_in_mesh(prepared.model.mesh, places)
-    nodes, weights = prepared.model.mesh.hexes[points.element], shape_functions(points.natural)
+    mesh = prepared.model.mesh
+    points = locate_in_mesh(mesh, places)
     step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
     transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
     displacements = np.empty((len(times_s), *places.shape))
@@ -58,8 +57,7 @@ def displacements_of(
         if status:
             raise RunError(status.message)
         now = simulation.snapshot()
-        u = now.displacement[nodes] + (time_s - now.time_s) * now.velocity[nodes]
-        displacements[row] = np.einsum("sa,sai->si", weights, u)
+        displacements[row] = mesh.at(points, now.displacement + (time_s - now.time_s) * now.velocity)
     return displacements, transient.smallest_dt_s
 
 

@@ -347,7 +347,7 @@ def trajectory_system(
         if point not in mesh.named_points:
             hint = nearest(point, mesh.named_points)
             raise InputError(f'{dataset.path}: sensor "{sensor}" sits on "{point}", which the model does not have; {hint}')
-    undeformed = mesh.points[[mesh.named_points[point] for point in dataset.sensors.values()]]
+    undeformed = np.concatenate([mesh.named_points[point].position for point in dataset.sensors.values()])
     runs = Runs(dataset.scenario, undeformed, processes)
     modelled, seen = [], []
     curves = tuple(curves)

@@ -5,18 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter
+from scipy.interpolate import interp1d
+from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from explicitfe.bones.surface import TriangleSurface
 
-# Samples of the surface stand this many grid spacings apart: the nearest of them names the nearest triangle.
+# Samples of the surface stand this many grid spacings apart: the triangles of the nearest ones are tried for a node.
 _SAMPLE_SPACINGS = 1.0
-# Nodes nearer than this many spacings compare several triangles.
-_NEAR_SPACINGS = 4.0
-_NEAR_TRIANGLES = 6
+_TRIANGLES_TRIED = 6
+# Nodes nearer than this many spacings get their own distance, the others one between those of their neighbours.
+_NEAR_SPACINGS = 5.0
 # Pieces of the surface that are farther than this from the grid do not count.
-_PAD_SPACINGS = 12
+_FARTHEST_SPACINGS = 40
 # Columns of the grid are moved by this share of a spacing against the triangles, so that none runs along an edge.
 _COLUMN_SHIFT_SHARES = (1.7320508e-6, 2.2360680e-6)
 
@@ -87,12 +88,16 @@ def distance_field(
     region = np.asarray(region, dtype=float)
     first = np.floor(region[0] / spacing_m).astype(np.int64)
     last = np.ceil(region[1] / spacing_m).astype(np.int64)
-    axes = [spacing_m * np.arange(first[i], last[i] + 1) for i in range(3)]
-    length = _unsigned(surface, first, last, spacing_m)
-    values = np.where(_winding_number(surface, axes, spacing_m) > 0, -length, length)
+    mirrored = first[1] == -last[1] and _is_its_own_mirror_image(surface)
+    start = np.where([False, mirrored, False], 0, first)
+    values = _unsigned(surface, start, last, spacing_m)
+    values = np.where(_winding_number(surface, start, last, spacing_m) > 0, -values, values)
+    if mirrored:
+        values = np.concatenate([values[:, :0:-1], values], axis=1)
     if smoothing_m > 0.0:
         values = gaussian_filter(values, smoothing_m / spacing_m, mode="nearest")
-    if first[1] == -last[1] and _is_its_own_mirror_image(surface):
+    if mirrored:
+        # The filter adds up in one direction.
         values = 0.5 * (values + values[:, ::-1])
     return DistanceField(origin_m=spacing_m * first, spacing_m=spacing_m, values=values)
 
@@ -110,52 +115,53 @@ def _is_its_own_mirror_image(surface: TriangleSurface) -> bool:
     return bool(np.array_equal(np.unique(surface.points + 0.0, axis=0), np.unique(mirrored, axis=0)))
 
 
-def _samples(surface: TriangleSurface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (k, 3) on the triangles, no farther apart than the spacing, and the triangle (k,) of each."""
-    corners = surface.corners
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    parts = np.maximum(np.ceil(longest / spacing).astype(np.int64), 1)
-    points, triangle = [], []
-    for n in np.unique(parts):
-        members = np.flatnonzero(parts == n)
-        i, j = np.divmod(np.arange(n * n), n)
-        # The centres of the n^2 small triangles: i + j below n stands upright, else upside down.
-        upright = i + j < n
-        a = np.where(upright, i + 1.0 / 3.0, n - i - 1.0 / 3.0) / n
-        b = np.where(upright, j + 1.0 / 3.0, n - j - 1.0 / 3.0) / n
-        share = np.column_stack([1.0 - a - b, a, b])
-        points.append(np.einsum("sc,mci->msi", share, corners[members]).reshape(-1, 3))
-        triangle.append(np.repeat(members, n * n))
-    return np.concatenate(points), np.concatenate(triangle)
+def _samples(surface: TriangleSurface, spacing: float, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (k, 3) on the triangles, a spacing apart or less, and the triangle (k,) of each; none far outside of the box (2, 3).
+
+    The centres of the triangles, halved across their longest edge until that is no longer than the spacing.
+    """
+    corners, triangle = surface.corners, np.arange(len(surface.triangles))
+    points, owner = [], []
+    while len(triangle):
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        small = edges.max(axis=1) <= spacing
+        points.append(corners[small].mean(axis=1))
+        owner.append(triangle[small])
+        split = ~small & ((corners.max(axis=1) >= box[0]) & (corners.min(axis=1) <= box[1])).all(axis=1)
+        corners, triangle, edges = corners[split], triangle[split], edges[split]
+        order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(corners, order[:, :, None], axis=1), 1, 0)
+        middle = 0.5 * (a + b)
+        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+        triangle = np.tile(triangle, 2)
+    return np.concatenate(points), np.concatenate(owner)
 
 
 def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spacing: float) -> np.ndarray:
     """Distance from the surface at the nodes from ``first`` to ``last``, in multiples of the spacing.
 
-    Near the surface the least distance from the triangles of the nearest samples; elsewhere that from one sample, which is
-    too long by (distance of samples)^2 / (8 distance) at most.
+    Exact near the surface; elsewhere interpolated between every second node, off by spacing^2 / (2 d) at a distance d.
     """
-    samples, triangle = _samples(surface, _SAMPLE_SPACINGS * spacing)
-    low, high = first - _PAD_SPACINGS, last + _PAD_SPACINGS
-    cell = np.rint(samples / spacing).astype(np.int64) - low
-    inside = np.flatnonzero(((cell >= 0) & (cell <= high - low)).all(axis=1))
-    sample_at = np.full(high - low + 1, -1, dtype=np.int64)
-    sample_at[tuple(cell[inside].T)] = inside
-    nodes = spacing * np.stack(np.meshgrid(*[np.arange(a, b + 1) for a, b in zip(first, last, strict=True)], indexing="ij"), -1)
-    if not len(inside):
-        far, _ = cKDTree(samples).query(nodes, eps=0.1)
-        return far
-    feature = distance_transform_edt(sample_at < 0, return_distances=False, return_indices=True)
-    core = tuple(slice(_PAD_SPACINGS, -_PAD_SPACINGS) for _ in range(3))
-    nearest = sample_at[tuple(index[core] for index in feature)]
-    length = np.linalg.norm(nodes - samples[nearest], axis=-1)
-    near = length < _NEAR_SPACINGS * spacing
-    if near.any():
-        points = nodes[near]
-        _, several = cKDTree(samples).query(points, k=min(_NEAR_TRIANGLES, len(samples)))
-        corners = surface.corners
-        columns = triangle[several].reshape(len(points), -1).T
-        length[near] = np.min([triangle_distance(points, corners[column]) for column in columns], axis=0)
+    box = spacing * np.stack([first - _FARTHEST_SPACINGS, last + _FARTHEST_SPACINGS])
+    samples, triangle = _samples(surface, _SAMPLE_SPACINGS * spacing, box)
+    if not len(samples):
+        return np.full(last - first + 1, _FARTHEST_SPACINGS * spacing)
+    # Built like this, it answers a grid of far points three times as fast.
+    tree, corners = cKDTree(samples, balanced_tree=False, compact_nodes=False), surface.corners[triangle]
+
+    def distance_of(nodes: np.ndarray, tried: int) -> np.ndarray:
+        _, nearest = tree.query(nodes, k=min(tried, len(samples)))
+        columns = nearest.reshape(len(nodes), -1).T
+        return np.min([triangle_distance(nodes, corners[column]) for column in columns], axis=0)
+
+    axes = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]
+    coarse = [np.arange(a, b + 2, 2) for a, b in zip(first, last, strict=True)]
+    nodes = spacing * np.stack(np.meshgrid(*coarse, indexing="ij"), axis=-1)
+    length = distance_of(nodes.reshape(-1, 3), 1).reshape(nodes.shape[:3])
+    for axis, (fine, nodes_of) in enumerate(zip(axes, coarse, strict=True)):
+        length = interp1d(nodes_of, length, axis=axis, assume_sorted=True)(fine)
+    near = np.nonzero(length < _NEAR_SPACINGS * spacing)
+    length[near] = distance_of(spacing * (np.column_stack(near) + first), _TRIANGLES_TRIED)
     return length
 
 
@@ -176,12 +182,10 @@ def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.sqrt(np.where(above, plane, squared))
 
 
-def _winding_number(surface: TriangleSurface, axes: list[np.ndarray], spacing: float) -> np.ndarray:
+def _winding_number(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spacing: float) -> np.ndarray:
     """How often the surface winds around each node: crossings of the column above it, those upwards less those downwards."""
-    shift = np.array([*_COLUMN_SHIFT_SHARES, 0.0]) * spacing
-    corners = surface.corners - np.array([axes[0][0], axes[1][0], axes[2][0]]) - shift
-    corners = corners / spacing
-    count = np.array([len(axis) for axis in axes])
+    corners = surface.corners / spacing - first - np.array([*_COLUMN_SHIFT_SHARES, 0.0])
+    count = last - first + 1
     low = np.maximum(np.ceil(corners[:, :, :2].min(axis=1)).astype(np.int64), 0)
     high = np.minimum(np.floor(corners[:, :, :2].max(axis=1)).astype(np.int64), count[:2] - 1)
     span = np.maximum(high - low + 1, 0)

@@ -82,7 +82,7 @@ def check_surface(surface: TriangleSurface, what: str, body_points: np.ndarray |
     flat = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) <= _SMALLEST_AREA_SHARE * extent * extent)
     if len(flat):
         raise InputError(
-            f"{what}: {len(flat)} triangles have no area, one at {in_mm(a[flat[0]])}; clean the surface in the program it comes from."
+            f"{what}: {len(flat)} triangles have no area, one at {in_mm(a[flat[0]])}; clean the surface where it comes from."
         )
     _check_edges(surface, what)
     if surface.volume_m3 <= 0.0:

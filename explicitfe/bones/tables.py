@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -150,9 +151,7 @@ def _closed(sections: np.ndarray, ends: np.ndarray) -> TriangleSurface:
 
 def _refined(values: np.ndarray, step: float) -> np.ndarray:
     """The values with equal parts between them, none longer than the step."""
-    parts = [
-        np.linspace(a, b, int(np.ceil((b - a) / step)), endpoint=False) for a, b in zip(values[:-1], values[1:], strict=True)
-    ]
+    parts = [np.linspace(a, b, int(np.ceil((b - a) / step)), endpoint=False) for a, b in pairwise(values)]
     return np.concatenate([*parts, values[-1:]])
 
 

@@ -2,7 +2,7 @@
 
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import provenance
-from explicitfe.results.reader import FieldInfo, RestartState, Result, open_result
+from explicitfe.results.reader import FieldInfo, RestartState, Result, StoredBone, open_result
 from explicitfe.results.writer import FAILED, FINISHED, RUNNING, ResultWriter
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "RestartState",
     "Result",
     "ResultWriter",
+    "StoredBone",
     "open_result",
     "provenance",
 ]

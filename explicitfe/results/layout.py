@@ -18,6 +18,8 @@ says how many are valid.
       model   provenance                   JSON; model has the scenario with --set and defaults as "scenario"
       node_sets/<name>                     node numbers
       named_points/<name> (4)              element, and natural coordinates there; in format 1 a node number
+      bones/<name>/                        surfaces at rest; the group is missing in files older than it
+        points (k, 3) m   triangles (m, 3)
       history/<name> (rows, ...)           @unit @description; the group's @rows says how many rows are valid
       restart/slot0, slot1/                <array>, and seal = [sequence, checksum]; sequence 0: never written
 
@@ -51,6 +53,7 @@ MODEL = "explicitfe/model"
 PROVENANCE = "explicitfe/provenance"
 NODE_SETS = "explicitfe/node_sets"
 NAMED_POINTS = "explicitfe/named_points"
+BONES = "explicitfe/bones"
 HISTORY = "explicitfe/history"
 RESTART_SLOTS = ("explicitfe/restart/slot0", "explicitfe/restart/slot1")
 
@@ -100,6 +103,7 @@ def create(
     file: h5py.File,
     *,
     mesh: HexMesh,
+    bones: Mapping[str, tuple[np.ndarray, np.ndarray]],
     point_fields: Mapping[str, Quantity],
     cell_fields: Mapping[str, Quantity],
     history: Mapping[str, Quantity],
@@ -158,6 +162,10 @@ def create(
     file.create_group(NAMED_POINTS)
     for name, point in mesh.named_points.items():
         file[NAMED_POINTS][name] = np.concatenate([point.element, point.natural[0]]).astype("<f8")
+
+    for name, (points, triangles) in bones.items():
+        file[f"{BONES}/{name}/points"] = np.asarray(points, dtype="<f8")
+        file[f"{BONES}/{name}/triangles"] = np.asarray(triangles, dtype=np.int64)
 
     file.create_group(HISTORY).attrs["rows"] = np.int64(0)
     for name, quantity in history.items():

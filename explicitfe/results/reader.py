@@ -40,6 +40,13 @@ class RestartState(NamedTuple):
     arrays: dict[str, np.ndarray]
 
 
+class StoredBone(NamedTuple):
+    """The surface of a bone: ``points`` (k, 3) m, ``triangles`` (m, 3), counter-clockwise seen from outside the bone."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+
+
 class StoredQuantity(TypedDict):
     """A stored quantity as ``inspect`` names it."""
 
@@ -240,6 +247,23 @@ class Result:
         nodes = self.mesh.hexes[points[name].element[0], corners]
         moved = [[self._read(dataset, step * count + node) for node in nodes] for step in range(len(self.times))]
         return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
+
+    @cached_property
+    def bones(self) -> dict[str, StoredBone]:
+        """The bones that the body may touch, by name, at rest; empty where the run had none."""
+        stored = self._file.get(layout.BONES, {})
+        return {name: StoredBone(self._read(bone["points"]), self._read(bone["triangles"])) for name, bone in stored.items()}
+
+    def placed_bones(self, step: int = -1, *, time_s: float | None = None) -> dict[str, StoredBone]:
+        """The same where they are at one step, given as in :meth:`field`: a bone that moves has its placements in the history."""
+        time = self.times[self._step(step, time_s)]
+        placed = dict(self.bones)
+        for name, bone in placed.items():
+            if f"bone_{name}_placement" in self.history_names:
+                row = int(np.argmin(np.abs(self.history("time") - time)))
+                entries = self.history(f"bone_{name}_placement")[row]  # rotation, row by row, and shift
+                placed[name] = bone._replace(points=bone.points @ entries[:9].reshape(3, 3).T + entries[9:])
+        return placed
 
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:
         """The mesh with all fields at one step, as pyvista and ParaView see it.

@@ -41,6 +41,7 @@ class ResultWriter:
     history : name -> quantity, what :meth:`history` gets beside the time.
     scenario_text : the scenario file as the user wrote it.
     model, provenance : JSON-able dicts.
+    bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
     restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
     expected_samples : room is made for this many at once; more are possible, fewer are trimmed by :meth:`finish`.
     overwrite : whether a finished result at ``path`` may be replaced.
@@ -62,6 +63,7 @@ class ResultWriter:
         scenario_text: str,
         model: Mapping[str, object],
         provenance: Mapping[str, object],
+        bones: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
         restart: Mapping[str, npt.ArrayLike] | None = None,
         expected_samples: int = 64,
         overwrite: bool = False,
@@ -80,6 +82,7 @@ class ResultWriter:
             layout.create(
                 self._file,
                 mesh=mesh,
+                bones=bones or {},
                 point_fields={"displacement": layout.DISPLACEMENT, **(point_fields or {})},
                 cell_fields=cell_fields or {},
                 history={"time": layout.TIME, **(history or {})},

@@ -111,6 +111,33 @@ def check_history_and_restart(result, count: int) -> None:
 # Layout and readers
 
 
+def test_bones_are_stored_at_rest_and_placed_by_the_history(tmp_path):
+    tetrahedron = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]])
+    triangles = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    bones = {"palate": (tetrahedron + 0.1, triangles), "jaw": (tetrahedron, triangles)}
+    placement = {"bone_jaw_placement": Quantity("1", 12, "rotation, row by row, and shift in m")}
+    turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # by 90 degrees about y
+    with start(tmp_path / "a.vtkhdf", bones=bones, history=placement, restart=None) as result:
+        for step, rotation in enumerate((np.eye(3), turned)):
+            shift = 0.001 * step * np.array([1.0, 2.0, 3.0])
+            result.history(1e-3 * step, {"bone_jaw_placement": np.concatenate([rotation.ravel(), shift])})
+            fields = {"displacement": displacement(step), "velocity": displacement(step)}
+            result.sample(1e-3 * step, fields, {"J": jacobian(step), "hourglass_energy": jacobian(step)})
+        path = result.finish(FINISHED, "", {})
+    with open_result(path) as opened:
+        assert set(opened.bones) == {"palate", "jaw"}
+        for name, (points, corners) in bones.items():
+            np.testing.assert_array_equal(opened.bones[name].points, points)
+            np.testing.assert_array_equal(opened.bones[name].triangles, corners)
+            np.testing.assert_array_equal(opened.placed_bones(0)[name].points, points)
+        now = opened.placed_bones(time_s=0.0009)
+        np.testing.assert_array_equal(now["palate"].points, bones["palate"][0])
+        # A quarter turn about y takes x to -z and z to x.
+        np.testing.assert_allclose(now["jaw"].points, tetrahedron[:, [2, 1, 0]] * [1, 1, -1] + [0.001, 0.002, 0.003], atol=1e-17)
+    with open_result(write(tmp_path / "none.vtkhdf", 1)) as opened:
+        assert opened.bones == opened.placed_bones() == {}
+
+
 def test_layout_is_the_vtkhdf_that_all_versions_read(tmp_path):
     with h5py.File(write(tmp_path / "a.vtkhdf", 7)) as file:
         vtk = file["VTKHDF"]

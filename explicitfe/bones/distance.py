@@ -9,7 +9,8 @@ from scipy.interpolate import interp1d
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from explicitfe.bones.surface import TriangleSurface
+from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm
+from explicitfe.errors import InputError
 
 # Samples of the surface stand this many grid spacings apart: the triangles of the nearest ones are tried for a node.
 _SAMPLE_SPACINGS = 1.0
@@ -18,6 +19,10 @@ _TRIANGLES_TRIED = 6
 _NEAR_SPACINGS = 5.0
 # Pieces of the surface that are farther than this from the grid do not count.
 _FARTHEST_SPACINGS = 40
+# At rest a surface may reach this far into the body: figures read off two different heads do not fit better.
+_DEEPEST_START_M = 5e-3
+# How far beyond its place at rest a body is expected to go.
+_REACH_MARGIN_M = 0.02
 # Columns of the grid are moved by this share of a spacing against the triangles, so that none runs along an edge.
 _COLUMN_SHIFT_SHARES = (1.7320508e-6, 2.2360680e-6)
 
@@ -102,6 +107,41 @@ def distance_field(
     return DistanceField(origin_m=spacing_m * first, spacing_m=spacing_m, values=values)
 
 
+def bone_field(
+    surface: TriangleSurface,
+    what: str,
+    body_points: np.ndarray,
+    *,
+    spacing_m: float = 1e-3,
+    smoothing_m: float = 1e-3,
+    margin_m: float = _REACH_MARGIN_M,
+) -> DistanceField:
+    """The distance field of a bone where a body can reach it, after checks of both.
+
+    Parameters
+    ----------
+    what : names the bone in messages: 'bone "palate" (palate.stl)'.
+    body_points : (n, 3) m. Points of the body's surface at rest.
+    spacing_m, smoothing_m : as in ``distance_field``.
+    margin_m : m. How far beyond its place at rest the grid follows the body.
+
+    Raises
+    ------
+    InputError
+        See ``check_surface``; or the body starts deeper than 5 mm inside the bone.
+    """
+    check_surface(surface, what, body_points)
+    field = distance_field(surface, spacing_m=spacing_m, smoothing_m=smoothing_m, region=reach(body_points, margin_m))
+    distance, _ = field.at(body_points)
+    deepest = int(distance.argmin())
+    if distance[deepest] < -_DEEPEST_START_M:
+        raise InputError(
+            f"{what}: the body starts {-1e3 * distance[deepest]:.1f} mm inside it, deepest at {in_mm(body_points[deepest])}; "
+            f"move one of them (up to {1e3 * _DEEPEST_START_M:g} mm are borne), or leave the bone out."
+        )
+    return field
+
+
 def reach(body_points: np.ndarray, margin_m: float) -> np.ndarray:
     """The box (2, 3) m around a body's points that is ``margin_m`` wider, and as wide to the left as to the right."""
     low, high = body_points.min(axis=0) - margin_m, body_points.max(axis=0) + margin_m
@@ -140,7 +180,8 @@ def _samples(surface: TriangleSurface, spacing: float, box: np.ndarray) -> tuple
 def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spacing: float) -> np.ndarray:
     """Distance from the surface at the nodes from ``first`` to ``last``, in multiples of the spacing.
 
-    Exact near the surface; elsewhere interpolated between every second node, off by spacing^2 / (2 d) at a distance d.
+    Exact near the surface; elsewhere interpolated between every second node, off by spacing^2 / d at most at a distance d,
+    and by less than a spacing where two pieces of the surface are equally near.
     """
     box = spacing * np.stack([first - _FARTHEST_SPACINGS, last + _FARTHEST_SPACINGS])
     samples, triangle = _samples(surface, _SAMPLE_SPACINGS * spacing, box)

@@ -1,0 +1,57 @@
+"""A user's own surface: STL, OBJ, PLY or VTP."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from explicitfe.bones.surface import TriangleSurface
+from explicitfe.errors import InputError
+
+_METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_FORMATS = (".stl", ".obj", ".ply", ".vtp")
+# Corners nearer to each other than this share of the surface are one point: STL gives every triangle its own.
+_SAME_CORNER_SHARE = 1e-7
+
+
+def read_surface(path: Path | str, length_unit: str) -> TriangleSurface:
+    """The triangles of a file; polygons are cut into triangles, and corners in the same place become one point.
+
+    Whether the surface is closed and of a sensible size is for ``check_surface``.
+
+    Parameters
+    ----------
+    length_unit : "m", "cm" or "mm"; no such file says in what unit it is.
+
+    Raises
+    ------
+    InputError : no such file, another kind of file, or one that holds no triangles.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _FORMATS:
+        raise InputError(f"{path}: is no surface that can be read; give a file that ends in {', '.join(_FORMATS)}.")
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file.")
+    if length_unit not in _METRES_PER_UNIT:
+        raise InputError(f'{path}: unknown length_unit "{length_unit}"; give one of {", ".join(_METRES_PER_UNIT)}.')
+
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkObject
+
+    reported = vtkObject.GetGlobalWarningDisplay()
+    vtkObject.SetGlobalWarningDisplay(0)  # It prints errors and goes on; an empty surface tells as much.
+    try:
+        mesh = pyvista.read(path)
+        mesh = mesh.extract_surface() if not isinstance(mesh, pyvista.PolyData) else mesh
+        mesh = mesh.triangulate().clean(tolerance=_SAME_CORNER_SHARE)
+    except Exception as error:  # pyvista raises many kinds for a file that is not what its name says
+        raise InputError(f"{path}: cannot be read as {path.suffix[1:].upper()}: {error}.") from error
+    finally:
+        vtkObject.SetGlobalWarningDisplay(reported)
+    if not mesh.n_points or not len(mesh.faces):
+        raise InputError(f"{path}: holds no triangles; is it a surface in the format {path.suffix[1:].upper()}?")
+    return TriangleSurface(
+        points=_METRES_PER_UNIT[length_unit] * np.asarray(mesh.points, dtype=float),
+        triangles=mesh.faces.reshape(-1, 4)[:, 1:].astype(np.int64),
+    )

@@ -212,7 +212,7 @@ def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5)
         candidates = tree.query(positions[open_], k=np.arange(first + 1, last + 1))[1]
         for trial, start in ((trial, start) for trial in range(last - first) for start in starts):
             tried = candidates[:, trial]
-            here, converged = _inverse(corners[tried], positions[open_], start)
+            here, converged = natural_coordinates(corners[tried], positions[open_], start)
             clipped = np.clip(here, -1.0, 1.0)
             gap = np.linalg.norm(_at(corners[tried], clipped) - positions[open_], axis=1)
             better = gap < distance[open_]
@@ -240,7 +240,7 @@ def _at(corners: np.ndarray, natural: np.ndarray) -> np.ndarray:
     return np.einsum("ka,kai->ki", shape_functions(natural), corners)
 
 
-def _inverse(corners: np.ndarray, positions: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def natural_coordinates(corners: np.ndarray, positions: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Natural coordinates (k, 3) of positions (k, 3) in hexes with corners (k, 8, 3), and whether Newton's method converged."""
     natural = np.tile(start, (len(positions), 1))
     reached = _REACHED_SHARE * np.linalg.norm(np.ptp(corners, axis=1), axis=1)

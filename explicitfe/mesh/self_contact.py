@@ -1,0 +1,100 @@
+"""Whether a body passes through itself: nothing in the mechanics keeps two places of its surface apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.muscle_lines import natural_coordinates
+from explicitfe.mesh.triangles import surface_triangles, triangle_distance
+
+# A node is in an element up to this natural coordinate, so that none is lost between two elements.
+_INSIDE_COORDINATE = 1.0 + 1e-9
+# What is less deep than this share of the body's extent just touches.
+_TOUCHING_SHARE = 1e-8
+# The depth of a node is its distance from the nearest of so many triangles around it, those nearest by their middles: several
+# times as many as belong to its own neighbourhood, which do not count.
+_TRIANGLES_TRIED = 256
+
+
+@dataclass(frozen=True)
+class SelfPenetration:
+    """Where a body passes through itself.
+
+    Attributes
+    ----------
+    count : nodes of the surface that lie inside elements elsewhere in the body.
+    deepest_m : m. How far the deepest of them lies below the surface that it passed through; 0 where there is none.
+    where_m : (3,) m. The place of the deepest node in the reference shape; None where there is none.
+    """
+
+    count: int
+    deepest_m: float
+    where_m: np.ndarray | None
+
+
+def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration:
+    """Find the nodes of the surface that lie inside elements of another part of the body.
+
+    Another part: elements that have no node in common with the elements of the node. So a fold within two elements is not
+    seen, nor are edges that pass each other where no node is inside.
+
+    Parameters
+    ----------
+    displacement : (n, 3) m, finite.
+    """
+    x = mesh.points + displacement
+    triangles, quads = surface_triangles(mesh, x)
+    surface = np.unique(quads)
+    element, node = _in_boxes(x, mesh.hexes, surface)
+
+    incidence = csr_array(
+        (np.ones(mesh.hexes.size, dtype=np.int32), mesh.hexes.ravel(), 8 * np.arange(mesh.element_count + 1)),
+        shape=(mesh.element_count, mesh.node_count),
+    )
+    neighbours = incidence[:, surface].T @ incidence  # surface node -> the nodes of its elements
+    row = np.searchsorted(surface, node)
+    elsewhere = _entries(neighbours, row, mesh.hexes[element]).max(axis=1, initial=0) == 0
+    element, node = element[elsewhere], node[elsewhere]
+
+    natural, converged = natural_coordinates(x[mesh.hexes[element]], x[node], np.zeros((1, 3)))
+    nodes = np.unique(node[converged & (np.abs(natural) <= _INSIDE_COORDINATE).all(axis=1)])
+    if not len(nodes):
+        return SelfPenetration(0, 0.0, None)
+
+    tried = min(_TRIANGLES_TRIED, len(triangles))
+    near = cKDTree(triangles.mean(axis=1)).query(x[nodes], k=np.arange(1, tried + 1))[1]
+    rows = np.repeat(np.searchsorted(surface, nodes), tried)
+    own = _entries(neighbours, rows, quads[near.ravel() // 4]).max(axis=1).reshape(near.shape) > 0
+    distance = triangle_distance(np.repeat(x[nodes], tried, axis=0), triangles[near.ravel()]).reshape(near.shape)
+    depth = np.where(own, np.inf, distance).min(axis=1)
+    depth = np.where(np.isfinite(depth), depth, distance.max(axis=1))  # nothing else is near: at least so deep
+    deepest = int(np.argmax(depth))
+    count = int(np.sum(depth > _TOUCHING_SHARE * np.ptp(mesh.points, axis=0).max()))
+    if not count:
+        return SelfPenetration(0, 0.0, None)
+    return SelfPenetration(count, float(depth[deepest]), mesh.points[nodes[deepest]].copy())
+
+
+def _in_boxes(x: np.ndarray, hexes: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs (k,), (k,) of elements and nodes, of those given, that lie in the element's bounding box."""
+    corners = x[hexes]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    reach = 0.5 * np.linalg.norm(high - low, axis=1)
+    near = cKDTree(x[nodes]).query_ball_point(0.5 * (low + high), reach)
+    element = np.repeat(np.arange(len(hexes)), [len(numbers) for numbers in near])
+    node = nodes[np.concatenate(near).astype(np.int64)]
+    inside = ((x[node] >= low[element]) & (x[node] <= high[element])).all(axis=1)
+    return element[inside], node[inside]
+
+
+def _entries(matrix: csr_array, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Entries (k, c) of a sparse matrix in rows (k,) and columns (k, c)."""
+    if not columns.size:
+        return np.zeros(columns.shape, dtype=np.int32)
+    picked = matrix.tocsr()[np.repeat(rows, columns.shape[1]), columns.ravel()]
+    return np.asarray(picked).reshape(columns.shape)

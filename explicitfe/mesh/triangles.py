@@ -1,0 +1,55 @@
+"""Triangles in space: how far a point is from one, and where a plane cuts them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
+
+
+def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distance (k,) m of points (k, 3) m from one triangle each, (k, 3 corners, 3) m: from its plane or its edges."""
+    squared = np.full(len(points), np.inf)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    above = np.ones(len(points), dtype=bool)
+    for i in range(3):
+        edge = corners[:, (i + 1) % 3] - corners[:, i]
+        offset = points - corners[:, i]
+        share = np.clip(np.einsum("ij,ij->i", offset, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
+        apart = offset - share[:, None] * edge
+        squared = np.minimum(squared, np.einsum("ij,ij->i", apart, apart))
+        above &= np.einsum("ij,ij->i", np.cross(normal, edge), offset) >= 0.0
+    height = np.einsum("ij,ij->i", points - corners[:, 0], normal)
+    plane = height * height / np.einsum("ij,ij->i", normal, normal)
+    return np.sqrt(np.where(above, plane, squared))
+
+
+def surface_triangles(mesh: HexMesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The surface of a body whose nodes are at ``points`` (n, 3) m: corners of triangles (4 f, 3, 3) m, and its faces (f, 4).
+
+    Each face is cut into four triangles around its middle, face after face: mirror images of faces so have mirror images of
+    triangles. Normals point outwards.
+    """
+    element, face = free_faces(mesh.hexes)
+    quads = mesh.hexes[element[:, None], FACES[face]]
+    x = points[quads]
+    middle = np.broadcast_to(x.mean(axis=1, keepdims=True), x.shape)
+    return np.stack([x, np.roll(x, -1, axis=1), middle], axis=2).reshape(-1, 3, 3), quads
+
+
+def plane_segments(corners: np.ndarray, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Where the plane through ``point`` across ``normal`` cuts triangles (m, 3 corners, 3): segments (k, 2 ends, 3).
+
+    A corner in the plane counts as before it, so a closed surface gives closed lines.
+    """
+    height = (corners - point) @ normal
+    behind = height > 0.0
+    cut = behind.any(axis=1) & ~behind.all(axis=1)
+    corners, height, behind = corners[cut], height[cut], behind[cut]
+    # The corner that is alone on its side comes first: the plane cuts the two edges that meet there.
+    alone = np.argmax(behind == (behind.sum(axis=1) == 1)[:, None], axis=1)
+    order = (alone[:, None] + np.arange(3)) % 3
+    corners = np.take_along_axis(corners, order[:, :, None], axis=1)
+    height = np.take_along_axis(height, order, axis=1)
+    share = height[:, :1] / (height[:, :1] - height[:, 1:])
+    return corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1])

@@ -10,11 +10,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm
+from explicitfe.mesh.triangles import triangle_distance
 from explicitfe.errors import InputError
 
 # Samples of the surface stand this many grid spacings apart: the triangles of the nearest ones are tried for a node.
 _SAMPLE_SPACINGS = 1.0
-_TRIANGLES_TRIED = 6
+_NEAREST_SAMPLES_TRIED = 6
 # Nodes nearer than this many spacings get their own distance, the others one between those of their neighbours.
 _NEAR_SPACINGS = 5.0
 # Pieces of the surface that are farther than this from the grid do not count.
@@ -202,25 +203,8 @@ def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spa
     for axis, (fine, nodes_of) in enumerate(zip(axes, coarse, strict=True)):
         length = interp1d(nodes_of, length, axis=axis, assume_sorted=True)(fine)
     near = np.nonzero(length < _NEAR_SPACINGS * spacing)
-    length[near] = distance_of(spacing * (np.column_stack(near) + first), _TRIANGLES_TRIED)
+    length[near] = distance_of(spacing * (np.column_stack(near) + first), _NEAREST_SAMPLES_TRIED)
     return length
-
-
-def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Distance (k,) m of points (k, 3) m from one triangle each, (k, 3 corners, 3) m: from its plane or its edges."""
-    squared = np.full(len(points), np.inf)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    above = np.ones(len(points), dtype=bool)
-    for i in range(3):
-        edge = corners[:, (i + 1) % 3] - corners[:, i]
-        offset = points - corners[:, i]
-        share = np.clip(np.einsum("ij,ij->i", offset, edge) / np.einsum("ij,ij->i", edge, edge), 0.0, 1.0)
-        apart = offset - share[:, None] * edge
-        squared = np.minimum(squared, np.einsum("ij,ij->i", apart, apart))
-        above &= np.einsum("ij,ij->i", np.cross(normal, edge), offset) >= 0.0
-    height = np.einsum("ij,ij->i", points - corners[:, 0], normal)
-    plane = height * height / np.einsum("ij,ij->i", normal, normal)
-    return np.sqrt(np.where(above, plane, squared))
 
 
 def _winding_number(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spacing: float) -> np.ndarray:

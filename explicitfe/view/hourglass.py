@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from explicitfe.mesh.hexmesh import FACES
+from explicitfe.mesh.hexmesh import FACES, free_faces
 from explicitfe.mesh.quality import corner_jacobians, volumes
 from explicitfe.results import Result
 
@@ -69,13 +69,10 @@ def outside_view(points: np.ndarray, hexes: np.ndarray, values: np.ndarray) -> s
 
     A face that is hidden by another one counts as if it were seen.
     """
-    faces = hexes[:, FACES].reshape(-1, 4)
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-    outer = first[count == 1]
-    a, b, c, d = points[faces[outer]].transpose(1, 0, 2)
+    element, face = free_faces(hexes)
+    a, b, c, d = points[hexes[element[:, None], FACES[face]]].transpose(1, 0, 2)
     areas = 0.5 * np.cross(c - a, d - b)
-    weights = values[outer // 6]
-    seen = {name: weights @ np.maximum(0.0, areas @ direction) for name, direction in OUTSIDE_VIEWS.items()}
+    seen = {name: values[element] @ np.maximum(0.0, areas @ direction) for name, direction in OUTSIDE_VIEWS.items()}
     return next(name for name, amount in seen.items() if amount >= NEARLY_AS_MUCH_SHARE * max(seen.values()))
 
 

@@ -10,8 +10,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm
-from explicitfe.mesh.triangles import triangle_distance
 from explicitfe.errors import InputError
+from explicitfe.mesh.triangles import triangle_distance
 
 # Samples of the surface stand this many grid spacings apart: the triangles of the nearest ones are tried for a node.
 _SAMPLE_SPACINGS = 1.0

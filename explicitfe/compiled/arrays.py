@@ -144,6 +144,7 @@ class Bones(NamedTuple):
     distance: np.ndarray  # signed distances, positive outside [m], of all grids one after the other
     friction: np.ndarray  # Coulomb's coefficient, (bones,)
     moves: np.ndarray  # 1 where a bone moves, int64, (bones,)
+    free: np.ndarray  # where each point was found to be far from a bone [m], and the square of how far [m^2], (bones, k, 4)
 
 
 class Ties(NamedTuple):
@@ -155,9 +156,11 @@ class Ties(NamedTuple):
     start: np.ndarray  # first entry of each row of the matrix, and the end, int64, (k + 1,)
     column: np.ndarray  # tied node of each entry, a number among the k, int64, (entries,)
     stiffness: np.ndarray  # integral of stiffness times both shape functions over the patch [N/m], (entries,)
+    row_sum: np.ndarray  # sum of the entries of each row [N/m], (k,)
     total: np.ndarray  # sum of the stiffness of each bone's entries [N/m], (bones,)
     bone_stiffness: np.ndarray  # of the springs that hold the bone itself [N/m], inf where it is fixed, (bones,)
     shift: np.ndarray  # how far each bone has given way: work array [m], (bones, 3)
+    moved: np.ndarray  # displacement of each tied node relative to its bone: work array [m], (k, 3)
     moves: np.ndarray  # 1 where a bone moves by a given course, int64, (bones,)
 
 

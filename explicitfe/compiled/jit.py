@@ -28,6 +28,9 @@ OPTIONS: dict[str, object] = {
     "fastmath": {"contract"},
     "boundscheck": False,
     "nogil": True,
+    # No kernel makes or keeps an array, so none needs to count references to them. Counting, which is atomic, cost ten times
+    # the work itself in loops over the points of a contact.
+    "_nrt": False,
 }
 
 _PACKAGE = Path(__file__).parent.parent

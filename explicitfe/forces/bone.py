@@ -32,23 +32,31 @@ CREEP_M_S = 1e-3
 
 
 @leaf
-def cell(bones, bone, x, y, z):
-    """Where in the grid of a bone a point lies that its own frame puts at x, y, z: first entry of the cell, and how far into it.
+def cell(bones, bone, point, x, y, z):
+    """Where in the grid of a bone a contact point lies that the bone's own frame puts at x, y, z.
 
-    -1 where it is outside of the grid or further from bone than a cell is wide.
+    The first entry of the cell and how far into it; -1 where it is outside of the grid or further from bone than a cell is wide.
+    How far it may go from there before it has to be looked up again is remembered: grids are large, and most points are far.
     """
-    scale = 1.0 / bones.spacing[bone]
-    gx = (x - bones.origin[bone, 0]) * scale
-    gy = (y - bones.origin[bone, 1]) * scale
-    gz = (z - bones.origin[bone, 2]) * scale
+    free = bones.free
+    away_x, away_y, away_z = x - free[bone, point, 0], y - free[bone, point, 1], z - free[bone, point, 2]
+    if away_x * away_x + away_y * away_y + away_z * away_z < free[bone, point, 3]:
+        return -1, 0.0, 0.0, 0.0
+    spacing = bones.spacing[bone]
+    gx = (x - bones.origin[bone, 0]) / spacing
+    gy = (y - bones.origin[bone, 1]) / spacing
+    gz = (z - bones.origin[bone, 2]) / spacing
     nx, ny, nz = bones.shape[bone, 0], bones.shape[bone, 1], bones.shape[bone, 2]
     # not one of these holds for a NaN
     if not (gx >= 0.0 and gy >= 0.0 and gz >= 0.0 and gx < nx - 1 and gy < ny - 1 and gz < nz - 1):
         return -1, 0.0, 0.0, 0.0
     i, j, k = int(gx), int(gy), int(gz)
     first = bones.start[bone] + (i * ny + j) * nz + k
-    # distances change by no more than the way: from the corner to any point of the cell, the diagonal
-    if bones.distance[first] > 2.0 * bones.spacing[bone]:
+    # distances change by no more than the way: to any point of the cell, its diagonal
+    clear = bones.distance[first] - 2.0 * spacing
+    if clear > 0.0:
+        free[bone, point, 0], free[bone, point, 1], free[bone, point, 2] = x, y, z
+        free[bone, point, 3] = clear * clear
         return -1, 0.0, 0.0, 0.0
     return first, gx - i, gy - j, gz - k
 
@@ -81,7 +89,7 @@ def depth_in(bones, bone, point, x, y, z, placement, instant):
             R[ROTATION + 1] * x + R[ROTATION + 4] * y + R[ROTATION + 7] * z,
             R[ROTATION + 2] * x + R[ROTATION + 5] * y + R[ROTATION + 8] * z,
         )
-    first, a, b, c = cell(bones, bone, x, y, z)
+    first, a, b, c = cell(bones, bone, point, x, y, z)
     if first < 0:
         return 0.0, 0.0, 0.0, 0.0
     d, gx, gy, gz = distance(bones, bone, first, a, b, c)
@@ -97,17 +105,22 @@ def depth_in(bones, bone, point, x, y, z, placement, instant):
 
 
 @leaf
-def press_out(force, u, bones, placement, instant):
-    """Add the elastic part of the contact force at displacement u to the node rows: for a look at a state that does not move."""
+def add_contact_stiffness(force, u, here, bones, placement, instant):
+    """Add the change of the contact force from displacement ``here`` to u, linearised at the former, to the node rows.
+
+    For the highest frequency: the stiffness k A g x g of the points that touch. The force itself bends at first touch and where g
+    jumps from cell to cell, and a difference over a nanometre would take such a bend for a huge stiffness.
+    """
     for point in range(len(bones.node)):
         node = bones.node[point]
-        x = bones.position[point, 0] + u[node, 0]
-        y = bones.position[point, 1] + u[node, 1]
-        z = bones.position[point, 2] + u[node, 2]
+        x = bones.position[point, 0] + here[node, 0]
+        y = bones.position[point, 1] + here[node, 1]
+        z = bones.position[point, 2] + here[node, 2]
         for bone in range(len(bones.start)):
             p, gx, gy, gz = depth_in(bones, bone, point, x, y, z, placement, instant)
             if p > 0.0:
-                push = bones.spring[point] * p
+                out = gx * (u[node, 0] - here[node, 0]) + gy * (u[node, 1] - here[node, 1]) + gz * (u[node, 2] - here[node, 2])
+                push = -bones.spring[point] * out
                 force[node, 0] += push * gx
                 force[node, 1] += push * gy
                 force[node, 2] += push * gz

@@ -13,40 +13,52 @@ from explicitfe.compiled.jit import leaf
 
 
 @leaf
-def _moved(ties, entry, u, placement, instant, k):
+def pulled(ties, entry, u, placement, instant):
     """Displacement of a tied node relative to where its bone's course puts it."""
-    if not ties.moves[ties.bone[entry]]:
-        return u[ties.node[entry], k]
-    R, X = placement[instant, ties.bone[entry]], ties.position[entry]
-    at = ROTATION + 3 * k
-    return u[ties.node[entry], k] + X[k] - R[at] * X[0] - R[at + 1] * X[1] - R[at + 2] * X[2] - R[SHIFT + k]
+    node, bone = ties.node[entry], ties.bone[entry]
+    x, y, z = u[node, 0], u[node, 1], u[node, 2]
+    if ties.moves[bone]:
+        X, Y, Z = ties.position[entry, 0], ties.position[entry, 1], ties.position[entry, 2]
+        R, s, at = ROTATION, SHIFT, placement
+        x += X - at[instant, bone, R] * X - at[instant, bone, R + 1] * Y - at[instant, bone, R + 2] * Z - at[instant, bone, s]
+        y += Y - at[instant, bone, R + 3] * X - at[instant, bone, R + 4] * Y - at[instant, bone, R + 5] * Z - at[instant, bone, s + 1]
+        z += Z - at[instant, bone, R + 6] * X - at[instant, bone, R + 7] * Y - at[instant, bone, R + 8] * Z - at[instant, bone, s + 2]
+    return x, y, z
 
 
 @leaf
 def add_ties(force, u, ties, placement, instant):
     """Add the pull of the bones at displacement u to the node rows; give the energy [J] of ties and bones' springs."""
-    ties.shift[:] = 0.0
+    shift = ties.shift
+    for bone in range(len(ties.total)):
+        shift[bone, 0] = shift[bone, 1] = shift[bone, 2] = 0.0
+    for row in range(len(ties.node)):
+        x, y, z = pulled(ties, row, u, placement, instant)
+        ties.moved[row, 0], ties.moved[row, 1], ties.moved[row, 2] = x, y, z
     energy = 0.0
     for row in range(len(ties.node)):
-        bone = ties.bone[row]
-        for k in range(3):
-            pull = 0.0
-            for entry in range(ties.start[row], ties.start[row + 1]):
-                pull += ties.stiffness[entry] * _moved(ties, ties.column[entry], u, placement, instant, k)
-            force[ties.node[row], k] -= pull
-            ties.shift[bone, k] += pull
-            energy += 0.5 * pull * _moved(ties, row, u, placement, instant, k)
+        x = y = z = 0.0
+        for entry in range(ties.start[row], ties.start[row + 1]):
+            column, k = ties.column[entry], ties.stiffness[entry]
+            x += k * ties.moved[column, 0]
+            y += k * ties.moved[column, 1]
+            z += k * ties.moved[column, 2]
+        node, bone = ties.node[row], ties.bone[row]
+        force[node, 0] -= x
+        force[node, 1] -= y
+        force[node, 2] -= z
+        shift[bone, 0] += x
+        shift[bone, 1] += y
+        shift[bone, 2] += z
+        energy += 0.5 * (x * ties.moved[row, 0] + y * ties.moved[row, 1] + z * ties.moved[row, 2])
     for bone in range(len(ties.total)):
+        yielding = 1.0 / (ties.bone_stiffness[bone] + ties.total[bone])  # 0 for a bone that is fixed
         for k in range(3):
-            pull = ties.shift[bone, k]
-            ties.shift[bone, k] = pull / (ties.bone_stiffness[bone] + ties.total[bone])
-            energy -= 0.5 * pull * ties.shift[bone, k]
+            pull = shift[bone, k]
+            shift[bone, k] = pull * yielding
+            energy -= 0.5 * pull * shift[bone, k]
     for row in range(len(ties.node)):
-        bone = ties.bone[row]
-        if ties.shift[bone, 0] != 0.0 or ties.shift[bone, 1] != 0.0 or ties.shift[bone, 2] != 0.0:
-            whole = 0.0
-            for entry in range(ties.start[row], ties.start[row + 1]):
-                whole += ties.stiffness[entry]
-            for k in range(3):
-                force[ties.node[row], k] += whole * ties.shift[bone, k]
+        node, bone = ties.node[row], ties.bone[row]
+        for k in range(3):
+            force[node, k] += ties.row_sum[row] * shift[bone, k]
     return energy

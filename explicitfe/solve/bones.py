@@ -47,6 +47,7 @@ def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.n
         distance=np.concatenate([grid.ravel() for grid in grids] or [np.zeros(0)]),
         friction=np.array([bone.friction for bone in bones], dtype=float),
         moves=np.array([bone.motion is not None for bone in bones], dtype=np.int64),
+        free=np.zeros((len(bones), len(nodes), 4)),
     )
 
 
@@ -60,7 +61,7 @@ def _at_rest(bone: Bone, points: np.ndarray) -> np.ndarray:
 
 def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray) -> Ties:
     """Springs between patches of the surface and bones, as a matrix between the nodes of each patch."""
-    node, column, stiffness, bone, length = [], [], [], [], []
+    node, column, stiffness, bone, length, row_sum = [], [], [], [], [], []
     first = 0
     for number, attachment in enumerate(attachments):
         weights = shape_functions(attachment.points.natural)
@@ -80,6 +81,7 @@ def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray)
         bone.append(np.full(len(some), number))
         column.append(matrix.indices + first)
         stiffness.append(matrix.data)
+        row_sum.append(np.asarray(matrix.sum(axis=1)).ravel())
         length.append(np.diff(matrix.indptr))
         first += len(some)
     nodes = np.concatenate([*node, np.zeros(0, dtype=np.int64)]).astype(np.int64)
@@ -90,9 +92,11 @@ def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray)
         start=np.concatenate([[0], np.cumsum(np.concatenate([*length, np.zeros(0)]))]).astype(np.int64),
         column=np.concatenate([*column, np.zeros(0)]).astype(np.int64),
         stiffness=np.concatenate([*stiffness, np.zeros(0)]).astype(float),
+        row_sum=np.concatenate([*row_sum, np.zeros(0)]),
         total=np.array([values.sum() for values in stiffness], dtype=float),
         bone_stiffness=np.array([attachment.bone_stiffness_N_m for attachment in attachments], dtype=float),
         shift=np.zeros((len(attachments), 3)),
+        moved=np.zeros((len(nodes), 3)),
         moves=np.array([attachment.motion is not None for attachment in attachments], dtype=np.int64),
     )
 

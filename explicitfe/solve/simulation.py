@@ -310,16 +310,16 @@ class Simulation(Body):
         )
 
     def _force_at_rest(self, u: np.ndarray, force: np.ndarray) -> float:
-        """Minus the internal force at u, with what bones do to a body that does not move, into ``force``; the smallest J."""
+        """Minus the internal force at u near the present state, with ties and the stiffness of contact; the smallest J."""
         smallest = self._evaluate(u, force, self._seen)
         self._with_bones(u, force)
         return smallest
 
     def _with_bones(self, u: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Forces on the node rows with those of contact and ties added, of bones as they are placed now."""
+        """Forces on the node rows with ties and the stiffness of contact added, of bones as they are placed now."""
         if self.model.bones or self.model.attachments:
             bone_placement, tie_placement = self.loads.bones(np.array([self.time_s]))
-            self.kernels.hold(u, force, self.bones, bone_placement, self.ties, tie_placement)
+            self.kernels.hold(u, force, self.state.u, self.bones, bone_placement, self.ties, tie_placement)
         return force
 
     def _activate(self) -> None:

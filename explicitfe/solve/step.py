@@ -21,7 +21,7 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
-from explicitfe.forces.bone import press_out, rest_on_bones
+from explicitfe.forces.bone import add_contact_stiffness, rest_on_bones
 from explicitfe.forces.contraction import contraction_work
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
@@ -39,9 +39,9 @@ def forces(u, force, blocks):
     return internal_force(u, force, blocks)
 
 
-def hold(u, force, bones, bone_placement, ties, tie_placement):
-    """Add to the node rows what bones do to a body at displacement u that does not move: contact and ties."""
-    press_out(force, u, bones, bone_placement, 0)
+def hold(u, force, here, bones, bone_placement, ties, tie_placement):
+    """Add the pull of ties at displacement u to the node rows, and the change of contact from displacement ``here``, linearised."""
+    add_contact_stiffness(force, u, here, bones, bone_placement, 0)
     add_ties(force, u, ties, tie_placement, 0)
 
 
@@ -214,7 +214,8 @@ def snapshot(
     add_dead_loads(external, loads, activation, 0)
     add_follower_fibres(external, u, fibres, activation, 0)
     tied = add_ties(external, u, ties, tie_placement, 0)
-    resting[:] = force
+    for at in range(0, u.size, WIDTH):
+        store(resting, at, load(force, at))
     sums[:] = 0.0
     pressure[:] = 0.0
     rubbed, carried, touching = rest_on_bones(

@@ -1,0 +1,61 @@
+"""The tables of a scenario that tell which bones there are, and how jaw and hyoid move."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from explicitfe.scenario.table import Pair, Table, Vector
+
+
+class BoneTable(Table):
+    """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
+
+    name: str = Field(min_length=1, description="palate or jaw of the built-in tongue; of a file: what to call it")
+    file: str | None = Field(default=None, description="STL, OBJ, PLY or VTP file, relative to this file")
+    length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
+    friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
+    shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="moves its place at rest, along x (back), y (right), z (up)")
+    with_jaw: bool | None = Field(default=None, description='whether it moves with the jaw; if left out, only the one called "jaw"')
+
+    @model_validator(mode="after")
+    def _file_and_unit(self) -> BoneTable:
+        if (self.file is None) != (self.length_unit is None):
+            raise ValueError("file and length_unit go together: a surface file does not tell its unit")
+        if "/" in self.name or not self.name.strip(" ."):
+            raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
+        return self
+
+    @property
+    def moves_with_jaw(self) -> bool:
+        return self.name == "jaw" if self.with_jaw is None else self.with_jaw
+
+
+class JawTable(Table):
+    """How the jaw opens: it turns about the axis through the condyles, and shifts along with it."""
+
+    opening_deg: float = Field(default=0.0, ge=-20.0, le=40.0, description="turn about the condyles; positive opens the mouth")
+    forward_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
+    down_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
+    start_ms: float = Field(default=0.0, ge=0.0)
+    rise_ms: float = Field(default=50.0, gt=0.0, description="time that it takes to open [ms]")
+    table: list[Pair] = Field(default=[], description="[time_ms, share] pairs instead, linear in between")
+    axis_mm: Vector | None = Field(
+        default=None, description="a point of the axis, which runs along y; of the built-in tongue if left out"
+    )
+
+    @model_validator(mode="after")
+    def _table_begins_at_rest(self) -> JawTable:
+        times = [time for time, _ in self.table]
+        if times != sorted(set(times)) or any(time < 0.0 for time in times):
+            raise ValueError("the times of table must rise, from 0 on: a jaw does not jump")
+        if self.table and self.table[0][1] != 0.0:
+            raise ValueError("table must begin with a share of 0: the tongue is at rest with the jaw where it is")
+        return self
+
+
+class HyoidTable(Table):
+    """How the hyoid bone is held: by springs, so that it gives way without turning."""
+
+    stiffness_N_per_mm: float = Field(gt=0.0, description="of the springs that hold it, along every axis")

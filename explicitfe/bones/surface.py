@@ -9,9 +9,9 @@ import numpy as np
 from explicitfe.errors import InputError
 
 # The extent of a bone compared to that of the body: beyond these it was given in another unit of length.
-_LARGEST_EXTENT_SHARE = 100.0
+_LARGEST_EXTENT_SHARE = 30.0
 _SMALLEST_EXTENT_SHARE = 0.01
-# A corner-to-corner distance below this share of the surface's extent, squared, is no area.
+# A triangle whose area is a smaller share of the extent squared is none: it has no normal.
 _SMALLEST_AREA_SHARE = 1e-14
 
 
@@ -68,7 +68,7 @@ def check_surface(surface: TriangleSurface, what: str, body_points: np.ndarray |
     ------
     InputError
         No triangles; points that are not finite; a triangle without area; edges that are not shared by two triangles;
-        neighbours that face opposite ways; inside out; an extent more than a hundred times that of the body, or less than
+        neighbours that face opposite ways; inside out; an extent more than thirty times that of the body, or less than
         a hundredth of it.
     """
     if not len(surface.triangles):
@@ -89,12 +89,17 @@ def check_surface(surface: TriangleSurface, what: str, body_points: np.ndarray |
         raise InputError(f"{what}: is inside out: its normals point into the bone; turn the order of every triangle's corners.")
 
 
+def _length(metres: float) -> str:
+    millimetres = 1e3 * metres
+    return f"{millimetres:.0f} mm" if millimetres >= 1.0 else f"{millimetres:.2g} mm"
+
+
 def _check_size(extent: float, what: str, body_points: np.ndarray) -> None:
     body = float(np.linalg.norm(np.ptp(body_points, axis=0)))
     for wrong, size in ((extent > _LARGEST_EXTENT_SHARE * body, "large"), (extent < _SMALLEST_EXTENT_SHARE * body, "small")):
         if wrong:
             raise InputError(
-                f"{what}: is far too {size}, {1e3 * extent:.4g} mm from corner to corner beside a body of {1e3 * body:.4g} mm; "
+                f"{what}: is far too {size}, {_length(extent)} from corner to corner beside a body of {_length(body)}; "
                 "is it in another unit of length? Give length_unit."
             )
 

@@ -151,9 +151,15 @@ def reach(body_points: np.ndarray, margin_m: float) -> np.ndarray:
 
 
 def _is_its_own_mirror_image(surface: TriangleSurface) -> bool:
-    """Whether the points with y changed in sign are the same points, to the last bit."""
-    mirrored = surface.points * np.array([1.0, -1.0, 1.0]) + 0.0
-    return bool(np.array_equal(np.unique(surface.points + 0.0, axis=0), np.unique(mirrored, axis=0)))
+    """Whether points and triangles are the same, to the last bit, when y changes its sign."""
+    mirrored = surface.points * np.array([1.0, -1.0, 1.0])
+    (points, number), (images, image) = (
+        np.unique(side + 0.0, axis=0, return_inverse=True) for side in (surface.points, mirrored)
+    )
+    if not np.array_equal(points, images):
+        return False
+    ours, theirs = (np.unique(np.sort(of.ravel()[surface.triangles], axis=1), axis=0) for of in (number, image))
+    return bool(np.array_equal(ours, theirs))
 
 
 def _samples(surface: TriangleSurface, spacing: float, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

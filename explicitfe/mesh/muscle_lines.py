@@ -36,14 +36,16 @@ class Fibre:
     side : 'left' or 'right'.
     segment_element : (k - 1,) int64. The element that holds the middle of each segment; -1: an end of it is fixed in
         space.
+    relative_tension : (k - 1,) tension of each segment over the fibre's mean, where muscle acts as stress; uniform if None.
     """
 
     points: MaterialPoints
     side: str
     segment_element: np.ndarray
+    relative_tension: np.ndarray | None = None
 
     @classmethod
-    def through(cls, points: MaterialPoints, side: str, mesh: HexMesh) -> Fibre:
+    def through(cls, points: MaterialPoints, side: str, mesh: HexMesh, relative_tension: np.ndarray | None = None) -> Fibre:
         """The fibre through points of any mesh: the elements of its segments are searched for.
 
         Raises
@@ -56,7 +58,7 @@ class Fibre:
         segment_element = np.full(len(inside), -1)
         # Along a hollow surface the middle of a long segment may well lie an element outside.
         segment_element[inside] = locate_in_mesh(mesh, middle[inside], tolerance=2.0).element
-        return cls(points, side, segment_element)
+        return cls(points, side, segment_element, relative_tension)
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class Muscle:
     fibres : the right side first, then, in the same order, its mirror image, when read by ``read_muscles``.
     elements : (k,) int64, sorted. The elements that its fibres run through.
     action : what it does, in a line.
+    origin_width_m : m. How wide the stress of a fibre is spread at its origin, where fibres converge; as elsewhere if None.
     """
 
     name: str
@@ -78,12 +81,41 @@ class Muscle:
     fibres: tuple[Fibre, ...]
     elements: np.ndarray
     action: str = ""
+    origin_width_m: float | None = None
 
     @classmethod
-    def of(cls, name: str, title: str, max_force_N: float, fibres: tuple[Fibre, ...], action: str = "") -> Muscle:
+    def of(
+        cls,
+        name: str,
+        title: str,
+        max_force_N: float,
+        fibres: tuple[Fibre, ...],
+        action: str = "",
+        origin_width_m: float | None = None,
+    ) -> Muscle:
         """The muscle of these fibres: its elements are those of their segments."""
         elements = np.unique(np.concatenate([fibre.segment_element for fibre in fibres]))
-        return cls(name, title, max_force_N, fibres, elements[elements >= 0], action)
+        return cls(name, title, max_force_N, fibres, elements[elements >= 0], action, origin_width_m)
+
+    def chosen(self, side: str = "both", numbers: Sequence[int] | None = None) -> list[Fibre]:
+        """The fibres on a side, 'both', 'left' or 'right', or of them those with these numbers, counted from 1 on each side.
+
+        Raises
+        ------
+        InputError
+            There is none on that side, or none of that number.
+        """
+        sides = ("right", "left") if side == "both" else (side,)
+        fibres = [[fibre for fibre in self.fibres if fibre.side == of] for of in sides]
+        most = max(len(of_side) for of_side in fibres)
+        if most == 0:
+            raise InputError(f'muscle {self.name} has no fibre on the {side} side; use side = "both".')
+        if numbers is None:
+            return [fibre for fibre in self.fibres if fibre.side in sides]
+        for number in numbers:
+            if not 1 <= number <= most:
+                raise InputError(f"muscle {self.name} has no fibre {number}: its fibres are numbered from 1 to {most} on a side.")
+        return [fibre for of_side in fibres for number, fibre in enumerate(of_side, start=1) if number in numbers]
 
 
 def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]) -> dict[str, Muscle]:
@@ -114,16 +146,21 @@ def read_muscles(path: Path | str, contour_map: ContourMap, cells: Sequence[int]
 
 
 def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: ContourMap, cells: tuple[int, int, int]) -> Muscle:
-    required, optional = ("title", "action", "max_force_N", "fibres"), ("anchor_mm",)
+    required = ("title", "action", "max_force_N", "fibres")
+    optional = ("anchor_mm", "origin_width_mm", "scaled_with_section")
     for key in table:
         if key not in required + optional:
             raise InputError(f'{where}: unknown key "{key}"; {nearest(key, required + optional)}')
     for key in required:
         if key not in table:
             raise InputError(f'{where}: the key "{key}" is missing.')
-    force = table["max_force_N"]
-    if isinstance(force, bool) or not isinstance(force, int | float) or not 0.0 < force < np.inf:
-        raise InputError(f"{where}: max_force_N must be a positive number of newtons, not {force!r}.")
+    force = _positive(table["max_force_N"], f"{where}: max_force_N must be a positive number of newtons")
+    origin_width = None
+    if "origin_width_mm" in table:
+        origin_width = 1e-3 * _positive(table["origin_width_mm"], f"{where}: origin_width_mm must be a positive number of mm")
+    scaled = table.get("scaled_with_section", False)
+    if not isinstance(scaled, bool):
+        raise InputError(f"{where}: scaled_with_section must be true or false, not {scaled!r}.")
     if not table["fibres"]:
         raise InputError(f"{where}: a muscle needs at least one fibre.")
     anchor = None
@@ -142,12 +179,27 @@ def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: Contou
             points = contour_map.locate(line, cells)
         except InputError as error:
             raise InputError(f"{where}: fibre {number}: {error}") from error
-        middle = contour_map.locate(0.5 * (line[:-1] + line[1:]), cells)
+        halfway = 0.5 * (line[:-1] + line[1:])
+        middle = contour_map.locate(halfway, cells)
+        tension = over_mean(contour_map.thickness(halfway), points) if scaled else None
         if anchor is not None:
             points, middle = _from_anchor(anchor, points), _from_anchor(anchor, middle)
-        fibres.append(Fibre(points, "right", middle.element))
-        mirrored.append(Fibre(mirror(points, cells), "left", mirror(middle, cells).element))
-    return Muscle.of(name, str(table["title"]), float(force), (*fibres, *mirrored), str(table["action"]))
+            tension = None if tension is None else np.append(1.0, tension)
+        fibres.append(Fibre(points, "right", middle.element, tension))
+        mirrored.append(Fibre(mirror(points, cells), "left", mirror(middle, cells).element, tension))
+    return Muscle.of(name, str(table["title"]), force, (*fibres, *mirrored), str(table["action"]), origin_width)
+
+
+def over_mean(values: np.ndarray, points: MaterialPoints) -> np.ndarray:
+    """Values of the segments (k - 1,) of a line of points (k), over their mean along it: what a fibre's relative tension is."""
+    lengths = np.linalg.norm(np.diff(points.position, axis=0), axis=1)
+    return np.asarray(values * lengths.sum() / (values @ lengths))
+
+
+def _positive(value: object, message: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < np.inf:
+        raise InputError(f"{message}, not {value!r}.")
+    return float(value)
 
 
 def _rows(values: object, where: str) -> np.ndarray:

@@ -30,15 +30,13 @@ def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | Fibre
 
     Raises
     ------
-    InputError : the muscle has no fibre on the side asked for, or a closed one that is to pull at its ends.
+    InputError : the muscle has no fibre on the side or of the number asked for, or a closed one that is to pull at its ends.
     """
-    fibres = [fibre for fibre in muscle.fibres if table.side in ("both", fibre.side)]
-    if not fibres:
-        raise InputError(f'muscle {muscle.name} has no fibre on the {table.side} side; use side = "both".')
+    fibres = muscle.chosen(table.side, table.fibres)
     points = tuple(_ends(fibre.points) if table.distribution == "ends" else fibre.points for fibre in fibres)
     for number, fibre in enumerate(muscle.fibres, start=1):
         first, last = fibre.points.position[[0, -1]]
-        if table.distribution == "ends" and table.side in ("both", fibre.side) and np.array_equal(first, last):
+        if table.distribution == "ends" and any(fibre is pulling for pulling in fibres) and np.array_equal(first, last):
             raise InputError(
                 f'fibre {number} of muscle {muscle.name} ends where it begins: use distribution = "along" or "volume".'
             )

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
-from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh
+from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, over_mean
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.scenario.sentences import explain
@@ -50,11 +50,19 @@ class FibreTable(Table):
     nodes: list[int] = Field(default=[])
     points: list[Vector] = Field(default=[], description="in the mesh's length unit")
     anchor: Vector | None = Field(default=None, description="origin fixed in space (bone), in the mesh's length unit")
+    tension: list[Annotated[float, Field(ge=0.0)]] = Field(
+        default=[], description="at each node or point, in proportion; for muscle as stress; uniform if left out"
+    )
 
     @model_validator(mode="after")
     def _nodes_or_points(self) -> FibreTable:
         if bool(self.nodes) == bool(self.points):
             raise ValueError("give either nodes or points, and not both")
+        count = len(self.nodes) + len(self.points)
+        if self.tension and len(self.tension) != count:
+            raise ValueError(f"tension needs a value for each of the {count} points, not {len(self.tension)}")
+        if self.tension and not any(self.tension):
+            raise ValueError("tension is 0 at every point: give it a value above 0 somewhere")
         if len(self.nodes) + len(self.points) + (self.anchor is not None) < 2:
             raise ValueError("a fibre needs two points at least")
         return self
@@ -66,6 +74,9 @@ class FileMuscle(Table):
     name: str = Field(min_length=1)
     title: str = ""
     max_force_N: float = Field(default=0.0, ge=0.0)
+    origin_width_mm: float | None = Field(
+        default=None, gt=0.0, description="how wide its stress is spread at the origin, where fibres converge; else 3 mm"
+    )
     fibre: list[FibreTable] = Field(min_length=1)
 
 
@@ -151,12 +162,14 @@ def read_model_file(path: Path) -> Anatomy:
             numbers = nodes(fibre.nodes, what)
             try:
                 chain = mesh.points_at_nodes(numbers) if fibre.nodes else locate_in_mesh(mesh, np.array(fibre.points) * unit)
+                tension = _tension(chain, fibre)
                 chain = _anchored(chain, fibre.anchor, unit)
                 _check_pieces(chain, mesh)
-                fibres.append(Fibre.through(chain, fibre.side, mesh))
+                fibres.append(Fibre.through(chain, fibre.side, mesh, tension))
             except InputError as error:
                 raise InputError(f"{path}: {what}: {error}") from None
-        muscles[muscle.name] = Muscle.of(muscle.name, muscle.title, muscle.max_force_N, tuple(fibres))
+        width = None if muscle.origin_width_mm is None else 1e-3 * muscle.origin_width_mm
+        muscles[muscle.name] = Muscle.of(muscle.name, muscle.title, muscle.max_force_N, tuple(fibres), origin_width_m=width)
     return Anatomy(name=path.stem, mesh=mesh, muscles=muscles, fixed=tuple(table.fixed))
 
 
@@ -205,6 +218,15 @@ def _check_pieces(chain: MaterialPoints, mesh: HexMesh) -> None:
     if len(same):
         x, y, z = 1e3 * chain.position[same[0]]
         raise InputError(f"two points in a row lie at the same place, ({x:.2f}, {y:.2f}, {z:.2f}) mm; take one of them out.")
+
+
+def _tension(chain: MaterialPoints, fibre: FibreTable) -> np.ndarray | None:
+    """Of each segment over the fibre's mean, from that at its points; 1 outside, from the anchor on."""
+    if not fibre.tension or len(chain) < 2:
+        return None
+    at = np.array(fibre.tension)
+    tension = over_mean(0.5 * (at[:-1] + at[1:]), chain)
+    return tension if fibre.anchor is None else np.append(1.0, tension)
 
 
 def _anchored(chain: MaterialPoints, anchor: tuple[float, float, float] | None, unit: float) -> MaterialPoints:

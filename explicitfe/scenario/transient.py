@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
@@ -69,6 +69,9 @@ class MuscleTable(Table):
     distribution: Literal["ends", "along", "volume"] = "ends"
     direction: Literal["reference", "following"] = "reference"
     side: Literal["both", "left", "right"] = "both"
+    fibres: list[Annotated[int, Field(ge=1)]] | None = Field(
+        default=None, min_length=1, description="numbers of the fibres that pull, counted from 1 on each side; all if left out"
+    )
 
     @model_validator(mode="after")
     def _profile_is_whole(self) -> MuscleTable:

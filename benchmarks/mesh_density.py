@@ -33,6 +33,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 import explicitfe
+from explicitfe.measure.sections import groove_depth, midsagittal, section
 from explicitfe.mesh.bent_block import Patch
 from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.mesh.quality import corner_jacobians, edge_lengths, volumes
@@ -41,7 +42,6 @@ from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Result
 from explicitfe.scenario.read import read_scenario
 from explicitfe.view.palette import COLOURS, GRID
-from explicitfe.view.sections import groove_depth, midsagittal, section
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

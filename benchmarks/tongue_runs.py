@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from real_tongue import write_model, write_scenario
 
+from explicitfe.measure.sections import groove_depth, section, station
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.results import open_result
 from explicitfe.run.run import run
-from explicitfe.view.sections import front_position, groove_depth, section
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = ("vowel-i", "ggp-alone", "gga-alone", "sl-alone")
@@ -38,7 +38,7 @@ def row(name: str, mesh: str, material: str, distribution: str, summary: dict[st
     with open_result(summary["result"]) as result:
         reference, u = result.mesh, result.displacement()
         folded = int(np.sum(np.any(corner_jacobians(reference.points + u, reference.hexes) <= 0.0, axis=1)))
-        cut = section(reference, 0, front_position(reference))
+        cut = section(reference, 0, station(reference, "front"))
         groove = 1e3 * groove_depth(cut.at(reference.points), cut.at(reference.points + u))
     points = []
     for point in ("tip", "dorsum", "root"):

@@ -31,6 +31,7 @@ ROOMS = {
     "forces": "forces on the nodes: one file a force",
     "scenario": "the text of a scenario, read and checked",
     "results": "result files and typed reports: written, read",
+    "measure": "what a tongue did: shape, speeds, constriction, contact",
     "model": "physics made from a scenario: tongue, specimen, own mesh",
     "view": "pictures, terminal tables, the HTML report",
     "solve": "steps in time, equilibria, single points",
@@ -51,7 +52,7 @@ MECHANICS, TEXT, STUDY, DRAWN = "#dbe7f3", "#fbeed3", "#e3efdc", "#f5dfdc"
 SUBJECTS = dict.fromkeys(ROOMS, MECHANICS)
 SUBJECTS |= dict.fromkeys(("scenario", "model", "run"), TEXT)
 SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "blind"), STUDY)
-SUBJECTS |= dict.fromkeys(("results", "view"), DRAWN)
+SUBJECTS |= dict.fromkeys(("results", "measure", "view"), DRAWN)
 LINE = "#5a6570"
 LEGEND = """An arrow means: imports from. Arrows that follow from longer paths are left out. errors.py stands below all rooms.
 Blue: mechanics. Yellow: from the text of a scenario to its result. Green: measured data. Red: results and pictures."""

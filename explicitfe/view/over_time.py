@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from explicitfe.measure.sections import X, Y, Z
 from explicitfe.results import Result
 from explicitfe.view.heading import result_figure
 from explicitfe.view.hourglass import hourglass_share
 from explicitfe.view.muscles import activation, muscle_name, muscles_of, on_times
 from explicitfe.view.palette import COLOURS, LINE_STYLES, plain
-from explicitfe.view.sections import X, Y, Z
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

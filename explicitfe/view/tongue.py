@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from explicitfe.measure.sections import PlaneCut, X, Y, Z, groove_depth, middle, midline, midsagittal, section, station
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.results import Result
 from explicitfe.view.heading import result_figure
 from explicitfe.view.palette import AT_REST, HELD, plain, sequence
-from explicitfe.view.sections import PlaneCut, X, Y, Z, front_position, groove_depth, middle, midline, midsagittal, section
 from explicitfe.view.times import drawn_steps, milliseconds
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def contour_figure(result: Result, step: int) -> Figure | None:
 def coronal_figure(result: Result, step: int) -> Figure | None:
     """A coronal section of the front, at rest and later, and where it is; None where the plane cuts nothing."""
     mesh = result.mesh
-    cut, side = section(mesh, X, front_position(mesh)), midsagittal(mesh)
+    cut, side = section(mesh, X, station(mesh, "front")), midsagittal(mesh)
     if not cut.loops:
         return None
     figure = result_figure(result, 6.0, "Coronal section of the front, following the tissue")

@@ -28,6 +28,7 @@ RANKS = [
     {"effects"},
     {"forces"},
     {"scenario", "results"},
+    {"measure"},
     {"model", "view"},
     {"solve"},
     {"measured"},
@@ -41,8 +42,12 @@ RANKS = [
     {"__main__"},
 ]
 RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
-# Reading and drawing a result must not need the mechanics.
-ONLY = {"results": {"errors", "mesh"}, "view": {"errors", "mesh", "results"}}
+# Reading, measuring and drawing a result must not need the mechanics.
+ONLY = {
+    "results": {"errors", "mesh"},
+    "measure": {"errors", "mesh", "results"},
+    "view": {"errors", "mesh", "results", "measure"},
+}
 LAZY = ("pyvista", "matplotlib", "meshio", "jinja2")
 
 

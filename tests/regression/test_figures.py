@@ -11,14 +11,15 @@ import numpy as np
 import pytest
 
 from explicitfe.errors import InputError
+from explicitfe.measure import sections
+from explicitfe.measure.sections import X, Y, Z, section
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
 from explicitfe.results import open_result
 from explicitfe.run.run import run
 from explicitfe.view import draw as drawing
-from explicitfe.view import hourglass, muscles, over_time, sections, times, tongue
+from explicitfe.view import hourglass, muscles, over_time, times, tongue
 from explicitfe.view.draw import draw
-from explicitfe.view.sections import X, Y, Z, section
 
 CELLS = (8, 4, 4)
 SCENARIO = f"""
@@ -129,7 +130,7 @@ def test_midsagittal_outline_of_the_tongue(result_path):
 def test_coronal_section_of_the_tongue(result_path):
     with open_result(result_path) as result:
         mesh = result.mesh
-    position = sections.front_position(mesh)
+    position = sections.station(mesh, "front")
     assert position == mesh.named_points["front"].position[0, X]
     cut = section(mesh, X, position)
     assert len(cut.loops) == 1
@@ -177,8 +178,8 @@ def test_section_through_two_bodies_has_two_loops():
     assert not section(both, X, 3.5).loops
 
 
-def test_front_position_without_a_named_point():
-    assert sections.front_position(box((5, 2, 2))) == pytest.approx(0.8)
+def test_front_station_without_a_named_point():
+    assert sections.station(box((5, 2, 2)), "front") == pytest.approx(0.8)
 
 
 def test_groove_depth():

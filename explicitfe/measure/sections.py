@@ -15,6 +15,8 @@ import numpy as np
 from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 
 X, Y, Z = 0, 1, 2
+# Where coronal sections of a mesh without these named points are cut, as a share of its length from the tip.
+STATION_SHARES = {"front": 0.4, "dorsum": 0.55, "back": 0.7}
 
 
 @dataclass(frozen=True)
@@ -46,16 +48,20 @@ class PlaneCut:
 
 def section(mesh: HexMesh, axis: int, position: float) -> PlaneCut:
     """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
-    distance = mesh.points[:, axis] - position
-    distance[np.abs(distance) < 1e-9 * np.ptp(mesh.points, axis=0).max()] = 0.0
     element, face = free_faces(mesh.hexes)
-    quads = mesh.hexes[element[:, None], FACES[face]]
+    return cut_surface(mesh.points, mesh.hexes[element[:, None], FACES[face]], axis, position)
+
+
+def cut_surface(points: np.ndarray, faces: np.ndarray, axis: int, position: float) -> PlaneCut:
+    """Cut a closed surface of polygons (f, corners), nodes in cyclic order, where coordinate ``axis`` is ``position`` (m)."""
+    distance = points[:, axis] - position
+    distance[np.abs(distance) < 1e-9 * np.ptp(points, axis=0).max()] = 0.0
     segments: list[tuple[tuple[int, int], tuple[int, int]]] = []
     # Nodes in the plane count as above it. A half model that ends in the plane has nothing below: then they count as below.
     for above in (distance >= 0.0, distance > 0.0):
-        changes = above[quads] != above[np.roll(quads, -1, axis=1)]
-        for quad, change in zip(quads[changes.any(axis=1)], changes[changes.any(axis=1)], strict=True):
-            cut = [_crossing(quad[k], quad[(k + 1) % 4], distance) for k in np.flatnonzero(change)]
+        changes = above[faces] != above[np.roll(faces, -1, axis=1)]
+        for polygon, change in zip(faces[changes.any(axis=1)], changes[changes.any(axis=1)], strict=True):
+            cut = [_crossing(polygon[k], polygon[(k + 1) % len(polygon)], distance) for k in np.flatnonzero(change)]
             segments += [(a, b) for a, b in zip(cut[::2], cut[1::2], strict=True) if a != b]
         if segments:
             break
@@ -78,12 +84,12 @@ def middle(mesh: HexMesh) -> float:
     return 0.0 if np.any(np.abs(y) < 1e-9 * np.ptp(y)) else 0.5 * (float(y.min()) + float(y.max()))
 
 
-def front_position(mesh: HexMesh) -> float:
-    """The x of a front coronal section, m: that of the point named "front", else 40 % of the length from the tip."""
-    if "front" in mesh.named_points:
-        return float(mesh.named_points["front"].position[0, X])
+def station(mesh: HexMesh, name: str) -> float:
+    """The x of a coronal section, m: that of a named point, else by ``STATION_SHARES``."""
+    if name in mesh.named_points:
+        return float(mesh.named_points[name].position[0, X])
     x = mesh.points[:, X]
-    return float(x.min() + 0.4 * np.ptp(x))
+    return float(x.min() + STATION_SHARES[name] * np.ptp(x))
 
 
 def midline(reference: np.ndarray) -> np.ndarray:

@@ -1,0 +1,1 @@
+"""What a tongue did, as numbers from its result file: docs/measures.md defines them."""

@@ -198,8 +198,9 @@ def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spa
     tree, corners = cKDTree(samples, balanced_tree=False, compact_nodes=False), surface.corners[triangle]
 
     def distance_of(nodes: np.ndarray, tried: int) -> np.ndarray:
-        _, nearest = tree.query(nodes, k=min(tried, len(samples)))
-        columns = nearest.reshape(len(nodes), -1).T
+        tried = min(tried, len(samples))
+        _, nearest = tree.query(nodes, k=tried)
+        columns = nearest.reshape(len(nodes), tried).T
         return np.min([triangle_distance(nodes, corners[column]) for column in columns], axis=0)
 
     axes = [np.arange(a, b + 1) for a, b in zip(first, last, strict=True)]

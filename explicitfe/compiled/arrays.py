@@ -46,6 +46,10 @@ class Blocks(NamedTuple):
         changed = {name: change(getattr(self, name)) for name in self._fields[: self._fields.index("activation")]}
         return self._replace(**changed, length=np.zeros_like(self.length), last_length=np.zeros_like(self.last_length))
 
+    def between(self, first: int, last: int) -> Blocks:
+        """The blocks from ``first`` to the one before ``last``."""
+        return self.each(lambda array: array[first:last])
+
 
 class Part(NamedTuple):
     """What one thread computes: a run of blocks, and the node rows from their lowest one to that of the next part.

@@ -92,6 +92,9 @@ class AffectedModel(AffectedPart, Protocol):
     def pulls(self) -> tuple[AffectedLoad, ...]: ...
 
     @property
+    def stresses(self) -> tuple[AffectedLoad, ...]: ...
+
+    @property
     def tool(self) -> AffectedPart | None: ...
 
     @property

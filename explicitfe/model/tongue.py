@@ -14,10 +14,12 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
+from explicitfe.model.bones import attachments, bones
 from explicitfe.model.effects import check_effects
+from explicitfe.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.model.gravity import gravity_load
-from explicitfe.model.model import FibrePull, Model, NodalLoad
-from explicitfe.model.muscles import pull
+from explicitfe.model.model import FibrePull, FibreStress, Model, NodalLoad
+from explicitfe.model.muscles import profile_of, pull
 from explicitfe.model.own_mesh import read_model_file
 from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
@@ -43,19 +45,32 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
     material = catalogue.material(table.material)
 
     held = np.zeros((mesh.node_count, 3), dtype=bool)
-    for name in anatomy.fixed if table.fixed is None else table.fixed:
+    fixed = anatomy.fixed if table.fixed is None else tuple(table.fixed)
+    for name in fixed:
         if name not in mesh.node_sets:
             raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}')
-        held[mesh.node_sets[name]] = True
+        if table.attachment == "nodes":
+            held[mesh.node_sets[name]] = True
     if held.all():
         raise InputError("model.fixed holds every node of the mesh, so nothing can move; take a set out of it.")
 
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []
+    stresses: list[FibreStress] = []
     for entry in scenario.muscle:
         if entry.name not in anatomy.muscles:
             raise InputError(f'unknown muscle "{entry.name}"; {nearest(entry.name, anatomy.muscles)}')
-        load = pull(mesh, anatomy.muscles[entry.name], entry)
+        muscle = anatomy.muscles[entry.name]
+        if entry.distribution == "stress":
+            course, fibres = profile_of(entry), entry.fibres
+            stress = fibre_stress(
+                mesh, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length
+            )
+            outside = outside_pull(muscle, entry.force_N, entry.side, course, fibres=fibres)
+            stresses.append(stress)
+            pulls += [] if outside is None else [outside]
+            continue
+        load = pull(mesh, muscle, entry)
         loads.append(load) if isinstance(load, NodalLoad) else pulls.append(load)
     if any(table.gravity_m_s2):
         loads.append(gravity_load(mesh, material, table.gravity_m_s2))
@@ -72,6 +87,9 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         element=table.element,
         loads=tuple(loads),
         pulls=tuple(pulls),
+        stresses=tuple(stresses),
+        bones=bones(scenario, mesh, folder),
+        attachments=attachments(scenario, mesh, fixed) if table.attachment == "area" else (),
         probes={name: mesh.named_points[name] for name in names},
     )
     effects = scenario.effects.chosen

@@ -40,6 +40,8 @@ class TransientModelDescription(ModelDescription):
 
     alpha_per_s: float
     muscles: list[dict[str, Json]]
+    bones: list[str]
+    held_area_mm2: dict[str, float]
     probes: dict[str, PointAtRest]
 
 

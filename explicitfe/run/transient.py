@@ -9,9 +9,23 @@ from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 
-from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC, LOST, SMALLEST_J
+from explicitfe.compiled.arrays import (
+    BONE_AREA,
+    BONE_FORCE,
+    CONTACT,
+    DAMPED,
+    EXTERNAL,
+    HOURGLASS,
+    INTERNAL,
+    KINETIC,
+    LOST,
+    RUBBED,
+    SMALLEST_J,
+    TIED,
+)
 from explicitfe.errors import InputError, Progress
 from explicitfe.mesh.quality import corner_jacobians
+from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model.tongue import assemble
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.results.run_summary import (
@@ -47,6 +61,9 @@ TRANSIENT_HISTORY = {
     "external_work": Quantity("J", 1, "work of muscles, loads and gravity"),
     "damping_loss": Quantity("J", 1, "energy lost to mass-proportional damping"),
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
+    "contact_energy": Quantity("J", 1, "stored in the contact with bones"),
+    "contact_loss": Quantity("J", 1, "energy lost in the contact with bones: its dampers, and friction"),
+    "tied_energy": Quantity("J", 1, "stored in the ties to bones, and in the springs that hold these"),
     "balance_error": Quantity("1", 1, "largest energy balance error so far, relative"),
     "smallest_J": Quantity("1", 1, "smallest J of all elements in all steps so far"),
 }
@@ -68,6 +85,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             **self._description(),
             "alpha_per_s": self.model.alpha_per_s,
             "muscles": [muscle.model_dump() for muscle in self.scenario.muscle],
+            "bones": [bone.name for bone in self.model.bones],
+            "held_area_mm2": {tie.name: float(1e6 * tie.areas_m2.sum()) for tie in self.model.attachments},
             "probes": {name: point_at_rest(point) for name, point in self.model.probes.items()},
         }
 
@@ -170,19 +189,28 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         for name in model.probes:
             history[f"probe_{name}_displacement"] = Quantity("m", 3, f"displacement of {name}")
             history[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")
+        points = {"velocity": velocity} if "velocity" in wanted else {}
+        for bone in model.bones:
+            points[f"contact_pressure_{bone.name}"] = Quantity("Pa", 1, f"pressure of {bone.name} on the surface")
+            history[f"contact_{bone.name}_force"] = Quantity("N", 3, f"force of {bone.name} on the body")
+            history[f"contact_{bone.name}_area"] = Quantity("m^2", 1, f"area of the surface that {bone.name} touches")
+            if bone.motion is not None:
+                placed = f"where {bone.name} is: rotation R by rows, and shift s [m]; a point X of it at rest is at R X + s"
+                history[f"bone_{bone.name}_placement"] = Quantity("1", 12, placed)
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
         state = simulation.restart_state() | {"clock": np.zeros(4), "counters": np.zeros(4, dtype=np.int64)}
         return ResultWriter(
             target,
             mesh=model.mesh,
-            point_fields={"velocity": velocity} if "velocity" in wanted else {},
+            point_fields=points,
             cell_fields={k: q for k, q in (("J", J), ("hourglass_energy", hourglass)) if k in wanted},
             history=history,
             scenario_text=self.text,
             model=self.describe(),
             provenance=provenance(),
             restart=state,
+            bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
             expected_samples=min(expected, room),
             overwrite=overwrite,
         )
@@ -199,14 +227,25 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "external_work": e[EXTERNAL],
             "damping_loss": e[DAMPED],
             "material_loss": e[LOST],
+            "contact_energy": e[CONTACT],
+            "contact_loss": e[RUBBED],
+            "tied_energy": e[TIED],
             "balance_error": ledger.balance_error,
             "smallest_J": snapshot.smallest_J,
         }
+        for bone, does in zip(self.model.bones, snapshot.contact, strict=True):
+            row[f"contact_{bone.name}_force"] = does[BONE_FORCE : BONE_FORCE + 3]
+            row[f"contact_{bone.name}_area"] = does[BONE_AREA]
+            if bone.motion is not None:
+                rotation, shift = bone.motion.placement(np.array([snapshot.time_s]))
+                row[f"bone_{bone.name}_placement"] = np.append(rotation, shift)
         for name, point in self.model.probes.items():
             row[f"probe_{name}_displacement"] = self.model.mesh.at(point, snapshot.displacement)[0]
             row[f"probe_{name}_velocity"] = self.model.mesh.at(point, snapshot.velocity)[0]
         writer.history(snapshot.time_s, row)
         points = {"displacement": snapshot.displacement} | ({"velocity": snapshot.velocity} if "velocity" in wanted else {})
+        for bone, pressure in zip(self.model.bones, snapshot.contact_pressure, strict=True):
+            points[f"contact_pressure_{bone.name}"] = pressure
         cells = {"J": snapshot.J, "hourglass_energy": snapshot.hourglass_energy}
         writer.sample(snapshot.time_s, points, {name: value for name, value in cells.items() if name in wanted})
 
@@ -228,6 +267,14 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             warnings.append(
                 f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does "
                 'not resist: spread the forces (distribution = "along") or lower them, and compare with element = "hex8-full".'
+            )
+        through = self_penetration(mesh, last.displacement)
+        if through.where_m is not None:
+            x, y, z = 1e3 * through.where_m
+            warnings.append(
+                f"the body passes through itself at the end: {through.count} nodes of its surface lie in other elements, the deepest "
+                f"by {1e3 * through.deepest_m:.1f} mm near ({x:.0f}, {y:.0f}, {z:.0f}) mm, and nothing stops them there; lower the "
+                "forces, or read nothing off that place."
             )
         moved = float(np.linalg.norm(last.displacement, axis=1).max())
         extent = float(np.ptp(mesh.points, axis=0).max())

@@ -6,6 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from explicitfe.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.material import Material
 from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
@@ -43,6 +44,11 @@ class ModelTable(Table):
     )
     damping: Damping = Damping()
     fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
+    attachment: Literal["nodes", "area"] = Field(
+        default="nodes",
+        description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches that they stand '
+        "for by springs, in proportion to their area, whatever the mesh",
+    )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
 
     @model_validator(mode="after")
@@ -66,7 +72,10 @@ class MuscleTable(Table):
     rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
     end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
     table: list[Pair] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
-    distribution: Literal["ends", "along", "volume"] = "ends"
+    distribution: Literal["stress", "ends", "along", "volume"] = Field(
+        default="ends", description="an active stress along the fibres in the tissue around them, or forces on nodes"
+    )
+    force_length: bool = Field(default=False, description='with "stress": whether it falls off in a shortened fibre')
     direction: Literal["reference", "following"] = "reference"
     side: Literal["both", "left", "right"] = "both"
     fibres: list[Annotated[int, Field(ge=1)]] | None = Field(
@@ -81,6 +90,10 @@ class MuscleTable(Table):
             raise ValueError('profile = "ramp" and rise_ms above 0 go together')
         if (self.profile == "table") != bool(self.table):
             raise ValueError('profile = "table" and a table of [time_ms, scale] pairs go together')
+        if self.force_length and self.distribution != "stress":
+            raise ValueError('force_length goes with distribution = "stress" only')
+        if self.direction == "following" and self.distribution == "stress":
+            raise ValueError('direction does not go with distribution = "stress": a stress along fibres follows them anyway')
         if self.profile == "table" and (self.start_ms > 0.0 or self.end_ms is not None):
             raise ValueError('start_ms and end_ms do not go with profile = "table": put the times into the table')
         times = [time for time, _ in self.table]
@@ -118,6 +131,15 @@ class TransientScenario(Table):
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: ModelTable
     muscle: list[MuscleTable] = Field(default=[])
+    bone: list[BoneTable] = Field(default=[])
+    jaw: JawTable | None = None
+    hyoid: HyoidTable | None = None
     effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
     record: RecordTable = RecordTable()
+
+    @model_validator(mode="after")
+    def _hyoid_is_tied(self) -> TransientScenario:
+        if self.hyoid is not None and self.model.attachment != "area":
+            raise ValueError('[hyoid] needs model.attachment = "area": nodes that are held do not give way')
+        return self

@@ -46,7 +46,7 @@ def parts_of(state: State, blocks: Blocks, count: int, contact_rows: np.ndarray 
     forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
     parts = []
     for k, (a, b) in enumerate(pairwise(bounds)):
-        own_blocks = blocks.each(lambda array, a=a, b=b: array[a:b])._replace(nodes=runs[k] - np.uint32(first[k]))
+        own_blocks = blocks.between(a, b)._replace(nodes=runs[k] - np.uint32(first[k]))
         lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
         touched = slice(first[k], after[k])
         near, far = np.searchsorted(rows, [begins[k], begins[k + 1]])

@@ -113,7 +113,8 @@ def relax(
             add_springs(u, force, springs)
             turn_back(force, turned)
             if looks:
-                inner[:] = force
+                for at in range(0, u.size, WIDTH):
+                    store(inner, at, load(force, at))
             if not tool[FREE] > 0.0:
                 tool[DRIVE] += min(max(tool[GOAL] - tool[DRIVE], -tool[PACE]), tool[PACE])
                 if tool[COMPLIANCE] == 0.0:

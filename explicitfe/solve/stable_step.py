@@ -121,7 +121,7 @@ def _taken_apart(blocks: Blocks, displacement: np.ndarray) -> Iterator[tuple[sli
         count = part.stop - part.start
         # idle lanes keep a node that belongs to nobody
         apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
-        some = blocks.each(lambda array, first=first: array[first : first + BLOCKS_TAKEN_APART])._replace(nodes=apart)
+        some = blocks.between(first, first + BLOCKS_TAKEN_APART)._replace(nodes=apart)
         yield part, some, node_rows(displacement[part].reshape(-1, 3))
 
 

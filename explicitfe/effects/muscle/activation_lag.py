@@ -48,4 +48,5 @@ class ActivationLag(Effect):
             model,
             loads=tuple(lagged.get(id(load), load) for load in model.loads),
             pulls=tuple(replace(pull, profile=replace(pull.profile, lag_s=tau)) for pull in model.pulls),
+            stresses=tuple(replace(stress, profile=replace(stress.profile, lag_s=tau)) for stress in model.stresses),
         )

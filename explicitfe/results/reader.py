@@ -254,15 +254,20 @@ class Result:
         stored = self._file.get(layout.BONES, {})
         return {name: StoredBone(self._read(bone["points"]), self._read(bone["triangles"])) for name, bone in stored.items()}
 
+    def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Where a bone is at one step, given as in :meth:`field`: R (3, 3) and s (3,) m; its point X is at R X + s."""
+        if f"bone_{bone}_placement" not in self.history_names:
+            return np.eye(3), np.zeros(3)
+        row = int(np.argmin(np.abs(self.history("time") - self.times[self._step(step, time_s)])))
+        entries = self.history(f"bone_{bone}_placement")[row]
+        return entries[:9].reshape(3, 3), entries[9:]
+
     def placed_bones(self, step: int = -1, *, time_s: float | None = None) -> dict[str, StoredBone]:
-        """The same where they are at one step, given as in :meth:`field`: a bone that moves has its placements in the history."""
-        time = self.times[self._step(step, time_s)]
-        placed = dict(self.bones)
-        for name, bone in placed.items():
-            if f"bone_{name}_placement" in self.history_names:
-                row = int(np.argmin(np.abs(self.history("time") - time)))
-                entries = self.history(f"bone_{name}_placement")[row]  # rotation, row by row, and shift
-                placed[name] = bone._replace(points=bone.points @ entries[:9].reshape(3, 3).T + entries[9:])
+        """The bones where they are at one step, given as in :meth:`field`."""
+        placed = {}
+        for name, bone in self.bones.items():
+            rotation, shift = self.placement(name, step, time_s=time_s)
+            placed[name] = bone._replace(points=bone.points @ rotation.T + shift)
         return placed
 
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:

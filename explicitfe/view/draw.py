@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+from explicitfe.measure.steps import last_step
 from explicitfe.results import Result, open_result
 from explicitfe.results.run_summary import kind_of
 from explicitfe.view.hourglass import hourglass_map
@@ -13,7 +14,6 @@ from explicitfe.view.indentation import draw_indentation
 from explicitfe.view.over_time import energies_figure, probes_figure
 from explicitfe.view.palette import save
 from explicitfe.view.render import end_rendering, start_rendering
-from explicitfe.view.times import last_step
 from explicitfe.view.tongue import contour_figure, coronal_figure
 
 

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from explicitfe.measure.sections import Y, middle
+from explicitfe.measure.steps import last_step
 from explicitfe.results import open_result
 from explicitfe.view.heading import result_figure, rounded
 from explicitfe.view.hourglass import OUTSIDE_VIEWS, HourglassMap, hourglass_map, outside_view
 from explicitfe.view.palette import ENERGY_MAP, WIDTH_IN, save
-from explicitfe.view.times import last_step, milliseconds
+from explicitfe.view.times import milliseconds
 
 if TYPE_CHECKING:
     import pyvista

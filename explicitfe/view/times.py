@@ -6,24 +6,8 @@ import math
 
 import numpy as np
 
-from explicitfe.errors import InputError
-from explicitfe.results import Result
-
 # Times drawn besides the shape at rest. The outlines of more times would lie on each other.
 DRAWN_TIMES = 6
-
-
-def last_step(result: Result) -> int:
-    """The last stored step whose displacements are finite.
-
-    Raises
-    ------
-    InputError : there is none.
-    """
-    for step in reversed(range(len(result.times))):
-        if np.isfinite(result.displacement(step)).all():
-            return step
-    raise InputError(f"{result.path} has no step that can be drawn; run the scenario again")
 
 
 def drawn_steps(times: np.ndarray, last: int, count: int = DRAWN_TIMES) -> list[int]:

@@ -13,6 +13,7 @@ import pytest
 from explicitfe.errors import InputError
 from explicitfe.measure import sections
 from explicitfe.measure.sections import X, Y, Z, section
+from explicitfe.measure.steps import last_step
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
 from explicitfe.results import open_result
@@ -199,7 +200,7 @@ def test_groove_depth():
 
 def test_held_sets_and_last_step(result_path):
     with open_result(result_path) as result:
-        step = times.last_step(result)
+        step = last_step(result)
         assert step == len(result.times) - 1
         assert sorted(tongue.attachments(result, step)) == sorted(result.mesh.node_sets)
         assert tongue.attachments(result, 0) == {}
@@ -208,7 +209,7 @@ def test_held_sets_and_last_step(result_path):
 
 def test_hourglass_map(result_path):
     with open_result(result_path) as result:
-        step = times.last_step(result)
+        step = last_step(result)
         numbers = hourglass.hourglass_map(result, step)
         mesh, energy = result.mesh, result.field("hourglass_energy", step)
         elastic = result.history("internal_energy")[-1] + result.history("hourglass_energy")[-1]

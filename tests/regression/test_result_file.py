@@ -130,6 +130,9 @@ def test_bones_are_stored_at_rest_and_placed_by_the_history(tmp_path):
             np.testing.assert_array_equal(opened.bones[name].points, points)
             np.testing.assert_array_equal(opened.bones[name].triangles, corners)
             np.testing.assert_array_equal(opened.placed_bones(0)[name].points, points)
+        rotation, shift = opened.placement("jaw")
+        np.testing.assert_array_equal(rotation, turned)
+        np.testing.assert_array_equal(shift, [0.001, 0.002, 0.003])
         now = opened.placed_bones(time_s=0.0009)
         np.testing.assert_array_equal(now["palate"].points, bones["palate"][0])
         # A quarter turn about y takes x to -z and z to x.

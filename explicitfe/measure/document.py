@@ -1,0 +1,176 @@
+"""What ``explicitfe measure`` answers; docs/measures.md defines each number.
+
+Lengths in mm, areas in mm2, times in ms, speeds in mm/s, pressures in kPa, forces in N. Forward is towards the lips, up towards
+the palate, right that of the speaker. All keys are always there; None: there is nothing to measure.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from explicitfe.results.document import Document
+
+Side = Literal["left", "centre", "right"]
+Depth = Literal["front", "middle", "back"]
+
+
+class MeasuredPart(BaseModel):
+    """A table of the document."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PointMotion(MeasuredPart):
+    """How a named point has moved since rest, and how fast; ``time_to_90_ms`` is None where it has not moved."""
+
+    forward_mm: float
+    up_mm: float
+    right_mm: float
+    time_to_90_ms: float | None
+    peak_speed_mm_s: float
+    speed_mm_s: float
+
+
+class Groove(MeasuredPart):
+    """A coronal section: by how much its midline has sunk below its sides since rest, and how deep the groove was at rest."""
+
+    depth_mm: float
+    at_rest_mm: float
+    behind_tip_mm: float
+
+
+class HighestPoint(MeasuredPart):
+    """The highest point of the midsagittal outline, against that at rest, and where it is behind and above the tip at rest."""
+
+    forward_mm: float
+    up_mm: float
+    behind_tip_mm: float
+    above_tip_mm: float
+
+
+class Place(MeasuredPart):
+    """A place in the reference shape, in the frame of the model."""
+
+    back_mm: float
+    right_mm: float
+    up_mm: float
+
+
+class SelfPenetrationFigures(MeasuredPart):
+    """Nodes of the surface inside another part of the body, and the deepest of them."""
+
+    nodes: int
+    deepest_mm: float
+    deepest_at_rest: Place | None
+
+
+class BodyMotion(MeasuredPart):
+    """The whole body.
+
+    Attributes
+    ----------
+    largest_displacement_mm, fastest_mm_s : of all nodes.
+    settled : whether no node would move by 5 % of the largest displacement in another 100 ms at its present speed.
+    time_to_90_ms : None where nothing has moved.
+    volume_change_percent : positive where it has grown.
+    left_right_mm : largest difference between the motion of a node and the mirrored motion of its mirror image; None for a mesh
+        that is not its own mirror image.
+    """
+
+    largest_displacement_mm: float
+    fastest_mm_s: float
+    settled: bool
+    time_to_90_ms: float | None
+    volume_change_percent: float
+    left_right_mm: float | None
+    self_penetration: SelfPenetrationFigures
+
+
+class TractSection(MeasuredPart):
+    """Air between tongue and palate in a plane across the palate's midline.
+
+    Attributes
+    ----------
+    place_mm : from the incisor edge along the midline of the palate.
+    height_mm : of the air in the midline, 0 where they touch; None where the plane does not meet the tongue.
+    area_mm2 : of all the air inside the dental arch.
+    channel_mm2 : of the part over the midline, out to where the tongue first touches; 0 where it touches in the midline.
+    """
+
+    place_mm: float
+    height_mm: float | None
+    area_mm2: float | None
+    channel_mm2: float | None
+
+
+class Constriction(MeasuredPart):
+    """Where the tongue comes nearest to the palate.
+
+    Attributes
+    ----------
+    width_mm, place_mm : smallest midsagittal distance, and the place along the palate; width 0: they touch.
+    width_at_rest_mm, place_at_rest_mm : the same at rest.
+    smallest_channel_mm2, smallest_channel_place_mm : of the sections that meet the tongue; None where none does.
+    sections : every 5 mm along the palate.
+    """
+
+    width_mm: float
+    place_mm: float
+    width_at_rest_mm: float
+    place_at_rest_mm: float
+    smallest_channel_mm2: float | None
+    smallest_channel_place_mm: float | None
+    sections: list[TractSection]
+
+
+class ContactPart(MeasuredPart):
+    """A part of a bone that is touched: area, force across it, and the mean pressure over the area."""
+
+    area_mm2: float
+    force_N: float
+    mean_kPa: float
+
+
+class BoneContact(ContactPart):
+    """Contact with a bone.
+
+    Attributes
+    ----------
+    peak_kPa : largest pressure at a node.
+    midline_free : whether no node touches within 3 mm of the midsagittal plane.
+    forward_N, up_N, right_N : components of the bone's force on the body; None where the run did not store it.
+    cells : thirds across and along the bone.
+    """
+
+    peak_kPa: float
+    midline_free: bool
+    forward_N: float | None
+    up_N: float | None
+    right_N: float | None
+    cells: dict[Side, dict[Depth, ContactPart]]
+
+
+class Measures(Document, MeasuredPart):
+    """The measures of a result at one time.
+
+    Attributes
+    ----------
+    result, title, status : file, title of the scenario, how the run ended.
+    time_ms : of the sample that was measured.
+    grooves : at the stations "front", "dorsum" and "back"; those that cut the mesh.
+    constriction : None where no bone is called "palate".
+    contact : bone -> contact, of those whose pressure the run stored.
+    """
+
+    result: str
+    title: str
+    status: str
+    time_ms: float
+    points: dict[str, PointMotion]
+    highest: HighestPoint | None
+    grooves: dict[str, Groove]
+    constriction: Constriction | None
+    contact: dict[str, BoneContact]
+    body: BodyMotion

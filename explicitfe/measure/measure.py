@@ -1,0 +1,61 @@
+"""The measures of a result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from explicitfe.errors import InputError
+from explicitfe.measure.contact import contacts
+from explicitfe.measure.document import Constriction, Measures
+from explicitfe.measure.motion import body_motion, point_motions
+from explicitfe.measure.shape import grooves, highest_point
+from explicitfe.measure.steps import step_at
+from explicitfe.measure.tract import constriction
+from explicitfe.results import Result, open_result
+from explicitfe.results.run_summary import kind_of
+
+# The bone that makes a vocal tract with the tongue.
+PALATE = "palate"
+
+
+def measure(path: Path, time_s: float | None = None) -> Measures:
+    """Measure a result of a run in time; docs/measures.md defines what.
+
+    Parameters
+    ----------
+    path : the result, of a run that finished, failed or was killed.
+    time_s : the sample nearest to it is measured; the last one if left out.
+
+    Raises
+    ------
+    InputError : the file cannot be read, is of an indentation, or holds no such time.
+    """
+    with open_result(path) as result:
+        if kind_of(result.model) != "transient":
+            raise InputError(f"{path} is the result of an indentation, which has a curve: see explicitfe inspect")
+        return measures_of(result, step_at(result, time_s))
+
+
+def measures_of(result: Result, step: int) -> Measures:
+    """The measures at one stored step, whose displacements are finite."""
+    mesh, u = result.mesh, result.displacement(step)
+    return Measures(
+        result=str(result.path),
+        title=str(result.model.get("scenario", {}).get("title", "")),
+        status=result.status,
+        time_ms=1e3 * float(result.times[step]),
+        points=point_motions(result, step),
+        highest=highest_point(mesh, u),
+        grooves=grooves(mesh, u),
+        constriction=constriction_of(result, step),
+        contact=contacts(result, step),
+        body=body_motion(result, step),
+    )
+
+
+def constriction_of(result: Result, step: int) -> Constriction | None:
+    """The constriction under the bone called "palate", if the run had one."""
+    if PALATE not in result.bones:
+        return None
+    at_rest, now = result.bones[PALATE], result.placed_bones(step)[PALATE]
+    return constriction(result.mesh, result.displacement(step), at_rest.points[at_rest.triangles], now.points[now.triangles])

@@ -1,0 +1,210 @@
+"""The air between tongue and palate: the narrowest place, and cross-sections along the palate.
+
+The palate's midline is its underside in the midsagittal plane, from the edge of the incisors backwards.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from explicitfe.measure.document import Constriction, TractSection
+from explicitfe.measure.sections import X, Y, Z, middle
+from explicitfe.mesh.hexmesh import HexMesh
+from explicitfe.mesh.triangles import plane_segments, surface_triangles
+
+# The underside of the palate is sampled at these distances along x.
+MIDLINE_STEP_M = 0.5e-3
+# The edge of the incisors is the lowest point of the underside within this length from its front end.
+INCISORS_WITHIN_M = 15e-3
+# Sections follow each other at this distance; their plane stands across the chord that reaches so far to both sides.
+SECTION_STEP_M = 5e-3
+HALF_CHORD_M = 2.5e-3
+# Sections are integrated over columns of this width, left to right. What of the palate lies further than this across the
+# midline belongs to another place along it.
+COLUMN_WIDTH_M = 0.1e-3
+PALATE_REACH_M = 25e-3
+# The crest of the dental arch is where the underside comes first within this of its lowest place.
+CREST_TOLERANCE_M = 0.05e-3
+# The tongue's sides end where it lies further than this below both its midline and the crest of the arch on that side.
+SIDE_DROP_M = 5e-3
+# The tongue touches where less than this is free: it rests on a smoothed surface, with flat faces.
+TOUCHING_GAP_M = 0.3e-3
+
+
+class MidlineCurve(NamedTuple):
+    """The midline of the palate: ``points`` (k, 2), x and z in m, and the ``length`` (k,) along it from the incisor edge, m."""
+
+    points: np.ndarray
+    length: np.ndarray
+
+    def at(self, length_m: np.ndarray | float) -> np.ndarray:
+        """Points (..., 2) at lengths (...); before the first and behind the last it is that."""
+        return np.stack([np.interp(length_m, self.length, column) for column in self.points.T], axis=-1)
+
+
+class Column(NamedTuple):
+    """A section in columns: ``y`` (c,) m, ``palate`` and ``tongue`` (c,) m below the midline; NaN where there is none.
+
+    ``inside`` says which lie inside of the dental arch.
+    """
+
+    y: np.ndarray
+    palate: np.ndarray
+    tongue: np.ndarray
+    inside: np.ndarray
+
+
+def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarray, palate_now: np.ndarray) -> Constriction | None:
+    """Where the tongue comes nearest to the palate, now and at rest; None where the midsagittal plane misses either.
+
+    Parameters
+    ----------
+    palate_rest, palate_now : (m, 3 corners, 3) m. Triangles of the palate at rest and where it is now.
+    """
+    plane = middle(mesh)
+    rest_line, line = palate_midline(palate_rest, plane), palate_midline(palate_now, plane)
+    tongue, _ = surface_triangles(mesh, mesh.points + displacement)
+    tongue_rest, _ = surface_triangles(mesh, mesh.points)
+    if line is None or rest_line is None:
+        return None
+    now, at_rest = narrowest(line, tongue, plane), narrowest(rest_line, tongue_rest, plane)
+    if now is None or at_rest is None:
+        return None
+    sections = [tract_section(line, palate_now, tongue, plane, place) for place in section_places(line)]
+    channels = [(each.channel_mm2, each.place_mm) for each in sections if each.channel_mm2 is not None]
+    area, place = min(channels, default=(None, None))
+    return Constriction(
+        width_mm=1e3 * now[0],
+        place_mm=1e3 * now[1],
+        width_at_rest_mm=1e3 * at_rest[0],
+        place_at_rest_mm=1e3 * at_rest[1],
+        smallest_channel_mm2=area,
+        smallest_channel_place_mm=place,
+        sections=sections,
+    )
+
+
+def palate_midline(palate: np.ndarray, plane: float) -> MidlineCurve | None:
+    """The underside of a palate (m, 3 corners, 3) m in the plane y = ``plane``; None where it is not cut."""
+    lines = plane_segments(palate, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
+    if not len(lines):
+        return None
+    first, last = lines[:, :, 0].min(), lines[:, :, 0].max()
+    x = np.linspace(first, last, max(2, int(np.ceil((last - first) / MIDLINE_STEP_M)) + 1))
+    x[[0, -1]] += np.array([1e-6, -1e-6]) * (last - first)  # an end may be upright
+    z = np.nanmin(crossings(lines, x), axis=1)
+    start = int(np.argmin(np.where(x <= x[0] + INCISORS_WITHIN_M, z, np.inf)))
+    points = np.column_stack([x, z])[start:]
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return MidlineCurve(points, length)
+
+
+def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> tuple[float, float] | None:
+    """Smallest midsagittal distance of a tongue (m, 3 corners, 3) from the palate and where, m along it; None: no tongue there.
+
+    Where they overlap the distance is 0, and the place is that of the deepest overlap.
+    """
+    lines = plane_segments(tongue, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
+    if not len(lines):
+        return None
+    # Two lines that do not cross are nearest at a corner of one of them.
+    of_palate = _distances(line.points, lines).min(axis=1)
+    above = np.nan_to_num(crossings(lines, line.points[:, 0]), nan=-np.inf) > line.points[:, 1:]
+    of_palate = np.where(above.sum(axis=1) % 2 == 1, -of_palate, of_palate)
+    corners = lines.reshape(-1, 2)
+    to_palate = _distances(corners, np.stack([line.points[:-1], line.points[1:]], axis=1))
+    nearest = to_palate.argmin(axis=1)
+    of_tongue = to_palate.min(axis=1)
+    ceiling = np.interp(corners[:, 0], line.points[:, 0], line.points[:, 1], left=np.inf, right=np.inf)
+    of_tongue = np.where(corners[:, 1] > ceiling, -of_tongue, of_tongue)
+    if of_palate.min() <= of_tongue.min():
+        k = int(of_palate.argmin())
+        return max(0.0, float(of_palate[k])), float(line.length[k])
+    k = int(of_tongue.argmin())
+    start, end = line.points[nearest[k]], line.points[nearest[k] + 1]
+    share = np.clip((corners[k] - start) @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
+    return max(0.0, float(of_tongue[k])), float(line.length[nearest[k]] + share * np.linalg.norm(end - start))
+
+
+def section_places(line: MidlineCurve) -> np.ndarray:
+    """Where sections are taken, m from the incisor edge: every 5 mm, as far as the chord across which they stand fits in."""
+    return np.arange(SECTION_STEP_M, line.length[-1] - HALF_CHORD_M, SECTION_STEP_M)
+
+
+def section_plane(line: MidlineCurve, place: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A point of the midline, the normal of the plane across it, and the direction in it down to the tongue: (3,) each."""
+    x, z = line.at(place)
+    along = line.at(place + HALF_CHORD_M) - line.at(place - HALF_CHORD_M)
+    back, up = along / np.linalg.norm(along)
+    return np.array([x, 0.0, z]), np.array([back, 0.0, up]), np.array([up, 0.0, -back])
+
+
+def columns(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: float, place: float) -> Column:
+    """The section across the midline at ``place`` in columns."""
+    point, normal, down = section_plane(line, place)
+    palate_lines, tongue_lines = (
+        np.stack([cut[:, :, Y] - plane, (cut - point) @ down], axis=-1)
+        for cut in (plane_segments(triangles, point, normal) for triangles in (palate, tongue))
+    )
+    half = int(np.ceil(np.abs(palate_lines[:, :, 0]).max(initial=0.0) / COLUMN_WIDTH_M))
+    y = COLUMN_WIDTH_M * (np.arange(-half, half) + 0.5)
+    height = crossings(palate_lines, y)
+    height = np.where(np.abs(height) < PALATE_REACH_M, height, np.nan)
+    underside = np.fmax.reduce(height, axis=1, initial=np.nan)
+    top = np.fmin.reduce(crossings(tongue_lines, y), axis=1, initial=np.nan)
+    inside = np.zeros(len(y), dtype=bool)
+    midline = float(np.mean(top[np.abs(y) < COLUMN_WIDTH_M])) if half else np.nan
+    for side in (y < 0.0, y > 0.0):
+        if not np.isfinite(underside[side]).any() or not np.isfinite(midline):
+            continue
+        crest = np.nanmax(underside[side])
+        arch = np.abs(y) <= np.abs(y[side & (underside >= crest - CREST_TOLERANCE_M)]).min()
+        inside |= side & arch & (top <= max(crest, midline) + SIDE_DROP_M)
+    return Column(y, underside, top, inside & np.isfinite(underside))
+
+
+def tract_section(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: float, place: float) -> TractSection:
+    """The air in the section across the midline at ``place``."""
+    section = columns(line, palate, tongue, plane, place)
+    gap = np.where(section.inside, section.tongue - section.palate, 0.0)
+    centre = np.abs(section.y) < COLUMN_WIDTH_M
+    if not section.inside[centre].all() or not len(gap):
+        return TractSection(place_mm=1e3 * place, height_mm=None, area_mm2=None, channel_mm2=None)
+    free = channel(section)
+    return TractSection(
+        place_mm=1e3 * place,
+        height_mm=1e3 * max(0.0, float(gap[centre].mean())),
+        area_mm2=1e6 * COLUMN_WIDTH_M * float(np.maximum(gap, 0.0).sum()),
+        channel_mm2=1e6 * COLUMN_WIDTH_M * float(np.maximum(gap[free], 0.0).sum()),
+    )
+
+
+def channel(section: Column) -> np.ndarray:
+    """The columns (c,) of the channel over the midline: from there to both sides, as far as nothing touches inside the arch."""
+    closed = ~section.inside | ~(section.tongue - section.palate >= TOUCHING_GAP_M)
+    half = len(section.y) // 2
+    right = ~np.logical_or.accumulate(closed[half:])
+    left = ~np.logical_or.accumulate(closed[:half][::-1])[::-1]
+    if not (right[0] and left[-1]):
+        return np.zeros(len(closed), dtype=bool)
+    return np.concatenate([left, right])
+
+
+def crossings(lines: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Second coordinates (c, k) where lines (k, 2 ends, 2) pass the first coordinates ``at`` (c,); NaN where they do not."""
+    (a, p), (b, q) = np.moveaxis(lines[:, 0], 1, 0), np.moveaxis(lines[:, 1], 1, 0)
+    at = at[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (at - a) / (b - a)
+        return np.where((np.minimum(a, b) <= at) & (at < np.maximum(a, b)), p + share * (q - p), np.nan)
+
+
+def _distances(points: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """Distances (k, l) of points (k, 2) from lines (l, 2 ends, 2)."""
+    start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
+    offset = points[:, None] - start
+    squared = np.maximum(np.einsum("li,li->l", along, along), np.finfo(float).tiny)
+    share = np.clip(np.einsum("kli,li->kl", offset, along) / squared, 0.0, 1.0)
+    return np.linalg.norm(offset - share[:, :, None] * along, axis=2)

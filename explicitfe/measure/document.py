@@ -50,7 +50,7 @@ class HighestPoint(MeasuredPart):
     above_tip_mm: float
 
 
-class Place(MeasuredPart):
+class MaterialPlace(MeasuredPart):
     """A place in the reference shape, in the frame of the model."""
 
     back_mm: float
@@ -63,7 +63,7 @@ class SelfPenetrationFigures(MeasuredPart):
 
     nodes: int
     deepest_mm: float
-    deepest_at_rest: Place | None
+    deepest_at_rest: MaterialPlace | None
 
 
 class BodyMotion(MeasuredPart):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from explicitfe.measure.document import BodyMotion, Place, PointMotion, SelfPenetrationFigures
+from explicitfe.measure.document import BodyMotion, MaterialPlace, PointMotion, SelfPenetrationFigures
 from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
@@ -148,6 +148,6 @@ def _in_ms(seconds: float | None) -> float | None:
     return None if seconds is None else 1e3 * seconds
 
 
-def _place(position_m: np.ndarray) -> Place:
+def _place(position_m: np.ndarray) -> MaterialPlace:
     back, right, up = 1e3 * position_m
-    return Place(back_mm=unsigned_zero(back), right_mm=unsigned_zero(right), up_mm=unsigned_zero(up))
+    return MaterialPlace(back_mm=unsigned_zero(back), right_mm=unsigned_zero(right), up_mm=unsigned_zero(up))

@@ -272,12 +272,31 @@ def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf)."
 
     Example: [bold]explicitfe inspect outputs/vowel-i.vtkhdf[/bold]
     """
+    from explicitfe.measure.measure import measures_if_any
     from explicitfe.results import open_result
     from explicitfe.view.terminal.stored import result_table
 
     with open_result(result) as opened:
-        held = opened.contents()
-    _answer(held, as_json, lambda: result_table(held), held["summary"].get("warnings", []))
+        held, measures = opened.contents(), measures_if_any(opened)
+    answer = {**held, "measures": measures and measures.document}
+    _answer(answer, as_json, lambda: result_table(held, measures), held["summary"].get("warnings", []))
+
+
+@app.command()
+def measure(
+    results: Annotated[list[Path], typer.Argument(help="Result files (.vtkhdf).", show_default=False)],
+    at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="When; at the end if left out.")] = None,
+    as_json: _Json = False,
+) -> None:
+    """Measure what a tongue did: its points, grooves, constriction, contact, speeds (docs/measures.md).
+
+    Example: [bold]explicitfe measure outputs/vowel-i.vtkhdf outputs/sl-alone.vtkhdf --at-ms 100[/bold]
+    """
+    from explicitfe.measure.measure import measure as measures_of_file
+    from explicitfe.view.terminal.measures import measures_table
+
+    measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms) for path in results]
+    _answer({"results": [measures.document for measures in measured]}, as_json, lambda: measures_table(measured))
 
 
 @app.command("list")
@@ -353,17 +372,9 @@ def _tissue(scenario: Path, model: Path | None, group: str | None) -> tuple[list
         if group is not None:
             raise InputError("--tissue-group names constants of a model file; give it with --tissue.")
         return [], []
-    from explicitfe.predict.tissue import read_tissue
-    from explicitfe.predict.tissue_in_scenario import tissue_settings
-    from explicitfe.scenario.read import read_scenario
+    from explicitfe.predict.tissue_in_scenario import stored_tissue_settings
 
-    tissue, (stated, _) = read_tissue(model), read_scenario(scenario)
-    try:
-        settings, left_out = tissue_settings(tissue, stated, group)
-    except InputError as error:
-        raise InputError(f"{model}: {error}") from None
-    notes = [f"of the effects in {model} these are no part of the run and were left out: {', '.join(left_out)}."]
-    return settings, notes if left_out else []
+    return stored_tissue_settings(scenario, model, group)
 
 
 @_blind.command("make")

@@ -9,7 +9,7 @@ from explicitfe.measure.contact import contacts
 from explicitfe.measure.document import Constriction, Measures
 from explicitfe.measure.motion import body_motion, point_motions
 from explicitfe.measure.shape import grooves, highest_point
-from explicitfe.measure.steps import step_at
+from explicitfe.measure.steps import last_step, step_at
 from explicitfe.measure.tract import constriction
 from explicitfe.results import Result, open_result
 from explicitfe.results.run_summary import kind_of
@@ -34,6 +34,16 @@ def measure(path: Path, time_s: float | None = None) -> Measures:
         if kind_of(result.model) != "transient":
             raise InputError(f"{path} is the result of an indentation, which has a curve: see explicitfe inspect")
         return measures_of(result, step_at(result, time_s))
+
+
+def measures_if_any(result: Result) -> Measures | None:
+    """The measures at the end of a run in time; None for an indentation, and where no sample can be measured."""
+    if kind_of(result.model) != "transient":
+        return None
+    try:
+        return measures_of(result, last_step(result))
+    except InputError:
+        return None
 
 
 def measures_of(result: Result, step: int) -> Measures:

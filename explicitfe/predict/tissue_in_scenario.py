@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
 from explicitfe.model import catalogue
-from explicitfe.predict.tissue import EVERY, Constants, Tissue, toml_value
+from explicitfe.predict.tissue import EVERY, Constants, Tissue, read_tissue, toml_value
 from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.scenario.read import Scenario
+from explicitfe.scenario.read import Scenario, read_scenario
 
 # A body takes these effects along into a run in time: what they act on is its own.
 ACTS_ON_A_BODY = ("material", "muscle")
@@ -50,6 +52,22 @@ def tissue_settings(tissue: Tissue, scenario: Scenario, group: str | None = None
         else:
             left_out.append(name)
     return settings, left_out
+
+
+def stored_tissue_settings(scenario: Path, model: Path, group: str | None) -> tuple[list[str], list[str]]:
+    """Settings that put the tissue of a model file into the scenario of a file, and notes of what it has and the run does not.
+
+    Raises
+    ------
+    InputError : a file cannot be read; see ``tissue_settings``.
+    """
+    tissue, (stated, _) = read_tissue(model), read_scenario(scenario)
+    try:
+        settings, left_out = tissue_settings(tissue, stated, group)
+    except InputError as error:
+        raise InputError(f"{model}: {error}") from None
+    notes = [f"of the effects in {model} these are no part of the run and were left out: {', '.join(left_out)}."]
+    return settings, notes if left_out else []
 
 
 def _constants(tissue: Tissue, group: str | None) -> Constants:

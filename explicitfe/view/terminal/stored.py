@@ -8,9 +8,11 @@ from typing import Any, Protocol
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.measure.document import Measures
 from explicitfe.results.run_summary import kind_of
 from explicitfe.view.terminal import indentation, transient
-from explicitfe.view.terminal.rows import StoredTimes, pairs, physics_rows, spaced, vector_mm
+from explicitfe.view.terminal.measures import measure_rows
+from explicitfe.view.terminal.rows import StoredTimes, pairs, physics_rows, spaced
 
 
 class StoredKind(Protocol):
@@ -29,8 +31,8 @@ PACKAGES = ("explicitfe", "python", "numpy", "numba", "h5py")
 ENERGIES = ("internal_energy", "hourglass_energy", "kinetic_energy", "external_work", "damping_loss")
 
 
-def result_table(held: Mapping[str, Any]) -> Table:
-    """What a result file holds."""
+def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> Table:
+    """What a result file holds, and what was measured at its end."""
     table = pairs(held["path"])
     run, last = held["summary"], held["last"]
     kind = KINDS[kind_of(held["model"])]
@@ -58,9 +60,9 @@ def result_table(held: Mapping[str, Any]) -> Table:
         table.add_row("hourglass share", f"{100 * run['hourglass_share']:.1f} % of the elastic energy at most")
         for row in kind.stored_rows(run):
             table.add_row(*row)
-    for name in held["model"].get("probes", {}):
-        if f"probe_{name}_displacement" in last:
-            table.add_row(escape(name), vector_mm([1e3 * x for x in last[f"probe_{name}_displacement"]]))
+    if measures is not None:
+        for row in measure_rows(measures):
+            table.add_row(*row)
     provenance = held["provenance"]
     packages = ", ".join(f"{name} {provenance[name]}" for name in PACKAGES if provenance.get(name))
     commit = provenance.get("commit") and f"commit {provenance['commit']}"

@@ -26,6 +26,8 @@ SETTINGS = [
     ("muscle.GGp.force_N=-1", ["muscle.GGp.force_N", "-1", "greater than or equal to 0"]),
     ("muscle.GGp.force_N=nan", ["muscle.GGp.force_N", "finite"]),
     ("muscle.GGp.side=centre", ["muscle.GGp.side", "'both', 'left' or 'right'"]),
+    ("muscle.GGp.fibres=[1, 9]", ["muscle GGp has no fibre 9", "from 1 to 4 on a side"]),
+    ("muscle.GGp.fibres=[]", ["muscle.GGp.fibres", "at least 1"]),
     ("muscle.GGp.end_ms=0", ["muscle.GGp", "end_ms must come after"]),
     ("muscle.GGx.force_N=1", ["GGx", 'did you mean "GGp"?']),
     ("analysis.duration_ms=0", ["analysis.duration_ms", "greater than 0"]),
@@ -203,6 +205,9 @@ FILES = [
      ["fibre 2 of muscle TOP", "outside the mesh"]),
     ("a node that no element has", {"fibre": [{"side": "left", "nodes": [0, 999]}]}, ["fibre 1 of muscle TOP", "999"]),
     ("a fibre of one node", {"fibre": [_LEFT, {"side": "left", "nodes": [3]}]}, ["muscle.TOP.fibre 2", "two points"]),
+    ("a tension at two of three nodes", {"fibre": [{**_LEFT, "tension": [1.0, 2.0]}]},
+     ["muscle.TOP.fibre 1", "tension needs a value for each of the 3 points, not 2"]),
+    ("a tension of nothing", {"fibre": [{**_LEFT, "tension": [0.0, 0.0, 0.0]}]}, ["muscle.TOP.fibre 1", "tension is 0 at every"]),
     ("an anchor of two numbers", {"fibre": [{**_LEFT, "anchor": [0, 0]}]}, ["anchor: must be three numbers [x, y, z]"]),
 ]  # fmt: skip
 

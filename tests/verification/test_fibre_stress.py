@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 
+import meshio
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -19,6 +20,7 @@ from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.model.model import FibreStress
+from explicitfe.model.own_mesh import read_model_file
 from explicitfe.model.profile import Profile
 
 ON = Profile.constant()
@@ -250,6 +252,35 @@ def test_a_mesh_without_order_gives_the_same_field():
     theirs = fibre_stress(own, Muscle.of("GGp", "", 1.0, fibres, origin_width_m=muscle.origin_width_m), 1.0, "both", ON)
     ours = everywhere(mesh, fibre_stress(mesh, muscle, 1.0, "both", ON))
     np.testing.assert_allclose(everywhere(own, theirs), ours[order], atol=1e-9 * np.abs(ours).max())
+
+
+def test_tension_and_origin_of_a_muscle_in_a_model_file(tmp_path):
+    """Tension at the points of a fibre; what runs from an anchor carries the mean."""
+    mesh = box((6, 3, 3), (60.0, 30.0, 30.0))
+    meshio.write(tmp_path / "bar.vtu", meshio.Mesh(mesh.points, [("hexahedron", mesh.hexes)]))
+    (tmp_path / "bar.toml").write_text(
+        """
+        mesh = "bar.vtu"
+        length_unit = "mm"
+        [[muscle]]
+        name = "PULL"
+        origin_width_mm = 4.5
+        [[muscle.fibre]]
+        side = "left"
+        anchor = [-20.0, 15.0, 15.0]
+        points = [[10.0, 15.0, 15.0], [20.0, 15.0, 15.0], [50.0, 15.0, 15.0]]
+        tension = [1.0, 3.0, 5.0]
+        """
+    )
+    anatomy = read_model_file(tmp_path / "bar.toml")
+    muscle = anatomy.muscles["PULL"]
+    assert muscle.origin_width_m == pytest.approx(4.5e-3)
+    np.testing.assert_allclose(muscle.fibres[0].relative_tension, [1.0, 4.0 / 7.0, 8.0 / 7.0])
+    stress = fibre_stress(anatomy.mesh, muscle, 3.0, "both", ON)
+    assert np.trace(whole(anatomy.mesh, stress)) == pytest.approx(3.0 * 0.040, rel=1e-12)
+    pull = outside_pull(muscle, 3.0, "both", ON)
+    assert len(pull.points) == 1 and pull.tension_N[0] == [3.0]
+    np.testing.assert_allclose(pull.points[0].position[:, 0], [-0.020, 0.010])
 
 
 # --- the muscles of the tongue ---------------------------------------------------------------------------------------

@@ -29,6 +29,8 @@ PALATE_REACH_M = 25e-3
 CREST_TOLERANCE_M = 0.05e-3
 # The tongue's sides end where it lies further than this below both its midline and the crest of the arch on that side.
 SIDE_DROP_M = 5e-3
+# Points as near as this are one.
+SAME_POINT_M = 1e-12
 # The tongue touches where less than this is free: it rests on a smoothed surface, with flat faces.
 TOUCHING_GAP_M = 0.3e-3
 
@@ -93,8 +95,8 @@ def palate_midline(palate: np.ndarray, plane: float) -> MidlineCurve | None:
         return None
     first, last = lines[:, :, 0].min(), lines[:, :, 0].max()
     x = np.linspace(first, last, max(2, int(np.ceil((last - first) / MIDLINE_STEP_M)) + 1))
-    x[[0, -1]] += np.array([1e-6, -1e-6]) * (last - first)  # an end may be upright
-    z = np.nanmin(crossings(lines, x), axis=1)
+    z = np.fmin.reduce(crossings(lines, x), axis=1)
+    x, z = x[np.isfinite(z)], z[np.isfinite(z)]
     start = int(np.argmin(np.where(x <= x[0] + INCISORS_WITHIN_M, z, np.inf)))
     points = np.column_stack([x, z])[start:]
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
@@ -111,8 +113,9 @@ def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> tuple[flo
         return None
     # Two lines that do not cross are nearest at a corner of one of them.
     of_palate = _distances(line.points, lines).min(axis=1)
-    above = np.nan_to_num(crossings(lines, line.points[:, 0]), nan=-np.inf) > line.points[:, 1:]
-    of_palate = np.where(above.sum(axis=1) % 2 == 1, -of_palate, of_palate)
+    outline, height = crossings(lines, line.points[:, 0]), line.points[:, 1]
+    overlapped = (np.fmin.reduce(outline, axis=1) < height) & (height < np.fmax.reduce(outline, axis=1))
+    of_palate = np.where(overlapped, -of_palate, of_palate)
     corners = lines.reshape(-1, 2)
     to_palate = _distances(corners, np.stack([line.points[:-1], line.points[1:]], axis=1))
     nearest = to_palate.argmin(axis=1)
@@ -130,7 +133,7 @@ def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> tuple[flo
 
 def section_places(line: MidlineCurve) -> np.ndarray:
     """Where sections are taken, m from the incisor edge: every 5 mm, as far as the chord across which they stand fits in."""
-    return np.arange(SECTION_STEP_M, line.length[-1] - HALF_CHORD_M, SECTION_STEP_M)
+    return SECTION_STEP_M * np.arange(1, int(np.ceil((line.length[-1] - HALF_CHORD_M) / SECTION_STEP_M)))
 
 
 def section_plane(line: MidlineCurve, place: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -160,8 +163,9 @@ def columns(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: f
         if not np.isfinite(underside[side]).any() or not np.isfinite(midline):
             continue
         crest = np.nanmax(underside[side])
-        arch = np.abs(y) <= np.abs(y[side & (underside >= crest - CREST_TOLERANCE_M)]).min()
-        inside |= side & arch & (top <= max(crest, midline) + SIDE_DROP_M)
+        inside |= side & (top <= max(crest, midline) + SIDE_DROP_M)
+        if crest > CREST_TOLERANCE_M:  # else the side hangs no lower than the midline: there is no arch
+            inside &= ~side | (np.abs(y) <= np.abs(y[side & (underside >= crest - CREST_TOLERANCE_M)]).min())
     return Column(y, underside, top, inside & np.isfinite(underside))
 
 
@@ -196,9 +200,11 @@ def crossings(lines: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Second coordinates (c, k) where lines (k, 2 ends, 2) pass the first coordinates ``at`` (c,); NaN where they do not."""
     (a, p), (b, q) = np.moveaxis(lines[:, 0], 1, 0), np.moveaxis(lines[:, 1], 1, 0)
     at = at[:, None]
+    # Neighbouring lines end in the same point but for rounding: none passes between them.
+    low, high = np.minimum(a, b) - SAME_POINT_M, np.maximum(a, b) + SAME_POINT_M
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (at - a) / (b - a)
-        return np.where((np.minimum(a, b) <= at) & (at < np.maximum(a, b)), p + share * (q - p), np.nan)
+        share = np.clip((at - a) / (b - a), 0.0, 1.0)
+        return np.where((low <= at) & (at <= high), p + share * (q - p), np.nan)
 
 
 def _distances(points: np.ndarray, lines: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from explicitfe.compiled.arrays import (
     TIED,
 )
 from explicitfe.errors import InputError, Progress
+from explicitfe.measure.motion import has_settled
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model.tongue import assemble
@@ -49,8 +50,6 @@ BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere,
 DISPLACEMENT_WARNING_SHARE = 0.5  # of the model's largest extent: above it the forces are large for the tissue
 FIRST_ROOM_BYTES = 64e6  # of samples that a result file is made for at first; it grows when they are full
 RESTART_EVERY_S = 1.0  # wall time between two restart states
-# A body has settled when no node would move by more than this share of the largest displacement in so long at its present speed.
-SETTLED_SHARE, SETTLED_WITHIN_S = 0.05, 0.1
 # Columns of the history that every run in time has.
 TRANSIENT_HISTORY = {
     "step": Quantity("1", 1, "steps done"),
@@ -321,7 +320,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "hourglass_share": ledger.hourglass_share,
             "hourglass_share_end": ledger.hourglass_share_at_end,
             "min_J": float(simulation.ledger[SMALLEST_J]),
-            "settled": bool(finite and SETTLED_WITHIN_S * speed.max() <= SETTLED_SHARE * path_length.max()),
+            "settled": finite and has_settled(float(speed.max()), float(path_length.max())),
             "largest_displacement_mm": float(1e3 * path_length.max()),
             "largest_speed_mm_s": float(1e3 * speed.max()),
             "probes": {

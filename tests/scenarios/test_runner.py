@@ -292,7 +292,8 @@ def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixtu
         assert words in shown
     assert next(line for line in shown.splitlines() if "│" in line).split()[1:4] == ["status", "│", "finished"]
     x, _, z = summary["probes"]["tip"]["displacement_mm"]
-    assert f"({x:+.2f}, " in shown and f" {z:+.2f}) mm" in shown
+    along, above = "back" if x > 0.0 else "forward", "down" if z < 0.0 else "up"
+    assert f"{abs(x):.2f} {along}, {abs(z):.2f} {above}" in shown
 
 
 def test_check_shows_no_raw_numbers(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,14 +84,13 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
 def _motion(point: PointMotion) -> str:
     text = _forward_up(point.forward_mm, point.up_mm)
     if abs(point.right_mm) > SIDEWAYS_SHARE * max(abs(point.forward_mm), abs(point.up_mm)):
-        text += f", {abs(point.right_mm):.1f} to the {'right' if point.right_mm > 0.0 else 'left'}"
+        text += f", {abs(point.right_mm):.2f} to the {'right' if point.right_mm > 0.0 else 'left'}"
     return f"{text}{_rise(point.time_to_90_ms)}, peak {point.peak_speed_mm_s:.0f} mm/s"
 
 
 def _forward_up(forward_mm: float, up_mm: float) -> str:
-    return (
-        f"{abs(forward_mm):.1f} {'forward' if forward_mm >= 0.0 else 'back'}, {abs(up_mm):.1f} {'up' if up_mm >= 0.0 else 'down'}"
-    )
+    along, above = "forward" if forward_mm >= 0.0 else "back", "up" if up_mm >= 0.0 else "down"
+    return f"{abs(forward_mm):.2f} {along}, {abs(up_mm):.2f} {above}"
 
 
 def _rise(time_ms: float | None) -> str:

@@ -8,9 +8,11 @@ from explicitfe.errors import InputError
 from explicitfe.measure.contact import contacts
 from explicitfe.measure.document import Constriction, Measures
 from explicitfe.measure.motion import body_motion, point_motions
+from explicitfe.measure.sections import middle
 from explicitfe.measure.shape import grooves, highest_point
 from explicitfe.measure.steps import last_step, step_at
-from explicitfe.measure.tract import constriction
+from explicitfe.measure.tract import Nearest, constriction, narrowest, palate_midline
+from explicitfe.mesh.triangles import surface_triangles
 from explicitfe.results import Result, open_result
 from explicitfe.results.run_summary import kind_of
 
@@ -69,3 +71,13 @@ def constriction_of(result: Result, step: int) -> Constriction | None:
         return None
     at_rest, now = result.bones[PALATE], result.placed_bones(step)[PALATE]
     return constriction(result.mesh, result.displacement(step), at_rest.points[at_rest.triangles], now.points[now.triangles])
+
+
+def nearest_of(result: Result, step: int) -> Nearest | None:
+    """Where tongue and palate are nearest in the midsagittal plane; None without a palate, or where the plane misses one."""
+    if PALATE not in result.bones:
+        return None
+    mesh, palate = result.mesh, result.placed_bones(step)[PALATE]
+    line = palate_midline(palate.points[palate.triangles], middle(mesh))
+    tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
+    return None if line is None else narrowest(line, tongue, middle(mesh))

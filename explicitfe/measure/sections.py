@@ -15,6 +15,8 @@ import numpy as np
 from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 
 X, Y, Z = 0, 1, 2
+# Nodes nearer to a plane than this share of the extent across it lie in it.
+IN_PLANE_SHARE = 1e-9
 # Where coronal sections of a mesh without these named points are cut, as a share of its length from the tip.
 STATION_SHARES = {"front": 0.4, "dorsum": 0.55, "back": 0.7}
 
@@ -49,13 +51,12 @@ class PlaneCut:
 def section(mesh: HexMesh, axis: int, position: float) -> PlaneCut:
     """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
     element, face = free_faces(mesh.hexes)
-    return cut_surface(mesh.points, mesh.hexes[element[:, None], FACES[face]], axis, position)
+    return cut_surface(mesh.hexes[element[:, None], FACES[face]], mesh.points[:, axis] - position)
 
 
-def cut_surface(points: np.ndarray, faces: np.ndarray, axis: int, position: float) -> PlaneCut:
-    """Cut a closed surface of polygons (f, corners), nodes in cyclic order, where coordinate ``axis`` is ``position`` (m)."""
-    distance = points[:, axis] - position
-    distance[np.abs(distance) < 1e-9 * np.ptp(points, axis=0).max()] = 0.0
+def cut_surface(faces: np.ndarray, distance: np.ndarray) -> PlaneCut:
+    """Cut a closed surface of polygons (f, corners), nodes in cyclic order, by a plane at ``distance`` (n,) m from the nodes."""
+    distance = np.where(np.abs(distance) < IN_PLANE_SHARE * np.ptp(distance), 0.0, distance)
     segments: list[tuple[tuple[int, int], tuple[int, int]]] = []
     # Nodes in the plane count as above it. A half model that ends in the plane has nothing below: then they count as below.
     for above in (distance >= 0.0, distance > 0.0):

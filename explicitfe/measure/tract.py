@@ -46,6 +46,18 @@ class MidlineCurve(NamedTuple):
         return np.stack([np.interp(length_m, self.length, column) for column in self.points.T], axis=-1)
 
 
+class Nearest(NamedTuple):
+    """Where tongue and palate are nearest in the midsagittal plane.
+
+    ``width`` m, 0 where they touch; ``place`` m along the palate; the points (2,), x and z in m, on both.
+    """
+
+    width: float
+    place: float
+    on_palate: np.ndarray
+    on_tongue: np.ndarray
+
+
 class Column(NamedTuple):
     """A section in columns: ``y`` (c,) m, ``palate`` and ``tongue`` (c,) m below the midline; NaN where there is none.
 
@@ -78,10 +90,10 @@ def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarra
     channels = [(each.channel_mm2, each.place_mm) for each in sections if each.channel_mm2 is not None]
     area, place = min(channels, default=(None, None))
     return Constriction(
-        width_mm=1e3 * now[0],
-        place_mm=1e3 * now[1],
-        width_at_rest_mm=1e3 * at_rest[0],
-        place_at_rest_mm=1e3 * at_rest[1],
+        width_mm=1e3 * now.width,
+        place_mm=1e3 * now.place,
+        width_at_rest_mm=1e3 * at_rest.width,
+        place_at_rest_mm=1e3 * at_rest.place,
         smallest_channel_mm2=area,
         smallest_channel_place_mm=place,
         sections=sections,
@@ -103,8 +115,8 @@ def palate_midline(palate: np.ndarray, plane: float) -> MidlineCurve | None:
     return MidlineCurve(points, length)
 
 
-def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> tuple[float, float] | None:
-    """Smallest midsagittal distance of a tongue (m, 3 corners, 3) from the palate and where, m along it; None: no tongue there.
+def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> Nearest | None:
+    """Smallest midsagittal distance of a tongue (m, 3 corners, 3) m from the palate; None where the plane misses the tongue.
 
     Where they overlap the distance is 0, and the place is that of the deepest overlap.
     """
@@ -112,23 +124,22 @@ def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> tuple[flo
     if not len(lines):
         return None
     # Two lines that do not cross are nearest at a corner of one of them.
-    of_palate = _distances(line.points, lines).min(axis=1)
+    of_palate, on_tongue = _feet(line.points, lines)
     outline, height = crossings(lines, line.points[:, 0]), line.points[:, 1]
     overlapped = (np.fmin.reduce(outline, axis=1) < height) & (height < np.fmax.reduce(outline, axis=1))
     of_palate = np.where(overlapped, -of_palate, of_palate)
     corners = lines.reshape(-1, 2)
-    to_palate = _distances(corners, np.stack([line.points[:-1], line.points[1:]], axis=1))
-    nearest = to_palate.argmin(axis=1)
-    of_tongue = to_palate.min(axis=1)
+    of_tongue, on_palate = _feet(corners, np.stack([line.points[:-1], line.points[1:]], axis=1))
     ceiling = np.interp(corners[:, 0], line.points[:, 0], line.points[:, 1], left=np.inf, right=np.inf)
     of_tongue = np.where(corners[:, 1] > ceiling, -of_tongue, of_tongue)
     if of_palate.min() <= of_tongue.min():
         k = int(of_palate.argmin())
-        return max(0.0, float(of_palate[k])), float(line.length[k])
+        return Nearest(max(0.0, float(of_palate[k])), float(line.length[k]), line.points[k], on_tongue[k])
     k = int(of_tongue.argmin())
-    start, end = line.points[nearest[k]], line.points[nearest[k] + 1]
-    share = np.clip((corners[k] - start) @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
-    return max(0.0, float(of_tongue[k])), float(line.length[nearest[k]] + share * np.linalg.norm(end - start))
+    foot = on_palate[k]
+    before = int(np.clip(np.searchsorted(line.points[:, 0], foot[0], side="right") - 1, 0, len(line.points) - 1))
+    place = float(line.length[before] + np.linalg.norm(foot - line.points[before]))
+    return Nearest(max(0.0, float(of_tongue[k])), place, foot, corners[k])
 
 
 def section_places(line: MidlineCurve) -> np.ndarray:
@@ -207,10 +218,14 @@ def crossings(lines: np.ndarray, at: np.ndarray) -> np.ndarray:
         return np.where((low <= at) & (at <= high), p + share * (q - p), np.nan)
 
 
-def _distances(points: np.ndarray, lines: np.ndarray) -> np.ndarray:
-    """Distances (k, l) of points (k, 2) from lines (l, 2 ends, 2)."""
+def _feet(points: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances (k,) of points (k, 2) from the nearest of lines (l, 2 ends, 2), and the nearest points (k, 2) on it."""
     start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
     offset = points[:, None] - start
     squared = np.maximum(np.einsum("li,li->l", along, along), np.finfo(float).tiny)
     share = np.clip(np.einsum("kli,li->kl", offset, along) / squared, 0.0, 1.0)
-    return np.linalg.norm(offset - share[:, :, None] * along, axis=2)
+    feet = start + share[:, :, None] * along
+    distance = np.linalg.norm(points[:, None] - feet, axis=2)
+    nearest = distance.argmin(axis=1)
+    row = np.arange(len(points))
+    return distance[row, nearest], feet[row, nearest]

@@ -20,6 +20,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "bl
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
 LINE_STYLES = ("-", "--", ":", "-.")
 AT_REST, HELD, GRID = "0.55", "black", "0.88"
+BONE, BONE_EDGE, CONSTRICTION = "#EFE6D2", "#8C7B5A", COLOURS[1]
 # Little energy is pale and much is dark; the order can be seen with every kind of colour blindness.
 ENERGY_MAP = "cividis_r"
 
@@ -49,4 +50,4 @@ def sequence(count: int) -> list[tuple[float, float, float, float] | str]:
     """Colours of successive times, from light to dark so that the last stands out; every kind of colour vision can read them."""
     from matplotlib import colormaps
 
-    return [colormaps["viridis_r"](share) for share in np.linspace(0.12, 1.0, count)] if count > 1 else ["#440154"]
+    return [colormaps["viridis_r"](share) for share in np.linspace(0.12, 1.0, count)] if count > 1 else ["#440154"][:count]

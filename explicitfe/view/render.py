@@ -10,7 +10,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,10 +18,10 @@ import numpy as np
 
 from explicitfe.measure.sections import Y, middle
 from explicitfe.measure.steps import last_step
-from explicitfe.results import open_result
+from explicitfe.results import StoredBone, open_result
 from explicitfe.view.heading import result_figure, rounded
 from explicitfe.view.hourglass import OUTSIDE_VIEWS, HourglassMap, hourglass_map, outside_view
-from explicitfe.view.palette import ENERGY_MAP, WIDTH_IN, save
+from explicitfe.view.palette import BONE, BONE_EDGE, ENERGY_MAP, WIDTH_IN, save
 from explicitfe.view.times import milliseconds
 
 if TYPE_CHECKING:
@@ -37,6 +37,9 @@ SEEN_DOTS = 20
 # A view is drawn a little larger than it stands in the picture, and cut to what it shows with a margin around it.
 VIEW_DOTS = 1100
 MARGIN_DOTS = 20
+# Bones are drawn as far as this around the tongue, and let it be seen through them.
+BONES_AROUND_MM = 12.0
+BONE_OPACITY = 0.5
 FOLDED_COLOUR = "#E00000"
 
 
@@ -92,14 +95,19 @@ def _render(result_path: Path, target: Path) -> None:
         # The cut is made in the reference shape: the cut face is the midsagittal tissue, wherever it went.
         origin = (0.0, 1e3 * middle(mesh), 0.0)
         half, face = grid.clip(normal="y", origin=origin, invert=False), grid.slice(normal="y", origin=origin)
+        # Of the bones the far half is shown: the near one would hide the tongue.
+        bones = _bones_around(grid, result.placed_bones(step).values())
+        halves = [bone.clip(normal="y", origin=origin, invert=False) for bone in bones]
+        lines = [bone.slice(normal="y", origin=origin) for bone in bones]
         views = [
-            _view(grid, grid, grid, (-1.0, -0.75, 0.45), limit),
-            _view(half, face, grid, (0.0, -1.0, 0.0), limit),
+            _view(grid, grid, grid, (-1.0, -0.75, 0.45), limit, halves, lines),
+            _view(half, face, grid, (0.0, -1.0, 0.0), limit, halves, lines),
         ]
         left, right, bottom, top = _window([np.any(image < 255, axis=2) | mask for image, mask in views])
         height, width = bottom - top, right - left
         time = milliseconds(result.times[[step]], result.times[step])[0]
-        figure = result_figure(result, 1.75 + 0.47 * WIDTH_IN * height / width, f"Tongue at {time}, dashed: at rest")
+        around = ", with the right half of the bones around it" if bones else ""
+        figure = result_figure(result, 1.75 + 0.47 * WIDTH_IN * height / width, f"Tongue at {time}{around}, dashed: at rest")
         titles = ("from the front and the left", "cut at the midsagittal plane, front at the left")
         for axes, (image, mask), title in zip(figure.subplots(1, 2), views, titles, strict=True):
             axes.imshow(image)
@@ -120,12 +128,16 @@ def _view(
     whole: pyvista.DataSet,
     direction: tuple[float, float, float],
     limit: float,
+    bones: Sequence[pyvista.DataSet] = (),
+    bone_lines: Sequence[pyvista.DataSet] = (),
 ) -> tuple[np.ndarray, np.ndarray]:
     """The deformed ``part`` from ``direction`` as pixels, (h, w, 3), and where ``reference`` would be, (h, w) bool.
 
-    The camera is placed by ``whole``, at rest and deformed, in the same way for all parts.
+    The camera is placed by ``whole``, at rest and deformed, and by the bones, in the same way for all parts. Bones can be looked
+    through.
     """
-    plotter = _plotter(np.concatenate([whole.points, whole.points + whole.point_data["u"]]), direction)
+    shown = [whole.points, whole.points + whole.point_data["u"], *(bone.points for bone in bones)]
+    plotter = _plotter(np.concatenate(shown), direction)
     actor = plotter.add_mesh(reference, color="black", lighting=False, reset_camera=False, render=False)
     mask = _pixels(plotter)[:, :, 0] < 128
     plotter.remove_actor(actor, reset_camera=False, render=False)
@@ -143,10 +155,30 @@ def _view(
         reset_camera=False,
         render=False,
     )
+    for bone in bones:
+        plotter.add_mesh(bone, color=BONE, opacity=BONE_OPACITY, reset_camera=False, render=False)
+    for line in bone_lines:
+        plotter.add_mesh(line, color=BONE_EDGE, line_width=2, lighting=False, reset_camera=False, render=False)
     plotter.render()  # without it a second screenshot would be the first one again
     image = _pixels(plotter)
     plotter.close()
     return image, mask
+
+
+def _bones_around(grid: pyvista.DataSet, bones: Iterable[StoredBone]) -> list[pyvista.PolyData]:
+    """The bones, in mm, as far as they are near the tongue at rest: of a whole skull the tongue would be a dot."""
+    import pyvista
+
+    low, high = grid.points.min(axis=0) - BONES_AROUND_MM, grid.points.max(axis=0) + BONES_AROUND_MM
+    box = np.column_stack([low, high]).ravel()
+    near = []
+    for bone in bones:
+        surface = pyvista.PolyData.from_regular_faces(1e3 * bone.points, bone.triangles)
+        if np.any((surface.points < low) | (surface.points > high)):
+            surface = surface.clip_box(box, invert=False).extract_surface(algorithm="dataset_surface")
+        if surface.n_points:
+            near.append(surface)
+    return near
 
 
 def _render_hourglass(result_path: Path, target: Path) -> None:

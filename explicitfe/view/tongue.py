@@ -12,6 +12,7 @@ import numpy as np
 from explicitfe.measure.sections import PlaneCut, X, Y, Z, groove_depth, middle, midline, midsagittal, section, station
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.results import Result
+from explicitfe.view.bones import fill_bones, keep_to_tongue, mark_constriction
 from explicitfe.view.heading import result_figure
 from explicitfe.view.palette import AT_REST, HELD, plain, sequence
 from explicitfe.view.times import drawn_steps, milliseconds
@@ -73,6 +74,10 @@ def contour_figure(result: Result, step: int) -> Figure | None:
             path_effects=[withStroke(linewidth=3, foreground="white")],
         )
     axes.margins(0.09)
+    if result.bones:
+        fill_bones(axes, result, step, *_midsagittal_plane(mesh), X)
+        mark_constriction(axes, result, step)
+        keep_to_tongue(axes, _span(result, step, cut, X))
     axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     return figure
 
@@ -96,6 +101,9 @@ def coronal_figure(result: Result, step: int) -> Figure | None:
         where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
         where.plot(inside[:, X], inside[:, Z], color=colour, lw=2.5, solid_capstyle="round")
     where.set_title("where the section is (thick)", fontsize=10)
+    if result.bones:
+        fill_bones(where, result, step, *_midsagittal_plane(mesh), X, label=None)
+        keep_to_tongue(where, _span(result, step, side, X))
 
     plain(axes)
     axes.set_aspect("equal", adjustable="datalim")
@@ -111,9 +119,15 @@ def coronal_figure(result: Result, step: int) -> Figure | None:
     )
     axes.set_xlabel("left  ←   y (mm)   →  right")
     axes.set_ylabel("z, up (mm)")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     for each in (where, axes):
         each.margins(0.08)
+    if result.bones:
+        # The tissue of the section has moved on from where it was cut: bones are cut by the plane through its midline now.
+        top, bottom = at_end[middle_points[[-1, 0]]]
+        across_it = np.array([top[Z] - bottom[Z], 0.0, bottom[X] - top[X]])
+        fill_bones(axes, result, step, top, across_it / np.linalg.norm(across_it), Y, label="bone, where the\nsection is now")
+        keep_to_tongue(axes, _span(result, step, cut, Y))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure
 
 
@@ -128,6 +142,18 @@ def _outlines(axes: Axes, result: Result, step: int, cut: PlaneCut, across: int)
         line = 1e3 * cut.outline(result.mesh.points + result.displacement(number))
         width = 2.6 if number == step else 1.3
         axes.plot(line[:, across], line[:, Z], color=colour, lw=width, label=label)
+
+
+def _midsagittal_plane(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
+    """A point (3,) m of the midsagittal plane, and its normal."""
+    return np.array([0.0, middle(mesh), 0.0]), np.array([0.0, 1.0, 0.0])
+
+
+def _span(result: Result, step: int, cut: PlaneCut, across: int) -> np.ndarray:
+    """All points, (k, 2) mm, of the outlines that are drawn of a section."""
+    steps = [0, *drawn_steps(result.times, step)]
+    outlines = [cut.outline(result.mesh.points + result.displacement(number)) for number in steps]
+    return 1e3 * np.concatenate(outlines)[:, [across, Z]]
 
 
 def _side_view(axes: Axes, adjustable: Literal["box", "datalim"] = "datalim") -> None:

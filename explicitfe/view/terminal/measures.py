@@ -12,7 +12,7 @@ from explicitfe.measure.document import BoneContact, Constriction, Measures, Poi
 from explicitfe.view.terminal.rows import pairs
 
 # A sideways motion below this share of the whole is not worth a number.
-SIDEWAYS_SHARE = 0.01
+SIDEWAYS_SHARE_OF_MOTION = 0.01
 
 
 def measures_table(measured: Sequence[Measures]) -> Table:
@@ -83,7 +83,7 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
 
 def _motion(point: PointMotion) -> str:
     text = _forward_up(point.forward_mm, point.up_mm)
-    if abs(point.right_mm) > SIDEWAYS_SHARE * max(abs(point.forward_mm), abs(point.up_mm)):
+    if abs(point.right_mm) > SIDEWAYS_SHARE_OF_MOTION * max(abs(point.forward_mm), abs(point.up_mm)):
         text += f", {abs(point.right_mm):.2f} to the {'right' if point.right_mm > 0.0 else 'left'}"
     return f"{text}{_rise(point.time_to_90_ms)}, peak {point.peak_speed_mm_s:.0f} mm/s"
 

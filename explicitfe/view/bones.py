@@ -1,0 +1,85 @@
+"""Bones in pictures of sections: what the plane cuts of them, where they were at rest, and where the tongue comes nearest."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from explicitfe.measure.measure import nearest_of
+from explicitfe.measure.sections import Z, cut_surface
+from explicitfe.results import Result, StoredBone
+from explicitfe.view.palette import BONE, BONE_EDGE, CONSTRICTION
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# So much is shown around the tongue: bones go on beyond the picture.
+AROUND_TONGUE_MM = 9.0
+# A bone has moved when a point of it is further than this from where it was at rest.
+SMALLEST_BONE_MOTION_M = 1e-5
+
+
+def fill_bones(
+    axes: Axes, result: Result, step: int, point_m: np.ndarray, normal: np.ndarray, across: int, label: str | None = "bone"
+) -> None:
+    """Fill what a plane cuts of the bones at a step; dashed: of one that has moved, at rest.
+
+    Parameters
+    ----------
+    point_m, normal : (3,) a point of the plane, and a vector across it.
+    across : the axis drawn to the right.
+    label : in the legend; None for none.
+    """
+    drawn: set[str] = set()
+
+    def once(text: str | None) -> str | None:
+        new = None if text is None or text in drawn else text
+        drawn.update(filter(None, [text]))
+        return new
+
+    for name, bone in result.placed_bones(step).items():
+        for loop in _loops_mm(bone, point_m, normal):
+            axes.fill(loop[:, across], loop[:, Z], fc=BONE, ec=BONE_EDGE, lw=1.0, zorder=0.5, label=once(label))
+        at_rest = result.bones[name]
+        if np.abs(bone.points - at_rest.points).max(initial=0.0) > SMALLEST_BONE_MOTION_M:
+            for loop in _loops_mm(at_rest, point_m, normal):
+                closed, text = np.concatenate([loop, loop[:1]]), once(label and "bone at rest")
+                axes.plot(closed[:, across], closed[:, Z], "--", color=BONE_EDGE, lw=0.9, zorder=0.6, label=text)
+
+
+def mark_constriction(axes: Axes, result: Result, step: int) -> None:
+    """Mark in a side view where tongue and palate are nearest, with the distance; nothing without a palate."""
+    from matplotlib.patheffects import withStroke
+
+    nearest = nearest_of(result, step)
+    if nearest is None:
+        return
+    ends = 1e3 * np.stack([nearest.on_tongue, nearest.on_palate])
+    axes.plot(*ends.T, "-o", color=CONSTRICTION, lw=2.0, ms=4.0, zorder=8, label="constriction")
+    axes.annotate(
+        f"{1e3 * nearest.width:.1f} mm" if nearest.width > 0.0 else "touches",
+        ends[1],
+        (0.0, 10.0),
+        textcoords="offset points",
+        ha="center",
+        va="bottom",
+        color=CONSTRICTION,
+        zorder=9,
+        path_effects=[withStroke(linewidth=3, foreground="white")],
+    )
+
+
+def keep_to_tongue(axes: Axes, shown_mm: np.ndarray) -> None:
+    """Give a panel the limits of what is drawn of the tongue, points (k, 2) of its two axes in mm, and a margin around it."""
+    low, high = np.nanmin(shown_mm, axis=0) - AROUND_TONGUE_MM, np.nanmax(shown_mm, axis=0) + AROUND_TONGUE_MM
+    axes.set_adjustable("box")
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+
+
+def _loops_mm(bone: StoredBone, point_m: np.ndarray, normal: np.ndarray) -> list[np.ndarray]:
+    """Outlines (k, 3) mm of the cut of a bone."""
+    cut = cut_surface(bone.triangles, (bone.points - point_m) @ normal)
+    at = 1e3 * cut.at(bone.points)
+    return [at[loop] for loop in cut.loops]

@@ -23,7 +23,7 @@ from explicitfe.solve.body import Body
 from explicitfe.solve.bones import bones_of, ties_of
 from explicitfe.solve.loads import Loads
 from explicitfe.solve.parts import parts_of, usual_threads
-from explicitfe.solve.stable_step import HighestFrequency, fastest_element
+from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT, HighestFrequency, fastest_element
 
 _NOBODY = np.zeros((0, 0))  # asks for no sums over the bones
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
@@ -82,6 +82,8 @@ class Simulation(Body):
         self._pressure = np.zeros((len(model.bones), len(self.bones.node)))
         self._contact = np.zeros((len(model.bones), BONE_SUMS))
         self._resting = zeros(self.state.u.shape)
+        stiffest = self.bones.spring * self.nodes.inverse_mass[self.bones.node].max(axis=1)
+        self._contact_frequency = np.sqrt(stiffest.max(initial=0.0))  # of a point that rests on bone alone [1/s]
         self._highest = self._highest_frequency()
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
@@ -110,9 +112,15 @@ class Simulation(Body):
     # ---- the stable step ----
 
     def stable_limit(self, turns: int) -> float:
-        """Largest stable step [s] of the present state, by so many turns of Lanczos; NaN if it cannot be found."""
+        """Largest stable step [s] of the present state, by so many turns of Lanczos; NaN if it cannot be found.
+
+        A point that comes to a bone before the next look adds k A / m to the square of the highest frequency at most. Where the
+        share of the limit that a step takes does not leave room for that, the limit is shorter.
+        """
         self._present_force()
-        return 2.0 / self._highest(self.state.u, self._with_bones(self.state.u, self.state.force.copy()), turns)
+        highest = self._highest(self.state.u, self._with_bones(self.state.u, self.state.force.copy()), turns)
+        touching = np.hypot(highest, self._contact_frequency)
+        return min(2.0 / highest, 2.0 / touching / STEP_SHARE_OF_LIMIT)
 
     def stable_bound(self) -> tuple[float, int]:
         """A step [s] that the present state bears for certain, and the element (user's number) that sets it.

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from explicitfe.bones.distance import DistanceField
+from explicitfe.bones.surface import TriangleSurface
 from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 from explicitfe.materials import Law
 from explicitfe.materials.mooney_rivlin import MooneyRivlin
@@ -19,7 +21,7 @@ from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.model import Model
+from explicitfe.model.model import Bone, Model
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.kernels import ELEMENTS as ELEMENT_TABLE
@@ -75,6 +77,16 @@ def model_of(mesh: HexMesh, material: Law = YEOH, held: Sequence[str] = (), **mo
     for name in held:
         fixed[mesh.node_sets[name]] = True
     return Model(mesh=mesh, material=material, held=fixed, **more)
+
+
+def floor_below(mesh: HexMesh, gap_m: float = 1e-3, **more) -> Bone:
+    """A bone with a level upper side that lies ``gap_m`` below the lowest point of a mesh."""
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    margin, spacing = high - low, 0.1 * float((high - low).min())
+    counts = np.ceil(3.0 * margin / spacing).astype(int) + 1
+    heights = low[2] - margin[2] + spacing * np.arange(counts[2]) - (low[2] - gap_m)
+    field = DistanceField(low - margin, spacing, np.broadcast_to(heights, counts).copy())
+    return Bone("floor", field, TriangleSurface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), **more)
 
 
 def small_indentation(*, element: str = "hex8", friction: float | str = 0.0, **specimen) -> Model:

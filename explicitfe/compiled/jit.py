@@ -62,7 +62,9 @@ def kernel(function: Template) -> Dispatcher:
     return bind(function)
 
 
-def bind(template: Template, *, stored: bool = True, inline: bool = False, **bindings: Any) -> Dispatcher:
+def bind(
+    template: Template, *, stored: bool = True, inline: bool = False, allocates: bool = False, **bindings: Any
+) -> Dispatcher:
     """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
 
     Parameters
@@ -70,6 +72,7 @@ def bind(template: Template, *, stored: bool = True, inline: bool = False, **bin
     template : the function as written; its own globals stay as they are.
     stored : keep the machine code on disk. Only the outermost kernel needs it: what it calls is contained in it.
     inline : compile it into its callers, as a leaf.
+    allocates : it makes arrays of its own.
     bindings : placeholder name -> leaf, bound kernel or constant.
 
     Raises
@@ -83,7 +86,7 @@ def bind(template: Template, *, stored: bool = True, inline: bool = False, **bin
     bound.__doc__ = template.__doc__
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
-    return numba.jit(bound, cache=stored and not inline, forceinline=inline, **OPTIONS)
+    return numba.jit(bound, cache=stored and not inline, forceinline=inline, **(OPTIONS | {"_nrt": allocates}))
 
 
 def _digest(bindings: Mapping[str, object]) -> str:

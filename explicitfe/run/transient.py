@@ -12,7 +12,7 @@ import numpy as np
 from explicitfe.compiled.arrays import (
     BONE_AREA,
     BONE_FORCE,
-    CONTACT,
+    IN_CONTACT,
     DAMPED,
     EXTERNAL,
     HOURGLASS,
@@ -21,7 +21,7 @@ from explicitfe.compiled.arrays import (
     LOST,
     RUBBED,
     SMALLEST_J,
-    TIED,
+    IN_TIES,
 )
 from explicitfe.errors import InputError, Progress
 from explicitfe.measure.motion import has_settled
@@ -226,9 +226,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "external_work": e[EXTERNAL],
             "damping_loss": e[DAMPED],
             "material_loss": e[LOST],
-            "contact_energy": e[CONTACT],
+            "contact_energy": e[IN_CONTACT],
             "contact_loss": e[RUBBED],
-            "tied_energy": e[TIED],
+            "tied_energy": e[IN_TIES],
             "balance_error": ledger.balance_error,
             "smallest_J": snapshot.smallest_J,
         }

@@ -116,7 +116,7 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
 def _kernel(law: str, layout: response.Layout) -> Dispatcher:
     leaves = law_of(law)
     answer, _ = response.bound(leaves, layout)
-    return bind(follow, respond=answer, LAW_CONSTANTS=leaves.count)
+    return bind(follow, allocates=True, respond=answer, LAW_CONSTANTS=leaves.count)
 
 
 def path(

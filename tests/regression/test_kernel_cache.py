@@ -21,7 +21,7 @@ import numba
 import numpy as np
 import pytest
 from llvmlite.binding import get_host_cpu_features
-from support import ELEMENTS, ROOT, YEOH, block_mesh, model_of, small_indentation, tongue
+from support import ELEMENTS, ROOT, YEOH, block_mesh, floor_below, model_of, small_indentation, tongue
 
 from explicitfe.compiled import jit
 from explicitfe.compiled.jit import OPTIONS, bind
@@ -215,10 +215,11 @@ def test_a_binding_that_changes_nothing_is_an_error():
 
 SECOND = """
 import json
-from support import block_mesh, model_of, small_indentation
+from support import block_mesh, floor_below, model_of, small_indentation
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.equilibrium import Relaxation
-simulation = Simulation(model_of(block_mesh((2, 2, 2)), element={element!r}))
+mesh = block_mesh((2, 2, 2))
+simulation = Simulation(model_of(mesh, element={element!r}, bones=(floor_below(mesh),)))
 seconds = simulation.compile() + Relaxation(small_indentation(element={element!r})).compile()
 names = [name for name in simulation.kernels.__dataclass_fields__]
 stats = {{name: getattr(simulation.kernels, name).stats for name in names}}
@@ -230,7 +231,8 @@ print(json.dumps({{"seconds": seconds, **counts}}))
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_the_next_process_does_not_compile(element, record_property):
     """What one process has compiled the next one loads: each kernel is one hit and no miss."""
-    Simulation(model_of(block_mesh((2, 2, 2)), element=element)).compile()
+    mesh = block_mesh((2, 2, 2))
+    Simulation(model_of(mesh, element=element, bones=(floor_below(mesh),))).compile()
     Relaxation(small_indentation(element=element)).compile()
     path = f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
     counts = json.loads(in_a_process(path + SECOND.format(element=element)))
@@ -260,6 +262,7 @@ def test_one_signature_per_kernel(element):
     for model in (
         model_of(mesh, YEOH, element=element),
         model_of(mesh, YEOH, element=element, motion=motion),
+        model_of(mesh, YEOH, element=element, bones=(floor_below(mesh),)),
         model_of(mesh, YEOH, held=("jaw",), loads=(loads[0],), pulls=(loads[1],), alpha_per_s=40, element=element),
     ):
         simulation = Simulation(model, displacement=moved, velocity=moved)

@@ -50,4 +50,5 @@ def sequence(count: int) -> list[tuple[float, float, float, float] | str]:
     """Colours of successive times, from light to dark so that the last stands out; every kind of colour vision can read them."""
     from matplotlib import colormaps
 
-    return [colormaps["viridis_r"](share) for share in np.linspace(0.12, 1.0, count)] if count > 1 else ["#440154"][:count]
+    shares = np.linspace(0.12, 1.0, count) if count > 1 else np.ones(count)
+    return [colormaps["viridis_r"](share) for share in shares]

@@ -25,6 +25,7 @@ PACKAGE = HERE.parent / "explicitfe"
 ROOMS = {
     "compiled": "machine code: compile options, vectors, arrays, threads; no mechanics",
     "mesh": "meshes of 8-node hexahedra: making, ordering, quality",
+    "bones": "rigid surfaces: triangles, signed distance, motion",
     "materials": "laws: one file a law",
     "elements": "elements and how they resist hourglassing",
     "effects": "what an elastic model lacks: one file an effect",
@@ -55,7 +56,7 @@ SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "bli
 SUBJECTS |= dict.fromkeys(("results", "measure", "view"), DRAWN)
 LINE = "#5a6570"
 LEGEND = """An arrow means: imports from. Arrows that follow from longer paths are left out. errors.py stands below all rooms.
-Blue: mechanics. Yellow: from the text of a scenario to its result. Green: measured data. Red: results and pictures."""
+Blue: mechanics. Yellow: from the text of a scenario to its result. Green: measured data. Red: results, measures, pictures."""
 
 Place = str | tuple[str, int]  # a room, or the bend of the arrows to a room where they pass a floor
 

@@ -148,7 +148,8 @@ class Bones(NamedTuple):
     distance: np.ndarray  # signed distances, positive outside [m], of all grids one after the other
     friction: np.ndarray  # Coulomb's coefficient, (bones,)
     moves: np.ndarray  # 1 where a bone moves, int64, (bones,)
-    free: np.ndarray  # where each point was found to be far from a bone [m], and the square of how far [m^2], (bones, k, 4)
+    free: np.ndarray  # displacement at which each point was seen to be far from all fixed bones [m], and the square of how far
+    # [m^2]; then, of each bone that moves, the same by the place in its own frame, (1 + bones, k, 4)
 
 
 class Ties(NamedTuple):
@@ -168,8 +169,8 @@ class Ties(NamedTuple):
     moves: np.ndarray  # 1 where a bone moves by a given course, int64, (bones,)
 
 
-# Entries of the placement of a bone at an instant: rotation R by rows, shift s, spin [rad/s], speed of the origin [m/s]; a point X
-# of the bone at rest is at R X + s.
+# Entries of the placement of a bone at an instant: rotation R by rows, shift s, spin [rad/s], speed of the origin [m/s]; a point
+# X of the bone at rest is at R X + s.
 ROTATION, SHIFT, SPIN, SPEED, PLACEMENT = 0, 9, 12, 15, 18
 
 # Entries of what each bone does to the body at an instant: force on it [N], area in contact [m^2], deepest point [m].

@@ -17,8 +17,6 @@ from explicitfe.compiled.arrays import (
     BONE_AREA,
     BONE_DEPTH,
     BONE_FORCE,
-    BONE_SUMS,
-    PLACEMENT,
     ROTATION,
     SHIFT,
     SPEED,
@@ -32,16 +30,12 @@ CREEP_M_S = 1e-3
 
 
 @leaf
-def cell(bones, bone, point, x, y, z):
-    """Where in the grid of a bone a contact point lies that the bone's own frame puts at x, y, z.
+def cell(bones, bone, x, y, z):
+    """Where in the grid of a bone a point lies that the bone's own frame puts at x, y, z.
 
-    The first entry of the cell and how far into it; -1 where it is outside of the grid or further from bone than a cell is wide.
-    How far it may go from there before it has to be looked up again is remembered: grids are large, and most points are far.
+    The first entry of the cell, how far into it, and how far the point may go before it could touch. The entry is -1 where the
+    point is outside of the grid or further from bone than two cells.
     """
-    free = bones.free
-    away_x, away_y, away_z = x - free[bone, point, 0], y - free[bone, point, 1], z - free[bone, point, 2]
-    if away_x * away_x + away_y * away_y + away_z * away_z < free[bone, point, 3]:
-        return -1, 0.0, 0.0, 0.0
     spacing = bones.spacing[bone]
     gx = (x - bones.origin[bone, 0]) / spacing
     gy = (y - bones.origin[bone, 1]) / spacing
@@ -49,16 +43,31 @@ def cell(bones, bone, point, x, y, z):
     nx, ny, nz = bones.shape[bone, 0], bones.shape[bone, 1], bones.shape[bone, 2]
     # not one of these holds for a NaN
     if not (gx >= 0.0 and gy >= 0.0 and gz >= 0.0 and gx < nx - 1 and gy < ny - 1 and gz < nz - 1):
-        return -1, 0.0, 0.0, 0.0
+        return -1, 0.0, 0.0, 0.0, 0.0
     i, j, k = int(gx), int(gy), int(gz)
     first = bones.start[bone] + (i * ny + j) * nz + k
     # distances change by no more than the way: to any point of the cell, its diagonal
     clear = bones.distance[first] - 2.0 * spacing
     if clear > 0.0:
-        free[bone, point, 0], free[bone, point, 1], free[bone, point, 2] = x, y, z
-        free[bone, point, 3] = clear * clear
-        return -1, 0.0, 0.0, 0.0
-    return first, gx - i, gy - j, gz - k
+        return -1, 0.0, 0.0, 0.0, clear
+    return first, gx - i, gy - j, gz - k, 0.0
+
+
+@leaf
+def is_far(free, which, point, x, y, z):
+    """Whether a point is still so near to where it was looked up last that it cannot touch.
+
+    Grids are large and in no cache, and most points are far from bone.
+    """
+    away_x, away_y, away_z = x - free[which, point, 0], y - free[which, point, 1], z - free[which, point, 2]
+    return away_x * away_x + away_y * away_y + away_z * away_z < free[which, point, 3]
+
+
+@leaf
+def note_far(free, which, point, x, y, z, clear):
+    """Remember how far a point may go from here before it has to be looked up again."""
+    free[which, point, 0], free[which, point, 1], free[which, point, 2] = x, y, z
+    free[which, point, 3] = clear * clear
 
 
 @leaf
@@ -80,28 +89,42 @@ def distance(bones, bone, first, a, b, c):
 
 @leaf
 def depth_in(bones, bone, point, x, y, z, placement, instant):
-    """How deep a contact point at x, y, z has gone into a bone beyond its depth at rest, and the gradient g of the distance."""
-    if bones.moves[bone]:
-        x, y, z = x - placement[instant, bone, SHIFT], y - placement[instant, bone, SHIFT + 1], z - placement[instant, bone, SHIFT + 2]
-        R = placement[instant, bone]
+    """How deep a contact point at x, y, z has gone into a bone beyond its depth at rest, the gradient g of the distance, and how
+    far the point may go before it could touch: of a bone that moves, in its own frame, where that is remembered here."""
+    moves = bones.moves[bone]
+    if moves:
+        R, s = ROTATION, SHIFT
+        x = x - placement[instant, bone, s]
+        y = y - placement[instant, bone, s + 1]
+        z = z - placement[instant, bone, s + 2]
         x, y, z = (
-            R[ROTATION] * x + R[ROTATION + 3] * y + R[ROTATION + 6] * z,
-            R[ROTATION + 1] * x + R[ROTATION + 4] * y + R[ROTATION + 7] * z,
-            R[ROTATION + 2] * x + R[ROTATION + 5] * y + R[ROTATION + 8] * z,
+            placement[instant, bone, R] * x + placement[instant, bone, R + 3] * y + placement[instant, bone, R + 6] * z,
+            placement[instant, bone, R + 1] * x + placement[instant, bone, R + 4] * y + placement[instant, bone, R + 7] * z,
+            placement[instant, bone, R + 2] * x + placement[instant, bone, R + 5] * y + placement[instant, bone, R + 8] * z,
         )
-    first, a, b, c = cell(bones, bone, point, x, y, z)
+        if is_far(bones.free, 1 + bone, point, x, y, z):
+            return 0.0, 0.0, 0.0, 0.0, 0.0
+    first, a, b, c, clear = cell(bones, bone, x, y, z)
     if first < 0:
-        return 0.0, 0.0, 0.0, 0.0
+        if moves:
+            note_far(bones.free, 1 + bone, point, x, y, z, clear)
+        return 0.0, 0.0, 0.0, 0.0, clear
     d, gx, gy, gz = distance(bones, bone, first, a, b, c)
     p = -(d + bones.rest_depth[bone, point])
-    if p > 0.0 and bones.moves[bone]:
-        R = placement[instant, bone]
+    if not p > 0.0:
+        # between nodes of the grid the slope of what is interpolated can be above 1, but not above 2
+        clear = -0.5 * p
+        if moves:
+            note_far(bones.free, 1 + bone, point, x, y, z, clear)
+        return p, gx, gy, gz, clear
+    if moves:
+        R = ROTATION
         gx, gy, gz = (
-            R[ROTATION] * gx + R[ROTATION + 1] * gy + R[ROTATION + 2] * gz,
-            R[ROTATION + 3] * gx + R[ROTATION + 4] * gy + R[ROTATION + 5] * gz,
-            R[ROTATION + 6] * gx + R[ROTATION + 7] * gy + R[ROTATION + 8] * gz,
+            placement[instant, bone, R] * gx + placement[instant, bone, R + 1] * gy + placement[instant, bone, R + 2] * gz,
+            placement[instant, bone, R + 3] * gx + placement[instant, bone, R + 4] * gy + placement[instant, bone, R + 5] * gz,
+            placement[instant, bone, R + 6] * gx + placement[instant, bone, R + 7] * gy + placement[instant, bone, R + 8] * gz,
         )
-    return p, gx, gy, gz
+    return p, gx, gy, gz, 0.0
 
 
 @leaf
@@ -117,7 +140,7 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
         y = bones.position[point, 1] + here[node, 1]
         z = bones.position[point, 2] + here[node, 2]
         for bone in range(len(bones.start)):
-            p, gx, gy, gz = depth_in(bones, bone, point, x, y, z, placement, instant)
+            p, gx, gy, gz, _ = depth_in(bones, bone, point, x, y, z, placement, instant)
             if p > 0.0:
                 out = gx * (u[node, 0] - here[node, 0]) + gy * (u[node, 1] - here[node, 1]) + gz * (u[node, 2] - here[node, 2])
                 push = -bones.spring[point] * out
@@ -146,16 +169,28 @@ def rest_on_bones(
     """
     loss = work = stored = 0.0
     asked = len(sums) > 0
+    moving = 0
+    for bone in range(len(bones.start)):
+        moving += bones.moves[bone]
     for point in range(near, far):
         node = bones.node[point]
+        # of all bones that are fixed at once, by displacement
+        away = is_far(bones.free, 0, point, u[node, 0], u[node, 1], u[node, 2])
+        if away and moving == 0:
+            continue
         x = bones.position[point, 0] + u[node, 0]
         y = bones.position[point, 1] + u[node, 1]
         z = bones.position[point, 2] + u[node, 2]
+        least = math.inf
         touched = False
         dx = dy = dz = 0.0  # dampers and friction of all bones
         driven = 0.0  # their power against the bones' own speed
         for bone in range(len(bones.start)):
-            p, gx, gy, gz = depth_in(bones, bone, point, x, y, z, placement, instant)
+            if away and not bones.moves[bone]:
+                continue
+            p, gx, gy, gz, clear = depth_in(bones, bone, point, x, y, z, placement, instant)
+            if not bones.moves[bone]:
+                least = min(least, clear)
             if not p > 0.0:
                 continue
             touched = True
@@ -209,6 +244,8 @@ def rest_on_bones(
                 sums[bone, BONE_AREA] += area
                 sums[bone, BONE_DEPTH] = max(sums[bone, BONE_DEPTH], p)
                 pressure[bone, point] = (push * size + brake) / area
+        if not away and 0.0 < least < math.inf:
+            note_far(bones.free, 0, point, u[node, 0], u[node, 1], u[node, 2], least)
         if touched:
             at = node - row
             for k, d in ((0, dx), (1, dy), (2, dz)):

@@ -66,7 +66,8 @@ def internal_force(u, force, blocks):
     """Subtract the internal force at displacement u from the node rows ``force``; give the smallest J.
 
     The derivative of V W(F, delta), total Lagrangian (Miller et al. 2007): f_a = (V P + Q) B_a + sum_k r_k g_k with
-    F = 1 + sum_a u_a B_a, P = dW/dF at constant delta, Q = V W' d delta/dF and r_k = V W' d delta/dq_k; P with the muscles' stress.
+    F = 1 + sum_a u_a B_a, P = dW/dF at constant delta, Q = V W' d delta/dF and r_k = V W' d delta/dq_k. The muscles' stress is
+    added to P.
     """
     start(blocks)
     smallest = splat(math.inf)

@@ -19,10 +19,11 @@ def pulled(ties, entry, u, placement, instant):
     x, y, z = u[node, 0], u[node, 1], u[node, 2]
     if ties.moves[bone]:
         X, Y, Z = ties.position[entry, 0], ties.position[entry, 1], ties.position[entry, 2]
-        R, s, at = ROTATION, SHIFT, placement
-        x += X - at[instant, bone, R] * X - at[instant, bone, R + 1] * Y - at[instant, bone, R + 2] * Z - at[instant, bone, s]
-        y += Y - at[instant, bone, R + 3] * X - at[instant, bone, R + 4] * Y - at[instant, bone, R + 5] * Z - at[instant, bone, s + 1]
-        z += Z - at[instant, bone, R + 6] * X - at[instant, bone, R + 7] * Y - at[instant, bone, R + 8] * Z - at[instant, bone, s + 2]
+        R, s, now = ROTATION, SHIFT, placement
+        x += X - now[instant, bone, R] * X - now[instant, bone, R + 1] * Y - now[instant, bone, R + 2] * Z
+        y += Y - now[instant, bone, R + 3] * X - now[instant, bone, R + 4] * Y - now[instant, bone, R + 5] * Z
+        z += Z - now[instant, bone, R + 6] * X - now[instant, bone, R + 7] * Y - now[instant, bone, R + 8] * Z
+        x, y, z = x - now[instant, bone, s], y - now[instant, bone, s + 1], z - now[instant, bone, s + 2]
     return x, y, z
 
 

@@ -12,16 +12,16 @@ import numpy as np
 from explicitfe.compiled.arrays import (
     BONE_AREA,
     BONE_FORCE,
-    IN_CONTACT,
     DAMPED,
     EXTERNAL,
     HOURGLASS,
+    IN_CONTACT,
+    IN_TIES,
     INTERNAL,
     KINETIC,
     LOST,
     RUBBED,
     SMALLEST_J,
-    IN_TIES,
 )
 from explicitfe.errors import InputError, Progress
 from explicitfe.measure.motion import has_settled
@@ -37,7 +37,7 @@ from explicitfe.results.run_summary import (
     TransientSummary,
     point_at_rest,
 )
-from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis
+from explicitfe.run.analysis import BENDING_WARNING_SHARE, HOURGLASS_WARNING_SHARE, Analysis
 from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.simulation import Simulation, Snapshot
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
@@ -252,7 +252,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         """What a user should know before believing the result."""
         mesh = self.model.mesh
         warnings = [*self.notes]
-        if ledger.hourglass_share > HOURGLASS_WARNING_SHARE:
+        if ledger.hourglass_share > (BENDING_WARNING_SHARE if self.model.element == "hex8" else HOURGLASS_WARNING_SHARE):
             worst = int(np.argmax(last.hourglass_energy))
             x, y, z = 1e3 * mesh.points[mesh.hexes[worst]].mean(axis=0)
             warnings.append(
@@ -271,9 +271,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         if through.where_m is not None:
             x, y, z = 1e3 * through.where_m
             warnings.append(
-                f"the body passes through itself at the end: {through.count} nodes of its surface lie in other elements, the deepest "
-                f"by {1e3 * through.deepest_m:.1f} mm near ({x:.0f}, {y:.0f}, {z:.0f}) mm, and nothing stops them there; lower the "
-                "forces, or read nothing off that place."
+                f"the body passes through itself at the end: {through.count} nodes of its surface lie in other elements, the "
+                f"deepest by {1e3 * through.deepest_m:.1f} mm near ({x:.0f}, {y:.0f}, {z:.0f}) mm, and nothing stops them there; "
+                "lower the forces, or read nothing off that place."
             )
         moved = float(np.linalg.norm(last.displacement, axis=1).max())
         extent = float(np.ptp(mesh.points, axis=0).max())

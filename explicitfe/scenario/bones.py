@@ -17,7 +17,9 @@ class BoneTable(Table):
     length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
     friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
     shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="moves its place at rest, along x (back), y (right), z (up)")
-    with_jaw: bool | None = Field(default=None, description='whether it moves with the jaw; if left out, only the one called "jaw"')
+    with_jaw: bool | None = Field(
+        default=None, description='whether it moves with the jaw; if left out, only the one called "jaw"'
+    )
 
     @model_validator(mode="after")
     def _file_and_unit(self) -> BoneTable:

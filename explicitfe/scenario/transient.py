@@ -46,8 +46,8 @@ class ModelTable(Table):
     fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
     attachment: Literal["nodes", "area"] = Field(
         default="nodes",
-        description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches that they stand '
-        "for by springs, in proportion to their area, whatever the mesh",
+        description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches of these '
+        "names by springs, in proportion to their area, whatever the mesh",
     )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
 

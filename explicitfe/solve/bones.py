@@ -47,7 +47,7 @@ def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.n
         distance=np.concatenate([grid.ravel() for grid in grids] or [np.zeros(0)]),
         friction=np.array([bone.friction for bone in bones], dtype=float),
         moves=np.array([bone.motion is not None for bone in bones], dtype=np.int64),
-        free=np.zeros((len(bones), len(nodes), 4)),
+        free=np.zeros((1 + len(bones), len(nodes), 4)),
     )
 
 

@@ -135,7 +135,9 @@ class Relaxation(Body):
     def __init__(self, model: Model, tolerance: float = RESIDUAL_TOLERANCE, threads: int | None = None) -> None:
         for name in ("stresses", "bones", "attachments"):
             if getattr(model, name):
-                raise InputError(f"a relaxation knows no {name} of a model; take a Simulation, which runs in time, or leave them out.")
+                raise InputError(
+                    f"a relaxation knows no {name} of a model; take a Simulation, which runs in time, or leave them out."
+                )
         super().__init__(model)
         self.tolerance = tolerance
         self.iterations = 0

@@ -40,7 +40,7 @@ def forces(u, force, blocks):
 
 
 def hold(u, force, here, bones, bone_placement, ties, tie_placement):
-    """Add the pull of ties at displacement u to the node rows, and the change of contact from displacement ``here``, linearised."""
+    """Add to the node rows the pull of ties at displacement u and the change of contact since ``here``, linearised."""
     add_contact_stiffness(force, u, here, bones, bone_placement, 0)
     add_ties(force, u, ties, tie_placement, 0)
 

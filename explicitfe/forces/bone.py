@@ -224,10 +224,15 @@ def rest_on_bones(
             brake = max(-damper * normal / (1.0 + 0.5 * mobility * damper), -push * size)
             tx, ty, tz = mx - normal * nx, my - normal * ny, mz - normal * nz
             drag = TANGENTIAL_DAMPER_SHARE * damper
+            held_back = 1.0 + 0.5 * mobility * drag
+            left = 1.0 / held_back  # of the speed along the bone
             if bones.friction[bone] > 0.0:
+                # the speed s that is left of v solves s = v - (drag s + mu N s / (s + creep)) mobility / 2
                 speed = math.sqrt(tx * tx + ty * ty + tz * tz)
-                drag += bones.friction[bone] * (push * size + brake) / (speed + CREEP_M_S)
-            drag = -drag / (1.0 + 0.5 * mobility * drag)
+                stopping = 0.5 * mobility * bones.friction[bone] * (push * size + brake)
+                half = held_back * CREEP_M_S + stopping - speed
+                left = 2.0 * CREEP_M_S / (half + math.sqrt(half * half + 4.0 * held_back * CREEP_M_S * speed))
+            drag = -(1.0 - left) / (0.5 * mobility)
             bx, by, bz = brake * nx + drag * tx, brake * ny + drag * ty, brake * nz + drag * tz
             force[at, 0] += bx
             force[at, 1] += by

@@ -36,14 +36,6 @@ def bones(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[Bon
     for name in names:
         if names.count(name) > 1:
             raise InputError(f'{names.count(name)} bones are called "{name}"; give each another name.')
-    if (
-        scenario.jaw is not None
-        and not any(table.moves_with_jaw for table in scenario.bone)
-        and scenario.model.attachment == "nodes"
-    ):
-        raise InputError(
-            '[jaw] moves nothing: give a [[bone]] with name = "jaw" (or with_jaw = true), or model.attachment = "area".'
-        )
     motion = jaw_motion(scenario)
     surface_points = mesh.points[surface_areas(mesh) > 0.0] if scenario.bone else mesh.points
     return tuple(

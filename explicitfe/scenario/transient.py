@@ -139,7 +139,9 @@ class TransientScenario(Table):
     record: RecordTable = RecordTable()
 
     @model_validator(mode="after")
-    def _hyoid_is_tied(self) -> TransientScenario:
+    def _bones_that_move_are_tied(self) -> TransientScenario:
         if self.hyoid is not None and self.model.attachment != "area":
             raise ValueError('[hyoid] needs model.attachment = "area": nodes that are held do not give way')
+        if self.jaw is not None and self.model.attachment != "area":
+            raise ValueError('[jaw] needs model.attachment = "area": nodes that are held do not move with the jaw')
         return self

@@ -24,7 +24,7 @@ from explicitfe.scenario.transient import ModelTable, TransientScenario
 TIE_STIFFNESS_PA_M = 2e7
 
 
-def bones(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[Bone, ...]:
+def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[Bone, ...]:
     """The bones of the ``[[bone]]`` tables; paths are relative to ``folder``.
 
     Raises

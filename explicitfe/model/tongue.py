@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -14,13 +14,14 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.bones import attachments, bones
+from explicitfe.model.bones import attachments, bones_of
 from explicitfe.model.effects import check_effects
 from explicitfe.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import FibrePull, FibreStress, Model, NodalLoad
-from explicitfe.model.muscles import profile_of, pull
+from explicitfe.model.muscles import activation_stiffness, profile_of, pull
 from explicitfe.model.own_mesh import read_model_file
+from explicitfe.scenario.bones import BoneTable
 from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 
@@ -63,9 +64,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         muscle = anatomy.muscles[entry.name]
         if entry.distribution == "stress":
             course, fibres = profile_of(entry), entry.fibres
-            stress = fibre_stress(
-                mesh, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length
-            )
+            stress = fibre_stress(mesh, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length)
             outside = outside_pull(muscle, entry.force_N, entry.side, course, fibres=fibres)
             stresses.append(stress)
             pulls += [] if outside is None else [outside]
@@ -88,7 +87,8 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         loads=tuple(loads),
         pulls=tuple(pulls),
         stresses=tuple(stresses),
-        bones=bones(scenario, mesh, folder),
+        stiffness=activation_stiffness(mesh, anatomy.muscles, scenario.muscle) if table.activation_stiffening else None,
+        bones=bones_of(scenario, mesh, folder),
         attachments=attachments(scenario, mesh, fixed) if table.attachment == "area" else (),
         probes={name: mesh.named_points[name] for name in names},
     )
@@ -114,8 +114,10 @@ def tongue_model(
     *,
     material: str | Law = "gerard-2005",
     resolution: Literal["coarse", "medium", "fine"] = "medium",
-    distribution: Literal["ends", "along", "volume"] = "ends",
+    distribution: Literal["stress", "ends", "along", "volume"] = "ends",
     direction: Literal["reference", "following"] = "reference",
+    attachment: Literal["nodes", "area"] = "nodes",
+    bones: Sequence[str] = (),
     alpha_per_s: float = 40.0,
     beta_s: float = 0.0,
 ) -> Model:
@@ -127,6 +129,8 @@ def tongue_model(
     material : a name of ``explicitfe list materials``, or a law with its constants.
     resolution : of the mesh.
     distribution, direction : how a force is shared along a fibre, and whether it follows the deformation (model/muscles.py).
+    attachment : "nodes" are held, or patches tied by "area" (model/bones.py).
+    bones : "palate" and "jaw", which the tongue may touch; none if left out.
     alpha_per_s, beta_s : Rayleigh damping, 1/s and s; ``beta_s`` acts on the shear of the tissue, by a Maxwell branch.
 
     Raises
@@ -139,12 +143,14 @@ def tongue_model(
             name="tongue",
             resolution=resolution,
             material=material,
+            attachment=attachment,
             damping=Damping(alpha_per_s=alpha_per_s, beta_s=beta_s),
         ),
         muscle=[
             MuscleTable(name=name, force_N=force, distribution=distribution, direction=direction)
             for name, force in forces_N.items()
         ],
+        bone=[BoneTable(name=name) for name in bones],
         analysis=AnalysisTable(duration_ms=1.0),
     )
     return assemble(scenario, Path())[0]

@@ -49,6 +49,11 @@ class ModelTable(Table):
         description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches of these '
         "names by springs, in proportion to their area, whatever the mesh",
     )
+    activation_stiffening: bool = Field(
+        default=False,
+        description="the tissue of muscles that pull is stiffer: its moduli times 1 + 9 times the sum of force / largest force, "
+        "up to ten; for the whole run, at the force that force_N says",
+    )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
 
     @model_validator(mode="after")

@@ -71,8 +71,8 @@ def activation_stiffness(mesh: HexMesh, muscles: Mapping[str, Muscle], tables: S
         muscle = muscles[table.name]
         if not muscle.max_force_N > 0.0:
             raise InputError(
-                f"model.activation_stiffening: the largest force of muscle {muscle.name} is not known; give its max_force_N in the "
-                "model file."
+                f"model.activation_stiffening: the largest force of muscle {muscle.name} is not known; give its max_force_N in "
+                "the model file."
             )
         share[muscle.elements] += table.force_N / muscle.max_force_N
     return 1.0 + (STIFFEST_FACTOR - 1.0) * np.minimum(1.0, share)

@@ -9,7 +9,7 @@ from scipy.interpolate import interp1d
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm
+from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm, shifted
 from explicitfe.errors import InputError
 from explicitfe.mesh.triangles import triangle_distance
 
@@ -82,7 +82,8 @@ def distance_field(
     """The signed distance of a closed surface on a grid, smoothed by a Gaussian.
 
     The sign is that of the winding number along columns of the grid, so pieces may overlap. Nodes lie at multiples of the
-    spacing: a surface that is its own mirror image, y -> -y, in a region that is so too has a field that is, to the last bit.
+    spacing in x and z, and half way between them in y: a surface that is its own mirror image, y -> -y, in a region that is so
+    too has a field that is, to the last bit; and its gradient, which jumps from cell to cell, has no side at y = 0.
 
     Parameters
     ----------
@@ -91,21 +92,23 @@ def distance_field(
     smoothing_m : m. Standard deviation of the Gaussian; 0 for none.
     region : (2, 3) m. Lowest and highest corner of what the grid covers at least.
     """
-    region = np.asarray(region, dtype=float)
+    half_way = np.array([0.0, 0.5 * spacing_m, 0.0])
+    region = np.asarray(region, dtype=float) - half_way
     first = np.floor(region[0] / spacing_m).astype(np.int64)
     last = np.ceil(region[1] / spacing_m).astype(np.int64)
-    mirrored = first[1] == -last[1] and _is_its_own_mirror_image(surface)
+    mirrored = first[1] == -last[1] - 1 and _is_its_own_mirror_image(surface)
     start = np.where([False, mirrored, False], 0, first)
-    values = _unsigned(surface, start, last, spacing_m)
-    values = np.where(_winding_number(surface, start, last, spacing_m) > 0, -values, values)
+    beside = shifted(surface, -half_way)
+    values = _unsigned(beside, start, last, spacing_m)
+    values = np.where(_winding_number(beside, start, last, spacing_m) > 0, -values, values)
     if mirrored:
-        values = np.concatenate([values[:, :0:-1], values], axis=1)
+        values = np.concatenate([values[:, ::-1], values], axis=1)
     if smoothing_m > 0.0:
         values = gaussian_filter(values, smoothing_m / spacing_m, mode="nearest")
     if mirrored:
         # The filter adds up in one direction.
         values = 0.5 * (values + values[:, ::-1])
-    return DistanceField(origin_m=spacing_m * first, spacing_m=spacing_m, values=values)
+    return DistanceField(origin_m=spacing_m * first + half_way, spacing_m=spacing_m, values=values)
 
 
 def bone_field(

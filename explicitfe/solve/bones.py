@@ -14,6 +14,8 @@ from explicitfe.mesh.hexmesh import HexMesh, shape_functions
 from explicitfe.mesh.surface_points import surface_areas
 from explicitfe.model.model import Attachment, Bone
 
+# Where a bone begins beyond the depth at rest: were it there, rounding would tell which points touch before anything moves.
+REST_GAP_M = 1e-12
 SPEED_INTERVAL_S = 1e-6  # over which the speed of a moving bone is differenced
 
 
@@ -31,7 +33,7 @@ def bones_of(bones: Sequence[Bone], mesh: HexMesh, place: np.ndarray, mass: np.n
     nodes = np.flatnonzero((areas > 0.0) & ~held)
     nodes = nodes[np.argsort(place[nodes])]
     spring = CONTACT_STIFFNESS_PA_M * areas[nodes]
-    depth = [np.maximum(0.0, -bone.field.at(_at_rest(bone, mesh.points[nodes]))[0]) for bone in bones]
+    depth = [REST_GAP_M + np.maximum(0.0, -bone.field.at(_at_rest(bone, mesh.points[nodes]))[0]) for bone in bones]
     grids = [np.ascontiguousarray(bone.field.values, dtype=float) for bone in bones]
     sizes = [grid.size for grid in grids]
     return Bones(

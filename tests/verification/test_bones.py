@@ -21,6 +21,7 @@ from explicitfe.model import catalogue
 MM = 1e-3
 SPACING = 1e-3
 RADIUS = 0.02
+GRID = np.array([0.0, 0.5, 0.0])  # where a node of the grid lies, in spacings
 TABLES = tomllib.loads((ROOT / "models" / "tongue" / "bones.toml").read_text(encoding="utf-8"))
 BONES = SHARED_DATA / "tongue" / "artisynth-hextongue" / "bones"
 
@@ -117,7 +118,7 @@ def test_a_flat_face_is_exact():
 def test_edges_and_corners_of_a_cube():
     """Outside the distance is that to the nearest point of the cube, for a node on the grid."""
     field = distance_field(cube(), spacing_m=SPACING, smoothing_m=0.0, region=around())
-    nodes = SPACING * np.random.default_rng(5).integers(-24, 25, (3000, 3))
+    nodes = SPACING * (np.random.default_rng(5).integers(-24, 25, (3000, 3)) + GRID)
     outside = np.linalg.norm(np.maximum(np.abs(nodes) - RADIUS, 0.0), axis=1)
     inside = np.minimum((np.abs(nodes) - RADIUS).max(axis=1), 0.0)
     true = outside + inside
@@ -130,7 +131,7 @@ def test_the_gradient_is_that_of_the_interpolant():
     """Trilinear is linear along each axis: a difference within a cell is the derivative."""
     field = distance_field(ball(bump=0.002), spacing_m=SPACING, smoothing_m=1e-3, region=around())
     generator = np.random.default_rng(11)
-    points = SPACING * (generator.integers(-30, 30, (2000, 3)) + generator.uniform(0.2, 0.8, (2000, 3)))
+    points = SPACING * (generator.integers(-30, 30, (2000, 3)) + generator.uniform(0.2, 0.8, (2000, 3)) + GRID)
     gradient = field.at(points)[1]
     step = 0.1 * SPACING
     for axis in range(3):
@@ -196,7 +197,14 @@ def test_built_in_bones_are_their_own_mirror_images(name, fields):
     assert np.array_equal(np.unique(surface.points + 0.0, axis=0), np.unique(mirrored, axis=0))
     field = fields[name]
     assert np.array_equal(field.values, field.values[:, ::-1])
-    assert field.origin_m[1] == -field.spacing_m * (field.values.shape[1] // 2)
+    assert field.origin_m[1] == pytest.approx(-0.5 * field.spacing_m * (field.values.shape[1] - 1), abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["palate", "jaw"])
+def test_nothing_pushes_the_midline_aside(name, fields):
+    """The gradient is that of one cell, and has a side where cells meet; so y = 0 lies in the middle of cells."""
+    points = np.random.default_rng(2).uniform([0.05, 0.0, 0.06], [0.12, 0.0, 0.12], (500, 3))
+    assert np.abs(fields[name].at(points)[1][:, 1]).max() < 1e-12
 
 
 def test_the_palate_is_where_its_table_says(fields):

@@ -202,7 +202,7 @@ def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spa
 
     def distance_of(nodes: np.ndarray, tried: int) -> np.ndarray:
         tried = min(tried, len(samples))
-        _, nearest = tree.query(nodes, k=tried)
+        _, nearest = tree.query(nodes, k=tried, workers=-1)
         columns = nearest.reshape(len(nodes), tried).T
         return np.min([triangle_distance(nodes, corners[column]) for column in columns], axis=0)
 

@@ -9,10 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.measure.document import BoneContact, Constriction, Measures, PointMotion
-from explicitfe.view.terminal.rows import pairs
-
-# A sideways motion below this share of the whole is not worth a number.
-SIDEWAYS_SHARE_OF_MOTION = 0.01
+from explicitfe.view.terminal.rows import forward_up, moved, pairs
 
 
 def measures_table(measured: Sequence[Measures]) -> Table:
@@ -52,7 +49,7 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         highest = measures.highest
         yield (
             "highest point",
-            f"{_forward_up(highest.forward_mm, highest.up_mm)} (now {highest.behind_tip_mm:.1f} behind and "
+            f"{forward_up(highest.forward_mm, highest.up_mm)} (now {highest.behind_tip_mm:.1f} behind and "
             f"{highest.above_tip_mm:.1f} above the tip at rest)",
         )
     if measures.grooves:
@@ -82,15 +79,8 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
 
 
 def _motion(point: PointMotion) -> str:
-    text = _forward_up(point.forward_mm, point.up_mm)
-    if abs(point.right_mm) > SIDEWAYS_SHARE_OF_MOTION * max(abs(point.forward_mm), abs(point.up_mm)):
-        text += f", {abs(point.right_mm):.2f} to the {'right' if point.right_mm > 0.0 else 'left'}"
+    text = moved(point.forward_mm, point.up_mm, point.right_mm)
     return f"{text}{_rise(point.time_to_90_ms)}, peak {point.peak_speed_mm_s:.0f} mm/s"
-
-
-def _forward_up(forward_mm: float, up_mm: float) -> str:
-    along, above = "forward" if forward_mm >= 0.0 else "back", "up" if up_mm >= 0.0 else "down"
-    return f"{abs(forward_mm):.2f} {along}, {abs(up_mm):.2f} {above}"
 
 
 def _rise(time_ms: float | None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from rich.markup import escape
@@ -78,10 +78,22 @@ def add_result_rows(table: Table, summary: RunSummary) -> None:
     table.add_row("result", escape(summary["result"]))
 
 
-def vector_mm(vector: Sequence[float]) -> str:
-    """Three lengths in mm."""
-    x, y, z = vector
-    return f"({x:+.2f}, {y:+.2f}, {z:+.2f}) mm"
+# Sideways motion below this share of the rest is not worth a word.
+SIDEWAYS_SHARE_OF_MOTION = 0.01
+
+
+def moved(forward_mm: float, up_mm: float, right_mm: float) -> str:
+    """Where a point has gone, in the words of anatomy."""
+    text = forward_up(forward_mm, up_mm)
+    if abs(right_mm) > SIDEWAYS_SHARE_OF_MOTION * max(abs(forward_mm), abs(up_mm)):
+        text += f", {abs(right_mm):.2f} to the {'right' if right_mm > 0.0 else 'left'}"
+    return text
+
+
+def forward_up(forward_mm: float, up_mm: float) -> str:
+    """How far forward (-x) and up (+z), in words."""
+    along, above = "forward" if forward_mm >= 0.0 else "back", "up" if up_mm >= 0.0 else "down"
+    return f"{abs(forward_mm):.2f} {along}, {abs(up_mm):.2f} {above}"
 
 
 def spaced(name: str) -> str:

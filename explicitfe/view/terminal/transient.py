@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.run_summary import TransientCheckReport, TransientSummary
-from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, pairs, size_text, vector_mm
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, moved, pairs, size_text
 
 
 def summary_table(summary: TransientSummary) -> Table:
@@ -33,7 +33,8 @@ def summary_table(summary: TransientSummary) -> Table:
     table.add_row("smallest J", f"{summary['min_J']:.3f}")
     table.add_row("at the end", _motion(summary))
     for name, probe in summary["probes"].items():
-        table.add_row(escape(name), f"{vector_mm(probe['displacement_mm'])} at {probe['speed_mm_s']:.0f} mm/s")
+        x, y, z = probe["displacement_mm"]
+        table.add_row(escape(name), f"{moved(-x, z, y)}, at {probe['speed_mm_s']:.0f} mm/s")
     add_result_rows(table, summary)
     return table
 

@@ -10,9 +10,12 @@ from explicitfe.model import catalogue
 from explicitfe.predict.tissue import EVERY, Constants, Tissue, read_tissue, toml_value
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import Scenario, read_scenario
+from explicitfe.scenario.transient import TransientScenario
 
 # A body takes these effects along into a run in time: what they act on is its own.
 ACTS_ON_A_BODY = ("material", "muscle")
+# A tissue that relaxes by itself takes the place of the branch that damps like Rayleigh's beta.
+WITHOUT_BETA = "model.damping.beta_s=0.0"
 # A specimen takes along the effects that are there, in the words of their descriptions, whatever the test imposes.
 WHERE_IN_A_SPECIMEN = ("material", "specimen", "contact", "boundary")
 
@@ -28,7 +31,7 @@ def tissue_settings(tissue: Tissue, scenario: Scenario, group: str | None = None
 
     Returns
     -------
-    settings : ``key=value``, as ``read_scenario`` and ``run`` take them.
+    settings : ``key=value``, as ``read_scenario`` and ``run`` take them; if the tissue relaxes by itself, without beta.
     left_out : names of effects of the measurement, of the loading, or of what the scenario does not have.
 
     Raises
@@ -47,10 +50,13 @@ def tissue_settings(tissue: Tissue, scenario: Scenario, group: str | None = None
         effect = getattr(tissue.effects, name.replace("-", "_"))
         if effect is None:
             continue
-        if _belongs(kind, isinstance(scenario, IndentationScenario)):
-            settings.append(f"effects.{name}={toml_value(effect.model_dump())}")
-        else:
+        if not _belongs(kind, isinstance(scenario, IndentationScenario)):
             left_out.append(name)
+            continue
+        settings.append(f"effects.{name}={toml_value(effect.model_dump())}")
+        relaxes = effect.acts_on == "material" and effect.transient
+        if relaxes and isinstance(scenario, TransientScenario) and scenario.model.damping.beta_s > 0.0:
+            settings.append(WITHOUT_BETA)
     return settings, left_out
 
 
@@ -66,8 +72,12 @@ def stored_tissue_settings(scenario: Path, model: Path, group: str | None) -> tu
         settings, left_out = tissue_settings(tissue, stated, group)
     except InputError as error:
         raise InputError(f"{model}: {error}") from None
-    notes = [f"of the effects in {model} these are no part of the run and were left out: {', '.join(left_out)}."]
-    return settings, notes if left_out else []
+    notes = []
+    if left_out:
+        notes.append(f"of the effects in {model} these are no part of the run and were left out: {', '.join(left_out)}.")
+    if WITHOUT_BETA in settings:
+        notes.append(f"the tissue in {model} relaxes by itself, so model.damping.beta_s is 0 in this run.")
+    return settings, notes
 
 
 def _constants(tissue: Tissue, group: str | None) -> Constants:

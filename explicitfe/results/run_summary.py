@@ -39,6 +39,7 @@ class TransientModelDescription(ModelDescription):
     """What else a model under muscles has; ``probes`` are points by name."""
 
     alpha_per_s: float
+    beta_s: float
     muscles: list[dict[str, Json]]
     bones: list[str]
     held_area_mm2: dict[str, float]

@@ -27,6 +27,7 @@ from explicitfe.errors import InputError, Progress
 from explicitfe.measure.motion import has_settled
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.mesh.self_contact import self_penetration
+from explicitfe.model import catalogue
 from explicitfe.model.tongue import assemble
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.results.run_summary import (
@@ -80,9 +81,13 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
 
     def describe(self) -> TransientModelDescription:
         """The model with its damping, muscles and probes."""
+        damping = self.scenario.model.damping
         return {
             **self._description(),
-            "alpha_per_s": self.model.alpha_per_s,
+            # as it was chosen: in the model the branch that damps like beta is part of it
+            "material": catalogue.material(self.scenario.model.material).model_dump(),
+            "alpha_per_s": damping.alpha_per_s,
+            "beta_s": damping.beta_s,
             "muscles": [muscle.model_dump() for muscle in self.scenario.muscle],
             "bones": [bone.name for bone in self.model.bones],
             "held_area_mm2": {tie.name: float(1e6 * tie.areas_m2.sum()) for tie in self.model.attachments},

@@ -50,12 +50,14 @@ def test_muscle_in_the_tongue(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     summary = ran(capsys, VOWEL, tmp_path, *SHORT, "--tissue", str(path), "--tissue-group", "fibre")
     assert summary["status"] == "finished"
     assert summary["warnings"][0].endswith("friction, preload, contact-offset.")
+    assert "relaxes by itself, so model.damping.beta_s is 0" in summary["warnings"][1]
     with explicitfe.open_result(summary["result"]) as result:
         stated, text = result.model["scenario"], result.scenario_text
     assert stated["model"]["material"] == {
         "law": "yeoh", "C10_Pa": 226.1, "C20_Pa": 1869.3, "poisson": 0.49, "density_kg_m3": 1040.0, "source": "",
     }  # fmt: skip
     assert stated["effects"] == {"viscoelastic": {"g": [0.58, 0.22], "tau_s": [0.01, 62.0]}}
+    assert stated["model"]["damping"]["beta_s"] == 0.0  # the tissue relaxes by itself
     assert "# --set model.material={" in text
     again = tmp_path / "again.json"
     again.write_text(json.dumps(stated))

@@ -29,16 +29,22 @@ def pairs(title: str) -> Table:
 
 
 def physics_rows(model: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Rows on tissue, damping and muscles."""
+    """Rows on tissue, damping, muscles and bones."""
     if "material" in model:
         material = {key: value for key, value in model["material"].items() if key != "source"}
         yield "material", f"{escape(material.pop('law'))}: {text_of(material)}"
     if "tool" in model:
         yield "tool", text_of(model["tool"])
     if "alpha_per_s" in model:
-        yield "damping", f"{model['alpha_per_s']:g} 1/s"
+        beta_s = model.get("beta_s", 0.0)
+        yield "damping", f"alpha {model['alpha_per_s']:g} 1/s" + (f", beta {beta_s:g} s" if beta_s else "")
     if "muscles" in model:
         yield "muscles", escape("\n".join(_muscle(muscle) for muscle in model["muscles"])) or "none"
+    if "bones" in model:
+        yield "bones", escape(", ".join(model["bones"])) or "none"
+    if model.get("held_area_mm2"):
+        held = (f"{name} {area_mm2:.0f} mm²" for name, area_mm2 in model["held_area_mm2"].items())
+        yield "held by area", escape(", ".join(held))
 
 
 def _muscle(muscle: Mapping[str, Any]) -> str:
@@ -48,7 +54,8 @@ def _muscle(muscle: Mapping[str, Any]) -> str:
         course = f"{muscle['profile']} from {muscle['start_ms']:g} ms"
         course += f" in {muscle['rise_ms']:g} ms" if muscle["rise_ms"] else ""
         course += f" to {muscle['end_ms']:g} ms" if muscle["end_ms"] is not None else ""
-    how = f"{muscle['distribution']}, {muscle['direction']}" + ("" if muscle["side"] == "both" else f", {muscle['side']} side")
+    how = muscle["distribution"] + ("" if muscle["distribution"] == "stress" else f", {muscle['direction']}")
+    how += "" if muscle["side"] == "both" else f", {muscle['side']} side"
     return f"{muscle['name']} {muscle['force_N']:g} N: {course}; {how}"
 
 

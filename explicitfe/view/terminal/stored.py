@@ -28,7 +28,17 @@ class StoredKind(Protocol):
 # The kind of analysis, as a scenario's analysis.type names it -> how a stored one is shown.
 KINDS: dict[str, StoredKind] = {"transient": transient, "relaxation": indentation}
 PACKAGES = ("explicitfe", "python", "numpy", "numba", "h5py")
-ENERGIES = ("internal_energy", "hourglass_energy", "kinetic_energy", "external_work", "damping_loss")
+ENERGIES = (
+    "internal_energy",
+    "hourglass_energy",
+    "kinetic_energy",
+    "contact_energy",
+    "tied_energy",
+    "external_work",
+    "damping_loss",
+    "material_loss",
+    "contact_loss",
+)
 
 
 def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> Table:
@@ -51,7 +61,7 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> T
         times = kind.times_text(StoredTimes(held["steps"], first_s, last_s, held["every_s"]))
     table.add_row("times", times)
     table.add_row("fields", escape(", ".join(f"{field['name']} ({field['unit']})" for field in held["fields"])))
-    energies = [f"{spaced(name)} {1e3 * last[name]:.4g} mJ" for name in ENERGIES if name in last]
+    energies = [f"{spaced(name)} {1e3 * last[name]:.4g} mJ" for name in ENERGIES if last.get(name)]
     if energies:
         table.add_row("last energies", "\n".join(energies))
     if "balance_error" in last:

@@ -22,6 +22,8 @@ _NEAR_SPACINGS = 5.0
 _FARTHEST_SPACINGS = 40
 # At rest a surface may reach this far into the body: figures read off two different heads do not fit better.
 _DEEPEST_START_M = 5e-3
+# The grid ends so many spacings beside the bone: whoever comes near enough to touch is in it.
+_BESIDE_SPACINGS = 8
 # How far beyond its place at rest a body is expected to go.
 _REACH_MARGIN_M = 0.02
 # Columns of the grid are moved by this share of a spacing against the triangles, so that none runs along an edge.
@@ -135,7 +137,11 @@ def bone_field(
         See ``check_surface``; or the body starts deeper than 5 mm inside the bone.
     """
     check_surface(surface, what, body_points)
-    field = distance_field(surface, spacing_m=spacing_m, smoothing_m=smoothing_m, region=reach(body_points, margin_m))
+    low, high = reach(body_points, margin_m)
+    beside = _BESIDE_SPACINGS * spacing_m
+    low = np.maximum(low, surface.box_m[0] - beside)
+    high = np.maximum(np.minimum(high, surface.box_m[1] + beside), low + 2.0 * spacing_m)  # a bone out of reach has a small grid
+    field = distance_field(surface, spacing_m=spacing_m, smoothing_m=smoothing_m, region=np.stack([low, high]))
     distance, _ = field.at(body_points)
     deepest = int(distance.argmin())
     if distance[deepest] < -_DEEPEST_START_M:

@@ -43,7 +43,8 @@ def cell(bones, bone, x, y, z):
     nx, ny, nz = bones.shape[bone, 0], bones.shape[bone, 1], bones.shape[bone, 2]
     # not one of these holds for a NaN
     if not (gx >= 0.0 and gy >= 0.0 and gz >= 0.0 and gx < nx - 1 and gy < ny - 1 and gz < nz - 1):
-        return -1, 0.0, 0.0, 0.0, 0.0
+        outside = max(max(-gx, gx - nx + 1), max(max(-gy, gy - ny + 1), max(-gz, gz - nz + 1)))
+        return -1, 0.0, 0.0, 0.0, max(outside, 0.0) * spacing
     i, j, k = int(gx), int(gy), int(gz)
     first = bones.start[bone] + (i * ny + j) * nz + k
     # distances change by no more than the way: to any point of the cell, its diagonal

@@ -48,11 +48,13 @@ USUAL_RUNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "a specimen under a punch": ("indentation-rear", ()),
     "a specimen under a ball": ("indentation-ball", ()),
 }
-# What else comes up: other elements, and time.
+# What else comes up: other elements, and tissue without or with time. The fully integrated element knows no tissue that relaxes.
+ELASTIC_TONGUE = "vowel-i-gerard-2005"
 FURTHER_RUNS: dict[str, tuple[str, tuple[str, ...]]] = {
     "the tongue of hex8-stiffness": ("vowel-i", ("model.resolution=coarse", "model.element=hex8-stiffness")),
-    "the tongue of hex8-full": ("vowel-i", ("model.resolution=coarse", "model.element=hex8-full")),
-    "a viscoelastic tongue": ("vowel-i", ("model.resolution=coarse", "effects.viscoelastic={g=[0.3],tau_s=[0.02]}")),
+    "an elastic tongue": (ELASTIC_TONGUE, ("model.resolution=coarse",)),
+    "an elastic tongue of hex8-stiffness": (ELASTIC_TONGUE, ("model.resolution=coarse", "model.element=hex8-stiffness")),
+    "an elastic tongue of hex8-full": (ELASTIC_TONGUE, ("model.resolution=coarse", "model.element=hex8-full")),
     "a viscoelastic specimen": ("indentation-rear", ("effects.viscoelastic={g=[0.3],tau_s=[1.0]}",)),
 }
 

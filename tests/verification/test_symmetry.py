@@ -15,7 +15,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 def deviation_over_the_run(settings: list[str]) -> tuple[float, float]:
     """Largest deviation from the mirror image and largest displacement [m] at every 10 ms of 120 ms."""
-    prepared = prepare(ROOT / "scenarios" / "vowel-i.toml", ["model.resolution=coarse", *settings])
+    prepared = prepare(ROOT / "scenarios" / "vowel-i-gerard-2005.toml", ["model.resolution=coarse", *settings])
     points = prepared.model.mesh.points
     distance, partner = cKDTree(points).query(points * MIRROR)
     assert distance.max() == 0.0, "the mesh is not its own mirror image"
@@ -33,7 +33,7 @@ def deviation_over_the_run(settings: list[str]) -> tuple[float, float]:
 
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_symmetric_pull_moves_symmetrically(element, record_property):
-    """GGp 2 N and GGa 0.2 N on both sides: within 1e-9 mm over 120 ms.
+    """The paper's GGp of 2 N and GGa of 0.2 N on both sides: within 1e-9 mm over 120 ms.
 
     The two sides differ by rounding only, as sums run in another order: eps x 10 mm = 2e-15 mm a step, which random steps
     add up to sqrt(1300) of that, 1e-13 mm, and a transient that is not chaotic multiplies by far less than the 1e4 that are

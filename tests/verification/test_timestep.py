@@ -141,11 +141,11 @@ def test_step_against_the_measured_limit(name, element, record_property):
 
 
 def test_step_of_a_run_stays_below_the_limit(record_property):
-    """Vowel [i] on the coarse tongue, 120 ms with elements that distort fast: dt < 2 / omega_max at every ms.
+    """Vowel [i] by forces on nodes on the coarse tongue, 120 ms with elements that distort fast: dt < 2 / omega_max at every ms.
 
     The limit here is that of 80 turns from a fresh start, good to 0.5 % by the bound above.
     """
-    prepared = prepare(ROOT / "scenarios" / "vowel-i.toml", ["model.resolution=coarse"])
+    prepared = prepare(ROOT / "scenarios" / "vowel-i-gerard-2005.toml", ["model.resolution=coarse"])
     simulation = prepared.body
     transient = Transient(simulation, 0.120)
     shares = []

@@ -264,13 +264,13 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy "
                 f"({100 * ledger.hourglass_share_at_end:.0f} % at the end, most of it in element {worst} near "
                 f"({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this deformation, or a force acts on too few nodes; "
-                'compare with a finer resolution, or spread the force (distribution = "along"), before quoting numbers.'
+                'compare with a finer resolution, or spread the force (distribution = "stress"), before quoting numbers.'
             )
         folded = int(np.sum(np.any(corner_jacobians(mesh.points + last.displacement, mesh.hexes) <= 0.0, axis=1)))
         if folded:
             warnings.append(
                 f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does "
-                'not resist: spread the forces (distribution = "along") or lower them, and compare with element = "hex8-full".'
+                'not resist: spread the forces (distribution = "stress") or lower them, and compare with element = "hex8-full".'
             )
         through = self_penetration(mesh, last.displacement)
         if through.where_m is not None:

@@ -133,8 +133,8 @@ def bodies() -> Iterator[tuple[str, Callable[[str], Model]]]:
 
 
 def tongues(real: Path | None, folder: Path) -> dict[str, tuple[Path, list[str]]]:
-    """Scenario and settings of vowel [i] on each tongue."""
-    scenario = ROOT / "scenarios" / "vowel-i.toml"
+    """Scenario and settings of vowel [i] by forces on nodes, on each tongue."""
+    scenario = ROOT / "scenarios" / "vowel-i-gerard-2005.toml"
     cases = {f"tongue, {r}": (scenario, [f"model.resolution={r}"]) for r in ("coarse", "medium")}
     if real:
         write_model(real, folder)
@@ -257,7 +257,8 @@ a scenario predicts at rest.
 
 ## Over a run
 
-Vowel [i], 120 ms: the step in use over the limit of the state, by 100 turns of Lanczos from a fresh start, at every millisecond.
+Vowel [i] by forces on nodes (`vowel-i-gerard-2005`), 120 ms: the step in use over the limit of the state, by 100 turns of Lanczos
+from a fresh start, at every millisecond.
 
 | mesh | element | end | largest | median |
 |---|---|---|---|---|

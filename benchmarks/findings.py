@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from elements import table
+from findings_pictures import Panel, draw_palate, draw_shapes, draw_steps
 from tongue_cases import BONES, CADAVER, LIVING, MEASURED, Answer, Case, Laboratory, MissingRunError, case
 
 # ---- what is asked ----
@@ -223,14 +224,19 @@ ALONE: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
-def one_at_a_time(laboratory: Laboratory) -> str:
-    """[i] from the paper to the letter to all effects, and what each does alone."""
+def steps() -> list[tuple[str, dict[str, Any]]]:
+    """The settings after each step, on top of those before."""
     settings, rows = dict(TO_THE_LETTER), []
     for label, change in STEPS:
         settings |= change
         rows.append((label, dict(settings)))
+    return rows
+
+
+def one_at_a_time(laboratory: Laboratory) -> str:
+    """[i] from the paper to the letter to all effects, and what each does alone."""
     cells = []
-    for label, chosen in [*rows, *((label, {"pulls": VOWEL_I} | change) for label, change in ALONE)]:
+    for label, chosen in [*steps(), *ALONE]:
         answers = [laboratory.answer(case(**{"pulls": VOWEL_I} | chosen, tissue=tissue)) for tissue in NAMES_OF_TISSUES]
         shown = []
         for answer in answers:
@@ -387,6 +393,32 @@ TABLES: dict[str, Write] = {
 # ---- page ----
 
 
+def draw_pictures(laboratory: Laboratory, folder: Path) -> None:
+    """Before and after, where the palate is touched, and how far each step brings [i]."""
+    rows = []
+    for tissue, called in NAMES_OF_TISSUES.items():
+        scaled = f", forces × {STIFFER:g}" if tissue == LIVING else ""
+        rows.append([
+            Panel(f"{called}: [i], the paper to the letter", case(VOWEL_I, tissue=tissue, **TO_THE_LETTER)),
+            Panel(f"{called}: [i], all effects", case(VOWEL_I, tissue=tissue)),
+            Panel(f"{called}: braced [i]{scaled}", case(braced_forces(tissue), tissue=tissue)),
+        ])  # fmt: skip
+    draw_shapes(laboratory, rows, folder / "findings-shapes.png")
+    forces = braced_forces(LIVING)
+    panels = [
+        Panel("braced [i]", case(forces, tissue=LIVING)),
+        Panel("without GGa", case({k: v for k, v in forces.items() if k != "GGa"}, tissue=LIVING)),
+        Panel("GGp and GGh only", case({name: forces[name] for name in GGP}, tissue=LIVING)),
+    ]
+    draw_palate(laboratory, panels, folder / "findings-palate.png")
+    residuals = {
+        called: [short_of(laboratory.answer(case(VOWEL_I, tissue=tissue, **chosen))) for _, chosen in steps()]
+        for tissue, called in NAMES_OF_TISSUES.items()
+    }
+    labels = [label.partition(":")[0] for label, _ in steps()]
+    draw_steps(labels, residuals, folder / "findings-steps.png")
+
+
 def write_page(laboratory: Laboratory, folder: Path, names: Iterable[str]) -> None:
     """Put tables into docs/findings.md, between their marks."""
     page = folder / "findings.md"
@@ -401,6 +433,10 @@ def write_page(laboratory: Laboratory, folder: Path, names: Iterable[str]) -> No
         before, _, rest = text.partition(mark)
         text = before + mark + "\n\n" + written + "\n\n" + end + rest.partition(end)[2]
     page.write_text(text, encoding="utf-8")
+    try:
+        draw_pictures(laboratory, folder / "pictures")
+    except MissingRunError:
+        print("runs are missing, so the pictures stay as they are")
     print(f"written: {page}")
 
 

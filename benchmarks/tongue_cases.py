@@ -203,7 +203,10 @@ def kept_of(result: Result, model: Model, summary: Mapping[str, Any]) -> tuple[d
     fastest = int(np.argmax(np.linalg.norm(result.field("velocity", step), axis=1)))
     kept["fastest_at_mm"] = (1e3 * (result.mesh.points + u)[fastest]).tolist()
     kept["fastest_at_rest_mm"] = (1e3 * result.mesh.points[fastest]).tolist()
-    return kept, {"displacement": u, "times": result.history("time"), "paths": paths}
+    arrays = {"displacement": u, "times": result.history("time"), "paths": paths}
+    for bone in model.bones:
+        arrays[f"pressure_{bone.name}"] = result.field(f"contact_pressure_{bone.name}", step)
+    return kept, arrays
 
 
 def deepest(result: Result, bone: Bone) -> float:

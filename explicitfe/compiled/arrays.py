@@ -70,6 +70,58 @@ class Part(NamedTuple):
     far: int = 0  # and the one after the last
 
 
+class Looks(NamedTuple):
+    """What finds the highest frequency of the whole mesh; see solve/look.py. The first six are node rows, (N, 4)."""
+
+    root: np.ndarray  # square root of the inverse mass [kg^-1/2]
+    noise: np.ndarray  # a unit vector at random
+    vector: np.ndarray  # the vibration of the highest frequency, as it was found last, times the root of the mass: a unit vector
+    base: np.ndarray  # minus the internal force of the present state, with what bones do [N]
+    shifted: np.ndarray  # a displacement near the present one [m], and
+    response: np.ndarray  # minus the internal force there [N]: work arrays
+    bound: np.ndarray  # bound of the square of the highest frequency at each node now, one step on, and the one that calls for a
+    # look [1/s^2], (N, 3)
+    basis: np.ndarray  # Lanczos vectors, (turns + 1, N, 4)
+    sums: np.ndarray  # what each part adds to a sum over all rows, on a line of the cache of its own, (parts, 8)
+    spent: np.ndarray  # ticks of the processor spent in all, in looks, and in samples, int64, (SPENT,)
+
+
+class Looker(NamedTuple):
+    """What the thread of a part looks with."""
+
+    blocks: Blocks  # those of the part, to evaluate a state without accepting it, and without letting time pass
+    shapes: np.ndarray  # six numbers M of each element and the mass [kg] that it gives to each node, (B, 7, W): its own highest
+    # frequency has the square tr(cof F M cof F^T) [1/s^2]; M: 11, 22, 33, 12, 13, 23
+    velocity: np.ndarray  # the rows of the state's velocity that the part's elements touch [m/s], a view
+    shifted: np.ndarray  # the same rows of ``Looks.shifted`` [m], a view
+    force: np.ndarray  # minus the internal force of its elements at those rows [N]
+    lower: np.ndarray  # the same of the part before, from this part's first row on; none in the first part
+    tridiagonal: np.ndarray  # diagonal, what stands beside it, and two work arrays, (4, turns)
+    watch: np.ndarray  # (WATCH,): what the last look told, and when the next one is; the same in all parts
+
+
+class Samples(NamedTuple):
+    """States of the body at some instants, in the user's numbering, and what it takes to gather them; k samples."""
+
+    instant: np.ndarray  # of each sample, rising, int64, (k,)
+    taken: np.ndarray  # how many of them have been taken, int64, (1,)
+    node: np.ndarray  # row of each node, int64, (n,)
+    element: np.ndarray  # lane of each element, int64, (m,)
+    touching: np.ndarray  # node of each contact point, int64, (points,)
+    displacement: np.ndarray  # [m], (k, n, 3)
+    velocity: np.ndarray  # [m/s], (k, n, 3)
+    J: np.ndarray  # (k, m)
+    hourglass: np.ndarray  # hourglass energy [J], (k, m)
+    energies: np.ndarray  # [J], (k, ENERGIES)
+    smallest_J: np.ndarray  # of any element in any step so far, (k,)
+    pressure: np.ndarray  # of each bone on each node [Pa], (k, bones, n)
+    contact: np.ndarray  # what each bone does, (k, bones, BONE_SUMS)
+    rows: np.ndarray  # velocity, and all forces but the external ones, of the present state: work arrays, (2, N, 4)
+    point_pressure: np.ndarray  # on each contact point [Pa]: work array, (bones, points)
+    lanes: np.ndarray  # J, strain energy and hourglass energy of each lane: work arrays, (3, B, W)
+    ledger: np.ndarray  # that of all parts: work array, (LEDGER,)
+
+
 class Nodes(NamedTuple):
     """Lumped masses; a component that is held has a mass and no inverse mass, so it never gets a velocity."""
 
@@ -193,6 +245,13 @@ SUMS = 16
 
 # Entries of the ledger, float64.
 EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3, 4
+
+# Entries of what looks tell: the stable limit of the step at the last one [s], steps since, steps to the next scan of the nodes,
+# and between the last two; the smallest limit [s] within the steps that a period counts, and these.
+LIMIT, SINCE, WAIT, INTERVAL, LOWEST_LIMIT, PERIOD, WATCH = range(7)
+
+# Entries of the time that is spent in the course of a run.
+IN_ALL, IN_LOOKS, IN_SAMPLES, SPENT = range(4)
 
 # Entries of the energies that a snapshot gives [J].
 INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, IN_CONTACT, IN_TIES, RUBBED, ENERGIES = range(10)

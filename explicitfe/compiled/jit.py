@@ -44,7 +44,8 @@ _KERNEL_SOURCES = (
     "solve/boundary.py",
     "solve/step.py",
     "solve/relax_step.py",
-    "solve/stable_step.py",
+    "solve/look.py",
+    "solve/course.py",
 )
 
 
@@ -86,7 +87,10 @@ def bind(
     bound.__doc__ = template.__doc__
     bound.__module__ = template.__module__
     bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
-    return numba.jit(bound, cache=stored and not inline, forceinline=inline, **(OPTIONS | {"_nrt": allocates}))
+    options = OPTIONS | {"_nrt": allocates}
+    if not stored:  # python never calls it: wrappers that take its arguments apart take long to compile
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return numba.jit(bound, cache=stored and not inline, forceinline=inline, **options)
 
 
 def _digest(bindings: Mapping[str, object]) -> str:

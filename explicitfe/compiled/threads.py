@@ -99,6 +99,18 @@ def nap(typingctx, microseconds):
     return types.none(types.int64), lower
 
 
+@intrinsic
+def ticks(typingctx):
+    """Time of the processor that this process has used, in the units of C's clock()."""
+
+    def lower(context, builder, sig, args):
+        kind = _I32 if os.name == "nt" else _I64
+        function = builder.module.globals.get("clock") or ir.Function(builder.module, ir.FunctionType(kind, []), "clock")
+        return builder.zext(builder.call(function, []), _I64) if os.name == "nt" else builder.call(function, [])
+
+    return types.int64(), lower
+
+
 @leaf
 def wait(gate, count):
     """Go on when all ``count`` threads are here, or when one of them never will be."""

@@ -118,16 +118,3 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_energy, block * WIDTH, g[VOLUME] * alone)
         store(element_hourglass, block * WIDTH, g[VOLUME] * e)
     return sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost)
-
-
-def largest_strain_rate(v, blocks):
-    """Largest |grad v| of any element [1/s], in reference coordinates, at the velocity v."""
-    largest = splat(0.0)
-    for block in range(len(blocks.nodes)):
-        g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
-        square = splat(0.0)
-        for modes in element_modes(v, blocks.nodes, block * (8 * WIDTH)):
-            x, y, z = gradient(modes, g, 0), gradient(modes, g, 1), gradient(modes, g, 2)
-            square = square + x * x + y * y + z * z
-        largest = minimum(largest, -square)
-    return math.sqrt(-min_lanes(largest))

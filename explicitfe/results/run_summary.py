@@ -95,6 +95,8 @@ class TransientSummary(RunSummary):
     dt_fraction_of_limit: float
     limiting_element: int | None
     loop_s: float
+    look_s: float
+    sample_s: float
     real_time_factor: float
     settled: bool
     largest_displacement_mm: float

@@ -36,9 +36,9 @@ class ResultWriter:
     ----------
     path : the finished result; ends in ``.vtkhdf``. Missing folders are made.
     mesh : the reference mesh; its node sets and named points are stored too.
-    point_fields, cell_fields : name -> quantity, what :meth:`sample` gets beside ``displacement`` (m), which is always
+    point_fields, cell_fields : name -> quantity, what :meth:`samples` gets beside ``displacement`` (m), which is always
         stored.
-    history : name -> quantity, what :meth:`history` gets beside the time.
+    history : name -> quantity, what :meth:`histories` gets beside the time.
     scenario_text : the scenario file as the user wrote it.
     model, provenance : JSON-able dicts.
     bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
@@ -102,7 +102,7 @@ class ResultWriter:
             raise
         self._open_datasets()
         self._counts = (mesh.node_count, mesh.element_count)
-        self._noted: dict[str, list[float | np.ndarray]] = {name: [] for name in self._history}
+        self._noted: dict[str, list[np.ndarray]] = {name: [] for name in self._history}
         self._slots = [{name: self._file[slot][name] for name in (*declared, "seal")} for slot in layout.RESTART_SLOTS]
 
     def __enter__(self) -> Self:
@@ -114,49 +114,67 @@ class ResultWriter:
     def sample(
         self, time_s: float, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None
     ) -> None:
-        """Store the fields at one time, with all history rows so far; they are safe from a kill when this returns.
+        """Store the fields at one time; see :meth:`samples`."""
+        one_point, one_cell = (
+            {name: np.asarray(array)[None] for name, array in (d or {}).items()} for d in (point_data, cell_data)
+        )
+        self.samples(np.array([time_s], dtype=float), one_point, one_cell)
+
+    def samples(
+        self, times_s: np.ndarray, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None
+    ) -> None:
+        """Store the fields at some times, with all history rows so far; they are safe from a kill when this returns.
 
         Parameters
         ----------
-        time_s : s, later than the last sample.
-        point_data : ``displacement`` and every declared point field, each (N,) or (N, components).
-        cell_data : every declared cell field, each (E,) or (E, components).
+        times_s : (k,) s, rising, later than the last sample.
+        point_data : ``displacement`` and every declared point field, each (k, N) or (k, N, components).
+        cell_data : every declared cell field, each (k, E) or (k, E, components).
 
         Raises
         ------
         RunError : the file system refuses, such as when the disk is full.
         """
-        if not time_s > self._last_time:
-            raise ValueError(f"sample at {time_s} s does not come after the one at {self._last_time} s")
-        point_data = _checked(point_data, self._point_data, self._counts[0])
-        cell_data = _checked(cell_data or {}, self._cell_data, self._counts[1])
+        count = len(times_s)
+        if count == 0:
+            return
+        for before, time_s in zip([self._last_time, *times_s], times_s, strict=False):
+            if not time_s > before:
+                raise ValueError(f"sample at {time_s} s does not come after the one at {before} s")
+        point_data = _checked(point_data, self._point_data, (count, self._counts[0]))
+        cell_data = _checked(cell_data or {}, self._cell_data, (count, self._counts[1]))
         try:
-            if self._samples == self._capacity:
-                layout.make_room(self._file, self._samples, 2 * self._capacity)
-                self._capacity *= 2
+            if self._samples + count > self._capacity:
+                capacity = max(2 * self._capacity, self._samples + count)
+                layout.make_room(self._file, self._samples, capacity)
+                self._capacity = capacity
                 self._file.flush()
                 self._open_datasets()
             for datasets, arrays in ((self._point_data, point_data), (self._cell_data, cell_data)):
                 for name, array in arrays.items():
-                    datasets[name].put(self._samples * len(array), array)
+                    datasets[name].put(self._samples * array.shape[1], array.reshape(-1, *array.shape[2:]))
             self._put_history()
-            self._times.resize(self._samples + 1, axis=0)
-            _Rows(self._times).put(self._samples, np.array([time_s], dtype=float))
-            self._step_count.write(np.array(self._samples + 1, dtype=np.int64))
+            self._times.resize(self._samples + count, axis=0)
+            _Rows(self._times).put(self._samples, np.array(times_s, dtype=float))
+            self._step_count.write(np.array(self._samples + count, dtype=np.int64))
             # So far only numbers went to the file; the counts that make them valid follow.
             self._file.flush()
         except HDF5_ERRORS as error:
             raise self._stopped_writing(error) from error
-        self._samples += 1
-        self._last_time = time_s
+        self._samples += count
+        self._last_time = float(times_s[-1])
 
     def history(self, time_s: float, row: Mapping[str, float | np.ndarray]) -> None:
-        """Note one row of scalars; it reaches the file with the next :meth:`sample` or :meth:`finish`."""
-        row = {"time": time_s, **row}
-        if row.keys() != self._noted.keys():
-            raise ValueError(f"history row has {sorted(row)}, declared were {sorted(self._noted)}")
-        for name, value in row.items():
-            self._noted[name].append(value)
+        """Note one row of scalars; see :meth:`histories`."""
+        self.histories(np.array([time_s]), {name: np.asarray(value)[None] for name, value in row.items()})
+
+    def histories(self, times_s: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
+        """Note rows of the history, (k,) or (k, components) each; they reach the file with the next samples or :meth:`finish`."""
+        rows = {"time": times_s, **rows}
+        if rows.keys() != self._noted.keys():
+            raise ValueError(f"history row has {sorted(rows)}, declared were {sorted(self._noted)}")
+        for name, values in rows.items():
+            self._noted[name].append(np.asarray(values, dtype=float))
 
     def restart(self, arrays: Mapping[str, npt.ArrayLike]) -> None:
         """Store the state to go on from, over the older of the two slots; safe from a kill when this returns.
@@ -233,7 +251,7 @@ class ResultWriter:
 
     def _put_history(self) -> None:
         """Append the rows noted since the last time."""
-        count = len(self._noted["time"])
+        count = sum(len(times) for times in self._noted["time"])
         if not count:
             return
         if self._rows + count > self._history["time"].capacity:
@@ -242,7 +260,7 @@ class ResultWriter:
             self._open_datasets()
         for name, rows in self._noted.items():
             history = self._history[name]
-            history.put(self._rows, np.array(rows, dtype=float).reshape(count, *history.shape))
+            history.put(self._rows, np.concatenate(rows).reshape(count, *history.shape))
         self._rows += count
         self._row_count.write(np.array(self._rows, dtype=np.int64))
         self._noted = {name: [] for name in self._history}
@@ -307,14 +325,14 @@ def _reason(error: Exception) -> str:
     return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
 
 
-def _checked(arrays: Mapping[str, np.ndarray], declared: Mapping[str, _Rows], count: int) -> dict[str, np.ndarray]:
-    """The arrays of one step as they are stored; ValueError where they are not what was declared."""
+def _checked(arrays: Mapping[str, np.ndarray], declared: Mapping[str, _Rows], counts: tuple[int, int]) -> dict[str, np.ndarray]:
+    """The arrays of some steps as they are stored; ValueError where they are not what was declared."""
     if arrays.keys() != declared.keys():
         raise ValueError(f"sample has {sorted(arrays)}, declared were {sorted(declared)}")
     checked = {name: np.ascontiguousarray(array, dtype=float) for name, array in arrays.items()}
     for name, array in checked.items():
-        if array.shape != (count, *declared[name].shape):
-            raise ValueError(f"{name} has shape {array.shape}, declared was {(count, *declared[name].shape)}")
+        if array.shape != (*counts, *declared[name].shape):
+            raise ValueError(f"{name} has shape {array.shape[1:]}, declared was {(counts[1], *declared[name].shape)}")
     return checked
 
 

@@ -40,7 +40,8 @@ from explicitfe.results.run_summary import (
 )
 from explicitfe.run.analysis import BENDING_WARNING_SHARE, HOURGLASS_WARNING_SHARE, Analysis
 from explicitfe.scenario.transient import TransientScenario
-from explicitfe.solve.simulation import Simulation, Snapshot
+from explicitfe.solve.observe import Recording, Snapshot
+from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.solve.transient import DIVERGED, FINISHED, INTERRUPTED, TURNS_AT_THE_START, Ledger, Status, Transient
 
@@ -113,25 +114,20 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             started = time.perf_counter()
             stored_at = -np.inf
             status: Status | None = None
-            sample_number = 0
             try:
-                while True:
-                    snapshot = simulation.snapshot()
-                    balance_error = ledger.add(snapshot)
-                    self._store(writer, snapshot, ledger, transient)
+                for recording in transient.recordings(every_s):
+                    count, imbalance = ledger.add_until(recording.energies, BALANCE_ERROR_LIMIT)
+                    if count:
+                        self._store(writer, recording, ledger, count)
+                    if not imbalance < BALANCE_ERROR_LIMIT:
+                        status = _diverged(float(recording.time_s[count - 1]), imbalance)
+                        break
+                    status = transient.status
                     now = time.perf_counter()
-                    if now - stored_at > RESTART_EVERY_S or transient.finished:
+                    if status is None and (now - stored_at > RESTART_EVERY_S or transient.finished):
                         writer.restart(transient.restart_state())
                         stored_at = now
                     progress("run", min(1.0, simulation.time_s / duration_s))
-                    if not balance_error < BALANCE_ERROR_LIMIT:
-                        status = _diverged(simulation, balance_error)
-                    if status or transient.finished:
-                        break
-                    sample_number = max(sample_number + 1, int(np.floor(simulation.time_s / every_s + 1e-9)) + 1)
-                    status = transient.advance_to(sample_number * every_s)
-                    if status:
-                        break
             except KeyboardInterrupt:
                 status = Status(INTERRUPTED, f"stopped by hand at {1e3 * simulation.time_s:.3f} ms; what is stored is complete.")
             status = status or Status(FINISHED)
@@ -203,7 +199,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 history[f"bone_{bone.name}_placement"] = Quantity("1", 12, placed)
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
-        state = simulation.restart_state() | {"clock": np.zeros(4), "counters": np.zeros(4, dtype=np.int64)}
+        state = simulation.restart_state() | {"clock": np.zeros(3), "counters": np.zeros(2, dtype=np.int64)}
         return ResultWriter(
             target,
             mesh=model.mesh,
@@ -219,39 +215,42 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             overwrite=overwrite,
         )
 
-    def _store(self, writer: ResultWriter, snapshot: Snapshot, ledger: Ledger, transient: Transient) -> None:
+    def _store(self, writer: ResultWriter, recording: Recording, ledger: Ledger, count: int) -> None:
+        """Store the first ``count`` samples of a recording."""
         wanted = set(self.scenario.record.fields)
-        e = snapshot.energies
-        row: dict[str, float | np.ndarray] = {
-            "step": transient.simulation.steps,
-            "dt": transient.simulation.dt_s,
-            "internal_energy": e[INTERNAL],
-            "hourglass_energy": e[HOURGLASS],
-            "kinetic_energy": e[KINETIC],
-            "external_work": e[EXTERNAL],
-            "damping_loss": e[DAMPED],
-            "material_loss": e[LOST],
-            "contact_energy": e[IN_CONTACT],
-            "contact_loss": e[RUBBED],
-            "tied_energy": e[IN_TIES],
-            "balance_error": ledger.balance_error,
-            "smallest_J": snapshot.smallest_J,
+        mesh, some = self.model.mesh, slice(0, count)
+        samples, times_s = recording.arrays, recording.time_s[some]
+        displacement, velocity, e = samples.displacement[some], samples.velocity[some], samples.energies[some]
+        rows: dict[str, np.ndarray] = {
+            "step": recording.steps[some],
+            "dt": recording.dt_s[some],
+            "internal_energy": e[:, INTERNAL],
+            "hourglass_energy": e[:, HOURGLASS],
+            "kinetic_energy": e[:, KINETIC],
+            "external_work": e[:, EXTERNAL],
+            "damping_loss": e[:, DAMPED],
+            "material_loss": e[:, LOST],
+            "contact_energy": e[:, IN_CONTACT],
+            "contact_loss": e[:, RUBBED],
+            "tied_energy": e[:, IN_TIES],
+            "balance_error": np.array(ledger.balance_errors[-count:]),
+            "smallest_J": samples.smallest_J[some],
         }
-        for bone, does in zip(self.model.bones, snapshot.contact, strict=True):
-            row[f"contact_{bone.name}_force"] = does[BONE_FORCE : BONE_FORCE + 3]
-            row[f"contact_{bone.name}_area"] = does[BONE_AREA]
+        for number, bone in enumerate(self.model.bones):
+            rows[f"contact_{bone.name}_force"] = samples.contact[some, number, BONE_FORCE : BONE_FORCE + 3]
+            rows[f"contact_{bone.name}_area"] = samples.contact[some, number, BONE_AREA]
             if bone.motion is not None:
-                rotation, shift = bone.motion.placement(np.array([snapshot.time_s]))
-                row[f"bone_{bone.name}_placement"] = np.append(rotation, shift)
+                rotation, shift = bone.motion.placement(times_s)
+                rows[f"bone_{bone.name}_placement"] = np.concatenate([rotation.reshape(count, 9), shift], axis=1)
         for name, point in self.model.probes.items():
-            row[f"probe_{name}_displacement"] = self.model.mesh.at(point, snapshot.displacement)[0]
-            row[f"probe_{name}_velocity"] = self.model.mesh.at(point, snapshot.velocity)[0]
-        writer.history(snapshot.time_s, row)
-        points = {"displacement": snapshot.displacement} | ({"velocity": snapshot.velocity} if "velocity" in wanted else {})
-        for bone, pressure in zip(self.model.bones, snapshot.contact_pressure, strict=True):
-            points[f"contact_pressure_{bone.name}"] = pressure
-        cells = {"J": snapshot.J, "hourglass_energy": snapshot.hourglass_energy}
-        writer.sample(snapshot.time_s, points, {name: value for name, value in cells.items() if name in wanted})
+            rows[f"probe_{name}_displacement"] = mesh.at(point, displacement.transpose(1, 0, 2))[0]
+            rows[f"probe_{name}_velocity"] = mesh.at(point, velocity.transpose(1, 0, 2))[0]
+        writer.histories(times_s, rows)
+        points = {"displacement": displacement} | ({"velocity": velocity} if "velocity" in wanted else {})
+        for number, bone in enumerate(self.model.bones):
+            points[f"contact_pressure_{bone.name}"] = samples.pressure[some, number]
+        cells = {"J": samples.J[some], "hourglass_energy": samples.hourglass[some]}
+        writer.samples(times_s, points, {name: value for name, value in cells.items() if name in wanted})
 
     def _warnings(self, ledger: Ledger, last: Snapshot) -> list[str]:
         """What a user should know before believing the result."""
@@ -319,6 +318,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "limiting_element": simulation.limiting_element() if finite else None,
             "wall_s": wall_s,
             "loop_s": simulation.loop_s,
+            "look_s": simulation.look_s,
+            "sample_s": simulation.sample_s,
             "compile_s": compile_s,
             "real_time_factor": simulation.time_s / wall_s,
             "energy_balance_error": ledger.balance_error,
@@ -338,9 +339,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         }
 
 
-def _diverged(simulation: Simulation, error: float) -> Status:
+def _diverged(time_s: float, error: float) -> Status:
     return Status(
         DIVERGED,
-        f"at {1e3 * simulation.time_s:.3f} ms the energy balance is off by {100 * error:.3g} %: energy comes from nowhere, "
+        f"at {1e3 * time_s:.3f} ms the energy balance is off by {100 * error:.3g} %: energy comes from nowhere, "
         "as it does when the step is too long for a fast change; give a smaller analysis.step_us and report this.",
     )

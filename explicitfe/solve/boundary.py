@@ -41,7 +41,7 @@ def place(u, v, motion, planned, instant):
 
 
 @leaf
-def correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt):
+def correct(u, v, force, external, velocity, nodes, motion, instant, keep, alpha, dt):
     """What ``snapshot`` misses at prescribed nodes: kinetic energy, half a step's work and loss; their velocity is set."""
     kinetic = 0.0
     work = 0.0
@@ -50,7 +50,7 @@ def correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt):
         node = motion.node[entry]
         for k in range(3):
             old = v[node, k]
-            new = (motion.target[1, entry, k] - u[node, k]) / dt
+            new = (motion.target[instant + 1, entry, k] - u[node, k]) / dt
             mass = nodes.mass[node, k]
             push = mass * ((new - old) / dt + 0.5 * alpha * (new + old)) - force[node, k]
             kinetic += 0.5 * mass * old * (new - keep * old)

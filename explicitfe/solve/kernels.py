@@ -17,7 +17,7 @@ from explicitfe.elements import hourglass_strain as assumed_strain
 from explicitfe.forces import internal, internal_full
 from explicitfe.forces.response import Layout
 from explicitfe.materials import law_of
-from explicitfe.solve import relax_step, step
+from explicitfe.solve import course, look, relax_step, step
 
 
 @dataclass(frozen=True)
@@ -26,20 +26,17 @@ class Kernels:
 
     Attributes
     ----------
-    forces, advance, snapshot, elastic_energy, hold : of ``solve/step.py``.
+    forces, elastic_energy : of ``solve/step.py``.
+    course : of ``solve/course.py``.
     relax, press, touch : of ``solve/relax_step.py``.
-    largest_strain_rate : of ``forces/internal.py``.
     """
 
     forces: Callable[[np.ndarray, np.ndarray, Blocks], float]
-    advance: Callable[..., int]
-    snapshot: Callable[..., tuple[float, ...]]
-    largest_strain_rate: Callable[[np.ndarray, Blocks], float]
+    course: Callable[..., int]
     relax: Callable[..., int]
     elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float]]
     press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
     touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
-    hold: Callable[..., None]
 
 
 # An element: the templates of its forces, and its hourglass treatment or Gauss points. The first is the default.
@@ -64,14 +61,19 @@ def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False) 
 def _kernels(law: str, element: str, layout: Layout, muscles: bool) -> Kernels:
     templates, treatment = ELEMENTS[element]
     force, energy = templates.bound(law_of(law), treatment, layout, muscles)
+    hold = bind(look.hold, stored=False)
+    evaluate = bind(look.evaluate, stored=False, internal_force=force, hold=hold)
+    snapshot = bind(step.snapshot, stored=False, internal_energy=energy)
     return Kernels(
         forces=bind(step.forces, internal_force=force),
-        advance=bind(step.advance, internal_force=force),
-        snapshot=bind(step.snapshot, internal_energy=energy),
-        largest_strain_rate=kernel(internal.largest_strain_rate),
+        course=bind(
+            course.course,
+            advance=bind(step.advance, stored=False, internal_force=force),
+            gather=bind(course.gather, stored=False, snapshot=snapshot),
+            highest_frequency=bind(look.highest_frequency, stored=False, evaluate=evaluate, hold=hold),
+        ),
         relax=bind(relax_step.relax, internal_force=force),
         elastic_energy=bind(step.elastic_energy, internal_energy=energy),
         press=kernel(relax_step.press),
         touch=kernel(relax_step.touch),
-        hold=kernel(step.hold),
     )

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from explicitfe.compiled.arrays import (
-    BONE_SUMS,
-    ENERGIES,
+    DAMPING_LOSS,
+    EXTERNAL_WORK,
+    IN_ALL,
+    IN_LOOKS,
+    IN_SAMPLES,
     LEDGER,
+    LIMIT,
     SMALLEST_J,
     Blocks,
+    Looker,
+    Looks,
+    Samples,
     zeros,
 )
 from explicitfe.compiled.simd import WIDTH
@@ -21,39 +27,16 @@ from explicitfe.compiled.threads import together
 from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
 from explicitfe.solve.bones import bones_of, ties_of
+from explicitfe.solve.course import LIMIT_ALONE, NO_LOOKS
 from explicitfe.solve.loads import Loads
+from explicitfe.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
 from explicitfe.solve.parts import parts_of, usual_threads
-from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT, HighestFrequency, fastest_element
+from explicitfe.solve.stable_step import fastest_element
 
 _NOBODY = np.zeros((0, 0))  # asks for no sums over the bones
+_NOTHING = np.zeros(0, dtype=np.int64)  # no instants: asks for no samples
+SHORTEST_INCREMENT_S = 1e-12  # that the instants of a state before the first step are apart
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """What a sample shows, in the user's numbering.
-
-    Attributes
-    ----------
-    time_s : s.
-    displacement, velocity : (n, 3) m, m/s.
-    J, hourglass_energy : (m,), (m,) J.
-    energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material, stored in
-        contact, stored in ties, lost in contact.
-    smallest_J : the smallest J of any element in any step so far.
-    contact_pressure : (bones, n) Pa. With which each bone presses on each node.
-    contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
-    """
-
-    time_s: float
-    displacement: np.ndarray
-    velocity: np.ndarray
-    J: np.ndarray
-    hourglass_energy: np.ndarray
-    energies: np.ndarray
-    smallest_J: float
-    contact_pressure: np.ndarray
-    contact: np.ndarray
 
 
 class Simulation(Body):
@@ -79,20 +62,14 @@ class Simulation(Body):
         held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
         self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
         self.ties = ties_of(model.attachments, model.mesh, self._place)
-        self._pressure = np.zeros((len(model.bones), len(self.bones.node)))
-        self._contact = np.zeros((len(model.bones), BONE_SUMS))
-        self._resting = zeros(self.state.u.shape)
         stiffest = self.bones.spring * self.nodes.inverse_mass[self.bones.node].max(axis=1)
-        self._contact_frequency = np.sqrt(stiffest.max(initial=0.0))  # of a point that rests on bone alone [1/s]
-        self._highest = self._highest_frequency()
+        self._contact_frequency = float(np.sqrt(stiffest.max(initial=0.0)))  # of a point that rests on bone alone [1/s]
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
-        self._velocity = np.zeros_like(self.state.u)
-        self.ledger = np.zeros(LEDGER)
         self.time_s = 0.0
         self.dt_s = 0.0  # the step that led to time_s
         self.steps = 0
-        self.loop_s = 0.0  # spent inside the compiled loop
+        self.course_s = 0.0  # spent inside the compiled course: steps, looks and samples
         # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
         self._origin_s, self._index = 0.0, 0
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
@@ -100,13 +77,10 @@ class Simulation(Body):
         share = 1 if model.motion else threads or usual_threads(len(self.hexes))
         self.parts = parts_of(self.state, running, share, self.bones.node)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
-        # The same to look at a state without accepting it.
-        ends = np.cumsum([len(part.blocks.nodes) for part in self.parts])
-        memories = np.split(self.blocks.new, ends[:-1])
-        self._seen = [
-            part.blocks._replace(new=memory, length=np.zeros_like(part.blocks.length))
-            for part, memory in zip(self.parts, memories, strict=True)
-        ]
+        self._looks = looks_of(self.nodes, len(self.parts))
+        self.lookers = lookers_of(self.parts, self.blocks, self.state, self._looks)
+        self._difference_m = 1e-6 * float(np.cbrt(self.volumes.min()))  # over which a force is differenced
+        self._now = self.recording(1)
         self._activate()
 
     # ---- the stable step ----
@@ -117,10 +91,22 @@ class Simulation(Body):
         A point that comes to a bone before the next look adds k A / m to the square of the highest frequency at most. Where the
         share of the limit that a step takes does not leave room for that, the limit is shorter.
         """
-        self._present_force()
-        highest = self._highest(self.state.u, self._with_bones(self.state.u, self.state.force.copy()), turns)
-        touching = np.hypot(highest, self._contact_frequency)
-        return min(2.0 / highest, 2.0 / touching / STEP_SHARE_OF_LIMIT)
+        self._evaluate([looker.blocks for looker in self.lookers])
+        looks = self._looks._replace(basis=zeros((turns + 1, *self.state.u.shape)))
+        lookers = [
+            looker._replace(tridiagonal=np.zeros((4, turns)), watch=np.zeros_like(looker.watch)) for looker in self.lookers
+        ]
+        times = np.array([self.time_s, self.time_s])
+        self._course(times, 0, self.dt_s, LIMIT_ALONE, self._now.at(_NOTHING), (looks, lookers, turns))
+        return float(lookers[0].watch[LIMIT])
+
+    def see_elements(self) -> None:
+        """Find how fast each element vibrates by itself at rest, and how that depends on its shape: what looks go by."""
+        shapes = shape_numbers(self.kernels.forces, self.blocks, self.points[self.hexes], self.density)
+        first = 0
+        for looker in self.lookers:
+            looker.shapes[:] = shapes[first : first + len(looker.shapes)]
+            first += len(looker.shapes)
 
     def stable_bound(self) -> tuple[float, int]:
         """A step [s] that the present state bears for certain, and the element (user's number) that sets it.
@@ -137,16 +123,16 @@ class Simulation(Body):
         """
         if len(self.hexes) <= MANY_ELEMENTS:
             return self.stable_bound()[1]
-        strength = np.sum(self._highest.vector**2, axis=1)[self.hexes].sum(axis=1)
+        strength = np.sum(self._looks.vector**2, axis=1)[self.hexes].sum(axis=1)
         strength = np.pad(strength, (0, len(self.blocks.nodes) * WIDTH - len(strength))).reshape(-1, WIDTH)
         places = np.argsort(-strength.max(axis=1), kind="stable")[: MANY_ELEMENTS // WIDTH]
         lanes = np.sort((places[:, None] * WIDTH + np.arange(WIDTH)).ravel())
         lanes = lanes[lanes < len(self.hexes)]
         return self._fastest(lanes, self.blocks.each(lambda array: array[np.sort(places)]))[1]
 
-    def largest_strain_rate(self) -> float:
-        """Largest norm of grad v of any element [1/s], with the velocity of the last half step."""
-        return self.kernels.largest_strain_rate(self.state.v, self.blocks)
+    def node_bounds(self) -> np.ndarray:
+        """Bound of the square of the highest frequency at each node, (n,) 1/s^2, as the last scan found it; see ``look.py``."""
+        return self._looks.bound[self._place, 0]
 
     def _fastest(self, elements: np.ndarray, blocks: Blocks) -> tuple[float, int]:
         """Of some elements, in computing order, and their blocks: see ``stable_bound``."""
@@ -164,7 +150,7 @@ class Simulation(Body):
 
     def external_force(self) -> np.ndarray:
         """External force (n, 3) N at the present time."""
-        self._snapshot()
+        self.snapshot()
         return self._external[self._place, :3]
 
     # ---- running ----
@@ -176,108 +162,112 @@ class Simulation(Body):
         """
         begin = time.perf_counter()
         progress(0.0)
-        here = np.zeros_like(self.state.u)
-        self._force_at_rest(self.state.u, here)
-        self._highest_frequency()(self.state.u, here, 1)
-        progress(0.5)
-        self._snapshot()
-        progress(0.75)
-        self.largest_strain_rate()
-        progress(0.85)
+        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.lookers[0].blocks)
+        progress(0.2)
         self.advance(0, 0.0)
-        self.loop_s = 0.0
+        self.course_s = 0.0
+        self._looks.spent[:] = 0
         progress(1.0)
         return time.perf_counter() - begin
 
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
         v = self.state.v
-        self.ledger[SMALLEST_J] = self._evaluate(self.state.u, self.state.force, [part.blocks for part in self.parts])
+        smallest = self._evaluate([part.blocks for part in self.parts])
         for part in self.parts:  # the work of the muscles counts from here
             part.blocks.last_length[:] = part.blocks.length.sum(axis=1)
         self.dt_s = dt_s
-        self._snapshot()  # fills the forces at time 0
-        acceleration = self.nodes.inverse_mass * (self._resting + self._external) - self.model.alpha_per_s * v
+        self.snapshot()  # fills the forces at time 0
+        resting = self._now.arrays.rows[1]
+        acceleration = self.nodes.inverse_mass * (resting + self._external) - self.model.alpha_per_s * v
         acceleration[self.nodes.inverse_mass == 0.0] = 0.0
         # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
         before = v - 0.5 * dt_s * acceleration
-        self.ledger[0] = -0.5 * dt_s * np.sum(self._external * before)
-        self.ledger[1] = -0.5 * dt_s * self.model.alpha_per_s * np.sum(self.nodes.mass * v * before)
+        self._ledgers[:] = 0.0
+        self._ledgers[:, SMALLEST_J] = smallest
+        self._ledgers[0, EXTERNAL_WORK] = -0.5 * dt_s * np.sum(self._external * before)
+        self._ledgers[0, DAMPING_LOSS] = -0.5 * dt_s * self.model.alpha_per_s * np.sum(self.nodes.mass * v * before)
         v[:] = before
 
     def advance(self, steps: int, dt_s: float) -> bool:
         """Advance by ``steps`` steps of dt; False if an element has turned inside out (then the loop ended there)."""
+        self.go(steps, dt_s)
+        return bool(self.ledger[SMALLEST_J] > 0.0)
+
+    def go(
+        self,
+        steps: int,
+        dt_s: float,
+        *,
+        end_s: float | None = None,
+        looking: int = NO_LOOKS,
+        recording: Recording | None = None,
+        instants: np.ndarray = _NOTHING,
+    ) -> int:
+        """Advance by up to ``steps`` steps of dt; give how many were done.
+
+        It ends early where an element turns inside out, and where a look calls for another step.
+
+        Parameters
+        ----------
+        end_s : the time after all steps, where rounding shall not decide it.
+        looking : NO_LOOKS, AUTOMATIC_STEP or FIXED_STEP of ``course.py``.
+        recording : receives samples after so many steps, ``instants`` (k,), rising.
+        """
         if dt_s != self.dt_s:
             self._origin_s, self._index = self.time_s, 0
         self.set_increment(dt_s)
-        instants = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 1)
-        bone_placement, tie_placement = self.loads.bones(instants)
-        others = (
-            self.nodes,
-            self.loads.dead,
-            self.loads.fibres,
-            self.loads.activation(instants, dt_s),
-            self.loads.muscles(instants, dt_s),
-            self.bones,
-            bone_placement,
-            self.ties,
-            tie_placement,
-            self.loads.motion(instants),
-            self._planned,
-            _NOBODY,
-            float(self.model.alpha_per_s),
-            float(self.dt_s),
-            float(dt_s),
-            int(steps),
-        )
+        times = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 2)
+        times[0] = self.time_s
+        if end_s is not None:
+            times[steps] = end_s
         begin = time.perf_counter()
-        if len(self.parts) == 1:
-            done = self.kernels.advance(self.state, self._external, self.parts[0], *others, self.ledger)
-        else:
-            done = self._advance_together(others)
-        self.loop_s += time.perf_counter() - begin
+        done = self._course(times, steps, float(dt_s), looking, (recording or self._now).at(instants))
+        self.course_s += time.perf_counter() - begin
+        if recording is not None:
+            recording.add(times[instants], np.where(instants > 0, dt_s, self.dt_s), self.steps + instants)
         self.steps += done
         self._index += done
-        self.time_s = float(instants[done])
+        self.time_s = float(times[done])
         self.dt_s = float(dt_s)
-        return bool(self.ledger[SMALLEST_J] > 0.0)
-
-    def _advance_together(self, others: tuple[object, ...]) -> int:
-        """Let each part have its thread; give the number of steps done."""
-        self._ledgers[:] = 0.0
-        self._ledgers[:, SMALLEST_J] = self.ledger[SMALLEST_J]
-        gate = self.parts[0].gate
-        gate[:] = 0
-        waiting = [
-            lambda part=part, ledger=ledger: self.kernels.advance(self.state, self._external, part, *others, ledger)
-            for part, ledger in zip(self.parts, self._ledgers, strict=True)
-        ]
-        done = together(waiting, gate)
-        self.ledger[:SMALLEST_J] += self._ledgers[:, :SMALLEST_J].sum(axis=0)
-        smallest = self._ledgers[:, SMALLEST_J]
-        self.ledger[SMALLEST_J] = smallest.min() if not np.isnan(smallest).any() else np.nan
-        return done[0]
+        return done
 
     def snapshot(self) -> Snapshot:
         """Energies and fields at the present time."""
-        energies = self._snapshot()
-        return Snapshot(
-            time_s=self.time_s,
-            displacement=self.displacement,
-            velocity=self._velocity[self._place, :3],
-            J=self._in_elements(self._element_J),
-            hourglass_energy=self._in_elements(self._element_hourglass),
-            energies=energies,
-            smallest_J=float(self.ledger[SMALLEST_J]),
-            contact_pressure=self._contact_pressure(),
-            contact=self._contact.copy(),
-        )
+        self._now.clear()
+        times = np.array([self.time_s, self.time_s + self.dt_s])
+        self._course(times, 0, self.dt_s, NO_LOOKS, self._now.at(np.zeros(1, dtype=np.int64)))
+        self._now.add(times[:1], np.array([self.dt_s]), np.array([self.steps]))
+        return self._now[0]
 
-    def _contact_pressure(self) -> np.ndarray:
-        """(bones, n) Pa on the nodes, in the user's numbering."""
-        pressure = np.zeros((len(self.model.bones), len(self.state.u)))
-        pressure[:, self.bones.node] = self._pressure
-        return pressure[:, self._place]
+    def recording(self, room: int) -> Recording:
+        """Room for so many samples of this body."""
+        lane = np.empty(len(self.hexes), dtype=np.int64)
+        lane[self.element_order] = np.arange(len(lane))
+        touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
+        return Recording(samples_of(room, self._place, lane, touching, len(self.model.bones), self.state))
+
+    @property
+    def loop_s(self) -> float:
+        """Wall time of the steps alone [s]."""
+        return self.course_s - self.look_s - self.sample_s
+
+    @property
+    def look_s(self) -> float:
+        """Wall time of looks at the stable step [s]."""
+        return self.course_s * self._looks.spent[IN_LOOKS] / max(self._looks.spent[IN_ALL], 1)
+
+    @property
+    def sample_s(self) -> float:
+        """Wall time of gathering samples [s]."""
+        return self.course_s * self._looks.spent[IN_SAMPLES] / max(self._looks.spent[IN_ALL], 1)
+
+    @property
+    def ledger(self) -> np.ndarray:
+        """(LEDGER,) Sums of work [J] of all parts, and the smallest J of any element in any step so far."""
+        total = self._ledgers.sum(axis=0)
+        total[SMALLEST_J] = self._ledgers[:, SMALLEST_J].min()  # NaN if one is
+        return total
 
     # ---- restart ----
 
@@ -286,65 +276,54 @@ class Simulation(Body):
         return {
             "u": self.state.u.copy(),
             "v": self.state.v.copy(),
-            "highest_mode": self._highest.vector.copy(),
-            "ledger": self.ledger.copy(),
+            "highest_mode": self._looks.vector.copy(),
+            "allowed_bound": self._looks.bound[:, 2].copy(),
+            "watch": self.lookers[0].watch.copy(),
+            "ledgers": self._ledgers.copy(),
             "memory": self.blocks.old.copy(),
-            "lengths": np.sum([part.blocks.last_length for part in self.parts], axis=0),
+            "lengths": np.array([part.blocks.last_length for part in self.parts]),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from a restart state of the same model; the run then is bit for bit the one that was not stopped."""
+        """Go on from a restart state of the same model; the run then is bit for bit the one that was not stopped.
+
+        With another number of threads it is the same up to rounding.
+        """
         self.state.u[:] = state["u"]
         self.state.v[:] = state["v"]
-        self._highest.vector = state["highest_mode"].copy()
-        self.ledger[:] = state["ledger"]
+        self._looks.vector[:] = state["highest_mode"]
+        self._looks.bound[:, 2] = state["allowed_bound"]
+        self.watch(state["watch"])
+        self._ledgers[:] = _shared(state["ledgers"], len(self.parts))
+        self._ledgers[:, SMALLEST_J] = state["ledgers"][:, SMALLEST_J].min()
         self.blocks.old[:] = state["memory"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
         self._activate()
-        self._present_force()
-        for part in self.parts:
-            part.blocks.last_length[:] = state["lengths"] if part.number == 0 else 0.0
+        self._evaluate([looker.blocks for looker in self.lookers])
+        for part, length in zip(self.parts, _shared(state["lengths"], len(self.parts)), strict=True):
+            part.blocks.last_length[:] = length
+
+    def watch(self, watch: np.ndarray) -> None:
+        """Let all threads know what the last look told, and when the next one is: (WATCH,)."""
+        for looker in self.lookers:
+            looker.watch[:] = watch
 
     # ---- inside ----
 
-    def _highest_frequency(self) -> HighestFrequency:
-        return HighestFrequency(
-            self._force_at_rest,
-            self.nodes.inverse_mass,
-            float(np.cbrt(self.volumes.min())),
-        )
-
-    def _force_at_rest(self, u: np.ndarray, force: np.ndarray) -> float:
-        """Minus the internal force at u near the present state, with ties and the stiffness of contact; the smallest J."""
-        smallest = self._evaluate(u, force, self._seen)
-        self._with_bones(u, force)
-        return smallest
-
-    def _with_bones(self, u: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Forces on the node rows with ties and the stiffness of contact added, of bones as they are placed now."""
-        if self.model.bones or self.model.attachments:
-            bone_placement, tie_placement = self.loads.bones(np.array([self.time_s]))
-            self.kernels.hold(u, force, self.state.u, self.bones, bone_placement, self.ties, tie_placement)
-        return force
-
     def _activate(self) -> None:
         """Give the muscles that pull by a stress their activation of the present time."""
-        self.blocks.activation[:, 0] = self.loads.muscles(np.array([self.time_s]), max(self.dt_s, 1e-12))[0]
+        self.blocks.activation[:, 0] = self.loads.muscles(np.array([self.time_s]), max(self.dt_s, SHORTEST_INCREMENT_S))[0]
 
-    def _present_force(self) -> np.ndarray:
-        self.set_increment(0.0)  # of this instant: a look must not let time pass
-        self._evaluate(self.state.u, self.state.force, self._seen)
-        return self.state.force
-
-    def _evaluate(self, u: np.ndarray, force: np.ndarray, blocks: Sequence[Blocks]) -> float:
-        """Minus the internal force at u into ``force``, summed in the order of ``advance``; the smallest J."""
+    def _evaluate(self, blocks: Sequence[Blocks]) -> float:
+        """Minus the internal force of the present state, summed in the order of ``advance``; the smallest J."""
+        u, force = self.state.u, self.state.force
         if len(self.parts) == 1:
             return self.kernels.forces(u, force, blocks[0])
         tasks = [
-            lambda part=part, some=some: self.kernels.forces(u[part.first : part.first + len(part.u)], part.force, some)
+            lambda part=part, some=some: self.kernels.forces(part.u, part.force, some)
             for part, some in zip(self.parts, blocks, strict=True)
         ]
         smallest = together(tasks, self.parts[0].gate)
@@ -353,31 +332,58 @@ class Simulation(Body):
             force[part.first : part.first + part.own] = part.force[: part.own]
         return float(np.min(smallest))
 
-    def _snapshot(self) -> np.ndarray:
-        energies = np.empty(ENERGIES)
-        bone_placement, tie_placement = self.loads.bones(np.array([self.time_s]))
-        energies[:] = self.kernels.snapshot(
-            self.state,
-            self._external,
+    def _course(
+        self,
+        times: np.ndarray,
+        steps: int,
+        dt_s: float,
+        looking: int,
+        samples: Samples,
+        looking_with: tuple[Looks, Sequence[Looker], int] | None = None,
+    ) -> int:
+        """Let each part have its thread; give the number of steps done. ``times`` are those of all instants, and one more."""
+        looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
+        tolerance_s = max(dt_s, SHORTEST_INCREMENT_S)
+        bone_placement, tie_placement = self.loads.bones(times)
+        others = (
             self.blocks,
             self.nodes,
             self.loads.dead,
             self.loads.fibres,
-            self.loads.activation(np.array([self.time_s]), max(self.dt_s, 1e-12)),
+            self.loads.activation(times, tolerance_s),
+            self.loads.muscles(times, tolerance_s),
             self.bones,
             bone_placement,
             self.ties,
             tie_placement,
-            self.loads.motion(np.array([self.time_s, self.time_s + self.dt_s])),
+            self.loads.motion(times),
+            self._planned,
+            _NOBODY,
+            samples,
             float(self.model.alpha_per_s),
             float(self.dt_s),
-            self.ledger,
-            self._velocity,
-            self._resting,
-            self._contact,
-            self._pressure,
-            self._element_J,
-            self._element_energy,
-            self._element_hourglass,
+            float(dt_s),
+            0,
+            int(steps),
+            int(looking),
+            int(turns),
+            self._difference_m,
+            self._contact_frequency,
+            self._ledgers,
         )
-        return energies
+        gate = self.parts[0].gate
+        gate[:] = 0
+        tasks = [
+            lambda part=part, looker=looker: self.kernels.course(self.state, self._external, part, looks, looker, *others)
+            for part, looker in zip(self.parts, lookers, strict=True)
+        ]
+        return int(together(tasks, gate)[0])
+
+
+def _shared(values: np.ndarray, parts: int) -> np.ndarray:
+    """What each part has added to a sum, (parts, ...), where as many parts have made it; or all of it in the first."""
+    if len(values) == parts:
+        return values
+    shared = np.zeros((parts, *values.shape[1:]))
+    shared[0] = values.sum(axis=0)
+    return shared

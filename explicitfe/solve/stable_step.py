@@ -1,23 +1,22 @@
 """The stable step of central differences: dt < 2 / omega_max, with omega_max of the current state.
 
-Two answers. ``fastest_element`` gives a bound: no mesh vibrates faster than its fastest element by itself (Irons &
-Treharne 1971). ``HighestFrequency`` finds the true one of the whole mesh, from below, so the step that is
-used stays a stated fraction under it (``STEP_SHARE_OF_LIMIT``).
+``fastest_element`` gives a bound: no mesh vibrates faster than its fastest element by itself (Irons & Treharne 1971). What finds
+the true one of the whole mesh, from below, is in ``look.py``; the step that is used stays a stated fraction under it
+(``STEP_SHARE_OF_LIMIT``).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from explicitfe.compiled.arrays import Blocks, in_blocks, node_rows, zeros
-from explicitfe.compiled.jit import kernel
-from explicitfe.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
+from explicitfe.compiled.arrays import Blocks, in_blocks, node_rows
+from explicitfe.compiled.simd import WIDTH
 
 STEP_SHARE_OF_LIMIT = 0.9  # of the limit that the iteration gives
 BLOCKS_TAKEN_APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
+TURNS_OF_AN_ELEMENT = 4  # of the iteration that finds its own frequency
 ELEMENTS_PER_BATCH = 256  # elements whose eigenvalues are solved for at once
 
 
@@ -125,98 +124,34 @@ def _taken_apart(blocks: Blocks, displacement: np.ndarray) -> Iterator[tuple[sli
         yield part, some, node_rows(displacement[part].reshape(-1, 3))
 
 
-class HighestFrequency:
-    """Estimates the highest angular frequency of the whole mesh, keeping its vector from call to call.
+def own_frequencies(
+    minus_force: Callable[[np.ndarray, np.ndarray, Blocks], object],
+    blocks: Blocks,
+    gradients: np.ndarray,
+    node_mass: np.ndarray,
+    length_m: np.ndarray,
+) -> np.ndarray:
+    """Highest angular frequency [1/s] of each element by itself at rest, (m,), from below.
 
-    Lanczos iteration on A = M^-1/2 K M^-1/2 (Parlett 1998, chapter 13), a power iteration that uses all its vectors: the
-    tangent K is applied by differencing the internal force, so no matrix is ever formed. A start from the last vector alone
-    would stay blind to an element that has stiffened elsewhere: noise is mixed in, and finds it.
+    A few turns of the power iteration, beginning with the change of volume, which is the fastest vibration of tissue that hardly
+    changes its volume.
 
     Parameters
     ----------
-    minus_force : function that fills its second argument with minus the internal force at its first, both node rows.
-    inverse_mass : (N, 4) 1/kg, 0 where held.
-    length_m : typical element size; the force is differenced over a millionth of it.
+    minus_force, blocks, node_mass, length_m : as for ``fastest_element``.
+    gradients : (m, 8, 3) 1/m. Mean gradients of the elements.
     """
-
-    NOISE_SHARE = 0.3  # of the length of the start vector
-
-    def __init__(
-        self, minus_force: Callable[[np.ndarray, np.ndarray], object], inverse_mass: np.ndarray, length_m: float
-    ) -> None:
-        self._minus_force = minus_force
-        self._root = zeros(inverse_mass.shape)
-        self._root[:] = np.sqrt(inverse_mass)
-        self._step = 1e-6 * length_m
-        self._shifted, self._response = zeros(inverse_mass.shape), zeros(inverse_mass.shape)
-        # Fixed seeds: a run repeated is the same run.
-        self._noise = self._unit(np.random.default_rng(20051).standard_normal(inverse_mass.shape))
-        self.vector = self._unit(np.random.default_rng(20052).standard_normal(inverse_mass.shape))
-
-    def __call__(self, u: np.ndarray, force: np.ndarray, turns: int) -> float:
-        """Highest angular frequency [1/s] at displacement u, whose minus internal force is ``force`` (both node rows).
-
-        The estimate comes from below and grows with the number of turns, one force evaluation each. NaN where the force is
-        not finite.
-        """
-        basis = zeros((turns + 1, *u.shape))
-        basis[0] = self._unit(self.vector + self.NOISE_SHARE * self._noise)
-        diagonal, beside = np.zeros(turns), np.zeros(turns)
-        done = 0
-        for turn in range(turns):
-            step = _shift(u, self._root, basis, turn, self._step, self._shifted)
-            self._minus_force(self._shifted, self._response)
-            _orthogonalise(self._root, force, self._response, 1.0 / step, basis, turn, diagonal, beside)
-            if not np.isfinite(beside[turn]):
-                return float("nan")
-            done += 1
-            if beside[turn] <= 1e-12 * abs(diagonal[0]):  # the basis spans an invariant space
-                break
-        couplings = beside[: done - 1]
-        values, vectors = np.linalg.eigh(np.diag(diagonal[:done]) + np.diag(couplings, 1) + np.diag(couplings, -1))
-        weights = vectors[:, -1] * (1.0 if vectors[0, -1] > 0.0 else -1.0)  # either sign is as good; the noise tells them apart
-        self.vector = self._unit(np.einsum("k,kij->ij", weights, basis[:done]))
-        return float(np.sqrt(values[-1]))
-
-    def _unit(self, vector: np.ndarray) -> np.ndarray:
-        free = vector * (self._root > 0.0)
-        # einsum, not BLAS, which would wake all cores for it, and wait for those that are busy
-        return free / max(np.sqrt(np.einsum("ij,ij->", free, free)), 1e-300)
-
-
-def shift(u, root, basis, turn, length, shifted):
-    """u moved along M^-1/2 times a vector of the basis, by ``length`` at most, into ``shifted``; give the factor."""
-    first = turn * u.size
-    largest = splat(0.0)
-    for at in range(0, u.size, WIDTH):
-        along = load(root, at) * load(basis, first + at)
-        store(shifted, at, along)
-        largest = minimum(largest, minimum(along, -along))
-    step = length / -min_lanes(largest)
-    for at in range(0, u.size, WIDTH):
-        store(shifted, at, load(u, at) + step * load(shifted, at))
-    return step
-
-
-def orthogonalise(root, force, response, scale, basis, turn, diagonal, beside):
-    """One turn of Lanczos: A times the last vector, from the change of the force, less the last two is the next vector."""
-    here = turn * force.size
-    last, coupling = (here - force.size, beside[turn - 1]) if turn > 0 else (here, 0.0)
-    along = splat(0.0)
-    for at in range(0, force.size, WIDTH):
-        change = scale * (load(root, at) * (load(force, at) - load(response, at)))
-        store(response, at, change)
-        along = along + change * load(basis, here + at)
-    diagonal[turn] = sum_lanes(along)
-    square = splat(0.0)
-    for at in range(0, force.size, WIDTH):
-        remainder = load(response, at) - diagonal[turn] * load(basis, here + at) - coupling * load(basis, last + at)
-        store(response, at, remainder)
-        square = square + remainder * remainder
-    beside[turn] = math.sqrt(sum_lanes(square))
-    if beside[turn] > 0.0:
-        for at in range(0, force.size, WIDTH):
-            store(basis, here + force.size + at, (1.0 / beside[turn]) * load(response, at))
-
-
-_shift, _orthogonalise = kernel(shift), kernel(orthogonalise)
+    frequencies = np.empty(len(gradients))
+    for part, some, u in _taken_apart(blocks, np.zeros_like(gradients)):
+        count = part.stop - part.start
+        at_rest, moved = np.empty_like(u), np.empty_like(u)
+        minus_force(u, at_rest, some)
+        vectors = gradients[part].reshape(count, 24)
+        step = 1e-6 * length_m[part, None]
+        for _ in range(TURNS_OF_AN_ELEMENT):
+            vectors = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+            u[: 8 * count, :3] = (step * vectors).reshape(-1, 3)
+            minus_force(u, moved, some)
+            vectors = (at_rest - moved)[: 8 * count, :3].reshape(count, 24) / step
+        frequencies[part] = np.sqrt(np.linalg.norm(vectors, axis=1) / node_mass[part])
+    return frequencies

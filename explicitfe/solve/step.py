@@ -21,7 +21,7 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
-from explicitfe.forces.bone import add_contact_stiffness, rest_on_bones
+from explicitfe.forces.bone import rest_on_bones
 from explicitfe.forces.contraction import contraction_work
 from explicitfe.forces.dead import add_dead_loads
 from explicitfe.forces.follower import add_follower_fibres
@@ -37,12 +37,6 @@ def forces(u, force, blocks):
     """Minus the internal force at displacement u into ``force``; give the smallest J."""
     force[:] = 0.0
     return internal_force(u, force, blocks)
-
-
-def hold(u, force, here, bones, bone_placement, ties, tie_placement):
-    """Add to the node rows the pull of ties at displacement u and the change of contact since ``here``, linearised."""
-    add_contact_stiffness(force, u, here, bones, bone_placement, 0)
-    add_ties(force, u, ties, tie_placement, 0)
 
 
 def advance(
@@ -64,10 +58,11 @@ def advance(
     alpha,
     dt_before,
     dt,
-    steps,
+    first,
+    last,
     ledger,
 ):
-    """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
+    """Advance a part of the state from instant ``first`` to ``last`` by steps of length dt; give the instant where it ended.
 
     The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
     all nodes have moved. One part is the whole, and meets nobody.
@@ -77,13 +72,13 @@ def advance(
     state : State, changed in place.
     external : (N, 4) N. Work array for the external force.
     part : Part.
-    activation : (profiles, steps + 1). Scale of each load at the instants t_n, ..., t_(n+steps).
-    muscles : (steps + 1, M). That of the muscles that pull by a stress along their fibres.
-    bones, ties : Bones, Ties, with the placements of their bones, (steps + 1, bones, PLACEMENT).
+    activation : (profiles, instants). Scale of each load at the instants t_0, t_1, ...
+    muscles : (instants, M). That of the muscles that pull by a stress along their fibres.
+    bones, ties : Bones, Ties, with the placements of their bones, (instants, bones, PLACEMENT).
     motion : Motion, with the displacements of the prescribed nodes at the same instants; ``planned`` (k, 3) is a work array.
     nobody : (0, 0). Asks for no sums over the bones.
     alpha : 1/s. Mass-proportional damping.
-    dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
+    dt_before : s. The step that led to the first instant; it differs from dt where the step has just been changed.
     ledger : (LEDGER,). Sums of work [J] and the smallest J of this part, changed in place.
 
     The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number). Prescribed motion is
@@ -97,8 +92,8 @@ def advance(
         force[part.own :] = 0.0
     if part.number == 0:
         external[:] = 0.0
-    done = steps
-    for step in range(steps):
+    done = last
+    for step in range(first, last):
         h = 0.5 * (dt_before + dt)
         keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
         gain = h / (1.0 + 0.5 * alpha * h)
@@ -188,6 +183,7 @@ def snapshot(
     ties,
     tie_placement,
     motion,
+    instant,
     alpha,
     dt,
     ledger,
@@ -199,21 +195,21 @@ def snapshot(
     element_energy,
     element_hourglass,
 ):
-    """Energies (ENERGIES,) [J] at t_n, and what is recorded there; the state is only read.
+    """Energies (ENERGIES,) [J] at an instant, that of the state, and what is recorded there; the state is only read.
 
     ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2, ``resting`` (N, 4) all forces but the external ones,
     ``sums`` (bones, BONE_SUMS) and ``pressure`` (bones, points) what the bones do; ``element_J``, ``element_energy`` and
-    ``element_hourglass`` (B, W) receive J, the strain energy and the hourglass energy [J]. ``activation`` (profiles, 1) is that
-    of t_n, dt the step before t_n. What ties store counts as work of the bones too: their pull is among the external forces.
-    ``motion`` has the displacements of the prescribed nodes at t_n and t_n + dt.
+    ``element_hourglass`` (B, W) receive J, the strain energy and the hourglass energy [J]. ``activation``, the placements and
+    ``motion`` have the instants of ``advance`` and one more, dt is the step before. What ties store counts as work of the bones
+    too: their pull is among the external forces.
     """
     u, v, force = state
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
     gain = dt / (1.0 + 0.5 * alpha * dt)
     external[:] = 0.0
-    add_dead_loads(external, loads, activation, 0)
-    add_follower_fibres(external, u, fibres, activation, 0)
-    tied = add_ties(external, u, ties, tie_placement, 0)
+    add_dead_loads(external, loads, activation, instant)
+    add_follower_fibres(external, u, fibres, activation, instant)
+    tied = add_ties(external, u, ties, tie_placement, instant)
     for at in range(0, u.size, WIDTH):
         store(resting, at, load(force, at))
     sums[:] = 0.0
@@ -226,7 +222,7 @@ def snapshot(
         v,
         bones,
         bone_placement,
-        0,
+        instant,
         0,
         len(bones.node),
         nodes,
@@ -249,7 +245,7 @@ def snapshot(
         kinetic = kinetic + 0.5 * momentum * new
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
-    driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt)
+    driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, instant, keep, alpha, dt)
     internal, hourglass, lost = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
     return (
         internal,

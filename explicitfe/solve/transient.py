@@ -1,26 +1,42 @@
-"""Drives a simulation in time: how long a step is, when the stable step is looked at, when to stop; never a Python step."""
+"""Drives a simulation in time: how long a step is, when samples are taken, when to stop; never a Python step."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.compiled.arrays import EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
+from explicitfe.compiled.arrays import (
+    EXTERNAL,
+    HOURGLASS,
+    INTERNAL,
+    INTERVAL,
+    KINETIC,
+    LIMIT,
+    LOWEST_LIMIT,
+    PERIOD,
+    SMALLEST_J,
+    WAIT,
+)
 from explicitfe.errors import InputError, RunError
-from explicitfe.solve.simulation import Simulation, Snapshot
+from explicitfe.solve.course import AUTOMATIC_STEP, FIXED_STEP
+from explicitfe.solve.look import FEWEST_STEPS_BETWEEN_SCANS, LONGEST_STEP_SHARE
+from explicitfe.solve.observe import Recording, Snapshot
+from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
 FINISHED, INVERTED, UNSTABLE, DIVERGED, INTERRUPTED = "finished", "inverted", "unstable", "diverged", "interrupted"
 
-# The stable step is looked at again when some element may have been strained by this much since, at the rate it had then: a
-# step force can distort the elements at its node within a few steps.
-STRAIN_BETWEEN_LOOKS = 0.15
-FEWEST_STEPS_BETWEEN_LOOKS, MOST_STEPS_BETWEEN_LOOKS = 2, 100
-TURNS_AT_THE_START, TURNS_LATER = 40, 4  # of the iteration that finds the limit: at the start, and later from what it found
-# The step is kept while it lies between these shares of the limit: each change costs the energy balance a little.
-LOWEST_STEP_SHARE = 0.82
+TURNS_AT_THE_START = 40  # of the iteration that finds the limit
+SHORTENED_STEP_SHARE = (
+    0.89  # of the limit: a step that has become too long is shortened a little further, as the limit may fall on
+)
+# Compiled code returns after about so long, for the progress and for whoever stops the run.
+SECONDS_BETWEEN_RETURNS = 0.2
+STEPS_BEFORE_TIMED = 16  # after which it is known how long a step takes
+ROOM_BYTES = 16e6  # of samples that are kept before they are handed on
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
 ELASTIC_FLOOR_SHARE = 0.01
 # Elastic energy below this share of the largest external work and kinetic energy is rounding: a body in free fall has none.
@@ -38,15 +54,21 @@ class Status:
 class Transient:
     """Advances a simulation to its end with the largest stable step.
 
-    The step is 0.9 of the limit that a Lanczos iteration gives for the current state, looked at every 2 to 100 steps, and
-    divides the time to the next load edge into equal parts. Samples are taken at the first instant at or after the time
-    asked for, and never change the step.
+    The step is 0.9 of the limit that a Lanczos iteration gives, and divides the time to the next load edge into equal parts. It
+    is kept for as long as it can be: central differences keep the energy at a constant step, and each change moves some of it
+    between the highest vibrations. So it is shortened where a look finds it to be more than 0.91 of the limit, and lengthened
+    where it has been less than 0.82 of the smallest limit for 500 steps. Samples are taken at the first instant at or after the
+    time asked for, and never change the step.
 
     Parameters
     ----------
     simulation : at time 0.
     duration_s : where to end.
     step_s : a fixed step instead.
+
+    Attributes
+    ----------
+    status : why the run cannot go on, or None.
 
     Raises
     ------
@@ -57,24 +79,33 @@ class Transient:
         self.simulation = simulation
         self.duration_s = duration_s
         self.step_s = step_s
+        self.status: Status | None = None
         edges = simulation.loads.edges_s
         self._marks = np.append(edges[(edges > 0.0) & (edges < duration_s * (1.0 - 1e-9))], duration_s)
         self._mark = 0
-        self._since = 0  # steps since the limit was looked at
-        self._cadence = FEWEST_STEPS_BETWEEN_LOOKS
         self._left = 0  # steps to the next mark
-        self.limit_s = simulation.stable_limit(TURNS_AT_THE_START)
+        self._timed_steps = 0  # done here
+        limit_s = simulation.stable_limit(TURNS_AT_THE_START)
+        self._watch = simulation.lookers[0].watch
+        self._watch[LIMIT] = self._watch[LOWEST_LIMIT] = limit_s
+        simulation.watch(self._watch)
+        simulation.see_elements()
         self.smallest_dt_s = np.inf
         self.largest_fraction = 0.0
-        if step_s is not None and step_s > self.limit_s:
+        if step_s is not None and step_s > limit_s:
             number = simulation.limiting_element()
             raise InputError(
                 f"analysis.step_us = {1e6 * step_s:g} is unstable: the largest stable step of this model is "
-                f"{1e6 * self.limit_s:.4g} microseconds (set by element {number}); take a smaller one or leave the key out."
+                f"{1e6 * limit_s:.4g} microseconds (set by element {number}); take a smaller one or leave the key out."
             )
         self._dt = 0.0
-        self._divide(step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
+        self._divide(step_s or STEP_SHARE_OF_LIMIT * limit_s)
         simulation.start(self._dt)
+
+    @property
+    def limit_s(self) -> float:
+        """Stable limit of the step at the last look [s]."""
+        return float(self._watch[LIMIT])
 
     @property
     def finished(self) -> bool:
@@ -82,65 +113,99 @@ class Transient:
 
     def advance_to(self, time_s: float) -> Status | None:
         """Advance to the first instant at or after ``time_s``; a status if the run cannot go on."""
+        target = min(time_s, self.duration_s)
+        while self.status is None and self.simulation.time_s < target - 1e-6 * self._dt:
+            self._go(self._steps_to(np.array([target]))[0])
+        return self.status
+
+    def recordings(self, every_s: float, room: int | None = None) -> Iterator[Recording]:
+        """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
+
+        Several samples at a time, or none: those of about 0.2 s of computing, ``room`` or 16 MB at most; the simulation is then at
+        the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are those
+        until then, and ``status`` says why.
+        """
         simulation = self.simulation
-        while simulation.time_s < min(time_s, self.duration_s) - 1e-6 * self._dt:
-            if self._since >= self._cadence:
-                status = self._look()
-                if status:
-                    return status
-            target = min(time_s, self.duration_s)
-            wanted = int(np.ceil((target - simulation.time_s) / self._dt - 1e-6))
-            steps = max(1, min(wanted, self._left, self._cadence - self._since))
-            if not simulation.advance(steps, self._dt):
-                return self._inverted()
-            self._since += steps
-            self._left -= steps
-            if self._left == 0:
-                simulation.time_s = float(self._marks[self._mark])
-                self._mark += 1
-                if not self.finished:
-                    self._divide(self.step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
-        return None
+        one = simulation.recording(1).arrays
+        bytes_each = sum(array.nbytes for array in (one.displacement, one.velocity, one.J, one.hourglass, one.pressure))
+        recording = simulation.recording(room or max(1, int(ROOM_BYTES / bytes_each)))
+        simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))
+        while True:
+            begin = time.perf_counter()
+            while self.status is None and not self.finished and recording.count < recording.room:
+                now = simulation.time_s + 1e-6 * self._dt
+                first = int(np.floor(now / every_s + 1e-9)) + 1
+                asked = every_s * np.arange(first, first + recording.room - recording.count)
+                asked = np.append(asked[asked < self.duration_s], self.duration_s)[: recording.room - recording.count]
+                steps = np.unique(np.maximum(self._steps_to(asked), 1))
+                self._go(int(steps[-1]), recording, steps)
+                if time.perf_counter() - begin > SECONDS_BETWEEN_RETURNS:
+                    break
+            yield recording
+            if self.status is not None or self.finished:
+                return
+            recording.clear()
 
     def samples(self, every_s: float) -> Iterator[Snapshot]:
-        """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
+        """The same, one after the other, each while the simulation is there.
 
         Raises
         ------
         RunError : the run cannot go on; what it gave until then stands.
         """
-        yield self.simulation.snapshot()
-        while not self.finished:
-            passed = int(np.floor(self.simulation.time_s / every_s + 1e-9))
-            status = self.advance_to(min((passed + 1) * every_s, self.duration_s))
-            if status is not None:
-                raise RunError(status.message)
-            yield self.simulation.snapshot()
+        for recording in self.recordings(every_s, room=1):
+            yield from (recording[number] for number in range(recording.count))
+        if self.status is not None:
+            raise RunError(self.status.message)
 
-    def _look(self) -> Status | None:
-        """Find the stable limit of the present state, and the step from it."""
-        before = self.limit_s
-        self.limit_s = self.simulation.stable_limit(TURNS_LATER)
-        self._since = 0
-        if not np.isfinite(self.limit_s):
-            return self._inverted()
+    # ---- inside ----
+
+    def _steps_to(self, times_s: np.ndarray) -> np.ndarray:
+        """How many steps of the present length lead to the first instants at or after these times."""
+        return np.ceil((times_s - self.simulation.time_s) / self._dt - 1e-6).astype(np.int64)
+
+    def _go(self, steps: int, recording: Recording | None = None, instants: np.ndarray | None = None) -> None:
+        """Advance by up to so many steps, with samples at ``instants``: to the next mark, to another step, or for a while."""
+        simulation = self.simulation
+        most = STEPS_BEFORE_TIMED
+        if self._timed_steps >= STEPS_BEFORE_TIMED:
+            most = max(most, int(SECONDS_BETWEEN_RETURNS * self._timed_steps / simulation.course_s))
+        steps = min(int(steps), self._left, most)
+        done = simulation.go(
+            steps,
+            self._dt,
+            end_s=float(self._marks[self._mark]) if steps == self._left else None,
+            looking=AUTOMATIC_STEP if self.step_s is None else FIXED_STEP,
+            recording=recording,
+            instants=np.zeros(0, dtype=np.int64) if instants is None else instants[instants <= steps],
+        )
+        self._left -= done
+        self._timed_steps += done
+        if not simulation.ledger[SMALLEST_J] > 0.0 or not np.isfinite(self.limit_s):
+            self.status = self._inverted()
+        elif self._left == 0:
+            self._mark += 1  # a load changes here, and nothing is known of what follows
+            self._watch[[WAIT, INTERVAL]] = FEWEST_STEPS_BETWEEN_SCANS
+            if not self.finished:
+                self._divide(self.step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
+        elif done < steps:
+            self._change_step()
+
+    def _change_step(self) -> None:
+        """Take another step, as the last look has called for it."""
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
-        fall = 1.0 - self.limit_s / before
-        strain = self.simulation.largest_strain_rate() * self._dt
-        # Twice as many as last time at most: a body that starts from rest has no rate yet.
-        most = min(MOST_STEPS_BETWEEN_LOOKS, 2 * self._cadence)
-        self._cadence = int(np.clip(STRAIN_BETWEEN_LOOKS / max(strain, 1e-12), FEWEST_STEPS_BETWEEN_LOOKS, most))
-        if self.step_s is not None and self.step_s > self.limit_s:
-            return Status(
+        if self.step_s is not None:
+            self.status = Status(
                 UNSTABLE,
                 f"at {1e3 * self.simulation.time_s:.3f} ms the fixed step of {1e6 * self.step_s:g} microseconds has become "
                 f"unstable: the tissue has stiffened and its limit is now {1e6 * self.limit_s:.4g} microseconds; "
                 "leave analysis.step_us out or make it smaller.",
             )
-        if self.step_s is None and not LOWEST_STEP_SHARE * self.limit_s <= self._dt <= STEP_SHARE_OF_LIMIT * self.limit_s:
-            # A limit that is falling will go on falling until the next look.
-            self._divide(STEP_SHARE_OF_LIMIT * self.limit_s * (1.0 - max(fall, 0.0)))
-        return None
+            return
+        if self._dt > LONGEST_STEP_SHARE * self.limit_s:
+            self._divide(SHORTENED_STEP_SHARE * self.limit_s)
+        else:
+            self._divide(STEP_SHARE_OF_LIMIT * self._watch[LOWEST_LIMIT])
 
     def _divide(self, longest_s: float) -> None:
         """Equal steps, no longer than this, from here to the next mark."""
@@ -149,6 +214,8 @@ class Transient:
         self._dt = float(time_left / self._left)
         self.smallest_dt_s = min(self.smallest_dt_s, self._dt)
         self.largest_fraction = max(self.largest_fraction, self._dt / self.limit_s)
+        self._watch[PERIOD], self._watch[LOWEST_LIMIT] = 0.0, self.limit_s
+        self.simulation.watch(self._watch)
 
     def _inverted(self) -> Status:
         simulation = self.simulation
@@ -167,39 +234,58 @@ class Transient:
     def restart_state(self) -> dict[str, np.ndarray]:
         """Everything that the future depends on; minus the internal force follows from u, bit by bit."""
         return {
-            "clock": np.array([self._dt, self.limit_s, self.smallest_dt_s, self.largest_fraction]),
-            "counters": np.array([self._mark, self._since, self._cadence, self._left], dtype=np.int64),
+            "clock": np.array([self._dt, self.smallest_dt_s, self.largest_fraction]),
+            "counters": np.array([self._mark, self._left], dtype=np.int64),
             **self.simulation.restart_state(),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from a restart state of the same model."""
-        self._dt, self.limit_s, self.smallest_dt_s, self.largest_fraction = (float(x) for x in state["clock"])
-        self._mark, self._since, self._cadence, self._left = (int(x) for x in state["counters"])
+        self._dt, self.smallest_dt_s, self.largest_fraction = (float(x) for x in state["clock"])
+        self._mark, self._left = (int(x) for x in state["counters"])
         self.simulation.restore(state)
 
 
 def balance(energies: np.ndarray) -> float:
     """What is stored and what has been lost, less the work done from outside [J]: it does not change in time."""
-    return float(np.delete(energies, EXTERNAL).sum() - energies[EXTERNAL])
+    return float(energies[:EXTERNAL].sum() + energies[EXTERNAL + 1 :].sum() - energies[EXTERNAL])
 
 
 @dataclass
 class Ledger:
-    """Energies over the samples of a run, and what they say about it."""
+    """Energies over the samples of a run, and what they say about it.
+
+    Attributes
+    ----------
+    energies : of each sample, (ENERGIES,) J.
+    balance_errors : at each sample, the largest error of the energy balance so far, relative to the largest of external work,
+        internal and kinetic energy.
+    """
 
     energies: list[np.ndarray] = field(default_factory=list)
-    balance_error: float = 0.0
+    balance_errors: list[float] = field(default_factory=list)
     _scale: float = 0.0
+
+    @property
+    def balance_error(self) -> float:
+        """The largest so far."""
+        return self.balance_errors[-1] if self.balance_errors else 0.0
 
     def add(self, snapshot: Snapshot) -> float:
         """Note a sample; its balance error relative to the largest of external work, internal and kinetic energy so far."""
-        e = snapshot.energies
-        self.energies.append(e)
-        self._scale = max(self._scale, abs(e[EXTERNAL]), e[INTERNAL] + e[HOURGLASS], e[KINETIC])
-        error = abs(balance(e) - balance(self.energies[0])) / self._scale if self._scale > 0.0 else 0.0
-        self.balance_error = max(self.balance_error, error) if np.isfinite(error) else np.inf
-        return error
+        return self.add_until(snapshot.energies[None], np.inf)[1]
+
+    def add_until(self, energies: np.ndarray, limit: float) -> tuple[int, float]:
+        """Note samples, (k, ENERGIES), to the first whose balance error is not below ``limit``; how many, and the last error."""
+        error = 0.0
+        for count, e in enumerate(np.array(energies), 1):
+            self.energies.append(e)
+            self._scale = max(self._scale, abs(e[EXTERNAL]), e[INTERNAL] + e[HOURGLASS], e[KINETIC])
+            error = abs(balance(e) - balance(self.energies[0])) / self._scale if self._scale > 0.0 else 0.0
+            self.balance_errors.append(max(self.balance_error, error) if np.isfinite(error) else np.inf)
+            if not error < limit:
+                return count, error
+        return len(energies), error
 
     @property
     def hourglass_share(self) -> float:

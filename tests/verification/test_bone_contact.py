@@ -34,7 +34,8 @@ from explicitfe.model.tongue import assemble
 from explicitfe.scenario.bones import BoneTable
 from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.simulation import Simulation, Snapshot
+from explicitfe.solve.observe import Snapshot
+from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import Ledger, Transient, balance
 
 G_M_S2 = 9.81

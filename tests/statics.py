@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 from support import YEOH, block_mesh, mean_edge
 
-from explicitfe.compiled.arrays import HOURGLASS, INTERNAL
+from explicitfe.compiled.arrays import BARRIER, HOURGLASS, INTERNAL
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.model.model import Model, NodalLoad, PrescribedMotion
@@ -343,7 +343,7 @@ def block_run(kind: str, element: str, n: int) -> BlockRun:
             extreme = snapshot.energies
         if status:
             break
-    elastic = extreme[INTERNAL] + extreme[HOURGLASS]
+    elastic = extreme[INTERNAL] + extreme[HOURGLASS] + extreme[BARRIER]
     return BlockRun(
         status=status.message if status else None,
         energy=float(elastic),

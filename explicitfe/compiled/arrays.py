@@ -16,6 +16,11 @@ from numpy.typing import DTypeLike
 
 from explicitfe.compiled.simd import ROW, WIDTH
 
+# Entries of ``Blocks.corner``: the smallest volume ratio of a corner, relative to that at which the barrier begins, and the
+# largest stiffness of the barrier over mass [1/s^2]; and what they are where it acts nowhere.
+CORNER, STIFFEST = 0, 1
+NO_CORNER = (1.0, 0.0)
+
 
 class State(NamedTuple):
     """What the loop advances from instant to instant."""
@@ -35,16 +40,21 @@ class Blocks(NamedTuple):
     effects: np.ndarray  # numbers of the material's effects for the present time increment, (B, number, W)
     old: np.ndarray  # what the material remembers of the last accepted instant, (B, number, W)
     new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
+    barrier: np.ndarray  # numbers of elements/barrier.py, (B, 3, W); (B, 0, W) without one
     muscle: np.ndarray  # which muscles pull in each block, int64, -1 after the last, (B, K, W)
     contraction: np.ndarray  # of each of them sigma [Pa] and a0 (3), (B, 4 K, W)
     activation: np.ndarray  # of the M muscles now, and 1 where the stress falls off in a shortened fibre, (M, 2)
     length: np.ndarray  # volume integral of sigma times that of phi over lambda, of the state evaluated last [J], (M, W)
     last_length: np.ndarray  # the same, summed, of the last accepted instant [J], (M,)
+    suspect: np.ndarray  # blocks in which a corner may be folding: work array, int64, (B,)
+    corner: np.ndarray  # CORNER and STIFFEST of the state evaluated last, (2,)
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Blocks:
         """The same with all arrays of blocks changed: of some blocks or lanes only; sums begin anew."""
         changed = {name: change(getattr(self, name)) for name in self._fields[: self._fields.index("activation")]}
-        return self._replace(**changed, length=np.zeros_like(self.length), last_length=np.zeros_like(self.last_length))
+        count = len(changed["nodes"])
+        sums = {"length": np.zeros_like(self.length), "last_length": np.zeros_like(self.last_length)}
+        return self._replace(**changed, **sums, suspect=zeros((count,), np.int64), corner=np.array(NO_CORNER))
 
     def between(self, first: int, last: int) -> Blocks:
         """The blocks from ``first`` to the one before ``last``."""
@@ -191,11 +201,11 @@ RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, LOADS, WORK, MONITOR 
 SUM_J, PRESSED, UNBALANCED, PUSHED, DEAD_WORK, SUM_POWER, MOVED_POWER, MOVED_MOMENT = range(8)
 SUMS = 16
 
-# Entries of the ledger, float64.
-EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3, 4
+# Entries of the ledger, float64: sums of work, then the smallest J and ``Blocks.corner`` so far.
+EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, SMALLEST_CORNER, LEDGER = range(6)
 
 # Entries of the energies that a snapshot gives [J].
-INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, IN_CONTACT, IN_TIES, RUBBED, ENERGIES = range(10)
+INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, IN_CONTACT, IN_TIES, RUBBED, BARRIER, ENERGIES = range(11)
 
 
 CACHE_LINE_BYTES = 64  # bytes of a line of the cache
@@ -241,4 +251,13 @@ def no_muscles(blocks: int) -> dict[str, np.ndarray]:
         "activation": zeros((0, 2)),
         "length": zeros((0, WIDTH)),
         "last_length": zeros((0,)),
+    }
+
+
+def without_barrier(blocks: int) -> dict[str, np.ndarray]:
+    """The arrays of ``Blocks`` for so many blocks of elements that no barrier keeps from folding."""
+    return {
+        "barrier": zeros((blocks, 0, WIDTH)),
+        "suspect": zeros((blocks,), np.int64),
+        "corner": np.array(NO_CORNER),
     }

@@ -13,6 +13,7 @@ from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load
 from explicitfe.mesh.hexmesh import CORNERS
 
+HAS_BARRIER = False
 GAUSS_POINTS = 8
 NUMBERS_PER_POINT = 25  # its volume w_g, and dN_a/dX_j
 

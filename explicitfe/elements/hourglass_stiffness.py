@@ -11,6 +11,7 @@ import numpy as np
 
 from explicitfe.compiled.jit import leaf
 
+HAS_BARRIER = False
 STIFFNESS_FACTOR = 1.0  # of the derived stiffness; the study of hourglass control tries what others would do
 
 

@@ -22,6 +22,8 @@ import numpy as np
 from explicitfe.compiled.jit import leaf
 from explicitfe.elements.hex8 import MODES
 
+HAS_BARRIER = True  # at the corners, elements/barrier.py: it reads the frame
+
 
 def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
     """What the kernels read of each element, (m, 9): the frame e_1, e_2, e_3 [m]."""

@@ -9,6 +9,14 @@ from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, geometry, gradient, hourglass_modes, to_modes
 from explicitfe.forces import contraction, response
+from explicitfe.forces.barrier import (
+    barrier_energy,
+    hold_corners,
+    no_barrier,
+    no_barrier_energy,
+    no_suspects,
+    note_suspects,
+)
 from explicitfe.forces.contraction import no_contraction, no_start
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.forces.response import Layout
@@ -20,6 +28,7 @@ from explicitfe.mesh.hexmesh import CORNERS
 respond = energies = hourglass_invariant = hourglass_force = PLACEHOLDER
 LAW_CONSTANTS = HOURGLASS_CONSTANTS = 1
 start, contract = no_start, no_contraction
+note, hold_apart, held_apart = no_suspects, no_barrier, no_barrier_energy
 
 
 def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool) -> tuple[Dispatcher, Dispatcher]:
@@ -31,8 +40,11 @@ def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool) -> 
         "HOURGLASS_CONSTANTS": hourglass_constants(treatment),
     }
     active = {"start": contraction.start_contraction, "contract": contraction.contract} if muscles else {}
+    if treatment.HAS_BARRIER:
+        active |= {"note": note_suspects, "hold_apart": hold_corners}
+    energy_of_barrier = {"held_apart": barrier_energy} if treatment.HAS_BARRIER else {}
     force = bind(internal_force, stored=False, respond=respond, hourglass_force=treatment.force, **common, **active)
-    energy = bind(internal_energy, stored=False, energies=energies, **common)
+    energy = bind(internal_energy, stored=False, energies=energies, **common, **energy_of_barrier)
     return force, energy
 
 
@@ -67,9 +79,10 @@ def internal_force(u, force, blocks):
 
     The derivative of V W(F, delta), total Lagrangian (Miller et al. 2007): f_a = (V P + Q) B_a + sum_k r_k g_k with
     F = 1 + sum_a u_a B_a, P = dW/dF at constant delta, Q = V W' d delta/dF and r_k = V W' d delta/dq_k. The muscles' stress is
-    added to P.
+    added to P. The barrier adds its forces where a corner is about to fold.
     """
     start(blocks)
+    suspects = 0
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
         at = block * (8 * WIDTH)
@@ -90,11 +103,12 @@ def internal_force(u, force, blocks):
         subtract_corner_forces(force, blocks.nodes, at, fx, fy, fz)
         # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
         smallest = minimum(smallest, J + 0.0 * (fx[0] + fy[0] + fz[0]))
-    return min_lanes(smallest)
+        suspects = note(cof, J, qx, qy, qz, blocks, block, suspects)
+    return min_lanes(hold_apart(u, force, blocks, suspects, smallest))
 
 
 def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy and hourglass energy at displacement u, and energy lost in the material so far [J].
+    """Strain energy, hourglass energy, energy lost in the material so far, and that of the barrier, at displacement u [J].
 
     ``element_J``, ``element_energy`` and ``element_hourglass``, (B, W) each, receive J, the strain energy without that of
     hourglass control, and the latter [J].
@@ -117,7 +131,7 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, J)
         store(element_energy, block * WIDTH, g[VOLUME] * alone)
         store(element_hourglass, block * WIDTH, g[VOLUME] * e)
-    return sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost)
+    return sum_lanes(internal), sum_lanes(hourglass), sum_lanes(lost), held_apart(u, blocks)
 
 
 def largest_strain_rate(v, blocks):

@@ -95,7 +95,7 @@ def internal_force(u, force, blocks):
 
 
 def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy at displacement u, 0 for hourglass control and 0 for what is lost [J].
+    """Strain energy at displacement u, and 0 for hourglass control, for what is lost and for a barrier [J].
 
     ``element_J`` (B, W) receives the mean J, ``element_energy`` (B, W) the strain energy [J], ``element_hourglass`` zeros.
     """
@@ -121,4 +121,4 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, mean)
         store(element_energy, block * WIDTH, energy)
         store(element_hourglass, block * WIDTH, splat(0.0))
-    return sum_lanes(internal), 0.0, 0.0
+    return sum_lanes(internal), 0.0, 0.0, 0.0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self, cast
 import numpy as np
 
 from explicitfe.compiled.arrays import (
+    BARRIER,
     BONE_AREA,
     BONE_FORCE,
     DAMPED,
@@ -57,6 +58,7 @@ TRANSIENT_HISTORY = {
     "dt": Quantity("s", 1, "time step"),
     "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy"),
     "hourglass_energy": Quantity("J", 1, "energy of hourglass control"),
+    "barrier_energy": Quantity("J", 1, "energy of the barrier against folding"),
     "kinetic_energy": Quantity("J", 1, "1/2 v(-).M v(+) of the half steps before and after"),
     "external_work": Quantity("J", 1, "work of muscles, loads and gravity"),
     "damping_loss": Quantity("J", 1, "energy lost to mass-proportional damping"),
@@ -227,6 +229,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "dt": transient.simulation.dt_s,
             "internal_energy": e[INTERNAL],
             "hourglass_energy": e[HOURGLASS],
+            "barrier_energy": e[BARRIER],
             "kinetic_energy": e[KINETIC],
             "external_work": e[EXTERNAL],
             "damping_loss": e[DAMPED],

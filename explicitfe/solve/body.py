@@ -7,16 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from explicitfe.compiled.arrays import (
+    CORNER,
     Blocks,
     Nodes,
     State,
     in_blocks,
     node_rows,
+    without_barrier,
     zeros,
 )
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.effects.effect import MaterialEffect
-from explicitfe.elements import hex8
+from explicitfe.elements import barrier, hex8
 from explicitfe.errors import InputError
 from explicitfe.forces import response
 from explicitfe.mesh.order import compute_order
@@ -65,15 +67,23 @@ class Body:
         corners = self.points[self.hexes]
         geometry = hex8.geometry(corners)
         self.volumes = np.ascontiguousarray(geometry[:, hex8.VOLUME])
+        treatment = ELEMENTS[model.element][1]
+        mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
+        guard = without_barrier(-(-count // WIDTH))
+        if treatment.HAS_BARRIER:
+            share = np.prod([effect.long_term_share for effect in model.effects])
+            stiffness = np.ones(count) if model.stiffness is None else model.stiffness[self.element_order]
+            modulus_Pa = law.shear_modulus_Pa * share * stiffness
+            guard["barrier"] = in_blocks(barrier.constants(corners, modulus_Pa, mass[self.hexes].min(axis=1)))
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
             geometry=in_blocks(geometry),
             constants=in_blocks(self.constants),
-            hourglass=in_blocks(ELEMENTS[model.element][1].constants(corners, geometry)),
+            hourglass=in_blocks(treatment.constants(corners, geometry)),
             **memory_of(model.effects, count),
             **contractions(model.stresses, self.element_order),
+            **guard,
         )
-        mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         held = model.held.copy()
         if model.motion is not None:
             held[model.motion.nodes] = True
@@ -123,14 +133,15 @@ class Body:
         return -force[self._place, :3]
 
     def broken_element(self) -> int:
-        """The element (user's number) whose smallest J, at any integration point, is lowest or not a number."""
+        """The element (user's number) that is folded at a corner, or whose J at any integration point is lowest or not a number."""
         u, scratch = self.state.u, np.empty_like(self.state.u)
 
         def smallest(first: int, lanes: slice) -> float:
             few = self.blocks.each(lambda array: np.ascontiguousarray(array[first : first + 1, :, lanes]))
             full = few.each(lambda array: np.repeat(array, WIDTH, axis=2) if array.shape[2] == 1 else array)
             J = self.kernels.forces(u, scratch, full)
-            return J if -np.inf < J else -np.inf  # a NaN counts as lowest
+            worst = min(J, full.corner[CORNER]) if full.corner[CORNER] <= 0.0 else J
+            return worst if -np.inf < worst else -np.inf  # a NaN counts as lowest
 
         block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
         count = min(WIDTH, len(self.hexes) - block * WIDTH)

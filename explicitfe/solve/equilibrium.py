@@ -70,6 +70,7 @@ class Equilibrium:
     penetration_m : deepest point of the surface inside the tool.
     contact_radius_m : largest distance from the axis at which the tool presses.
     internal_J, hourglass_J : strain energy of the law, and energy of hourglass control.
+    barrier_J : energy of the barrier against folding.
     contact_J : energy of the contact springs.
     dead_work_J : work of the dead loads so far.
     friction_loss_J : slip so far, times friction.
@@ -87,6 +88,7 @@ class Equilibrium:
     contact_radius_m: float
     internal_J: float
     hourglass_J: float
+    barrier_J: float
     contact_J: float
     dead_work_J: float
     friction_loss_J: float
@@ -213,7 +215,7 @@ class Relaxation(Body):
         """The present state in numbers."""
         copies = self.model.copies
         gap, push, _ = self.contact.touch(self.state.u)
-        internal, hourglass, lost = self._energies()
+        internal, hourglass, lost, barrier = self._energies()
         pressed = push > 0.0
         place = self.contact.places(self.state.u)
         return Equilibrium(
@@ -227,6 +229,7 @@ class Relaxation(Body):
             contact_radius_m=float(np.hypot(place[pressed, 0], place[pressed, 1]).max(initial=0.0)),
             internal_J=copies * float(internal),
             hourglass_J=copies * float(hourglass),
+            barrier_J=copies * float(barrier),
             contact_J=copies * 0.5 * float(np.sum(push * -gap * (push > 0.0))),
             dead_work_J=copies * float(np.sum(self._external * self.state.u)),
             friction_loss_J=copies * self.friction_loss_J,
@@ -429,7 +432,7 @@ class Relaxation(Body):
         self._tie.gather_on_near_side(rows)
         return rows
 
-    def _energies(self) -> tuple[float, float, float]:
+    def _energies(self) -> tuple[float, float, float, float]:
         return self.kernels.elastic_energy(
             self.state.u, self.blocks, self._element_J, self._element_energy, self._element_hourglass
         )

@@ -36,7 +36,7 @@ class Kernels:
     snapshot: Callable[..., tuple[float, ...]]
     largest_strain_rate: Callable[[np.ndarray, Blocks], float]
     relax: Callable[..., int]
-    elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float]]
+    elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float, float]]
     press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
     touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
     hold: Callable[..., None]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.compiled.arrays import Blocks, no_muscles
+from explicitfe.compiled.arrays import Blocks, no_muscles, without_barrier
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, splat, store
 from explicitfe.effects.effect import MaterialEffect
@@ -162,6 +162,7 @@ def path(
         hourglass=np.zeros((count, 1, WIDTH)),
         **memory_of(effects, STATES),
         **no_muscles(count),
+        **without_barrier(count),
     )
     stress = np.zeros_like(gradients)
     work = np.zeros((count, 9, WIDTH)), np.zeros((count, 9, WIDTH))

@@ -10,9 +10,12 @@ import numpy as np
 
 from explicitfe.compiled.arrays import (
     BONE_SUMS,
+    CORNER,
     ENERGIES,
     LEDGER,
+    SMALLEST_CORNER,
     SMALLEST_J,
+    STIFFEST,
     Blocks,
     zeros,
 )
@@ -26,6 +29,9 @@ from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT, HighestFrequency, fastest_element
 
 _NOBODY = np.zeros((0, 0))  # asks for no sums over the bones
+# By how much of the square of the highest frequency the barrier may stiffen before the step is looked at again: 0.9 of the limit
+# is then 0.96 of the new one at most.
+BARRIER_MARGIN = 0.15
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
 
 
@@ -39,7 +45,7 @@ class Snapshot:
     displacement, velocity : (n, 3) m, m/s.
     J, hourglass_energy : (m,), (m,) J.
     energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material, stored in
-        contact, stored in ties, lost in contact.
+        contact, stored in ties, lost in contact, stored in the barrier against folding.
     smallest_J : the smallest J of any element in any step so far.
     contact_pressure : (bones, n) Pa. With which each bone presses on each node.
     contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
@@ -92,6 +98,8 @@ class Simulation(Body):
         self.time_s = 0.0
         self.dt_s = 0.0  # the step that led to time_s
         self.steps = 0
+        # How stiff over mass the barrier against folding may become before the loop comes back for a look at the step [1/s^2].
+        self.barrier_ceiling = np.inf
         self.loop_s = 0.0  # spent inside the compiled loop
         # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
         self._origin_s, self._index = 0.0, 0
@@ -118,7 +126,9 @@ class Simulation(Body):
         share of the limit that a step takes does not leave room for that, the limit is shorter.
         """
         self._present_force()
+        stiffest = max(part.corner[STIFFEST] for part in self._seen)
         highest = self._highest(self.state.u, self._with_bones(self.state.u, self.state.force.copy()), turns)
+        self.barrier_ceiling = float(stiffest + BARRIER_MARGIN * highest**2)
         touching = np.hypot(highest, self._contact_frequency)
         return min(2.0 / highest, 2.0 / touching / STEP_SHARE_OF_LIMIT)
 
@@ -193,6 +203,7 @@ class Simulation(Body):
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
         v = self.state.v
         self.ledger[SMALLEST_J] = self._evaluate(self.state.u, self.state.force, [part.blocks for part in self.parts])
+        self.ledger[SMALLEST_CORNER] = min(part.blocks.corner[CORNER] for part in self.parts)
         for part in self.parts:  # the work of the muscles counts from here
             part.blocks.last_length[:] = part.blocks.length.sum(axis=1)
         self.dt_s = dt_s
@@ -206,7 +217,7 @@ class Simulation(Body):
         v[:] = before
 
     def advance(self, steps: int, dt_s: float) -> bool:
-        """Advance by ``steps`` steps of dt; False if an element has turned inside out (then the loop ended there)."""
+        """Advance by ``steps`` steps of dt; False if an element has turned inside out or folded (then the loop ended there)."""
         if dt_s != self.dt_s:
             self._origin_s, self._index = self.time_s, 0
         self.set_increment(dt_s)
@@ -228,6 +239,7 @@ class Simulation(Body):
             float(self.model.alpha_per_s),
             float(self.dt_s),
             float(dt_s),
+            self.barrier_ceiling,
             int(steps),
         )
         begin = time.perf_counter()
@@ -240,12 +252,12 @@ class Simulation(Body):
         self._index += done
         self.time_s = float(instants[done])
         self.dt_s = float(dt_s)
-        return bool(self.ledger[SMALLEST_J] > 0.0)
+        return bool(self.ledger[SMALLEST_J] > 0.0 and self.ledger[SMALLEST_CORNER] > 0.0)
 
     def _advance_together(self, others: tuple[object, ...]) -> int:
         """Let each part have its thread; give the number of steps done."""
         self._ledgers[:] = 0.0
-        self._ledgers[:, SMALLEST_J] = self.ledger[SMALLEST_J]
+        self._ledgers[:, SMALLEST_J:] = self.ledger[SMALLEST_J:]
         gate = self.parts[0].gate
         gate[:] = 0
         waiting = [
@@ -254,8 +266,7 @@ class Simulation(Body):
         ]
         done = together(waiting, gate)
         self.ledger[:SMALLEST_J] += self._ledgers[:, :SMALLEST_J].sum(axis=0)
-        smallest = self._ledgers[:, SMALLEST_J]
-        self.ledger[SMALLEST_J] = smallest.min() if not np.isnan(smallest).any() else np.nan
+        self.ledger[SMALLEST_J:] = self._ledgers[:, SMALLEST_J:].min(axis=0)  # not a number where one is
         return done[0]
 
     def snapshot(self) -> Snapshot:

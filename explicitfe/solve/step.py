@@ -15,9 +15,12 @@ from typing import Any
 
 from explicitfe.compiled.arrays import (
     CONTACT_LOSS,
+    CORNER,
     DAMPING_LOSS,
     EXTERNAL_WORK,
+    SMALLEST_CORNER,
     SMALLEST_J,
+    STIFFEST,
 )
 from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
@@ -64,6 +67,7 @@ def advance(
     alpha,
     dt_before,
     dt,
+    stiffest,
     steps,
     ledger,
 ):
@@ -84,10 +88,11 @@ def advance(
     nobody : (0, 0). Asks for no sums over the bones.
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to t_n; it differs from dt where the step has just been changed.
-    ledger : (LEDGER,). Sums of work [J] and the smallest J of this part, changed in place.
+    stiffest : 1/s^2. How stiff the barrier against folding may become, over mass, before the stable step must be looked at again.
+    ledger : (LEDGER,). Sums of work [J], the smallest J and the smallest corner of this part, changed in place.
 
-    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number). Prescribed motion is
-    for one part only.
+    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number) or has folded at a
+    corner, or in which the barrier has become too stiff. Prescribed motion is for one part only.
     """
     u, v, whole = state
     force, shift, own = part.force, part.first * ROW, part.own * ROW
@@ -159,13 +164,16 @@ def advance(
         force[part.own :] = 0.0
         smallest = internal_force(part.u, force, part.blocks)
         ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
+        corner = part.blocks.corner[CORNER]
         if not (smallest >= ledger[SMALLEST_J]):
             ledger[SMALLEST_J] = smallest
-            if not (smallest > 0.0):
-                ask_to_stop(part.gate)
-                if part.parts == 1:
-                    done = step + 1
-                    break
+        if not (corner >= ledger[SMALLEST_CORNER]):
+            ledger[SMALLEST_CORNER] = corner
+        if not (smallest > 0.0 and corner > 0.0 and part.blocks.corner[STIFFEST] <= stiffest):
+            ask_to_stop(part.gate)
+            if part.parts == 1:
+                done = step + 1
+                break
     if part.parts > 1:
         wait(part.gate, part.parts)
         for here in range(0, part.lower.size, WIDTH):
@@ -250,7 +258,7 @@ def snapshot(
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
     driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, keep, alpha, dt)
-    internal, hourglass, lost = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+    internal, hourglass, lost, barrier = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
     return (
         internal,
         hourglass,
@@ -261,9 +269,10 @@ def snapshot(
         touching,
         tied,
         ledger[CONTACT_LOSS] + rubbed,
+        barrier,
     )
 
 
 def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy, hourglass energy and energy lost [J], and the former two of each element, (B, W)."""
+    """Strain energy, hourglass energy, energy lost and that of the barrier [J], and the former two of each element, (B, W)."""
     return internal_energy(u, blocks, element_J, element_energy, element_hourglass)

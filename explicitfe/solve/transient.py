@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.compiled.arrays import EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_J
+from explicitfe.compiled.arrays import EXTERNAL, HOURGLASS, INTERNAL, KINETIC, SMALLEST_CORNER, SMALLEST_J
 from explicitfe.errors import InputError, RunError
 from explicitfe.solve.simulation import Simulation, Snapshot
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
@@ -91,10 +91,12 @@ class Transient:
             target = min(time_s, self.duration_s)
             wanted = int(np.ceil((target - simulation.time_s) / self._dt - 1e-6))
             steps = max(1, min(wanted, self._left, self._cadence - self._since))
+            before = simulation.steps
             if not simulation.advance(steps, self._dt):
                 return self._inverted()
-            self._since += steps
-            self._left -= steps
+            done = simulation.steps - before
+            self._since = self._since + done if done == steps else self._cadence
+            self._left -= done
             if self._left == 0:
                 simulation.time_s = float(self._marks[self._mark])
                 self._mark += 1
@@ -155,10 +157,12 @@ class Transient:
         worst = simulation.broken_element()
         J = simulation.ledger[SMALLEST_J]
         x, y, z = 1e3 * simulation.model.mesh.points[simulation.model.mesh.hexes[worst]].mean(axis=0)
+        folded = J > 0.0 and not simulation.ledger[SMALLEST_CORNER] > 0.0
+        how = "folded at a corner" if folded else f"turned inside out (J = {J:.3g})"
         return Status(
             INVERTED,
             f"at {1e3 * simulation.time_s:.3f} ms (step {simulation.steps}) element {worst} near "
-            f"({x:.1f}, {y:.1f}, {z:.1f}) mm turned inside out (J = {J:.3g}): the forces there are too large for the "
+            f"({x:.1f}, {y:.1f}, {z:.1f}) mm {how}: the forces there are too large for the "
             "tissue or the elements too coarse; lower force_N, choose another distribution or refine the mesh.",
         )
 

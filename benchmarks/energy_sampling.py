@@ -171,7 +171,7 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, J)
         store(element_energy, block * WIDTH, energy)
         store(element_hourglass, block * WIDTH, held)
-    return sum_lanes(internal), sum_lanes(stabilising), 0.0
+    return sum_lanes(internal), sum_lanes(stabilising), 0.0, 0.0
 
 
 def treatment(share: Callable[[np.ndarray], np.ndarray]) -> SimpleNamespace:

@@ -176,9 +176,9 @@ def spans(x, y, z):
 
 
 @leaf
-def ratio(now, rest, J, volume):
+def ratio(now, at_rest, J, volume):
     """r_a / t of a corner; 1 where it is not guarded."""
-    return choose(rest - GUARDED_SHARE * 64.0 * volume, now / (THRESHOLD * J * rest), 0.0 * J + 1.0)
+    return choose(at_rest - GUARDED_SHARE * 64.0 * volume, now / (THRESHOLD * J * at_rest), 0.0 * J + 1.0)
 
 
 @leaf
@@ -206,9 +206,9 @@ def density_curvature(s):
 
 
 @leaf
-def curvature(s, rest, volume):
+def curvature(s, at_rest, volume):
     """phi'' / D_a(rest) of a corner; 0 where it is not guarded."""
-    return choose(rest - GUARDED_SHARE * 64.0 * volume, density_curvature(s) / rest, 0.0 * s)
+    return choose(at_rest - GUARDED_SHARE * 64.0 * volume, density_curvature(s) / at_rest, 0.0 * s)
 
 
 @leaf

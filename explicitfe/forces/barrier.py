@@ -62,21 +62,21 @@ def _corners(u, blocks, block):
     cof = cofactor(F)
     J = determinant(F, cof)
     X, Y, Z = _rest(frame, g, 0), _rest(frame, g, 1), _rest(frame, g, 2)
-    rest = spans(edges_of_modes(X), edges_of_modes(Y), edges_of_modes(Z))
+    at_rest = spans(edges_of_modes(X), edges_of_modes(Y), edges_of_modes(Z))
     edges = edges_of_modes(_sum(X, mx)), edges_of_modes(_sum(Y, my)), edges_of_modes(_sum(Z, mz))
     now = spans(edges[0], edges[1], edges[2])
     v = g[VOLUME]
     s = (
-        ratio(now[0], rest[0], J, v),
-        ratio(now[1], rest[1], J, v),
-        ratio(now[2], rest[2], J, v),
-        ratio(now[3], rest[3], J, v),
-        ratio(now[4], rest[4], J, v),
-        ratio(now[5], rest[5], J, v),
-        ratio(now[6], rest[6], J, v),
-        ratio(now[7], rest[7], J, v),
+        ratio(now[0], at_rest[0], J, v),
+        ratio(now[1], at_rest[1], J, v),
+        ratio(now[2], at_rest[2], J, v),
+        ratio(now[3], at_rest[3], J, v),
+        ratio(now[4], at_rest[4], J, v),
+        ratio(now[5], at_rest[5], J, v),
+        ratio(now[6], at_rest[6], J, v),
+        ratio(now[7], at_rest[7], J, v),
     )
-    return edges, now, rest, s, cof, J, g
+    return edges, now, at_rest, s, cof, J, g
 
 
 @leaf
@@ -108,7 +108,7 @@ def hold_corners(u, force, blocks, count, smallest):
     stiffest = splat(0.0)
     for entry in range(count):
         block = blocks.suspect[entry]
-        edges, now, rest, s, cof, J, g = _corners(u, blocks, block)
+        edges, now, at_rest, s, cof, J, g = _corners(u, blocks, block)
         v = g[VOLUME]
         nearest = _smallest(s)
         lowest = minimum(lowest, nearest)
@@ -138,14 +138,14 @@ def hold_corners(u, force, blocks, count, smallest):
             # v_a B G phi'' |ds/d nodes|^2 / m <= B G / (8 m) phi'' |dD_a/d edges|^2 / (t^2 J^2 D_a(rest))
             w = (-1.0 / (barrier.THRESHOLD * barrier.THRESHOLD)) / (J * J)
             curvatures = (
-                barrier.curvature(s[0], rest[0], v),
-                barrier.curvature(s[1], rest[1], v),
-                barrier.curvature(s[2], rest[2], v),
-                barrier.curvature(s[3], rest[3], v),
-                barrier.curvature(s[4], rest[4], v),
-                barrier.curvature(s[5], rest[5], v),
-                barrier.curvature(s[6], rest[6], v),
-                barrier.curvature(s[7], rest[7], v),
+                barrier.curvature(s[0], at_rest[0], v),
+                barrier.curvature(s[1], at_rest[1], v),
+                barrier.curvature(s[2], at_rest[2], v),
+                barrier.curvature(s[3], at_rest[3], v),
+                barrier.curvature(s[4], at_rest[4], v),
+                barrier.curvature(s[5], at_rest[5], v),
+                barrier.curvature(s[6], at_rest[6], v),
+                barrier.curvature(s[7], at_rest[7], v),
             )
             stiff = w * barrier.stiffness(edges[0], edges[1], edges[2], curvatures)
             stiffest = minimum(stiffest, load(blocks.barrier, (block * NUMBERS + 2) * WIDTH) * stiff)
@@ -175,11 +175,11 @@ def barrier_energy(u, blocks):
     """Energy of the barrier in all elements [J]."""
     energy = splat(0.0)
     for block in range(len(blocks.nodes)):
-        _, _, rest, s, _, _, _ = _corners(u, blocks, block)
+        _, _, at_rest, s, _, _, _ = _corners(u, blocks, block)
         k = load(blocks.barrier, (block * NUMBERS + 1) * WIDTH) * (1.0 / 512.0)
-        low = rest[0] * barrier.density(s[0]) + rest[1] * barrier.density(s[1])
-        low = low + rest[2] * barrier.density(s[2]) + rest[3] * barrier.density(s[3])
-        top = rest[4] * barrier.density(s[4]) + rest[5] * barrier.density(s[5])
-        top = top + rest[6] * barrier.density(s[6]) + rest[7] * barrier.density(s[7])
+        low = at_rest[0] * barrier.density(s[0]) + at_rest[1] * barrier.density(s[1])
+        low = low + at_rest[2] * barrier.density(s[2]) + at_rest[3] * barrier.density(s[3])
+        top = at_rest[4] * barrier.density(s[4]) + at_rest[5] * barrier.density(s[5])
+        top = top + at_rest[6] * barrier.density(s[6]) + at_rest[7] * barrier.density(s[7])
         energy = energy + k * (low + top)
     return sum_lanes(energy)

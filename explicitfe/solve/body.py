@@ -133,19 +133,23 @@ class Body:
         return -force[self._place, :3]
 
     def broken_element(self) -> int:
-        """The element (user's number) that is folded at a corner, or whose J at any integration point is lowest or not a number."""
+        """The element (user's number) whose J, at any integration point, is lowest or not a number.
+
+        Where J is above zero everywhere, it is the one with the corner that is nearest to folding, or has folded.
+        """
         u, scratch = self.state.u, np.empty_like(self.state.u)
 
-        def smallest(first: int, lanes: slice) -> float:
+        def soundness(first: int, lanes: slice) -> tuple[float, float, float]:
             few = self.blocks.each(lambda array: np.ascontiguousarray(array[first : first + 1, :, lanes]))
             full = few.each(lambda array: np.repeat(array, WIDTH, axis=2) if array.shape[2] == 1 else array)
             J = self.kernels.forces(u, scratch, full)
-            worst = min(J, full.corner[CORNER]) if full.corner[CORNER] <= 0.0 else J
-            return worst if -np.inf < worst else -np.inf  # a NaN counts as lowest
+            corner = full.corner[CORNER]
+            # what is not a number counts as lowest
+            return (min(J, 0.0) if -np.inf < J else -np.inf), (corner if -np.inf < corner else -np.inf), J
 
-        block = int(np.argmin([smallest(k, slice(None)) for k in range(len(self.blocks.nodes))]))
+        block = min(range(len(self.blocks.nodes)), key=lambda k: soundness(k, slice(None)))
         count = min(WIDTH, len(self.hexes) - block * WIDTH)
-        lane = int(np.argmin([smallest(block, slice(k, k + 1)) for k in range(count)]))
+        lane = min(range(count), key=lambda k: soundness(block, slice(k, k + 1)))
         return int(self.element_order[block * WIDTH + lane])
 
     # ---- inside ----

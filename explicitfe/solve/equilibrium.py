@@ -249,11 +249,8 @@ class Relaxation(Body):
         volume = np.empty(len(self.volumes))
         volume[self.element_order] = self.volumes
         hourglass = self._in_elements(self._element_hourglass)
-        return {
-            "J": self._in_elements(self._element_J),
-            "strain_energy_density": (self._in_elements(self._element_energy) + hourglass) / volume,
-            "hourglass_energy": hourglass,
-        }
+        density = (self._in_elements(self._element_energy) + hourglass) / volume
+        return {"J": self._in_elements(self._element_J), "strain_energy_density": density, "hourglass_energy": hourglass}
 
     # ---- approaching a load ----
 
@@ -442,8 +439,7 @@ class Relaxation(Body):
         force = np.zeros_like(self.state.u)
         self.kernels.forces(self.state.u, force, self.blocks)
         held = self.model.held[self.node_order][:, 2]  # of the sector both sides: a turn leaves z as it is
-        weight = -self._external[:, 2].sum()
-        return float(-(force + self._external)[: len(held), 2][held].sum() - weight)
+        return float(self._external[:, 2].sum() - (force + self._external)[: len(held), 2][held].sum())
 
     def _worst(self, failure: str) -> np.ndarray:
         """Where the broken element, or the largest unbalanced force is, in the reference shape (3,) m."""

@@ -177,7 +177,8 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
 def treatment(share: Callable[[np.ndarray], np.ndarray]) -> SimpleNamespace:
     """What a body asks of an element: its numbers, (m, NUMBERS), those of the fully integrated hex and s."""
     return SimpleNamespace(
-        constants=lambda corners, geometry: np.column_stack([full.constants(corners, geometry), share(corners)])
+        HAS_BARRIER=False,
+        constants=lambda corners, geometry: np.column_stack([full.constants(corners, geometry), share(corners)]),
     )
 
 

@@ -44,7 +44,6 @@ INDENTATION_HISTORY = {
     "contact_radius": Quantity("m", 1, "largest distance from the axis at which the tool presses"),
     "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy; of the whole specimen"),
     "hourglass_energy": Quantity("J", 1, "energy of hourglass control"),
-    "barrier_energy": Quantity("J", 1, "energy of the barrier against folding"),
     "contact_energy": Quantity("J", 1, "energy of the contact springs"),
     "external_work": Quantity("J", 1, "work of the tool, by a spline through the loads, and of gravity since first touch"),
     "friction_loss": Quantity("J", 1, "energy lost to friction"),
@@ -183,7 +182,6 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "contact_radius": last.contact_radius_m,
             "internal_energy": last.internal_J,
             "hourglass_energy": last.hourglass_J,
-            "barrier_energy": last.barrier_J,
             "contact_energy": last.contact_J,
             "external_work": external_work(curve),
             "friction_loss": last.friction_loss_J,
@@ -301,7 +299,7 @@ def balance_error(curve: list[Equilibrium]) -> float:
     first, last = curve[0], curve[-1]
     stored = sum(
         getattr(last, name) - getattr(first, name)
-        for name in ("internal_J", "hourglass_J", "barrier_J", "contact_J", "friction_loss_J", "material_loss_J")
+        for name in ("internal_J", "hourglass_J", "contact_J", "friction_loss_J", "material_loss_J")
     )
     largest = max(max(point.internal_J for point in curve), abs(external_work(curve)))
     return abs(stored - external_work(curve)) / largest if largest > 0.0 else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,11 +42,17 @@ def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.nda
 class Body:
     """Elements, masses and kernels of a model. Arrays inside are in computing order; what comes out, in the user's numbering.
 
+    Attributes
+    ----------
+    guarded : whether a barrier keeps its elements from folding, if they have one.
+
     Parameters
     ----------
     model : the physics.
     displacement, velocity : (n, 3) m, m/s to begin with; zero if left out.
     """
+
+    guarded: ClassVar[bool] = True
 
     def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
         if model.effects and model.element == "hex8-full":
@@ -75,6 +82,7 @@ class Body:
             stiffness = np.ones(count) if model.stiffness is None else model.stiffness[self.element_order]
             modulus_Pa = law.shear_modulus_Pa * share * stiffness
             guard["barrier"] = in_blocks(barrier.constants(corners, modulus_Pa, mass[self.hexes].min(axis=1)))
+            guard["barrier"] *= self.guarded  # without reach no corner is ever looked at
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
             geometry=in_blocks(geometry),

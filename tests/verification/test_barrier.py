@@ -97,7 +97,7 @@ def test_no_corner_is_folding_where_the_cheap_test_says_so():
 
 @EVERY_LAW
 def test_energy_is_what_it_is_said_to_be(law):
-    """sum_a v_a B G (1 - s)^3 / s, s = r_a / t below 1, from the edges at the corners in numpy; at the kernel's accuracy, 1e-12."""
+    """sum_a v_a B G (1 - s)^3 / s, s = r_a / t below 1, from the edges at the corners in numpy, to rounding."""
     corners, u = near_the_barrier()
     mesh = alone(corners)
     simulation = Simulation(model_of(mesh, LAWS[law]))
@@ -112,7 +112,8 @@ def test_forces_are_the_derivative_of_the_energy(law, record_property):
     """The derivative along random directions of all energies, at states where the barrier acts in every element.
 
     Central differences over h and h/2, extrapolated (Richardson): at s = 0.05 phi varies over 0.05 t r of an edge, so with
-    h = 1e-5 edges the remainder is of the order (1e-5 / 0.02)^4 = 6e-14, and rounding gives eps E / (h E') = 1e-10: 1e-7 is asked for.
+    h = 1e-5 edges the remainder is of the order (1e-5 / 0.02)^4 = 6e-14, and rounding gives eps E / (h E') = 1e-10. 1e-7 is
+    what is asked for.
     """
     corners, u = near_the_barrier()
     simulation = Simulation(model_of(alone(corners), LAWS[law]))
@@ -244,7 +245,7 @@ def test_a_block_that_used_to_fold_does_not(kind, n):
 
 
 def test_the_cantilever_that_folded_swings_as_with_full_integration():
-    """60 x 20 x 20 mm, 0.02 N, 8 elements across: the peak of the first swing within 2 % of hex8-full's 64.20 mm (docs/elements.md).
+    """60 x 20 x 20 mm, 0.02 N, 8 elements across: the first peak within 2 % of hex8-full's 64.20 mm (docs/elements.md).
 
     Without a barrier a row of elements folds near the clamp and the peak is 5.7 % low.
     """

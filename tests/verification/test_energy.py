@@ -206,7 +206,7 @@ def test_work_of_a_dead_load_is_force_times_displacement(record_property):
 
 
 def test_a_branch_makes_no_energy_of_hourglassing():
-    """A free block of tissue that is damped by a Maxwell branch (beta = 30 ms), with neighbouring nodes shaken against each other.
+    """A free block of tissue damped by a Maxwell branch (beta = 30 ms), its neighbouring nodes shaken against each other.
 
     What is stored falls at every look, for all of the loss is in the branch. With a share of hourglass control that follows the
     stress of the branch the shares are out of step with the vibration, which is pumped until elements turn inside out.

@@ -40,7 +40,7 @@ class Blocks(NamedTuple):
     effects: np.ndarray  # numbers of the material's effects for the present time increment, (B, number, W)
     old: np.ndarray  # what the material remembers of the last accepted instant, (B, number, W)
     new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
-    barrier: np.ndarray  # numbers of elements/barrier.py, (B, 3, W); (B, 0, W) without one
+    barrier: np.ndarray  # numbers of elements/barrier.py, (B, NUMBERS, W); (B, 0, W) without one
     muscle: np.ndarray  # which muscles pull in each block, int64, -1 after the last, (B, K, W)
     contraction: np.ndarray  # of each of them sigma [Pa] and a0 (3), (B, 4 K, W)
     activation: np.ndarray  # of the M muscles now, and 1 where the stress falls off in a shortened fibre, (M, 2)

@@ -35,10 +35,15 @@ from explicitfe.mesh.hexmesh import CORNERS
 THRESHOLD = 0.4  # t
 STRENGTH = 3.0  # B
 LAST_RATIO = 1e-3  # of r_a to t
-NUMBERS = 3  # of an element: reach^2 [1/m^2], B G [Pa], B G / (8 m) [1/(m s^2)] with the mass m of its lightest node
+# Numbers of an element: reach^2 [1/m^2], B G [Pa], B G / (8 m) [1/(m s^2)] with the mass m of its lightest node, and
+# 1 / D_a(rest) in units of 512 / m^3, 0 at a corner that is not guarded.
+REACH, MODULUS, PER_MASS, REST, NUMBERS = 0, 1, 2, 3, 11
 # A corner whose edges span less than this share of the element's volume at rest is not guarded: it has collapsed into an edge or
 # a face, or is so flat that it moves by more than its own height in a step.
 GUARDED_SHARE = 0.1
+
+
+_BITS = np.array([1, 2, 4])  # of (xi, eta, zeta) in the order of the corners
 
 
 def _largest_safe_norm(ratio: float) -> float:
@@ -65,6 +70,7 @@ def constants(corners: np.ndarray, modulus_Pa: np.ndarray, mass_kg: np.ndarray) 
     # the residual field has no mean gradient: what that says of its linear modes
     linear = -b[:, 3:] @ np.linalg.inv(b[:, :3])
     reach = np.zeros(len(corners))
+    inverse = np.zeros((len(corners), 8))
     for corner in CORNERS:
         edges = np.stack([_edge(modes, corner, along) for along in range(3)], axis=1)
         span = np.linalg.det(edges)
@@ -79,8 +85,9 @@ def constants(corners: np.ndarray, modulus_Pa: np.ndarray, mass_kg: np.ndarray) 
         edges[~sound] = np.eye(3)
         norm = np.linalg.norm(M @ np.linalg.inv(edges.transpose(0, 2, 1)), ord=2, axis=(1, 2))
         reach = np.maximum(reach, np.where(sound, norm, 0.0))
+        inverse[sound, _BITS @ (corner > 0.0)] = 1.0 / span[sound]
     strength_Pa = STRENGTH * modulus_Pa
-    return np.stack([reach**2, strength_Pa, strength_Pa / (8.0 * mass_kg)], axis=1)
+    return np.column_stack([reach**2, strength_Pa, strength_Pa / (8.0 * mass_kg), inverse])
 
 
 def _edge(modes: np.ndarray, corner: np.ndarray, along: int) -> np.ndarray:
@@ -176,9 +183,9 @@ def spans(x, y, z):
 
 
 @leaf
-def ratio(now, at_rest, J, volume):
-    """r_a / t of a corner; 1 where it is not guarded."""
-    return choose(at_rest - GUARDED_SHARE * 64.0 * volume, now / (THRESHOLD * J * at_rest), 0.0 * J + 1.0)
+def ratio(now, inverse, J):
+    """D_a / D_a(rest) of a corner; J where it is not guarded."""
+    return choose(inverse, now * inverse, J)
 
 
 @leaf
@@ -186,29 +193,21 @@ def density(s):
     """phi at s = r_a / t."""
     within = maximum(s, 0.0 * s + LAST_RATIO)
     left = maximum(1.0 - within, 0.0 * s)
-    return left * left * left / within + density_slope(within) * (s - within)
+    return left * left * left / within + density_slope(within, 1.0 / within) * (s - within)
 
 
 @leaf
-def density_slope(s):
-    """d phi / ds."""
-    within = maximum(s, 0.0 * s + LAST_RATIO)
-    left = maximum(1.0 - within, 0.0 * s)
-    return -(left * left) * (2.0 * within + 1.0) / (within * within)
+def density_slope(s, inverse):
+    """d phi / ds at s and 1 / s, s not below the last ratio."""
+    left = maximum(1.0 - s, 0.0 * s)
+    return -(left * left) * (2.0 * s + 1.0) * (inverse * inverse)
 
 
 @leaf
-def density_curvature(s):
-    """d^2 phi / ds^2."""
-    within = maximum(s, 0.0 * s + LAST_RATIO)
-    left = maximum(1.0 - within, 0.0 * s)
-    return 2.0 * left * (within * within + within + 1.0) / (within * within * within)
-
-
-@leaf
-def curvature(s, at_rest, volume):
-    """phi'' / D_a(rest) of a corner; 0 where it is not guarded."""
-    return choose(at_rest - GUARDED_SHARE * 64.0 * volume, density_curvature(s) / at_rest, 0.0 * s)
+def density_curvature(s, inverse):
+    """d^2 phi / ds^2 at s and 1 / s, s not below the last ratio."""
+    left = maximum(1.0 - s, 0.0 * s)
+    return 2.0 * left * (s * s + s + 1.0) * (inverse * inverse * inverse)
 
 
 @leaf

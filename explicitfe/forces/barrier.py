@@ -7,12 +7,12 @@ the first one stays short.
 from __future__ import annotations
 
 from explicitfe.compiled.arrays import CORNER, STIFFEST
-from explicitfe.compiled.choose import any_below_zero
+from explicitfe.compiled.choose import any_below_zero, choose
 from explicitfe.compiled.jit import leaf
-from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, sum_lanes
+from explicitfe.compiled.simd import WIDTH, load, load_many, maximum, min_lanes, minimum, splat, sum_lanes
 from explicitfe.elements import barrier
-from explicitfe.elements.barrier import NUMBERS, edges_of_modes, modes_of_edges, ratio, spans
-from explicitfe.elements.hex8 import GEOMETRY, VOLUME, from_modes, gradient, to_modes
+from explicitfe.elements.barrier import MODULUS, NUMBERS, PER_MASS, REACH, REST, edges_of_modes, modes_of_edges, ratio, spans
+from explicitfe.elements.hex8 import GEOMETRY, from_modes, gradient, to_modes
 from explicitfe.forces.corners import gather_corners, subtract_corner_forces
 from explicitfe.materials.kinematics import cofactor, determinant
 
@@ -41,7 +41,7 @@ def no_barrier_energy(u, blocks):
 def note_suspects(cof, J, qx, qy, qz, blocks, block, count):
     """Note a block in which a corner may be folding; give how many there are."""
     blocks.suspect[count] = block
-    reach = load(blocks.barrier, block * (NUMBERS * WIDTH))
+    reach = load(blocks.barrier, (block * NUMBERS + REACH) * WIDTH)
     if any_below_zero(barrier.slack(cof, J, qx, qy, qz, reach)):
         return count + 1
     return count
@@ -49,11 +49,12 @@ def note_suspects(cof, J, qx, qy, qz, blocks, block, count):
 
 @leaf
 def _corners(u, blocks, block):
-    """What the barrier of a block needs: the edges of each component, D_a, r_a / t, F's cofactor, J and the geometry."""
+    """What the barrier of a block needs: edges, D_a and D_a / D_a(rest), F's cofactor, J, geometry and the barrier's numbers."""
     x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
     mx, my, mz = to_modes(x), to_modes(y), to_modes(z)
     g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
     frame = load_many(blocks.hourglass, block * (FRAME * WIDTH), FRAME)
+    numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
     F = (
         gradient(mx, g, 0) + 1.0, gradient(mx, g, 1), gradient(mx, g, 2),
         gradient(my, g, 0), gradient(my, g, 1) + 1.0, gradient(my, g, 2),
@@ -61,35 +62,35 @@ def _corners(u, blocks, block):
     )  # fmt: skip
     cof = cofactor(F)
     J = determinant(F, cof)
-    X, Y, Z = _rest(frame, g, 0), _rest(frame, g, 1), _rest(frame, g, 2)
-    at_rest = spans(edges_of_modes(X), edges_of_modes(Y), edges_of_modes(Z))
-    edges = edges_of_modes(_sum(X, mx)), edges_of_modes(_sum(Y, my)), edges_of_modes(_sum(Z, mz))
+    edges = _edges_now(mx, frame, g, 0), _edges_now(my, frame, g, 1), _edges_now(mz, frame, g, 2)
     now = spans(edges[0], edges[1], edges[2])
-    v = g[VOLUME]
-    s = (
-        ratio(now[0], at_rest[0], J, v),
-        ratio(now[1], at_rest[1], J, v),
-        ratio(now[2], at_rest[2], J, v),
-        ratio(now[3], at_rest[3], J, v),
-        ratio(now[4], at_rest[4], J, v),
-        ratio(now[5], at_rest[5], J, v),
-        ratio(now[6], at_rest[6], J, v),
-        ratio(now[7], at_rest[7], J, v),
+    ratios = (
+        ratio(now[0], numbers[REST], J),
+        ratio(now[1], numbers[REST + 1], J),
+        ratio(now[2], numbers[REST + 2], J),
+        ratio(now[3], numbers[REST + 3], J),
+        ratio(now[4], numbers[REST + 4], J),
+        ratio(now[5], numbers[REST + 5], J),
+        ratio(now[6], numbers[REST + 6], J),
+        ratio(now[7], numbers[REST + 7], J),
     )
-    return edges, now, at_rest, s, cof, J, g
+    return edges, now, ratios, cof, J, g, numbers
 
 
 @leaf
-def _rest(frame, g, k):
-    """The seven modes of one component of the reference shape."""
-    return (
-        8.0 * frame[k], 8.0 * frame[3 + k], 8.0 * frame[6 + k], g[18 + k], g[21 + k], g[24 + k], g[27 + k]
-    )  # fmt: skip
-
-
-@leaf
-def _sum(a, b):
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6]
+def _edges_now(m, frame, g, k):
+    """The 12 edges of one component: modes of the reference shape and of the displacement."""
+    return edges_of_modes(
+        (
+            8.0 * frame[k] + m[0],
+            8.0 * frame[3 + k] + m[1],
+            8.0 * frame[6 + k] + m[2],
+            g[18 + k] + m[3],
+            g[21 + k] + m[4],
+            g[24 + k] + m[5],
+            g[27 + k] + m[6],
+        )
+    )
 
 
 @leaf
@@ -104,28 +105,26 @@ def hold_corners(u, force, blocks, count, smallest):
 
     Gives the smallest J, which is not a number where a force of the barrier is none.
     """
-    lowest = splat(1.0)
+    nearest = splat(1.0)
     stiffest = splat(0.0)
     for entry in range(count):
         block = blocks.suspect[entry]
-        edges, now, at_rest, s, cof, J, g = _corners(u, blocks, block)
-        v = g[VOLUME]
-        nearest = _smallest(s)
-        lowest = minimum(lowest, nearest)
-        if any_below_zero(nearest - 1.0):
-            # v_a B G phi' ds/dD_a = B G phi' / (512 t J)
-            k = load(blocks.barrier, (block * NUMBERS + 1) * WIDTH) / (512.0 * barrier.THRESHOLD * J)
-            pulls = (
-                k * barrier.density_slope(s[0]),
-                k * barrier.density_slope(s[1]),
-                k * barrier.density_slope(s[2]),
-                k * barrier.density_slope(s[3]),
-                k * barrier.density_slope(s[4]),
-                k * barrier.density_slope(s[5]),
-                k * barrier.density_slope(s[6]),
-                k * barrier.density_slope(s[7]),
-            )
-            # by J: - sum_a pulls_a D_a / J
+        edges, now, ratios, cof, J, g, numbers = _corners(u, blocks, block)
+        lowest = _smallest(ratios)
+        if any_below_zero(lowest - barrier.THRESHOLD * J):
+            w = (1.0 / barrier.THRESHOLD) / J
+            nearest = minimum(nearest, lowest * w)
+            p0, c0 = _pull_and_curvature(ratios[0] * w)
+            p1, c1 = _pull_and_curvature(ratios[1] * w)
+            p2, c2 = _pull_and_curvature(ratios[2] * w)
+            p3, c3 = _pull_and_curvature(ratios[3] * w)
+            p4, c4 = _pull_and_curvature(ratios[4] * w)
+            p5, c5 = _pull_and_curvature(ratios[5] * w)
+            p6, c6 = _pull_and_curvature(ratios[6] * w)
+            p7, c7 = _pull_and_curvature(ratios[7] * w)
+            # dE / dD_a = v_a B G phi' ds/dD_a = B G phi' / (512 t J); by J it is - sum_a D_a dE/dD_a / J
+            k = numbers[MODULUS] * w * (1.0 / 512.0)
+            pulls = k * p0, k * p1, k * p2, k * p3, k * p4, k * p5, k * p6, k * p7
             along = pulls[0] * now[0] + pulls[1] * now[1] + pulls[2] * now[2] + pulls[3] * now[3]
             along = along + pulls[4] * now[4] + pulls[5] * now[5] + pulls[6] * now[6] + pulls[7] * now[7]
             by_J = -along / J
@@ -136,22 +135,29 @@ def hold_corners(u, force, blocks, count, smallest):
             subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
             smallest = minimum(smallest, J + 0.0 * (fx[0] + fy[0] + fz[0]))
             # v_a B G phi'' |ds/d nodes|^2 / m <= B G / (8 m) phi'' |dD_a/d edges|^2 / (t^2 J^2 D_a(rest))
-            w = (-1.0 / (barrier.THRESHOLD * barrier.THRESHOLD)) / (J * J)
+            k = -numbers[PER_MASS] * w * w
             curvatures = (
-                barrier.curvature(s[0], at_rest[0], v),
-                barrier.curvature(s[1], at_rest[1], v),
-                barrier.curvature(s[2], at_rest[2], v),
-                barrier.curvature(s[3], at_rest[3], v),
-                barrier.curvature(s[4], at_rest[4], v),
-                barrier.curvature(s[5], at_rest[5], v),
-                barrier.curvature(s[6], at_rest[6], v),
-                barrier.curvature(s[7], at_rest[7], v),
+                k * c0 * numbers[REST],
+                k * c1 * numbers[REST + 1],
+                k * c2 * numbers[REST + 2],
+                k * c3 * numbers[REST + 3],
+                k * c4 * numbers[REST + 4],
+                k * c5 * numbers[REST + 5],
+                k * c6 * numbers[REST + 6],
+                k * c7 * numbers[REST + 7],
             )
-            stiff = w * barrier.stiffness(edges[0], edges[1], edges[2], curvatures)
-            stiffest = minimum(stiffest, load(blocks.barrier, (block * NUMBERS + 2) * WIDTH) * stiff)
-    blocks.corner[CORNER] = min_lanes(lowest)
+            stiffest = minimum(stiffest, barrier.stiffness(edges[0], edges[1], edges[2], curvatures))
+    blocks.corner[CORNER] = min_lanes(nearest)
     blocks.corner[STIFFEST] = -min_lanes(stiffest)
     return smallest
+
+
+@leaf
+def _pull_and_curvature(s):
+    """phi' and phi'' at s = r_a / t; below the last ratio, those at it."""
+    within = maximum(s, 0.0 * s + barrier.LAST_RATIO)
+    inverse = 1.0 / within
+    return barrier.density_slope(within, inverse), barrier.density_curvature(within, inverse)
 
 
 @leaf
@@ -175,11 +181,17 @@ def barrier_energy(u, blocks):
     """Energy of the barrier in all elements [J]."""
     energy = splat(0.0)
     for block in range(len(blocks.nodes)):
-        _, _, at_rest, s, _, _, _ = _corners(u, blocks, block)
-        k = load(blocks.barrier, (block * NUMBERS + 1) * WIDTH) * (1.0 / 512.0)
-        low = at_rest[0] * barrier.density(s[0]) + at_rest[1] * barrier.density(s[1])
-        low = low + at_rest[2] * barrier.density(s[2]) + at_rest[3] * barrier.density(s[3])
-        top = at_rest[4] * barrier.density(s[4]) + at_rest[5] * barrier.density(s[5])
-        top = top + at_rest[6] * barrier.density(s[6]) + at_rest[7] * barrier.density(s[7])
-        energy = energy + k * (low + top)
+        _, _, ratios, _, J, _, numbers = _corners(u, blocks, block)
+        w = (1.0 / barrier.THRESHOLD) / J
+        low = _energy(ratios[0] * w, numbers[REST]) + _energy(ratios[1] * w, numbers[REST + 1])
+        low = low + _energy(ratios[2] * w, numbers[REST + 2]) + _energy(ratios[3] * w, numbers[REST + 3])
+        top = _energy(ratios[4] * w, numbers[REST + 4]) + _energy(ratios[5] * w, numbers[REST + 5])
+        top = top + _energy(ratios[6] * w, numbers[REST + 6]) + _energy(ratios[7] * w, numbers[REST + 7])
+        energy = energy + numbers[MODULUS] * (low + top)
     return sum_lanes(energy)
+
+
+@leaf
+def _energy(s, inverse):
+    """v_a phi of a corner [m^3]."""
+    return choose(inverse, barrier.density(s) / (512.0 * inverse), 0.0 * s)

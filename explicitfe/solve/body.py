@@ -82,7 +82,7 @@ class Body:
             stiffness = np.ones(count) if model.stiffness is None else model.stiffness[self.element_order]
             modulus_Pa = law.shear_modulus_Pa * share * stiffness
             guard["barrier"] = in_blocks(barrier.constants(corners, modulus_Pa, mass[self.hexes].min(axis=1)))
-            guard["barrier"] *= self.guarded  # without reach no corner is ever looked at
+            guard["barrier"][:, barrier.REACH] *= self.guarded  # without reach no corner is ever looked at
         self.blocks = Blocks(
             nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
             geometry=in_blocks(geometry),

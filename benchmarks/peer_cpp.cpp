@@ -9,6 +9,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#ifdef __AVX512F__
+#include <immintrin.h>
+#endif
 
 namespace {
 
@@ -24,23 +27,38 @@ typedef double loose_row __attribute__((vector_size(32), aligned(8)));
 
 #define INLINE inline __attribute__((always_inline))
 #define PICK __builtin_shufflevector
+#ifdef __clang__
+#define UNROLLED _Pragma("unroll")
+#else
+#define UNROLLED _Pragma("GCC unroll 8")
+#endif
 
 INLINE vec load(const double* from) { return *reinterpret_cast<const loose_vec*>(from); }
 INLINE void store(double* to, vec value) { *reinterpret_cast<loose_vec*>(to) = value; }
-INLINE row load_row(const double* rows, uint32_t node) { return *reinterpret_cast<const loose_row*>(rows + 4 * size_t(node)); }
-INLINE void subtract_row(double* rows, uint32_t node, row value) {
-    double* to = rows + 4 * size_t(node);
-    *reinterpret_cast<loose_row*>(to) = *reinterpret_cast<loose_row*>(to) - value;
+// nodes are told by where their rows begin, as in the package: 4 times their number
+INLINE row load_row(const double* rows, uint32_t node) { return *reinterpret_cast<const loose_row*>(rows + node); }
+INLINE void add_row(double* rows, uint32_t node, row value) {
+    double* to = rows + node;
+    *reinterpret_cast<loose_row*>(to) = value + *reinterpret_cast<loose_row*>(to);
 }
 
 // ---- node rows into lanes and back: shuffles of whole registers ----
+
+#if LANES == 8
+INLINE vec side_by_side(row a, row b) {
+#ifdef __AVX512F__  // an insertion from memory; GCC would shuffle registers
+    return _mm512_insertf64x4(_mm512_castpd256_pd512(a), b, 1);
+#else
+    return PICK(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+#endif
+}
+#endif
 
 INLINE void gather(const double* rows, const uint32_t* nodes, vec& x, vec& y, vec& z) {
     row r[LANES];
     for (int lane = 0; lane < LANES; lane++) r[lane] = load_row(rows, nodes[lane]);
 #if LANES == 8
-    const vec a = PICK(r[0], r[2], 0, 1, 2, 3, 4, 5, 6, 7), b = PICK(r[1], r[3], 0, 1, 2, 3, 4, 5, 6, 7);
-    const vec c = PICK(r[4], r[6], 0, 1, 2, 3, 4, 5, 6, 7), d = PICK(r[5], r[7], 0, 1, 2, 3, 4, 5, 6, 7);
+    const vec a = side_by_side(r[0], r[2]), b = side_by_side(r[1], r[3]), c = side_by_side(r[4], r[6]), d = side_by_side(r[5], r[7]);
     const vec xz_low = PICK(a, b, 0, 8, 2, 10, 4, 12, 6, 14), xz_top = PICK(c, d, 0, 8, 2, 10, 4, 12, 6, 14);
     const vec y_low = PICK(a, b, 1, 9, 3, 11, 5, 13, 7, 15), y_top = PICK(c, d, 1, 9, 3, 11, 5, 13, 7, 15);
     x = PICK(xz_low, xz_top, 0, 1, 4, 5, 8, 9, 12, 13);
@@ -57,34 +75,34 @@ INLINE void gather(const double* rows, const uint32_t* nodes, vec& x, vec& y, ve
 #endif
 }
 
-INLINE void subtract(double* rows, const uint32_t* nodes, vec x, vec y, vec z) {
+INLINE void add(double* rows, const uint32_t* nodes, vec x, vec y, vec z) {
 #if LANES == 8
     const vec none = {0, 0, 0, 0, 0, 0, 0, 0};
     const vec xy02 = PICK(x, y, 0, 8, 2, 10, 4, 12, 6, 14), xy13 = PICK(x, y, 1, 9, 3, 11, 5, 13, 7, 15);
     const vec z02 = PICK(z, none, 0, 8, 2, 10, 4, 12, 6, 14), z13 = PICK(z, none, 1, 9, 3, 11, 5, 13, 7, 15);
     const vec a = PICK(xy02, z02, 0, 1, 8, 9, 2, 3, 10, 11), b = PICK(xy13, z13, 0, 1, 8, 9, 2, 3, 10, 11);
     const vec c = PICK(xy02, z02, 4, 5, 12, 13, 6, 7, 14, 15), d = PICK(xy13, z13, 4, 5, 12, 13, 6, 7, 14, 15);
-    subtract_row(rows, nodes[0], PICK(a, a, 0, 1, 2, 3));
-    subtract_row(rows, nodes[1], PICK(b, b, 0, 1, 2, 3));
-    subtract_row(rows, nodes[2], PICK(a, a, 4, 5, 6, 7));
-    subtract_row(rows, nodes[3], PICK(b, b, 4, 5, 6, 7));
-    subtract_row(rows, nodes[4], PICK(c, c, 0, 1, 2, 3));
-    subtract_row(rows, nodes[5], PICK(d, d, 0, 1, 2, 3));
-    subtract_row(rows, nodes[6], PICK(c, c, 4, 5, 6, 7));
-    subtract_row(rows, nodes[7], PICK(d, d, 4, 5, 6, 7));
+    add_row(rows, nodes[0], PICK(a, a, 0, 1, 2, 3));
+    add_row(rows, nodes[1], PICK(b, b, 0, 1, 2, 3));
+    add_row(rows, nodes[2], PICK(a, a, 4, 5, 6, 7));
+    add_row(rows, nodes[3], PICK(b, b, 4, 5, 6, 7));
+    add_row(rows, nodes[4], PICK(c, c, 0, 1, 2, 3));
+    add_row(rows, nodes[5], PICK(d, d, 0, 1, 2, 3));
+    add_row(rows, nodes[6], PICK(c, c, 4, 5, 6, 7));
+    add_row(rows, nodes[7], PICK(d, d, 4, 5, 6, 7));
 #elif LANES == 4
     const vec none = {0, 0, 0, 0};
     const vec xy02 = PICK(x, y, 0, 4, 2, 6), xy13 = PICK(x, y, 1, 5, 3, 7);
     const vec z02 = PICK(z, none, 0, 4, 2, 6), z13 = PICK(z, none, 1, 5, 3, 7);
-    subtract_row(rows, nodes[0], PICK(xy02, z02, 0, 1, 4, 5));
-    subtract_row(rows, nodes[1], PICK(xy13, z13, 0, 1, 4, 5));
-    subtract_row(rows, nodes[2], PICK(xy02, z02, 2, 3, 6, 7));
-    subtract_row(rows, nodes[3], PICK(xy13, z13, 2, 3, 6, 7));
+    add_row(rows, nodes[0], PICK(xy02, z02, 0, 1, 4, 5));
+    add_row(rows, nodes[1], PICK(xy13, z13, 0, 1, 4, 5));
+    add_row(rows, nodes[2], PICK(xy02, z02, 2, 3, 6, 7));
+    add_row(rows, nodes[3], PICK(xy13, z13, 2, 3, 6, 7));
 #else
     const vec none = {0, 0};
     const row xy = PICK(x, y, 0, 2, 1, 3), z0 = PICK(z, none, 0, 2, 1, 3);
-    subtract_row(rows, nodes[0], PICK(xy, z0, 0, 1, 4, 5));
-    subtract_row(rows, nodes[1], PICK(xy, z0, 2, 3, 6, 7));
+    add_row(rows, nodes[0], PICK(xy, z0, 0, 1, 4, 5));
+    add_row(rows, nodes[1], PICK(xy, z0, 2, 3, 6, 7));
 #endif
 }
 
@@ -99,17 +117,18 @@ INLINE void to_modes(const vec a[8], vec m[7]) {
     m[4] = d_top - d_low, m[5] = de_top + de_low, m[6] = de_top - de_low;
 }
 
-INLINE void from_modes(const vec m[7], vec f[8]) {
+INLINE void minus_from_modes(const vec m[7], vec f[8]) {
     const vec xi_low = m[0] - m[4], xi_top = m[0] + m[4], eta_low = m[1] - m[3], eta_top = m[1] + m[3];
     const vec xe_low = m[5] - m[6], xe_top = m[5] + m[6];
     const vec p_low = xi_low + eta_low, m_low = xi_low - eta_low, p_top = xi_top + eta_top, m_top = xi_top - eta_top;
     const vec a_low = xe_low - m[2], b_low = xe_low + m[2], a_top = xe_top + m[2], b_top = xe_top - m[2];
-    f[0] = a_low - p_low, f[1] = m_low - b_low, f[2] = a_low + p_low, f[3] = -(m_low + b_low);
-    f[4] = a_top - p_top, f[5] = m_top - b_top, f[6] = a_top + p_top, f[7] = -(m_top + b_top);
+    f[0] = p_low - a_low, f[1] = b_low - m_low, f[2] = -(a_low + p_low), f[3] = m_low + b_low;
+    f[4] = p_top - a_top, f[5] = b_top - m_top, f[6] = -(a_top + p_top), f[7] = m_top + b_top;
 }
 
 INLINE void gather_modes(const double* rows, const uint32_t* nodes, vec m[3][7]) {
     vec x[8], y[8], z[8];
+    UNROLLED
     for (int corner = 0; corner < 8; corner++) gather(rows, nodes + corner * LANES, x[corner], y[corner], z[corner]);
     to_modes(x, m[0]), to_modes(y, m[1]), to_modes(z, m[2]);
 }
@@ -275,12 +294,13 @@ template <bool ASSUMED> INLINE vec add_forces(const Law& law, const Element& g, 
             for (int k = 0; k < 4; k++) S[j] -= r[i][k] * g.hX[k][j];
             S[j] *= g.scale;
         }
-        for (int k = 0; k < 6; k++) m[k] = S[0] * g.b[k][0] + S[1] * g.b[k][1] + S[2] * g.b[k][2];
-        for (int k = 0; k < 3; k++) m[3 + k] += r[i][k];
+        for (int k = 0; k < 3; k++) m[k] = S[0] * g.b[k][0] + S[1] * g.b[k][1] + S[2] * g.b[k][2];
+        for (int k = 3; k < 6; k++) m[k] = r[i][k - 3] + S[0] * g.b[k][0] + S[1] * g.b[k][1] + S[2] * g.b[k][2];
         m[6] = r[i][3];
-        from_modes(m, f[i]);
+        minus_from_modes(m, f[i]);
     }
-    for (int corner = 0; corner < 8; corner++) subtract(force, nodes + corner * LANES, f[0][corner], f[1][corner], f[2][corner]);
+    UNROLLED
+    for (int corner = 0; corner < 8; corner++) add(force, nodes + corner * LANES, f[0][corner], f[1][corner], f[2][corner]);
     return J + 0.0 * (f[0][0] + f[1][0] + f[2][0]);
 }
 

@@ -43,7 +43,7 @@ from numba.core.dispatcher import Dispatcher
 from explicitfe.compiled import simd
 from explicitfe.compiled.arrays import DAMPING_LOSS, SMALLEST_J
 from explicitfe.compiled.jit import kernel
-from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
+from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
 from explicitfe.elements import hex8
 from explicitfe.forces import internal
 from explicitfe.materials import kinematics, law_of
@@ -90,12 +90,12 @@ def newton(guess: Callable) -> FunctionType:
 
 
 def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
-    """Corner forces (3 x 8) from corner displacements (3 x 8), as ``forces/internal.py`` composes them of leaves."""
+    """Minus the corner forces (3 x 8) from corner displacements (3 x 8), as ``forces/internal.py`` composes them of leaves."""
 
     def part(leaf: Any) -> FunctionType:
         return plain(leaf, {"inverse_cube_root": cube_root})
 
-    to_modes, deformation, corner_forces = part(hex8.to_modes), part(internal.kinematics), part(hex8.corner_forces)
+    to_modes, deformation, minus_forces = part(hex8.to_modes), part(internal.kinematics), part(hex8.minus_corner_forces)
     cofactor, determinant = part(kinematics.cofactor), part(kinematics.determinant)
     stress, slope = part(YEOH.stress), part(YEOH.delta_slope)
     added, held = part(treatment.invariant), part(treatment.force)
@@ -109,7 +109,7 @@ def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
         v = g[hex8.VOLUME]
         *r, Q = held(F, qx, qy, qz, h, v * slope(F, cof, J, delta, c))
         S = tuple(v * p + q for p, q in zip(P, Q, strict=True))
-        return tuple(corner_forces(S[3 * i], S[3 * i + 1], S[3 * i + 2], r[i], g) for i in range(3))
+        return tuple(minus_forces(S[3 * i], S[3 * i + 1], S[3 * i + 2], r[i], g) for i in range(3))
 
     return forces
 
@@ -181,7 +181,7 @@ def flops(simulation: Simulation) -> float:
     corners = [numbers(8) for _ in range(3)]
     constants = [numbers(count) for count in (hex8.GEOMETRY, YEOH.count, internal.hourglass_constants(treatment))]
     rows = element_forces(treatment, root)(corners, *constants)
-    element = Counted.flops([Counted() - value for row in rows for value in row])
+    element = Counted.flops([Counted() + value for row in rows for value in row])
     node = Counted.flops([value for _ in range(3) for value in update(*numbers(7))])
     return element + node * simulation.model.mesh.node_count / simulation.model.mesh.element_count
 
@@ -253,7 +253,7 @@ class InJax:
         numbers = (simulation.blocks.geometry, simulation.blocks.constants, simulation.blocks.hourglass)
         self._constant = (
             [jnp.asarray(element_rows(values, count).T) for values in numbers],
-            jnp.asarray(element_rows(simulation.blocks.nodes, count).T.astype(np.int32)),
+            jnp.asarray(element_rows(simulation.blocks.nodes // ROW, count).T.astype(np.int32)),
             jnp.asarray(simulation.nodes.inverse_mass[:, 0]),
         )
         self._start = tuple(jnp.asarray(np.ascontiguousarray(array[:, :3].T)) for array in simulation.state)
@@ -272,7 +272,7 @@ class InJax:
             def step(_, state):
                 u, v = update(*factors, inverse_mass, *state)
                 corners = [[component[nodes[a]] for a in range(8)] for component in u]
-                rows = [jnp.zeros_like(inverse_mass).at[nodes].add(-jnp.stack(values)) for values in forces(corners, g, c, h)]
+                rows = [jnp.zeros_like(inverse_mass).at[nodes].add(jnp.stack(values)) for values in forces(corners, g, c, h)]
                 return u, v, jnp.stack(rows)
 
             return jax.lax.fori_loop(0, steps, step, state)
@@ -307,7 +307,7 @@ class InWarp:
         self._state = [wp.clone(rows) for rows in self._start]
         u, v, force = self._state
         elements = [
-            array(element_rows(simulation.blocks.nodes, count).astype(np.int32), wp.int32),
+            array(element_rows(simulation.blocks.nodes // ROW, count).astype(np.int32), wp.int32),
             array(g[:, :18].reshape(-1, 6, 3), wp.vec3d),
             array(g[:, 18 : hex8.VOLUME].reshape(-1, 4, 3), wp.vec3d),
             array(g[:, hex8.VOLUME], wp.float64),

@@ -33,7 +33,7 @@ class State(NamedTuple):
 class Blocks(NamedTuple):
     """Elements in blocks of W: lane after lane, so that W elements are computed at once."""
 
-    nodes: np.ndarray  # node numbers, uint32, (B, 8, W)
+    nodes: np.ndarray  # where the row of each node begins: ROW times its number, uint32, (B, 8, W)
     geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W)
     constants: np.ndarray  # constants of the material law, (B, number of the law, W)
     hourglass: np.ndarray  # constants of the hourglass treatment, or numbers of the Gauss points, (B, number, W)

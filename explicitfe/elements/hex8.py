@@ -103,8 +103,8 @@ def to_modes(a):
 
 
 @leaf
-def from_modes(m):
-    """Corner values sum_m W_ma m_m of seven modes: the transpose of ``to_modes``."""
+def minus_from_modes(m):
+    """Minus the corner values sum_m W_ma m_m of seven modes: minus the transpose of ``to_modes``."""
     xi, eta, zeta, ez, zx, xe, xez = m
     xi_low, xi_top = xi - zx, xi + zx
     eta_low, eta_top = eta - ez, eta + ez
@@ -114,14 +114,14 @@ def from_modes(m):
     a_low, b_low = xe_low - zeta, xe_low + zeta
     a_top, b_top = xe_top + zeta, xe_top - zeta
     return (
-        a_low - p_low,
-        m_low - b_low,
-        a_low + p_low,
-        -(m_low + b_low),
-        a_top - p_top,
-        m_top - b_top,
-        a_top + p_top,
-        -(m_top + b_top),
+        p_low - a_low,
+        b_low - m_low,
+        -(a_low + p_low),
+        m_low + b_low,
+        p_top - a_top,
+        b_top - m_top,
+        -(a_top + p_top),
+        m_top + b_top,
     )
 
 
@@ -150,19 +150,19 @@ def hourglass_modes(modes, g, hx, hy, hz):
 
 
 @leaf
-def corner_forces(px, py, pz, r, g):
-    """Corner values of one component of B S + sum_k r_k g_k, with S = (px, py, pz) [N m] and r_k its hourglass forces."""
-    sx = px - (r[0] * g[18] + r[1] * g[21] + r[2] * g[24] + r[3] * g[27])
-    sy = py - (r[0] * g[19] + r[1] * g[22] + r[2] * g[25] + r[3] * g[28])
-    sz = pz - (r[0] * g[20] + r[1] * g[23] + r[2] * g[26] + r[3] * g[29])
-    return from_modes(
+def minus_corner_forces(px, py, pz, r, g):
+    """Minus the corner values of one component of B S + sum_k r_k g_k, S = (px, py, pz) [N m] and r_k its hourglass forces."""
+    sx = px - r[0] * g[18] - r[1] * g[21] - r[2] * g[24] - r[3] * g[27]
+    sy = py - r[0] * g[19] - r[1] * g[22] - r[2] * g[25] - r[3] * g[28]
+    sz = pz - r[0] * g[20] - r[1] * g[23] - r[2] * g[26] - r[3] * g[29]
+    return minus_from_modes(
         (
             sx * g[0] + sy * g[1] + sz * g[2],
             sx * g[3] + sy * g[4] + sz * g[5],
             sx * g[6] + sy * g[7] + sz * g[8],
-            sx * g[9] + sy * g[10] + sz * g[11] + r[0],
-            sx * g[12] + sy * g[13] + sz * g[14] + r[1],
-            sx * g[15] + sy * g[16] + sz * g[17] + r[2],
+            r[0] + sx * g[9] + sy * g[10] + sz * g[11],
+            r[1] + sx * g[12] + sy * g[13] + sz * g[14],
+            r[2] + sx * g[15] + sy * g[16] + sz * g[17],
             r[3],
         )
     )

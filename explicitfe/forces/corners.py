@@ -8,7 +8,7 @@ from explicitfe.compiled.simd import WIDTH, gather_rows, scatter_rows
 
 @leaf
 def gather_corners(u, nodes, at):
-    """Displacement components of the 8 corners, 3 x 8, of the W elements whose node numbers start at ``at``."""
+    """Displacement components of the 8 corners, 3 x 8, of the W elements whose places of node rows start at ``at``."""
     x0, y0, z0 = gather_rows(u, nodes, at)
     x1, y1, z1 = gather_rows(u, nodes, at + WIDTH)
     x2, y2, z2 = gather_rows(u, nodes, at + 2 * WIDTH)
@@ -21,8 +21,8 @@ def gather_corners(u, nodes, at):
 
 
 @leaf
-def subtract_corner_forces(force, nodes, at, fx, fy, fz):
-    """Subtract the corner forces of W elements from the node rows."""
+def add_corner_forces(force, nodes, at, fx, fy, fz):
+    """Add the corner forces of W elements to the node rows."""
     scatter_rows(force, nodes, at, fx[0], fy[0], fz[0])
     scatter_rows(force, nodes, at + WIDTH, fx[1], fy[1], fz[1])
     scatter_rows(force, nodes, at + 2 * WIDTH, fx[2], fy[2], fz[2])

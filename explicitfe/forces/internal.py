@@ -7,7 +7,7 @@ from types import ModuleType
 
 from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load_many, min_lanes, minimum, splat, store, sum_lanes
-from explicitfe.elements.hex8 import GEOMETRY, VOLUME, corner_forces, geometry, gradient, hourglass_modes, to_modes
+from explicitfe.elements.hex8 import GEOMETRY, VOLUME, geometry, gradient, hourglass_modes, minus_corner_forces, to_modes
 from explicitfe.forces import contraction, response
 from explicitfe.forces.barrier import (
     barrier_energy,
@@ -18,7 +18,7 @@ from explicitfe.forces.barrier import (
     note_suspects,
 )
 from explicitfe.forces.contraction import no_contraction, no_start
-from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.forces.corners import add_corner_forces, gather_corners
 from explicitfe.forces.response import Layout
 from explicitfe.materials import Leaves
 from explicitfe.materials.kinematics import cofactor, determinant
@@ -56,7 +56,7 @@ def hourglass_constants(treatment: ModuleType) -> int:
 
 @leaf
 def element_modes(u, nodes, at):
-    """Seven displacement modes of each component, for the W elements whose node numbers start at ``at``."""
+    """Seven displacement modes of each component, for the W elements whose places of node rows start at ``at``."""
     x, y, z = gather_corners(u, nodes, at)
     return to_modes(x), to_modes(y), to_modes(z)
 
@@ -97,10 +97,10 @@ def internal_force(u, force, blocks):
         v = g[VOLUME]
         P = contract(P, F, v, blocks, block)
         rx, ry, rz, Q = hourglass_force(F, qx, qy, qz, h, v * slope)
-        fx = corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
-        fy = corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
-        fz = corner_forces(v * P[6] + Q[6], v * P[7] + Q[7], v * P[8] + Q[8], rz, g)
-        subtract_corner_forces(force, blocks.nodes, at, fx, fy, fz)
+        fx = minus_corner_forces(v * P[0] + Q[0], v * P[1] + Q[1], v * P[2] + Q[2], rx, g)
+        fy = minus_corner_forces(v * P[3] + Q[3], v * P[4] + Q[4], v * P[5] + Q[5], ry, g)
+        fz = minus_corner_forces(v * P[6] + Q[6], v * P[7] + Q[7], v * P[8] + Q[8], rz, g)
+        add_corner_forces(force, blocks.nodes, at, fx, fy, fz)
         # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
         smallest = minimum(smallest, J + 0.0 * (fx[0] + fy[0] + fz[0]))
         suspects = note(cof, J, qx, qy, qz, blocks, block, suspects)

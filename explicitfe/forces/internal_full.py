@@ -7,12 +7,12 @@ from types import ModuleType
 
 from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
 from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
-from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, point_forces, point_gradient
+from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, minus_point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
 from explicitfe.errors import InputError
 from explicitfe.forces import contraction
 from explicitfe.forces.contraction import no_contraction, no_start
-from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.forces.corners import add_corner_forces, gather_corners
 from explicitfe.forces.response import Layout
 from explicitfe.materials import Leaves, volumetric
 from explicitfe.materials.kinematics import cofactor, determinant
@@ -85,10 +85,10 @@ def internal_force(u, force, blocks):
             here = invariants(F, cof, J)
             P = first_stress(F, cof, J, here, law_slopes(here, c), pressure)
             P = contract(P, F, load(numbers, at), blocks, block)
-            fx = point_forces(fx, P[0], P[1], P[2], numbers, at)
-            fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
-            fz = point_forces(fz, P[6], P[7], P[8], numbers, at)
-        subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+            fx = minus_point_forces(fx, P[0], P[1], P[2], numbers, at)
+            fy = minus_point_forces(fy, P[3], P[4], P[5], numbers, at)
+            fz = minus_point_forces(fz, P[6], P[7], P[8], numbers, at)
+        add_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
         # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
         smallest = minimum(smallest, mean + 0.0 * (fx[0] + fy[0] + fz[0]))
     return min_lanes(smallest)

@@ -17,7 +17,7 @@ from explicitfe.compiled.arrays import (
     without_barrier,
     zeros,
 )
-from explicitfe.compiled.simd import WIDTH
+from explicitfe.compiled.simd import ROW, WIDTH
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import barrier, hex8
 from explicitfe.errors import InputError
@@ -84,7 +84,7 @@ class Body:
             guard["barrier"] = in_blocks(barrier.constants(corners, modulus_Pa, mass[self.hexes].min(axis=1)))
             guard["barrier"] *= self.guarded  # without reach no corner is ever looked at
         self.blocks = Blocks(
-            nodes=in_blocks(self.hexes.astype(np.uint32), idle=mesh.node_count),
+            nodes=in_blocks((ROW * self.hexes).astype(np.uint32), idle=ROW * mesh.node_count),
             geometry=in_blocks(geometry),
             constants=in_blocks(self.constants),
             hourglass=in_blocks(treatment.constants(corners, geometry)),

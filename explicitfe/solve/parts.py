@@ -35,7 +35,7 @@ def parts_of(state: State, blocks: Blocks, count: int, contact_rows: np.ndarray 
     if count < 2:
         return [Part(0, 1, meeting, 0, len(state.u), state.u, state.force, state.force[:0], blocks, 0, len(rows))]
     bounds = np.linspace(0, total, min(count, total) + 1).astype(int)
-    runs = [blocks.nodes[a:b] for a, b in pairwise(bounds)]
+    runs = [blocks.nodes[a:b] // np.uint32(ROW) for a, b in pairwise(bounds)]
     first = [0, *(int(run.min()) // 2 * 2 for run in runs[1:])]
     begins = [*first, len(state.u)]
     # idle lanes are in the last run; a row that no element touches is of the part before it
@@ -46,7 +46,7 @@ def parts_of(state: State, blocks: Blocks, count: int, contact_rows: np.ndarray 
     forces = [zeros((b - a, ROW)) for a, b in zip(first, after, strict=True)]
     parts = []
     for k, (a, b) in enumerate(pairwise(bounds)):
-        own_blocks = blocks.between(a, b)._replace(nodes=runs[k] - np.uint32(first[k]))
+        own_blocks = blocks.between(a, b)._replace(nodes=np.uint32(ROW) * (runs[k] - np.uint32(first[k])))
         lower = forces[k - 1][first[k] - first[k - 1] :] if k else state.force[:0]
         touched = slice(first[k], after[k])
         near, far = np.searchsorted(rows, [begins[k], begins[k + 1]])

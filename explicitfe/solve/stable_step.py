@@ -14,7 +14,7 @@ import numpy as np
 
 from explicitfe.compiled.arrays import Blocks, in_blocks, node_rows, zeros
 from explicitfe.compiled.jit import kernel
-from explicitfe.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
+from explicitfe.compiled.simd import ROW, WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
 
 STEP_SHARE_OF_LIMIT = 0.9  # of the limit that the iteration gives
 BLOCKS_TAKEN_APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
@@ -120,7 +120,7 @@ def _taken_apart(blocks: Blocks, displacement: np.ndarray) -> Iterator[tuple[sli
         part = slice(first * WIDTH, min((first + BLOCKS_TAKEN_APART) * WIDTH, len(displacement)))
         count = part.stop - part.start
         # idle lanes keep a node that belongs to nobody
-        apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
+        apart = in_blocks(ROW * np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count * ROW)
         some = blocks.between(first, first + BLOCKS_TAKEN_APART)._replace(nodes=apart)
         yield part, some, node_rows(displacement[part].reshape(-1, 3))
 

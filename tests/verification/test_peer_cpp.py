@@ -18,8 +18,8 @@ STEPS = 20
 def test_twenty_steps_agree(element, record_property):
     """Both ways to the geometry in C++ give our displacements, damping loss and smallest J.
 
-    F is 1 and a strain, here of 2e-4 at most, and is rounded at 1e-16 of 1: forces differ by 1e-12 of themselves, and in twenty stable
-    steps by twenty times that at most, 2e-11. Measured: below 1e-12.
+    F is 1 and a strain, here of 2e-4 at most, and is rounded at 1e-16 of 1: forces differ by 1e-12 of themselves, and in twenty
+    stable steps by twenty times that at most, 2e-11. Measured: below 1e-12.
     """
     simulation = problem(1000, element, 1)
     dt_s = STEP_SHARE_OF_LIMIT * simulation.stable_limit(20)

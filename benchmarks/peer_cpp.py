@@ -15,8 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.compiled.arrays import zeros
+from explicitfe.compiled.arrays import in_blocks, zeros
 from explicitfe.compiled.simd import WIDTH
+from explicitfe.elements import hex8
+from explicitfe.solve.kernels import ELEMENTS
 from explicitfe.solve.simulation import Simulation
 
 SOURCE = Path(__file__).with_suffix(".cpp")
@@ -78,18 +80,15 @@ class InCpp:
         blocks, nodes, model = simulation.blocks, simulation.nodes, simulation.model
         self._start = [array.copy() for array in simulation.state]
         self._state = [zeros(array.shape) for array in simulation.state]
-        position, weight = zeros(simulation.state.u.shape), zeros(simulation.state.u.shape)
-        position[: len(simulation.points), :3] = simulation.points
-        weight[:] = nodes.inverse_mass
-        weight[:, 3] = nodes.mass[:, 0]
         count = len(blocks.nodes)
-        numbers = zeros((count, blocks.geometry.shape[1] + blocks.hourglass.shape[1], WIDTH))
-        numbers[:] = np.concatenate([blocks.geometry, blocks.hourglass], axis=1)
-        self._arrays = (*self._state, weight, position, numbers, blocks.nodes)  # the addresses below are theirs
+        corners = simulation.points[simulation.hexes]
+        shape = hex8.geometry(corners)
+        numbers = in_blocks(np.hstack([shape, ELEMENTS[model.element][1].constants(corners, shape)]))
+        self._arrays = (*self._state, nodes.update, blocks.position, numbers, blocks.nodes)  # the addresses below are theirs
         half = 0.5 * model.alpha_per_s * dt_s
         self._body = CppBody(
             count,
-            position.size,
+            blocks.position.size,
             *(array.ctypes.data for array in self._arrays),
             *simulation.constants[0],
             (1.0 - half) / (1.0 + half),

@@ -43,7 +43,7 @@ from numba.core.dispatcher import Dispatcher
 from explicitfe.compiled import simd
 from explicitfe.compiled.arrays import DAMPING_LOSS, SMALLEST_J
 from explicitfe.compiled.jit import kernel
-from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
+from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
 from explicitfe.elements import hex8
 from explicitfe.forces import internal
 from explicitfe.materials import kinematics, law_of
@@ -187,18 +187,21 @@ def flops(simulation: Simulation) -> float:
 
 
 def bytes_moved(simulation: Simulation) -> float:
-    """Bytes an element and step: element arrays read once; u, v, force and external read and written, both masses read."""
-    blocks, state, nodes = simulation.blocks, simulation.state, simulation.nodes
-    read = (blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, nodes.mass, nodes.inverse_mass)
-    rows = (state.u, state.v, state.force, simulation._external)
-    return (sum(a.nbytes for a in read) + 2 * sum(a.nbytes for a in rows)) / simulation.model.mesh.element_count
+    """Bytes an element and step: element arrays, reference positions and masses read once; u, v and force read and written."""
+    read = read_arrays(simulation)
+    return (sum(a.nbytes for a in read) + 2 * sum(a.nbytes for a in simulation.state)) / simulation.model.mesh.element_count
+
+
+def read_arrays(simulation: Simulation) -> list[np.ndarray]:
+    """What a step without external forces reads only: positions, where the geometry of elements is derived from them."""
+    blocks = simulation.blocks
+    derived = [] if blocks.geometry.size else [blocks.position]
+    return [blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, simulation.nodes.update, *derived]
 
 
 def working_set_bytes(simulation: Simulation) -> int:
     """Bytes of all arrays of a step."""
-    blocks, state, nodes = simulation.blocks, simulation.state, simulation.nodes
-    arrays = (blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, *nodes, *state, simulation._external)
-    return sum(a.nbytes for a in arrays)
+    return sum(a.nbytes for a in (*read_arrays(simulation), *simulation.state))
 
 
 # ---- the three programs: each starts from the same State, after the half-step start ----
@@ -234,9 +237,11 @@ def coefficients(simulation: Simulation, dt_s: float) -> tuple[float, float, flo
     return (1.0 - half) / (1.0 + half), dt_s / (1.0 + half), dt_s
 
 
-def element_rows(blocks: np.ndarray, count: int) -> np.ndarray:
-    """(B, k, W) blocks as (count, k)."""
-    return np.ascontiguousarray(blocks.transpose(0, 2, 1).reshape(-1, blocks.shape[1])[:count])
+def element_numbers(simulation: Simulation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Geometry, constants of the law and those of the hourglass treatment of each element, (m, k)."""
+    corners = simulation.points[simulation.hexes]
+    geometry = hex8.geometry(corners)
+    return geometry, simulation.constants, ELEMENTS[simulation.model.element][1].constants(corners, geometry)
 
 
 class InJax:
@@ -249,11 +254,9 @@ class InJax:
         import jax.numpy as jnp
 
         jax.config.update("jax_enable_x64", True)
-        count = simulation.model.mesh.element_count
-        numbers = (simulation.blocks.geometry, simulation.blocks.constants, simulation.blocks.hourglass)
         self._constant = (
-            [jnp.asarray(element_rows(values, count).T) for values in numbers],
-            jnp.asarray(element_rows(simulation.blocks.nodes // ROW, count).T.astype(np.int32)),
+            [jnp.asarray(np.ascontiguousarray(values.T)) for values in element_numbers(simulation)],
+            jnp.asarray(np.ascontiguousarray(simulation.hexes.T).astype(np.int32)),
             jnp.asarray(simulation.nodes.inverse_mass[:, 0]),
         )
         self._start = tuple(jnp.asarray(np.ascontiguousarray(array[:, :3].T)) for array in simulation.state)
@@ -301,18 +304,18 @@ class InWarp:
         wp.config.enable_backward = False
         wp.init()
         count = simulation.model.mesh.element_count
-        g = element_rows(simulation.blocks.geometry, count)
+        g, law, hourglass = element_numbers(simulation)
         array = lambda values, dtype: wp.array(np.ascontiguousarray(values), dtype=dtype, device="cpu")  # noqa: E731
         self._start = [array(rows[:, :3], wp.vec3d) for rows in simulation.state]
         self._state = [wp.clone(rows) for rows in self._start]
         u, v, force = self._state
         elements = [
-            array(element_rows(simulation.blocks.nodes // ROW, count).astype(np.int32), wp.int32),
+            array(simulation.hexes.astype(np.int32), wp.int32),
             array(g[:, :18].reshape(-1, 6, 3), wp.vec3d),
             array(g[:, 18 : hex8.VOLUME].reshape(-1, 4, 3), wp.vec3d),
             array(g[:, hex8.VOLUME], wp.float64),
-            array(element_rows(simulation.blocks.constants, count), wp.vec3d),
-            array(element_rows(simulation.blocks.hourglass, count), wp.float64),
+            array(law, wp.vec3d),
+            array(hourglass, wp.float64),
         ]
         update_nodes, add_forces = warp_kernels(wp, simulation.model.element)
         factors = [wp.float64(value) for value in coefficients(simulation, dt_s)]

@@ -177,12 +177,29 @@ def load_many(typingctx, array, index, count):
     return result(array, types.intp, count), lower
 
 
+@intrinsic
+def load_fourth(typingctx, rows, at):
+    """The fourth number of each node row, in all lanes that ``load(rows, at)`` fills from that row."""
+
+    def lower(context, builder, sig, args):
+        if WIDTH < ROW:  # half a row
+            fourth = builder.or_(args[1], ir.Constant(_I64, ROW - 1))
+            return _splat(builder, builder.load(_pointer(context, builder, sig.args[0], args[0], fourth)))
+        address = _pointer(context, builder, sig.args[0], args[0], args[1])
+        loaded = builder.load(builder.bitcast(address, _VEC.as_pointer()), align=8)
+        return _shuffle(builder, loaded, loaded, [lane | (ROW - 1) for lane in range(WIDTH)])
+
+    return vector(rows, types.intp), lower
+
+
 # Shuffles that x86 has single instructions for: within the 16-byte parts of a register, and of whole parts. Eight lanes are
-# shuffled as whole registers, half as many shuffles as four by four: Intel's processors do them at one port alone. With that, with
-# rows told by where they begin and with sums that take a row from memory, a block of hex8-stiffness takes 1 590 operations
+# shuffled as whole registers, half as many shuffles as four by four: Intel's processors do them at one port alone. With that,
+# with rows told by where they begin and with sums that take a row from memory, a block of hex8-stiffness takes 1 590 operations
 # instead of 1 860 and 500 cycles instead of 570 (llvm-mca, Skylake-X); AMD's Zen 4 is as fast either way.
 _EVEN = [entry for lane in range(0, max(WIDTH, ROW), 2) for entry in (lane, max(WIDTH, ROW) + lane)]
 _ODD = [entry + 1 for entry in _EVEN]
+_LOWER = [entry for entry in range(2 * max(WIDTH, ROW)) if entry % ROW < 2]
+_UPPER = [entry + 2 for entry in _LOWER]
 
 
 def _shuffle(builder, a, b, mask):
@@ -195,24 +212,19 @@ def gather_rows(typingctx, rows, entry, start):
     result = types.UniTuple(vector, 3)
 
     def lower(context, builder, sig, args):
-        loaded = []
-        for lane in range(WIDTH):
-            loaded.append(builder.load(_row_address(context, builder, sig, args, lane), align=8))
+        loaded = [builder.load(_row_address(context, builder, sig, args, lane), align=8) for lane in range(WIDTH)]
         if WIDTH < ROW:  # two rows: their x, y and z side by side
             values = [_shuffle(builder, loaded[0], loaded[1], [k, ROW + k]) for k in range(3)]
             return context.make_tuple(builder, result, values)
-        if WIDTH == ROW:
-            r0, r1, r2, r3 = loaded
-            lower_lanes, upper_lanes = [0, 1, 4, 5], [2, 3, 6, 7]
-        else:  # rows 0 and 2, 1 and 3, 4 and 6, 5 and 7 in one register each
-            r0, r1, r2, r3 = (_shuffle(builder, loaded[k], loaded[k + 2], list(range(WIDTH))) for k in (0, 1, 4, 5))
-            lower_lanes, upper_lanes = [0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]
+        if WIDTH > ROW:  # rows 0 and 2, 1 and 3, 4 and 6, 5 and 7 in one register each
+            loaded = [_shuffle(builder, loaded[k], loaded[k + 2], list(range(WIDTH))) for k in (0, 1, 4, 5)]
+        r0, r1, r2, r3 = loaded
         xz_low, xz_top = _shuffle(builder, r0, r1, _EVEN), _shuffle(builder, r2, r3, _EVEN)
         y_low, y_top = _shuffle(builder, r0, r1, _ODD), _shuffle(builder, r2, r3, _ODD)
         values = [
-            _shuffle(builder, xz_low, xz_top, lower_lanes),
-            _shuffle(builder, y_low, y_top, lower_lanes),
-            _shuffle(builder, xz_low, xz_top, upper_lanes),
+            _shuffle(builder, xz_low, xz_top, _LOWER),
+            _shuffle(builder, y_low, y_top, _LOWER),
+            _shuffle(builder, xz_low, xz_top, _UPPER),
         ]
         return context.make_tuple(builder, result, values)
 
@@ -241,8 +253,8 @@ def scatter_rows(typingctx, rows, entry, start, x, y, z):
         z0 = _shuffle(builder, z, zero, _EVEN), _shuffle(builder, z, zero, _ODD)
         for lane in range(0, WIDTH, ROW):  # rows lane and lane + 2, lane + 1 and lane + 3
             for k in range(2):
-                first, second = ([lane + m for m in pair] for pair in ((0, 1, WIDTH, WIDTH + 1), (2, 3, WIDTH + 2, WIDTH + 3)))
-                pair = _shuffle(builder, xy[k], z0[k], first + second)
+                both = [0, 1, WIDTH, WIDTH + 1, 2, 3, WIDTH + 2, WIDTH + 3]
+                pair = _shuffle(builder, xy[k], z0[k], [lane + entry for entry in both])
                 add(lane + k, _shuffle(builder, pair, pair, [0, 1, 2, 3]))
                 add(lane + k + 2, _shuffle(builder, pair, pair, [4, 5, 6, 7]))
         return context.get_dummy_value()
@@ -342,8 +354,6 @@ def _extern(name):
 
 _exp_lanes = _by_lane("_exp_lanes", "Exponential lane by lane.", lambda module: module.declare_intrinsic("llvm.exp", [_F64]))
 _erf_lanes = _by_lane("_erf_lanes", "Error function lane by lane.", _extern("erf"))
-
-
 _log_lanes = _by_lane("_log_lanes", "Logarithm lane by lane.", lambda module: module.declare_intrinsic("llvm.log", [_F64]))
 
 
@@ -354,9 +364,7 @@ def exp(value):
 
 @overload(exp, jit_options={"forceinline": True})
 def _exp(value):
-    if value == vector:
-        return lambda value: _exp_lanes(value)
-    return lambda value: math.exp(value)
+    return (lambda value: _exp_lanes(value)) if value == vector else (lambda value: math.exp(value))
 
 
 def erf(value):
@@ -366,9 +374,7 @@ def erf(value):
 
 @overload(erf, jit_options={"forceinline": True})
 def _erf(value):
-    if value == vector:
-        return lambda value: _erf_lanes(value)
-    return lambda value: math.erf(value)
+    return (lambda value: _erf_lanes(value)) if value == vector else (lambda value: math.erf(value))
 
 
 @intrinsic
@@ -390,9 +396,7 @@ def log(value):
 
 @overload(log, jit_options={"forceinline": True})
 def _log(value):
-    if value == vector:
-        return lambda value: _log_lanes(value)
-    return lambda value: math.log(value)
+    return (lambda value: _log_lanes(value)) if value == vector else (lambda value: math.log(value))
 
 
 def square_root(value):
@@ -415,9 +419,7 @@ def _sqrt_lanes(typingctx, value):
 
 @overload(square_root, jit_options={"forceinline": True})
 def _square_root(value):
-    if value == vector:
-        return lambda value: _sqrt_lanes(value)
-    return lambda value: math.sqrt(value)
+    return (lambda value: _sqrt_lanes(value)) if value == vector else (lambda value: math.sqrt(value))
 
 
 def inverse_cube_root(value):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, gather_rows, scatter_rows
+from explicitfe.elements.hex8 import to_modes
 
 
 @leaf
@@ -18,6 +19,13 @@ def gather_corners(u, nodes, at):
     x6, y6, z6 = gather_rows(u, nodes, at + 6 * WIDTH)
     x7, y7, z7 = gather_rows(u, nodes, at + 7 * WIDTH)
     return (x0, x1, x2, x3, x4, x5, x6, x7), (y0, y1, y2, y3, y4, y5, y6, y7), (z0, z1, z2, z3, z4, z5, z6, z7)
+
+
+@leaf
+def element_modes(u, nodes, at):
+    """Seven modes of each component of node rows, for the W elements whose places of node rows start at ``at``."""
+    x, y, z = gather_corners(u, nodes, at)
+    return to_modes(x), to_modes(y), to_modes(z)
 
 
 @leaf

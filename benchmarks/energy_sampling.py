@@ -28,11 +28,12 @@ import numpy as np
 from statics import MOTIONS, beam_deflection, block_run, cantilever, panel_tip, swing
 
 from explicitfe.compiled.jit import PLACEHOLDER, bind, leaf
-from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
+from explicitfe.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements import full
-from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, point_forces, point_gradient
-from explicitfe.elements.hex8 import GEOMETRY, VOLUME, to_modes
-from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, minus_point_forces, point_gradient
+from explicitfe.elements.hex8 import VOLUME, derived_geometry, to_modes
+from explicitfe.forces import response
+from explicitfe.forces.corners import add_corner_forces, element_modes, gather_corners
 from explicitfe.forces.internal import kinematics
 from explicitfe.materials import volumetric
 from explicitfe.materials.kinematics import cofactor, determinant
@@ -47,7 +48,7 @@ NUMBERS = SHARE_AT + 1
 _POINT_STRIDE = NUMBERS_PER_POINT * WIDTH
 
 # Placeholders, bound below to a law of materials/.
-invariants = first_stress = law_isochoric = law_slopes = PLACEHOLDER
+invariants = first_stress = law_isochoric = law_slopes = law_constants = PLACEHOLDER
 LAW_CONSTANTS = 1
 
 
@@ -69,10 +70,15 @@ def that_of_a_cube(corners: np.ndarray) -> np.ndarray:
     return np.full(len(corners), phi / (1.0 + phi))
 
 
-def bound(law: Any, treatment: Any, layout: Any, muscles: bool) -> tuple[Any, Any]:
+def bound(law: Any, treatment: Any, layout: Any, muscles: bool, derived: bool) -> tuple[Any, Any]:
     """The force and the energy kernel of a law; neither effects nor muscles are known to the prototype."""
     assert not layout and not muscles
-    common = {"invariants": law.kind.invariants, "LAW_CONSTANTS": law.count, "law_slopes": law.slopes_at}
+    common = {
+        "invariants": law.kind.invariants,
+        "LAW_CONSTANTS": law.count,
+        "law_constants": response.bound_constants(law),
+        "law_slopes": law.slopes_at,
+    }
     force = bind(internal_force, stored=False, first_stress=law.kind.first_stress, **common)
     energy = bind(internal_energy, stored=False, law_isochoric=law.isochoric_at, **common)
     return force, energy
@@ -108,10 +114,10 @@ def internal_force(u, force, blocks):
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
         x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
-        c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+        c = law_constants(blocks, block)
         first = block * (NUMBERS * WIDTH)
         share = load(numbers, first + SHARE_AT * WIDTH)
-        g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
+        g = derived_geometry(element_modes(blocks.position, blocks.nodes, block * (8 * WIDTH)))
         F = kinematics((to_modes(x), to_modes(y), to_modes(z)), g)[0]
         cof = cofactor(F)
         J = determinant(F, cof)
@@ -132,10 +138,10 @@ def internal_force(u, force, blocks):
             here = invariants(F, cof, J)
             slopes = law_slopes(here, c)
             P = _sum(mean, first_stress(F, cof, J, here, (share * slopes[0],), volumetric.pressure(J, bulk)))
-            fx = point_forces(fx, P[0], P[1], P[2], numbers, at)
-            fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
-            fz = point_forces(fz, P[6], P[7], P[8], numbers, at)
-        subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+            fx = minus_point_forces(fx, P[0], P[1], P[2], numbers, at)
+            fy = minus_point_forces(fy, P[3], P[4], P[5], numbers, at)
+            fz = minus_point_forces(fz, P[6], P[7], P[8], numbers, at)
+        add_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
         # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
         smallest = minimum(smallest, worst + 0.0 * (fx[0] + fy[0] + fz[0]))
     return min_lanes(smallest)
@@ -148,10 +154,10 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
     stabilising = splat(0.0)
     for block in range(len(blocks.nodes)):
         x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
-        c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+        c = law_constants(blocks, block)
         first = block * (NUMBERS * WIDTH)
         share = load(numbers, first + SHARE_AT * WIDTH)
-        g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
+        g = derived_geometry(element_modes(blocks.position, blocks.nodes, block * (8 * WIDTH)))
         bulk = (BULK_PER_SHEAR * 2.0) * law_slopes((splat(3.0),), c)[0]
         held = splat(0.0)
         for point in range(GAUSS_POINTS):

@@ -30,6 +30,19 @@ def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
 
 
 @leaf
+def of_shape(modes, g):
+    """The same from the geometry of an element."""
+    return (
+        (STIFFNESS_FACTOR / 3.0)
+        * (
+            g[0] * g[0] + g[1] * g[1] + g[2] * g[2] + g[3] * g[3] + g[4] * g[4] + g[5] * g[5]
+            + g[6] * g[6] + g[7] * g[7] + g[8] * g[8] + g[9] * g[9] + g[10] * g[10] + g[11] * g[11]
+            + g[12] * g[12] + g[13] * g[13] + g[14] * g[14] + g[15] * g[15] + g[16] * g[16] + g[17] * g[17]
+        ),
+    )  # fmt: skip
+
+
+@leaf
 def invariant(F, qx, qy, qz, c):
     """delta: what the hourglass deformation adds to I1_bar."""
     square_x = qx[0] * qx[0] + qx[1] * qx[1] + qx[2] * qx[2] + qx[3] * qx[3]

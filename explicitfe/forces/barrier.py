@@ -12,11 +12,9 @@ from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load, load_many, maximum, min_lanes, minimum, splat, sum_lanes
 from explicitfe.elements import barrier
 from explicitfe.elements.barrier import MODULUS, NUMBERS, PER_MASS, REACH, REST, edges_of_modes, modes_of_edges, ratio, spans
-from explicitfe.elements.hex8 import GEOMETRY, from_modes, gradient, to_modes
-from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.elements.hex8 import derived_geometry, gradient, minus_from_modes
+from explicitfe.forces.corners import add_corner_forces, element_modes
 from explicitfe.materials.kinematics import cofactor, determinant
-
-FRAME = 9  # numbers of the frame in ``Blocks.hourglass``
 
 
 @leaf
@@ -50,10 +48,10 @@ def note_suspects(cof, J, qx, qy, qz, blocks, block, count):
 @leaf
 def _corners(u, blocks, block):
     """What the barrier of a block needs: edges, D_a and D_a / D_a(rest), F's cofactor, J, geometry and the barrier's numbers."""
-    x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
-    mx, my, mz = to_modes(x), to_modes(y), to_modes(z)
-    g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
-    frame = load_many(blocks.hourglass, block * (FRAME * WIDTH), FRAME)
+    at = block * (8 * WIDTH)
+    mx, my, mz = element_modes(u, blocks.nodes, at)
+    X, Y, Z = element_modes(blocks.position, blocks.nodes, at)
+    g = derived_geometry((X, Y, Z))
     numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
     F = (
         gradient(mx, g, 0) + 1.0, gradient(mx, g, 1), gradient(mx, g, 2),
@@ -62,7 +60,7 @@ def _corners(u, blocks, block):
     )  # fmt: skip
     cof = cofactor(F)
     J = determinant(F, cof)
-    edges = _edges_now(mx, frame, g, 0), _edges_now(my, frame, g, 1), _edges_now(mz, frame, g, 2)
+    edges = edges_of_modes(_sum(X, mx)), edges_of_modes(_sum(Y, my)), edges_of_modes(_sum(Z, mz))
     now = spans(edges[0], edges[1], edges[2])
     ratios = (
         ratio(now[0], numbers[REST], J),
@@ -78,19 +76,8 @@ def _corners(u, blocks, block):
 
 
 @leaf
-def _edges_now(m, frame, g, k):
-    """The 12 edges of one component: modes of the reference shape and of the displacement."""
-    return edges_of_modes(
-        (
-            8.0 * frame[k] + m[0],
-            8.0 * frame[3 + k] + m[1],
-            8.0 * frame[6 + k] + m[2],
-            g[18 + k] + m[3],
-            g[21 + k] + m[4],
-            g[24 + k] + m[5],
-            g[27 + k] + m[6],
-        )
-    )
+def _sum(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6]
 
 
 @leaf
@@ -129,10 +116,10 @@ def hold_corners(u, force, blocks, count, smallest):
             along = along + pulls[4] * now[4] + pulls[5] * now[5] + pulls[6] * now[6] + pulls[7] * now[7]
             by_J = -along / J
             hx, hy, hz = barrier.edge_forces(edges[0], edges[1], edges[2], pulls)
-            fx = _corner_forces(modes_of_edges(hx), by_J * cof[0], by_J * cof[1], by_J * cof[2], g)
-            fy = _corner_forces(modes_of_edges(hy), by_J * cof[3], by_J * cof[4], by_J * cof[5], g)
-            fz = _corner_forces(modes_of_edges(hz), by_J * cof[6], by_J * cof[7], by_J * cof[8], g)
-            subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+            fx = _minus_corner_forces(modes_of_edges(hx), by_J * cof[0], by_J * cof[1], by_J * cof[2], g)
+            fy = _minus_corner_forces(modes_of_edges(hy), by_J * cof[3], by_J * cof[4], by_J * cof[5], g)
+            fz = _minus_corner_forces(modes_of_edges(hz), by_J * cof[6], by_J * cof[7], by_J * cof[8], g)
+            add_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
             smallest = minimum(smallest, J + 0.0 * (fx[0] + fy[0] + fz[0]))
             # v_a B G phi'' |ds/d nodes|^2 / m <= B G / (8 m) phi'' |dD_a/d edges|^2 / (t^2 J^2 D_a(rest))
             k = -numbers[PER_MASS] * w * w
@@ -161,9 +148,9 @@ def _pull_and_curvature(s):
 
 
 @leaf
-def _corner_forces(m, sx, sy, sz, g):
-    """Corner values of one component, from forces on the modes and the derivative (sx, sy, sz) by its row of F."""
-    return from_modes(
+def _minus_corner_forces(m, sx, sy, sz, g):
+    """Minus the corner values of one component, from forces on the modes and the derivative (sx, sy, sz) by its row of F."""
+    return minus_from_modes(
         (
             m[0] + sx * g[0] + sy * g[1] + sz * g[2],
             m[1] + sx * g[3] + sy * g[4] + sz * g[5],

@@ -50,25 +50,26 @@ ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
 }
 
 
-def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False) -> Kernels:
+def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False, derived: bool = False) -> Kernels:
     """Kernels with the leaves of a law, an element and effects bound in (``response.layout_of`` gives the places of the latter).
 
-    ``muscles`` says whether muscles pull by a stress along their fibres.
+    ``muscles`` says whether muscles pull by a stress along their fibres, ``derived`` whether the geometry of the elements is
+    derived from the positions of their nodes instead of read.
 
     Compiled at the first call, kept on disk for the next process.
     """
-    return _kernels(law, element, layout, muscles)
+    return _kernels(law, element, layout, muscles, derived)
 
 
 @cache  # which would tell a default from the same value given
-def _kernels(law: str, element: str, layout: Layout, muscles: bool) -> Kernels:
+def _kernels(law: str, element: str, layout: Layout, muscles: bool, derived: bool) -> Kernels:
     templates, treatment = ELEMENTS[element]
-    force, energy = templates.bound(law_of(law), treatment, layout, muscles)
+    force, energy = templates.bound(law_of(law), treatment, layout, muscles, derived)
     return Kernels(
         forces=bind(step.forces, internal_force=force),
         advance=bind(step.advance, internal_force=force),
         snapshot=bind(step.snapshot, internal_energy=energy),
-        largest_strain_rate=kernel(internal.largest_strain_rate),
+        largest_strain_rate=bind(internal.largest_strain_rate, shape=internal.bound_shape(treatment, derived)),
         relax=bind(relax_step.relax, internal_force=force),
         elastic_energy=bind(step.elastic_energy, internal_energy=energy),
         press=kernel(relax_step.press),

@@ -14,7 +14,7 @@ import numpy as np
 
 from explicitfe.compiled.arrays import Blocks, no_muscles, without_barrier
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
-from explicitfe.compiled.simd import WIDTH, load_many, splat, store
+from explicitfe.compiled.simd import ROW, WIDTH, load_many, splat, store
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.errors import RunError
 from explicitfe.forces import response
@@ -163,6 +163,7 @@ def path(
         **memory_of(effects, STATES),
         **no_muscles(count),
         **without_barrier(count),
+        position=np.zeros((0, ROW)),
     )
     stress = np.zeros_like(gradients)
     work = np.zeros((count, 9, WIDTH)), np.zeros((count, 9, WIDTH))

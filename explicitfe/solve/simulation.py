@@ -106,7 +106,8 @@ class Simulation(Body):
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         running = self.blocks._replace(new=self.blocks.old)
         share = 1 if model.motion else threads or usual_threads(len(self.hexes))
-        self.parts = parts_of(self.state, running, share, self.bones.node)
+        loaded = np.concatenate([self.loads.dead.node, self.loads.fibres.nodes.ravel(), self.ties.node])
+        self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         # The same to look at a state without accepting it.
         ends = np.cumsum([len(part.blocks.nodes) for part in self.parts])

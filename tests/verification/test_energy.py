@@ -124,10 +124,10 @@ def broken_kernels() -> Kernels:
         internal.internal_force,
         stored=False,
         respond=respond,
-        LAW_CONSTANTS=law_of("yeoh").count,
+        law_constants=response.bound_constants(law_of("yeoh")),
         hourglass_invariant=assumed_strain.invariant,
         hourglass_force=assumed_strain.force,
-        HOURGLASS_CONSTANTS=internal.hourglass_constants(assumed_strain),
+        shape=internal.bound_shape(assumed_strain, derived=False),
     )
     return replace(
         kernels("yeoh", "hex8"),

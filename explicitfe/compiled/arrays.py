@@ -57,7 +57,8 @@ class Blocks(NamedTuple):
             changed["constants"] = self.constants
         count = len(changed["nodes"])
         sums = {"length": np.zeros_like(self.length), "last_length": np.zeros_like(self.last_length)}
-        return self._replace(**changed, **sums, suspect=zeros((count,), np.int64), corner=np.array(NO_CORNER))
+        work = {"suspect": zeros((count,), np.int64), "corner": np.array(NO_CORNER)}
+        return self._replace(**changed, **sums, **work)
 
     def between(self, first: int, last: int) -> Blocks:
         """The blocks from ``first`` to the one before ``last``."""

@@ -11,10 +11,19 @@ from explicitfe.compiled.choose import any_below_zero, choose
 from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load, load_many, maximum, min_lanes, minimum, splat, sum_lanes
 from explicitfe.elements import barrier
-from explicitfe.elements.barrier import MODULUS, NUMBERS, PER_MASS, REACH, REST, edges_of_modes, modes_of_edges, ratio, spans
-from explicitfe.elements.hex8 import derived_geometry, gradient, minus_from_modes
-from explicitfe.forces.corners import add_corner_forces, element_modes
-from explicitfe.materials.kinematics import cofactor, determinant
+from explicitfe.elements.barrier import (
+    MODULUS,
+    NUMBERS,
+    PER_MASS,
+    REACH,
+    REST,
+    WHOLE,
+    corners_of_edges,
+    edges_of_corners,
+    ratio,
+    spans,
+)
+from explicitfe.forces.corners import add_corner_forces, gather_corners
 
 
 @leaf
@@ -46,38 +55,52 @@ def note_suspects(cof, J, qx, qy, qz, blocks, block, count):
 
 
 @leaf
-def _corners(u, blocks, block):
-    """What the barrier of a block needs: edges, D_a and D_a / D_a(rest), F's cofactor, J, geometry and the barrier's numbers."""
-    at = block * (8 * WIDTH)
-    mx, my, mz = element_modes(u, blocks.nodes, at)
-    X, Y, Z = element_modes(blocks.position, blocks.nodes, at)
-    g = derived_geometry((X, Y, Z))
-    numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
-    F = (
-        gradient(mx, g, 0) + 1.0, gradient(mx, g, 1), gradient(mx, g, 2),
-        gradient(my, g, 0), gradient(my, g, 1) + 1.0, gradient(my, g, 2),
-        gradient(mz, g, 0), gradient(mz, g, 1), gradient(mz, g, 2) + 1.0,
-    )  # fmt: skip
-    cof = cofactor(F)
-    J = determinant(F, cof)
-    edges = edges_of_modes(_sum(X, mx)), edges_of_modes(_sum(Y, my)), edges_of_modes(_sum(Z, mz))
-    now = spans(edges[0], edges[1], edges[2])
-    ratios = (
-        ratio(now[0], numbers[REST], J),
-        ratio(now[1], numbers[REST + 1], J),
-        ratio(now[2], numbers[REST + 2], J),
-        ratio(now[3], numbers[REST + 3], J),
-        ratio(now[4], numbers[REST + 4], J),
-        ratio(now[5], numbers[REST + 5], J),
-        ratio(now[6], numbers[REST + 6], J),
-        ratio(now[7], numbers[REST + 7], J),
-    )
-    return edges, now, ratios, cof, J, g, numbers
+def _edges(u, position, nodes, at):
+    """The 12 edges of each component as they lie now."""
+    ux, uy, uz = gather_corners(u, nodes, at)
+    x, y, z = gather_corners(position, nodes, at)
+    return edges_of_corners(_sum(ux, x)), edges_of_corners(_sum(uy, y)), edges_of_corners(_sum(uz, z))
 
 
 @leaf
 def _sum(a, b):
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6]
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]
+
+
+@leaf
+def _guarded(now, numbers):
+    """D_a of the eight corners, 0 where one is not guarded."""
+    zero = 0.0 * numbers[REST]
+    return (
+        choose(numbers[REST], now[0], zero),
+        choose(numbers[REST + 1], now[1], zero),
+        choose(numbers[REST + 2], now[2], zero),
+        choose(numbers[REST + 3], now[3], zero),
+        choose(numbers[REST + 4], now[4], zero),
+        choose(numbers[REST + 5], now[5], zero),
+        choose(numbers[REST + 6], now[6], zero),
+        choose(numbers[REST + 7], now[7], zero),
+    )
+
+
+@leaf
+def _total(D):
+    return ((D[0] + D[1]) + (D[2] + D[3])) + ((D[4] + D[5]) + (D[6] + D[7]))
+
+
+@leaf
+def _ratios(D, numbers, j):
+    """D_a / D_a(rest) of the eight corners; j where one is not guarded."""
+    return (
+        ratio(D[0], numbers[REST], j),
+        ratio(D[1], numbers[REST + 1], j),
+        ratio(D[2], numbers[REST + 2], j),
+        ratio(D[3], numbers[REST + 3], j),
+        ratio(D[4], numbers[REST + 4], j),
+        ratio(D[5], numbers[REST + 5], j),
+        ratio(D[6], numbers[REST + 6], j),
+        ratio(D[7], numbers[REST + 7], j),
+    )
 
 
 @leaf
@@ -88,7 +111,7 @@ def _smallest(s):
 
 @leaf
 def hold_corners(u, force, blocks, count, smallest):
-    """Subtract the forces of the barrier in the suspect blocks, and note in ``blocks.corner`` how near it is and how stiff.
+    """Add minus the forces of the barrier in the suspect blocks, and note in ``blocks.corner`` how near it is and how stiff.
 
     Gives the smallest J, which is not a number where a force of the barrier is none.
     """
@@ -96,10 +119,15 @@ def hold_corners(u, force, blocks, count, smallest):
     stiffest = splat(0.0)
     for entry in range(count):
         block = blocks.suspect[entry]
-        edges, now, ratios, cof, J, g, numbers = _corners(u, blocks, block)
+        at = block * (8 * WIDTH)
+        numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
+        x, y, z = _edges(u, blocks.position, blocks.nodes, at)
+        D = _guarded(spans(x, y, z), numbers)
+        j = _total(D) * numbers[WHOLE]
+        ratios = _ratios(D, numbers, j)
         lowest = _smallest(ratios)
-        if any_below_zero(lowest - barrier.THRESHOLD * J):
-            w = (1.0 / barrier.THRESHOLD) / J
+        if any_below_zero(lowest - barrier.THRESHOLD * j):
+            w = (1.0 / barrier.THRESHOLD) / j
             nearest = minimum(nearest, lowest * w)
             p0, c0 = _pull_and_curvature(ratios[0] * w)
             p1, c1 = _pull_and_curvature(ratios[1] * w)
@@ -109,19 +137,22 @@ def hold_corners(u, force, blocks, count, smallest):
             p5, c5 = _pull_and_curvature(ratios[5] * w)
             p6, c6 = _pull_and_curvature(ratios[6] * w)
             p7, c7 = _pull_and_curvature(ratios[7] * w)
-            # dE / dD_a = v_a B G phi' ds/dD_a = B G phi' / (512 t J); by J it is - sum_a D_a dE/dD_a / J
-            k = numbers[MODULUS] * w * (1.0 / 512.0)
-            pulls = k * p0, k * p1, k * p2, k * p3, k * p4, k * p5, k * p6, k * p7
-            along = pulls[0] * now[0] + pulls[1] * now[1] + pulls[2] * now[2] + pulls[3] * now[3]
-            along = along + pulls[4] * now[4] + pulls[5] * now[5] + pulls[6] * now[6] + pulls[7] * now[7]
-            by_J = -along / J
-            hx, hy, hz = barrier.edge_forces(edges[0], edges[1], edges[2], pulls)
-            fx = _minus_corner_forces(modes_of_edges(hx), by_J * cof[0], by_J * cof[1], by_J * cof[2], g)
-            fy = _minus_corner_forces(modes_of_edges(hy), by_J * cof[3], by_J * cof[4], by_J * cof[5], g)
-            fz = _minus_corner_forces(modes_of_edges(hz), by_J * cof[6], by_J * cof[7], by_J * cof[8], g)
-            add_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
-            smallest = minimum(smallest, J + 0.0 * (fx[0] + fy[0] + fz[0]))
-            # v_a B G phi'' |ds/d nodes|^2 / m <= B G / (8 m) phi'' |dD_a/d edges|^2 / (t^2 J^2 D_a(rest))
+            # - dE / dD_a = - v_a B G phi' ds_a/dD_a = - B G phi' / (8 t j), and the same part of all by j
+            k = numbers[MODULUS] * w * (-1.0 / 8.0)
+            work = D[0] * p0 + D[1] * p1 + D[2] * p2 + D[3] * p3 + D[4] * p4 + D[5] * p5 + D[6] * p6 + D[7] * p7
+            by_j = -work * numbers[WHOLE] / j
+            zero = 0.0 * by_j
+            pulls = (
+                k * (p0 + choose(numbers[REST], by_j, zero)),
+                k * (p1 + choose(numbers[REST + 1], by_j, zero)),
+                k * (p2 + choose(numbers[REST + 2], by_j, zero)),
+                k * (p3 + choose(numbers[REST + 3], by_j, zero)),
+                k * (p4 + choose(numbers[REST + 4], by_j, zero)),
+                k * (p5 + choose(numbers[REST + 5], by_j, zero)),
+                k * (p6 + choose(numbers[REST + 6], by_j, zero)),
+                k * (p7 + choose(numbers[REST + 7], by_j, zero)),
+            )
+            # v_a B G phi'' |ds_a/d nodes|^2 / m <= B G / (2 m) phi'' |dD_a/d edges|^2 / (t^2 j^2 D_a(rest))
             k = -numbers[PER_MASS] * w * w
             curvatures = (
                 k * c0 * numbers[REST],
@@ -133,7 +164,11 @@ def hold_corners(u, force, blocks, count, smallest):
                 k * c6 * numbers[REST + 6],
                 k * c7 * numbers[REST + 7],
             )
-            stiffest = minimum(stiffest, barrier.stiffness(edges[0], edges[1], edges[2], curvatures))
+            hx, hy, hz, minus_stiffness = barrier.edge_forces(x, y, z, pulls, curvatures)
+            fx, fy, fz = corners_of_edges(hx), corners_of_edges(hy), corners_of_edges(hz)
+            add_corner_forces(force, blocks.nodes, at, fx, fy, fz)
+            stiffest = minimum(stiffest, minus_stiffness)
+            smallest = minimum(smallest, 1e300 + 0.0 * (fx[0] + fy[0] + fz[0]))
     blocks.corner[CORNER] = min_lanes(nearest)
     blocks.corner[STIFFEST] = -min_lanes(stiffest)
     return smallest
@@ -148,28 +183,16 @@ def _pull_and_curvature(s):
 
 
 @leaf
-def _minus_corner_forces(m, sx, sy, sz, g):
-    """Minus the corner values of one component, from forces on the modes and the derivative (sx, sy, sz) by its row of F."""
-    return minus_from_modes(
-        (
-            m[0] + sx * g[0] + sy * g[1] + sz * g[2],
-            m[1] + sx * g[3] + sy * g[4] + sz * g[5],
-            m[2] + sx * g[6] + sy * g[7] + sz * g[8],
-            m[3] + sx * g[9] + sy * g[10] + sz * g[11],
-            m[4] + sx * g[12] + sy * g[13] + sz * g[14],
-            m[5] + sx * g[15] + sy * g[16] + sz * g[17],
-            m[6],
-        )
-    )
-
-
-@leaf
 def barrier_energy(u, blocks):
     """Energy of the barrier in all elements [J]."""
     energy = splat(0.0)
     for block in range(len(blocks.nodes)):
-        _, _, ratios, _, J, _, numbers = _corners(u, blocks, block)
-        w = (1.0 / barrier.THRESHOLD) / J
+        numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
+        x, y, z = _edges(u, blocks.position, blocks.nodes, block * (8 * WIDTH))
+        D = _guarded(spans(x, y, z), numbers)
+        j = _total(D) * numbers[WHOLE]
+        ratios = _ratios(D, numbers, j)
+        w = (1.0 / barrier.THRESHOLD) / j
         low = _energy(ratios[0] * w, numbers[REST]) + _energy(ratios[1] * w, numbers[REST + 1])
         low = low + _energy(ratios[2] * w, numbers[REST + 2]) + _energy(ratios[3] * w, numbers[REST + 3])
         top = _energy(ratios[4] * w, numbers[REST + 4]) + _energy(ratios[5] * w, numbers[REST + 5])
@@ -181,4 +204,4 @@ def barrier_energy(u, blocks):
 @leaf
 def _energy(s, inverse):
     """v_a phi of a corner [m^3]."""
-    return choose(inverse, barrier.density(s) / (512.0 * inverse), 0.0 * s)
+    return choose(inverse, barrier.density(s) / (8.0 * inverse), 0.0 * s)

@@ -52,15 +52,18 @@ def mean_volume_ratio(corners: np.ndarray, u: np.ndarray) -> np.ndarray:
 def corner_ratios(corners: np.ndarray, u: np.ndarray) -> np.ndarray:
     """r_a, (m, 8), from the edges that meet in each corner: nothing of the element's modes is used."""
     mesh = alone(corners)
-    now = corner_jacobians((corners + u).reshape(-1, 3), mesh.hexes)
-    return now / corner_jacobians(mesh.points, mesh.hexes) / mean_volume_ratio(corners, u)[:, None]
+    now, rest = corner_jacobians((corners + u).reshape(-1, 3), mesh.hexes), corner_jacobians(mesh.points, mesh.hexes)
+    return now / rest / (now.sum(axis=1) / rest.sum(axis=1))[:, None]
 
 
 def near_the_barrier() -> tuple[np.ndarray, np.ndarray]:
     """Those of ``hexes`` in which the barrier acts and no corner has folded."""
     corners, u = hexes()
     r, J = corner_ratios(corners, u), mean_volume_ratio(corners, u)
-    chosen = (J > 0.1) & (r.min(axis=1) > 0.02) & (r.min(axis=1) < 0.9 * THRESHOLD)
+    mesh = alone(corners)
+    rest = corner_jacobians(mesh.points, mesh.hexes)
+    guarded = (rest > barrier.GUARDED_SHARE * hex8.mean_gradients(corners)[1][:, None]).all(axis=1)
+    chosen = guarded & (J > 0.1) & (r.min(axis=1) > 0.02) & (r.min(axis=1) < 0.9 * THRESHOLD)
     assert chosen.sum() > 200
     return corners[chosen], u[chosen]
 

@@ -35,14 +35,14 @@ from explicitfe.elements.hex8 import MODES, VOLUME, geometry
 from explicitfe.mesh.hexmesh import CORNERS
 
 THRESHOLD = 0.4  # t
-STRENGTH = 3.0  # B
+STRENGTH = 10.0  # B
 LAST_RATIO = 1e-3  # of r_a to t
 # Numbers of an element: (reach / largest safe m)^2 [1/m^2]; B G [Pa]; B G / (2 m) [1/(m s^2)] with the mass m of its lightest
 # node; 1 / sum_a D_a(rest) and 1 / D_a(rest) [1/m^3] of the guarded corners, 0 at one that is not.
 REACH, MODULUS, PER_MASS, WHOLE, REST, NUMBERS = 0, 1, 2, 3, 4, 12
 # A corner whose edges span less than this share of the element's volume at rest is not guarded: it has collapsed into an edge or
 # a face, or is so flat that it moves by more than its own height in a step.
-GUARDED_SHARE = 0.1
+GUARDED_SHARE = 0.2
 
 
 _BITS = np.array([1, 2, 4])  # of (xi, eta, zeta) in the order of the corners

@@ -1,12 +1,17 @@
-"""The same step, written in JAX and in NVIDIA Warp (on the CPU), against ours, side by side in one run.
+"""The same step, written in C++, in NVIDIA Warp (on the CPU) and in JAX, against ours, side by side in one run.
 
     python benchmarks/peers.py [--sizes 1000 30000] [--without jax] [--json FILE] [--out DIR]
+
+What is not installed is left out, with a line that says so: a C++ compiler (CXX, clang++ or g++), Warp, JAX.
 
 The problem is that of ``explicitfe bench``: a block of distorted 4 mm hexes, Yeoh tissue at Poisson's ratio 0.499, damping
 40 1/s, random velocities, float64; hex8 and hex8-stiffness. All programs read the same numbers of each element, in the same
 order. First the same answer: after 20 steps the displacements must agree to rounding. Then nanoseconds per element and step,
-best of five rounds; in each round the programs take turns (ours, Warp, JAX, ours again), so a ratio is of one run. Ours also
-keeps the energy ledger, the smallest J and the external forces; the others do not.
+best of five rounds; in each round the programs take turns (ours, C++, Warp, JAX, ours again), so a ratio is of one run. Ours and
+C++ also keep the energy ledger and the smallest J, which must agree too; the others do not. External forces there are none.
+
+C++ (peer_cpp.cpp) is written by hand for these two elements, this law and one thread, with vectors as wide as ours: what the
+machine gives to who writes for it alone.
 
 One thread: the process is pinned to one core. Ours has one thread. Warp runs a kernel on the CPU as one loop over its threads.
 JAX gets pools of one thread. Times are of the CPU, not of the clock on the wall: equal on a quiet machine, and on
@@ -28,13 +33,15 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import date
 from importlib.metadata import version
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import peer_cpp
 from numba.core.dispatcher import Dispatcher
 
 from explicitfe.compiled import simd
+from explicitfe.compiled.arrays import DAMPING_LOSS, SMALLEST_J
 from explicitfe.compiled.jit import kernel
 from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
 from explicitfe.elements import hex8
@@ -47,10 +54,10 @@ from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
 YEOH = law_of("yeoh")
-PEERS = ("warp", "jax")
+PEERS = ("c++", "warp", "jax")
 PACKAGES = {"warp": "warp-lang", "jax": "jax"}
 SAME_STEPS = 20
-SAME = 1e-10  # of the largest displacement
+SAME = 1e-10  # of the largest displacement, and of the ledger
 ROUNDS = 5
 ROUND_S = 0.15  # about how long each program runs in a round
 # No fusion of operations: with it XLA computes the element anew for each of its 24 corner forces, and compiles for minutes.
@@ -70,6 +77,10 @@ def plain(function: Any, replaced: dict[str, Any]) -> FunctionType:
             names[name] = replaced[name]
         elif isinstance(names.get(name), Dispatcher):
             names[name] = plain(names[name], replaced)
+        elif isinstance(names.get(name), ModuleType):  # a leaf called as module.leaf
+            leaves = {key: leaf for key, leaf in vars(names[name]).items() if key in function.__code__.co_names}
+            leaves |= {key: plain(leaf, replaced) for key, leaf in leaves.items() if isinstance(leaf, Dispatcher)}
+            names[name] = SimpleNamespace(**leaves)
     return FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
 
 
@@ -79,12 +90,12 @@ def newton(guess: Callable) -> FunctionType:
 
 
 def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
-    """Corner forces (3 x 8) from corner displacements (3 x 8), as ``forces/internal.py`` composes them of leaves."""
+    """Minus the corner forces (3 x 8) from corner displacements (3 x 8), as ``forces/internal.py`` composes them of leaves."""
 
     def part(leaf: Any) -> FunctionType:
         return plain(leaf, {"inverse_cube_root": cube_root})
 
-    to_modes, deformation, corner_forces = part(hex8.to_modes), part(internal.kinematics), part(hex8.corner_forces)
+    to_modes, deformation, minus_forces = part(hex8.to_modes), part(internal.kinematics), part(hex8.minus_corner_forces)
     cofactor, determinant = part(kinematics.cofactor), part(kinematics.determinant)
     stress, slope = part(YEOH.stress), part(YEOH.delta_slope)
     added, held = part(treatment.invariant), part(treatment.force)
@@ -98,7 +109,7 @@ def element_forces(treatment: ModuleType, cube_root: Callable) -> Callable:
         v = g[hex8.VOLUME]
         *r, Q = held(F, qx, qy, qz, h, v * slope(F, cof, J, delta, c))
         S = tuple(v * p + q for p, q in zip(P, Q, strict=True))
-        return tuple(corner_forces(S[3 * i], S[3 * i + 1], S[3 * i + 2], r[i], g) for i in range(3))
+        return tuple(minus_forces(S[3 * i], S[3 * i + 1], S[3 * i + 2], r[i], g) for i in range(3))
 
     return forces
 
@@ -170,24 +181,27 @@ def flops(simulation: Simulation) -> float:
     corners = [numbers(8) for _ in range(3)]
     constants = [numbers(count) for count in (hex8.GEOMETRY, YEOH.count, internal.hourglass_constants(treatment))]
     rows = element_forces(treatment, root)(corners, *constants)
-    element = Counted.flops([Counted() - value for row in rows for value in row])
+    element = Counted.flops([Counted() + value for row in rows for value in row])
     node = Counted.flops([value for _ in range(3) for value in update(*numbers(7))])
     return element + node * simulation.model.mesh.node_count / simulation.model.mesh.element_count
 
 
 def bytes_moved(simulation: Simulation) -> float:
-    """Bytes an element and step: element arrays read once; u, v, force and external read and written, both masses read."""
-    blocks, state, nodes = simulation.blocks, simulation.state, simulation.nodes
-    read = (blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, nodes.mass, nodes.inverse_mass)
-    rows = (state.u, state.v, state.force, simulation._external)
-    return (sum(a.nbytes for a in read) + 2 * sum(a.nbytes for a in rows)) / simulation.model.mesh.element_count
+    """Bytes an element and step: element arrays, reference positions and masses read once; u, v and force read and written."""
+    read = read_arrays(simulation)
+    return (sum(a.nbytes for a in read) + 2 * sum(a.nbytes for a in simulation.state)) / simulation.model.mesh.element_count
+
+
+def read_arrays(simulation: Simulation) -> list[np.ndarray]:
+    """What a step without external forces reads only: positions, where the geometry of elements is derived from them."""
+    blocks = simulation.blocks
+    derived = [] if blocks.geometry.size else [blocks.position]
+    return [blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, simulation.nodes.update, *derived]
 
 
 def working_set_bytes(simulation: Simulation) -> int:
     """Bytes of all arrays of a step."""
-    blocks, state, nodes = simulation.blocks, simulation.state, simulation.nodes
-    arrays = (blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, *nodes, *state, simulation._external)
-    return sum(a.nbytes for a in arrays)
+    return sum(a.nbytes for a in (*read_arrays(simulation), *simulation.state))
 
 
 # ---- the three programs: each starts from the same State, after the half-step start ----
@@ -199,16 +213,22 @@ class Ours:
     def __init__(self, simulation: Simulation, dt_s: float) -> None:
         self.simulation, self.dt_s = simulation, dt_s
         self.begin = [array.copy() for array in simulation.state]
+        self.loss_J = float(simulation.ledger[DAMPING_LOSS])
 
     def reset(self) -> None:
         for array, begin in zip(self.simulation.state, self.begin, strict=True):
             array[:] = begin
+        self.simulation.ledger[DAMPING_LOSS], self.simulation.ledger[SMALLEST_J] = self.loss_J, np.inf
 
     def run(self, steps: int) -> None:
         self.simulation.advance(steps, self.dt_s)
 
     def displacement(self) -> np.ndarray:
         return self.simulation.state.u[:, :3]
+
+    def ledger(self) -> tuple[float, float]:
+        """Loss to damping since the start [J], and the smallest J."""
+        return float(self.simulation.ledger[DAMPING_LOSS]) - self.loss_J, float(self.simulation.ledger[SMALLEST_J])
 
 
 def coefficients(simulation: Simulation, dt_s: float) -> tuple[float, float, float]:
@@ -217,9 +237,11 @@ def coefficients(simulation: Simulation, dt_s: float) -> tuple[float, float, flo
     return (1.0 - half) / (1.0 + half), dt_s / (1.0 + half), dt_s
 
 
-def element_rows(blocks: np.ndarray, count: int) -> np.ndarray:
-    """(B, k, W) blocks as (count, k)."""
-    return np.ascontiguousarray(blocks.transpose(0, 2, 1).reshape(-1, blocks.shape[1])[:count])
+def element_numbers(simulation: Simulation) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Geometry, constants of the law and those of the hourglass treatment of each element, (m, k)."""
+    corners = simulation.points[simulation.hexes]
+    geometry = hex8.geometry(corners)
+    return geometry, simulation.constants, ELEMENTS[simulation.model.element][1].constants(corners, geometry)
 
 
 class InJax:
@@ -232,11 +254,9 @@ class InJax:
         import jax.numpy as jnp
 
         jax.config.update("jax_enable_x64", True)
-        count = simulation.model.mesh.element_count
-        numbers = (simulation.blocks.geometry, simulation.blocks.constants, simulation.blocks.hourglass)
         self._constant = (
-            [jnp.asarray(element_rows(values, count).T) for values in numbers],
-            jnp.asarray(element_rows(simulation.blocks.nodes, count).T.astype(np.int32)),
+            [jnp.asarray(np.ascontiguousarray(values.T)) for values in element_numbers(simulation)],
+            jnp.asarray(np.ascontiguousarray(simulation.hexes.T).astype(np.int32)),
             jnp.asarray(simulation.nodes.inverse_mass[:, 0]),
         )
         self._start = tuple(jnp.asarray(np.ascontiguousarray(array[:, :3].T)) for array in simulation.state)
@@ -255,7 +275,7 @@ class InJax:
             def step(_, state):
                 u, v = update(*factors, inverse_mass, *state)
                 corners = [[component[nodes[a]] for a in range(8)] for component in u]
-                rows = [jnp.zeros_like(inverse_mass).at[nodes].add(-jnp.stack(values)) for values in forces(corners, g, c, h)]
+                rows = [jnp.zeros_like(inverse_mass).at[nodes].add(jnp.stack(values)) for values in forces(corners, g, c, h)]
                 return u, v, jnp.stack(rows)
 
             return jax.lax.fori_loop(0, steps, step, state)
@@ -284,18 +304,18 @@ class InWarp:
         wp.config.enable_backward = False
         wp.init()
         count = simulation.model.mesh.element_count
-        g = element_rows(simulation.blocks.geometry, count)
+        g, law, hourglass = element_numbers(simulation)
         array = lambda values, dtype: wp.array(np.ascontiguousarray(values), dtype=dtype, device="cpu")  # noqa: E731
         self._start = [array(rows[:, :3], wp.vec3d) for rows in simulation.state]
         self._state = [wp.clone(rows) for rows in self._start]
         u, v, force = self._state
         elements = [
-            array(element_rows(simulation.blocks.nodes, count).astype(np.int32), wp.int32),
+            array(simulation.hexes.astype(np.int32), wp.int32),
             array(g[:, :18].reshape(-1, 6, 3), wp.vec3d),
             array(g[:, 18 : hex8.VOLUME].reshape(-1, 4, 3), wp.vec3d),
             array(g[:, hex8.VOLUME], wp.float64),
-            array(element_rows(simulation.blocks.constants, count), wp.vec3d),
-            array(element_rows(simulation.blocks.hourglass, count), wp.float64),
+            array(law, wp.vec3d),
+            array(hourglass, wp.float64),
         ]
         update_nodes, add_forces = warp_kernels(wp, simulation.model.element)
         factors = [wp.float64(value) for value in coefficients(simulation, dt_s)]
@@ -481,7 +501,7 @@ def warp_kernels(wp: ModuleType, element: str) -> tuple[Any, Any]:
     return update_nodes, add_forces
 
 
-PROGRAMS: dict[str, Callable] = {"explicitfe": Ours, "warp": InWarp, "jax": InJax}
+PROGRAMS: dict[str, Callable] = {"explicitfe": Ours, "c++": peer_cpp.InCpp, "warp": InWarp, "jax": InJax}
 
 
 # ---- what the machine can do ----
@@ -565,7 +585,10 @@ def simulation_of(size: int, element: str, threads: int) -> tuple[Simulation, fl
 
 
 def differences(programs: dict[str, Any]) -> dict[str, float]:
-    """Largest difference of displacement from ours after SAME_STEPS steps, relative to the largest displacement."""
+    """Largest difference of displacement from ours after SAME_STEPS steps, relative to the largest displacement.
+
+    Where a program keeps a ledger, that of the ledger counts too.
+    """
     for program in programs.values():
         program.reset()
         program.run(SAME_STEPS)
@@ -575,6 +598,10 @@ def differences(programs: dict[str, Any]) -> dict[str, float]:
         for name, program in programs.items()
         if name != "explicitfe"
     }
+    for name in shares:
+        if hasattr(programs[name], "ledger"):
+            entries = np.array([programs[name].ledger(), programs["explicitfe"].ledger()])
+            shares[name] = max(shares[name], float(np.abs(entries[0] / entries[1] - 1.0).max()))
     for name, difference in shares.items():
         print(f"  {name} differs by {difference:.1e} after {SAME_STEPS} steps", file=sys.stderr, flush=True)
         if not difference < SAME:
@@ -624,6 +651,7 @@ def compare(size: int, element: str, peers: Sequence[str], peak: float) -> dict[
         "ns": ns,
         "ns_first_and_again": [first, again],
         "ratio": {name: ns[name] / ns["explicitfe"] for name in peers},
+        "geometry_in_cpp": programs["c++"].geometry if "c++" in programs else None,
         "difference": different,
         "bytes": moved,
         "flops": work,
@@ -656,7 +684,7 @@ def table(figures: dict[str, Any]) -> tuple[list[str], list[list[str]]]:
     rows = []
     for row in figures["rows"]:
         cells = [row["element"], f"{row['elements']}", f"{row['ns']['explicitfe']:.1f}"]
-        cells += [f"{row['ns'][name]:.0f}" for name in peers] + [f"{row['ratio'][name]:.1f}" for name in peers]
+        cells += [f"{row['ns'][name]:.1f}" for name in peers] + [f"{row['ratio'][name]:.2f}" for name in peers]
         cells += [f"{row['difference'][name]:.0e}" for name in peers]
         limit = "memory" if row["memory_ns"] > row["arithmetic_ns"] else "arithmetic"
         cells += [f"{row['bytes']:.0f}", f"{row['flops']:.0f}", f"{row['bandwidth_GB_s']:.1f}"]
@@ -681,7 +709,7 @@ def write(figures: dict[str, Any], folder: Path) -> None:
     """``peers.md`` and ``peers.png``."""
     folder.mkdir(parents=True, exist_ok=True)
     head, rows = table(figures)
-    lines = ["# The same step in explicitfe, Warp and JAX", "", machine_in_words(figures), ""]
+    lines = ["# The same step in " + ", ".join(["explicitfe", *figures["peers"]]), "", machine_in_words(figures), ""]
     lines += ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
     lines += ["", "GB/s: of a triad that takes as much room as the arrays of a step.", "", "![Times](peers.png)", ""]
     (folder / "peers.md").write_text("\n".join(lines))
@@ -696,7 +724,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     names = ["explicitfe", *figures["peers"]]
-    colours = {"explicitfe": "#1b6ca8", "warp": "#7aa95c", "jax": "#d98032"}
+    colours = {"explicitfe": "#1b6ca8", "c++": "#8a5aa8", "warp": "#7aa95c", "jax": "#d98032"}
     fig, panels = plt.subplots(1, len(TREATMENTS), figsize=(11, 4.6), sharey=True, layout="constrained")
     width = 0.8 / len(names)
     top = max(value for row in figures["rows"] for value in row["ns"].values())
@@ -735,6 +763,14 @@ def show(figures: dict[str, Any]) -> None:
             print(f"  {name:24} {cell:>20}")
 
 
+def missing(peer: str) -> str:
+    """What a program lacks on this machine, in words; nothing if it can run."""
+    if peer in PACKAGES:
+        return "" if importlib.util.find_spec(peer) else f'{PACKAGES[peer]} is not installed; pip install ".[peers]"'
+    names = " or ".join(peer_cpp.COMPILERS)
+    return "" if peer_cpp.compiler() else f"there is no C++ compiler; install {names}, or name one in CXX"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__.split("\n")[0],
@@ -747,10 +783,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the figures to this file")
     parser.add_argument("--out", type=Path, metavar="DIR", help="also write peers.md and peers.png to this folder")
     arguments = parser.parse_args()
-    peers = [name for name in PEERS if name not in arguments.without]
-    for name in peers:
-        if importlib.util.find_spec(name) is None:
-            raise SystemExit(f'{name} is not installed: pip install ".[peers]", or go on without it: --without {name}')
+    peers = []
+    for name in PEERS:
+        lacks = "" if name in arguments.without else missing(name)
+        if lacks:
+            print(f"{name} is left out: {lacks}.", file=sys.stderr)
+        elif name not in arguments.without:
+            peers.append(name)
 
     # numba has counted the cores by now; XLA counts them when it is imported, and finds one
     everywhere = cores()
@@ -764,7 +803,7 @@ def main() -> None:
         "versions": {
             "python": platform.python_version(),
             "numba": version("numba"),
-            **{name: version(PACKAGES[name]) for name in peers},
+            **{name: version(PACKAGES[name]) if name in PACKAGES else peer_cpp.version() for name in peers},
         },
         "peers": peers,
         "peak_Gflop_s": peak,

@@ -32,7 +32,7 @@ from explicitfe.measure.document import Measures  # noqa: E402
 from explicitfe.measure.measure import measures_of  # noqa: E402
 from explicitfe.measure.steps import last_step  # noqa: E402
 from explicitfe.mesh.hexmesh import HexMesh  # noqa: E402
-from explicitfe.mesh.quality import corner_jacobians  # noqa: E402
+from explicitfe.mesh.validity import certify  # noqa: E402
 from explicitfe.model import bones as model_bones  # noqa: E402
 from explicitfe.model import catalogue  # noqa: E402
 from explicitfe.model.model import Bone, Model  # noqa: E402
@@ -193,7 +193,7 @@ def kept_of(result: Result, model: Model, summary: Mapping[str, Any]) -> tuple[d
         "status": summary["status"],
         "message": summary["message"],
         "measures": measures_of(result, step).model_dump(),
-        "folded": int(np.sum(np.any(corner_jacobians(result.mesh.points + u, result.mesh.hexes) <= 0.0, axis=1))),
+        "folded": certify(result.mesh.points + u, result.mesh.hexes).folded_count,
         "hourglass": summary["hourglass_share_end"],
         "balance": float(summary["energy_balance_error"]),
         "deepest_mm": 1e3 * max((deepest(result, bone) for bone in model.bones), default=0.0),

@@ -14,13 +14,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from real_tongue import write_model, write_scenario
 
 from explicitfe.measure.document import Measures
 from explicitfe.measure.measure import measures_of
 from explicitfe.measure.steps import last_step
-from explicitfe.mesh.quality import corner_jacobians
+from explicitfe.mesh.validity import certify
 from explicitfe.results import open_result
 from explicitfe.run.run import run
 
@@ -38,8 +37,8 @@ POINTS, POINTS_OF_THE_PAPER = ("tip", "blade", "front", "dorsum", "back"), ("tip
 def numbers(summary: dict[str, Any]) -> tuple[Measures, int]:
     """What a run came to at its end, and the number of its elements that are folded."""
     with open_result(summary["result"]) as result:
-        folded = np.any(corner_jacobians(result.mesh.points + result.displacement(), result.mesh.hexes) <= 0.0, axis=1)
-        return measures_of(result, last_step(result)), int(folded.sum())
+        certificate = certify(result.mesh.points + result.displacement(), result.mesh.hexes)
+        return measures_of(result, last_step(result)), certificate.folded_count
 
 
 def end_of(summary: dict[str, Any], folded: int) -> list[str]:

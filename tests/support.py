@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from explicitfe.bones.distance import DistanceField
 from explicitfe.bones.surface import TriangleSurface
-from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
+from explicitfe.compiled.arrays import BARRIER, DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 from explicitfe.materials import Law
 from explicitfe.materials.mooney_rivlin import MooneyRivlin
 from explicitfe.materials.neo_hooke import NeoHooke
@@ -142,10 +142,10 @@ def deformed(
 
 
 def elastic_energies(simulation: Simulation, displacement: np.ndarray) -> tuple[float, float]:
-    """Strain energy and hourglass energy [J] at a displacement; the simulation's state moves there."""
+    """Strain energy, and what hourglass control and the barrier against folding add [J]; the simulation's state moves there."""
     simulation.state.u[: len(displacement), :3] = displacement[simulation.node_order]
     energies = simulation.snapshot().energies
-    return float(energies[INTERNAL]), float(energies[HOURGLASS])
+    return float(energies[INTERNAL]), float(energies[HOURGLASS] + energies[BARRIER])
 
 
 # ---- matrices of small bodies ----

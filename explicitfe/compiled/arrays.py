@@ -1,8 +1,8 @@
 """Arrays that cross into compiled kernels: one named tuple a family, every field with its meaning, unit and shape.
 
 n nodes, m elements, B = ceil(m / W) blocks of W = ``simd.WIDTH`` elements. Node arrays have N > n rows of 4 numbers
-[x, y, z, 0]: four, so that a corner is one vector load; at least one row more, so that the empty lanes of the last block
-have a node to read and write, which has no mass and never moves; an even number, so that whole vectors sweep over them.
+[x, y, z, 0]: four, so that a corner is one vector load; eight rows more, so that the empty lanes of the last block have an
+element to compute, whose nodes have no mass and never move; an even number, so that whole vectors sweep over them.
 """
 
 from __future__ import annotations
@@ -16,6 +16,11 @@ from numpy.typing import DTypeLike
 
 from explicitfe.compiled.simd import ROW, WIDTH
 
+# Entries of ``Blocks.corner``: the smallest volume ratio of a corner, relative to that at which the barrier begins, and the
+# largest stiffness of the barrier over mass [1/s^2]; and what they are where it acts nowhere.
+CORNER, STIFFEST = 0, 1
+NO_CORNER = (1.0, 0.0)
+
 
 class State(NamedTuple):
     """What the loop advances from instant to instant."""
@@ -28,23 +33,32 @@ class State(NamedTuple):
 class Blocks(NamedTuple):
     """Elements in blocks of W: lane after lane, so that W elements are computed at once."""
 
-    nodes: np.ndarray  # node numbers, uint32, (B, 8, W)
-    geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W)
-    constants: np.ndarray  # constants of the material law, (B, number of the law, W)
-    hourglass: np.ndarray  # constants of the hourglass treatment, or numbers of the Gauss points, (B, number, W)
+    nodes: np.ndarray  # where the row of each node begins: ROW times its number, uint32, (B, 8, W)
+    geometry: np.ndarray  # b [1/m], hX [m], volume [m^3] as in elements/hex8.py, (B, GEOMETRY, W); (B, 0, W) where it is derived
+    constants: np.ndarray  # constants of the material law, (B, number of the law, W), or (1, ...) where they are the same in all
+    hourglass: np.ndarray  # constants of the hourglass treatment, unless derived, or numbers of the Gauss points, (B, number, W)
     effects: np.ndarray  # numbers of the material's effects for the present time increment, (B, number, W)
     old: np.ndarray  # what the material remembers of the last accepted instant, (B, number, W)
     new: np.ndarray  # the same for the state that is evaluated; the array ``old`` itself where every state is accepted
+    barrier: np.ndarray  # numbers of elements/barrier.py, (B, NUMBERS, W); (B, 0, W) without one
     muscle: np.ndarray  # which muscles pull in each block, int64, -1 after the last, (B, K, W)
     contraction: np.ndarray  # of each of them sigma [Pa] and a0 (3), (B, 4 K, W)
     activation: np.ndarray  # of the M muscles now, and 1 where the stress falls off in a shortened fibre, (M, 2)
     length: np.ndarray  # volume integral of sigma times that of phi over lambda, of the state evaluated last [J], (M, W)
     last_length: np.ndarray  # the same, summed, of the last accepted instant [J], (M,)
+    suspect: np.ndarray  # blocks in which a corner may be folding: work array, int64, (B,)
+    corner: np.ndarray  # CORNER and STIFFEST of the state evaluated last, (2,)
+    position: np.ndarray  # node rows: reference positions [m], (N, 4), of an element at rest on the idle rows
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Blocks:
         """The same with all arrays of blocks changed: of some blocks or lanes only; sums begin anew."""
         changed = {name: change(getattr(self, name)) for name in self._fields[: self._fields.index("activation")]}
-        return self._replace(**changed, length=np.zeros_like(self.length), last_length=np.zeros_like(self.last_length))
+        if len(self.constants) < len(self.nodes):
+            changed["constants"] = self.constants
+        count = len(changed["nodes"])
+        sums = {"length": np.zeros_like(self.length), "last_length": np.zeros_like(self.last_length)}
+        work = {"suspect": zeros((count,), np.int64), "corner": np.array(NO_CORNER)}
+        return self._replace(**changed, **sums, **work)
 
     def between(self, first: int, last: int) -> Blocks:
         """The blocks from ``first`` to the one before ``last``."""
@@ -66,6 +80,7 @@ class Part(NamedTuple):
     force: np.ndarray  # minus the internal force of its elements at those rows [N]
     lower: np.ndarray  # the same of the part before, from this part's first row on; none in the first part
     blocks: Blocks  # with node numbers counted from ``first``
+    loaded: np.ndarray  # whether external forces may act on each run of SWEEP_ROWS of its own rows, uint8, (runs,)
     near: int = 0  # the first of the contact points that lie on its own rows
     far: int = 0  # and the one after the last
 
@@ -127,6 +142,14 @@ class Nodes(NamedTuple):
 
     mass: np.ndarray  # [kg], (N, 4)
     inverse_mass: np.ndarray  # [1/kg], 0 where the component is held, (N, 4)
+    update: np.ndarray  # what a step reads of both: the inverse masses, and the mass in the fourth column, (N, 4)
+
+
+def nodes_of(mass: np.ndarray, inverse_mass: np.ndarray) -> Nodes:
+    """Nodes with masses (N, 4) kg and their inverse (N, 4) 1/kg."""
+    update = zeros(mass.shape)
+    update[:, :3], update[:, 3] = inverse_mass[:, :3], mass[:, 0]
+    return Nodes(mass, inverse_mass, update)
 
 
 class DeadLoads(NamedTuple):
@@ -243,18 +266,19 @@ RESIDUAL, KINETIC_RATIO, REST_J, STIFFNESS, POWER, MOMENT, LOADS, WORK, MONITOR 
 SUM_J, PRESSED, UNBALANCED, PUSHED, DEAD_WORK, SUM_POWER, MOVED_POWER, MOVED_MOMENT = range(8)
 SUMS = 16
 
-# Entries of the ledger, float64.
-EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, LEDGER = 0, 1, 2, 3, 4
+# Entries of the ledger, float64: sums of work, then the smallest J and ``Blocks.corner`` so far.
+EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, SMALLEST_CORNER, LEDGER = range(6)
 
 # Entries of what looks tell: the stable limit of the step at the last one [s], steps since, steps to the next scan of the nodes,
-# and between the last two; the smallest limit [s] within the steps that a period counts, and these.
-LIMIT, SINCE, WAIT, INTERVAL, LOWEST_LIMIT, PERIOD, WATCH = range(7)
+# and between the last two; the smallest limit [s] within the steps that a period counts, and these; how stiff over mass the barrier
+# against folding may become before the next look [1/s^2].
+LIMIT, SINCE, WAIT, INTERVAL, LOWEST_LIMIT, PERIOD, CEILING, WATCH = range(8)
 
 # Entries of the time that is spent in the course of a run.
 IN_ALL, IN_LOOKS, IN_SAMPLES, SPENT = range(4)
 
 # Entries of the energies that a snapshot gives [J].
-INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, IN_CONTACT, IN_TIES, RUBBED, ENERGIES = range(10)
+INTERNAL, HOURGLASS, KINETIC, EXTERNAL, DAMPED, LOST, IN_CONTACT, IN_TIES, RUBBED, BARRIER, ENERGIES = range(11)
 
 
 CACHE_LINE_BYTES = 64  # bytes of a line of the cache
@@ -268,28 +292,44 @@ def zeros(shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> np.ndarray:
     return memory[start : start + size].view(dtype).reshape(shape)
 
 
+SWEEP_ROWS = 16  # node rows that are updated with external forces or without: eight lines of the cache
+IDLE_ROWS = 8  # node rows after the last node: the corners of what the empty lanes of the last block compute
+
+
 def node_rows(values: np.ndarray) -> np.ndarray:
-    """(n, 3) values as (N, 4) node rows, zero in the padding; N is the even number after n."""
+    """(n, 3) values as (N, 4) node rows, zero in the padding; N is an even number, and at least IDLE_ROWS more than n."""
     count = len(values)
-    rows = zeros((count + 2 - count % 2, ROW))
+    rows = zeros((count + IDLE_ROWS + count % 2, ROW))
     rows[:count, :3] = values
     return rows
 
 
-def in_blocks(values: np.ndarray, idle: int | None = None) -> np.ndarray:
-    """(m, k) element values as (B, k, W) blocks.
-
-    Lanes past the last element repeat it, so that they compute nothing odd, or hold ``idle``: the idle node, which never
-    moves, so that what they compute is zero.
-    """
+def in_blocks(values: np.ndarray) -> np.ndarray:
+    """(m, k) element values as (B, k, W) blocks; lanes past the last element repeat it, so that they compute nothing odd."""
     count, width = values.shape
     full, left = divmod(count, WIDTH)
     blocks = zeros((full + (left > 0), width, WIDTH), values.dtype)
     blocks[:full] = values[: full * WIDTH].reshape(full, WIDTH, width).transpose(0, 2, 1)
     if left:
         blocks[full, :, :left] = values[full * WIDTH :].T
-        blocks[full, :, left:] = values[-1, :, None] if idle is None else idle
+        blocks[full, :, left:] = values[-1, :, None]
     return blocks
+
+
+def row_places(hexes: np.ndarray, node_count: int) -> np.ndarray:
+    """Where the rows of the nodes (m, 8) of hexes begin, (B, 8, W) uint32; of so many nodes, with the idle rows after them.
+
+    Lanes past the last element have the idle rows, which never move, so that their forces are zero.
+    """
+    idle = np.broadcast_to(node_count + np.arange(IDLE_ROWS), (-len(hexes) % WIDTH, IDLE_ROWS))
+    return in_blocks((ROW * np.concatenate([hexes, idle])).astype(np.uint32))
+
+
+def position_rows(points: np.ndarray, last_element: np.ndarray) -> np.ndarray:
+    """Node rows of reference positions (n, 3) m; the idle rows have those of the corners (8, 3) of the last element."""
+    rows = node_rows(points)
+    rows[len(points) : len(points) + IDLE_ROWS, :3] = last_element
+    return rows
 
 
 def no_muscles(blocks: int) -> dict[str, np.ndarray]:
@@ -300,4 +340,13 @@ def no_muscles(blocks: int) -> dict[str, np.ndarray]:
         "activation": zeros((0, 2)),
         "length": zeros((0, WIDTH)),
         "last_length": zeros((0,)),
+    }
+
+
+def without_barrier(blocks: int) -> dict[str, np.ndarray]:
+    """The arrays of ``Blocks`` for so many blocks of elements that no barrier keeps from folding."""
+    return {
+        "barrier": zeros((blocks, 0, WIDTH)),
+        "suspect": zeros((blocks,), np.int64),
+        "corner": np.array(NO_CORNER),
     }

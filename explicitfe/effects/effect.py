@@ -232,6 +232,11 @@ class MaterialEffect(Effect):
         return 0
 
     @property
+    def long_term_share(self) -> float:
+        """What is left of a shear stress after a long time."""
+        return 1.0
+
+    @property
     def shape(self) -> Mapping[str, int]:
         """What its leaves are compiled for beside its place, by placeholder: such as the number of terms."""
         return {}

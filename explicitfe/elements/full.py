@@ -13,6 +13,7 @@ from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, load
 from explicitfe.mesh.hexmesh import CORNERS
 
+HAS_BARRIER = False
 GAUSS_POINTS = 8
 NUMBERS_PER_POINT = 25  # its volume w_g, and dN_a/dX_j
 
@@ -46,19 +47,19 @@ def point_gradient(values, numbers, at, j):
 
 
 @leaf
-def point_forces(f, px, py, pz, numbers, at):
-    """Corner forces of one component, with those of a Gauss point added: w_g P B_ga of that row."""
+def minus_point_forces(f, px, py, pz, numbers, at):
+    """Minus the corner forces of one component, with those of a Gauss point: w_g P B_ga of that row."""
     w = load(numbers, at)
     sx, sy, sz = w * px, w * py, w * pz
     return (
-        f[0] + _pull(sx, sy, sz, numbers, at + WIDTH),
-        f[1] + _pull(sx, sy, sz, numbers, at + 4 * WIDTH),
-        f[2] + _pull(sx, sy, sz, numbers, at + 7 * WIDTH),
-        f[3] + _pull(sx, sy, sz, numbers, at + 10 * WIDTH),
-        f[4] + _pull(sx, sy, sz, numbers, at + 13 * WIDTH),
-        f[5] + _pull(sx, sy, sz, numbers, at + 16 * WIDTH),
-        f[6] + _pull(sx, sy, sz, numbers, at + 19 * WIDTH),
-        f[7] + _pull(sx, sy, sz, numbers, at + 22 * WIDTH),
+        f[0] - _pull(sx, sy, sz, numbers, at + WIDTH),
+        f[1] - _pull(sx, sy, sz, numbers, at + 4 * WIDTH),
+        f[2] - _pull(sx, sy, sz, numbers, at + 7 * WIDTH),
+        f[3] - _pull(sx, sy, sz, numbers, at + 10 * WIDTH),
+        f[4] - _pull(sx, sy, sz, numbers, at + 13 * WIDTH),
+        f[5] - _pull(sx, sy, sz, numbers, at + 16 * WIDTH),
+        f[6] - _pull(sx, sy, sz, numbers, at + 19 * WIDTH),
+        f[7] - _pull(sx, sy, sz, numbers, at + 22 * WIDTH),
     )
 
 

@@ -103,8 +103,45 @@ def to_modes(a):
 
 
 @leaf
-def from_modes(m):
-    """Corner values sum_m W_ma m_m of seven modes: the transpose of ``to_modes``."""
+def derived_geometry(modes):
+    """What ``geometry`` gives, (GEOMETRY,), from the modes of the three components of the reference shape.
+
+    Modes are eight times c_m, so what they give is 64 V b_m. The sum over m of the modes of x times the x of it is 64 V: the
+    gradient of x along x is 1.
+    """
+    x, y, z = modes
+    x3, x4, x5 = (1.0 / 3.0) * x[3], (1.0 / 3.0) * x[4], (1.0 / 3.0) * x[5]
+    y3, y4, y5 = (1.0 / 3.0) * y[3], (1.0 / 3.0) * y[4], (1.0 / 3.0) * y[5]
+    z3, z4, z5 = (1.0 / 3.0) * z[3], (1.0 / 3.0) * z[4], (1.0 / 3.0) * z[5]
+    bx0, bx1, bx2, bx3, bx4, bx5 = _areas(y, z, y3, y4, y5, z3, z4, z5)
+    by0, by1, by2, by3, by4, by5 = _areas(z, x, z3, z4, z5, x3, x4, x5)
+    bz0, bz1, bz2, bz3, bz4, bz5 = _areas(x, y, x3, x4, x5, y3, y4, y5)
+    volume = x[0] * bx0 + x[1] * bx1 + x[2] * bx2 + x[3] * bx3 + x[4] * bx4 + x[5] * bx5
+    w = 1.0 / volume
+    return (
+        w * bx0, w * by0, w * bz0, w * bx1, w * by1, w * bz1, w * bx2, w * by2, w * bz2,
+        w * bx3, w * by3, w * bz3, w * bx4, w * by4, w * bz4, w * bx5, w * by5, w * bz5,
+        x[3], y[3], z[3], x[4], y[4], z[4], x[5], y[5], z[5], x[6], y[6], z[6],
+        (1.0 / 64.0) * volume,
+    )  # fmt: skip
+
+
+@leaf
+def _areas(p, q, p3, p4, p5, q3, q4, q5):
+    """64 V b_mj of the six modes, from the modes p and q of the next two components, and a third of their hourglass modes."""
+    return (
+        p[1] * q[2] - q[1] * p[2] + p5 * q[4] - q5 * p[4],
+        p[2] * q[0] - q[2] * p[0] + p3 * q[5] - q3 * p[5],
+        p[0] * q[1] - q[0] * p[1] + p4 * q[3] - q4 * p[3],
+        p[2] * q4 - q[2] * p4 + p5 * q[1] - q5 * p[1],
+        p[0] * q5 - q[0] * p5 + p3 * q[2] - q3 * p[2],
+        p[1] * q3 - q[1] * p3 + p4 * q[0] - q4 * p[0],
+    )
+
+
+@leaf
+def minus_from_modes(m):
+    """Minus the corner values sum_m W_ma m_m of seven modes: minus the transpose of ``to_modes``."""
     xi, eta, zeta, ez, zx, xe, xez = m
     xi_low, xi_top = xi - zx, xi + zx
     eta_low, eta_top = eta - ez, eta + ez
@@ -114,14 +151,14 @@ def from_modes(m):
     a_low, b_low = xe_low - zeta, xe_low + zeta
     a_top, b_top = xe_top + zeta, xe_top - zeta
     return (
-        a_low - p_low,
-        m_low - b_low,
-        a_low + p_low,
-        -(m_low + b_low),
-        a_top - p_top,
-        m_top - b_top,
-        a_top + p_top,
-        -(m_top + b_top),
+        p_low - a_low,
+        b_low - m_low,
+        -(a_low + p_low),
+        m_low + b_low,
+        p_top - a_top,
+        b_top - m_top,
+        -(a_top + p_top),
+        m_top + b_top,
     )
 
 
@@ -150,19 +187,19 @@ def hourglass_modes(modes, g, hx, hy, hz):
 
 
 @leaf
-def corner_forces(px, py, pz, r, g):
-    """Corner values of one component of B S + sum_k r_k g_k, with S = (px, py, pz) [N m] and r_k its hourglass forces."""
-    sx = px - (r[0] * g[18] + r[1] * g[21] + r[2] * g[24] + r[3] * g[27])
-    sy = py - (r[0] * g[19] + r[1] * g[22] + r[2] * g[25] + r[3] * g[28])
-    sz = pz - (r[0] * g[20] + r[1] * g[23] + r[2] * g[26] + r[3] * g[29])
-    return from_modes(
+def minus_corner_forces(px, py, pz, r, g):
+    """Minus the corner values of one component of B S + sum_k r_k g_k, S = (px, py, pz) [N m] and r_k its hourglass forces."""
+    sx = px - r[0] * g[18] - r[1] * g[21] - r[2] * g[24] - r[3] * g[27]
+    sy = py - r[0] * g[19] - r[1] * g[22] - r[2] * g[25] - r[3] * g[28]
+    sz = pz - r[0] * g[20] - r[1] * g[23] - r[2] * g[26] - r[3] * g[29]
+    return minus_from_modes(
         (
             sx * g[0] + sy * g[1] + sz * g[2],
             sx * g[3] + sy * g[4] + sz * g[5],
             sx * g[6] + sy * g[7] + sz * g[8],
-            sx * g[9] + sy * g[10] + sz * g[11] + r[0],
-            sx * g[12] + sy * g[13] + sz * g[14] + r[1],
-            sx * g[15] + sy * g[16] + sz * g[17] + r[2],
+            r[0] + sx * g[9] + sy * g[10] + sz * g[11],
+            r[1] + sx * g[12] + sy * g[13] + sz * g[14],
+            r[2] + sx * g[15] + sy * g[16] + sz * g[17],
             r[3],
         )
     )

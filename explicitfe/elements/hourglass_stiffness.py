@@ -11,6 +11,7 @@ import numpy as np
 
 from explicitfe.compiled.jit import leaf
 
+HAS_BARRIER = False
 STIFFNESS_FACTOR = 1.0  # of the derived stiffness; the study of hourglass control tries what others would do
 
 
@@ -26,6 +27,19 @@ def constants(corners: np.ndarray, geometry: np.ndarray) -> np.ndarray:
     geometry : (m, hex8.GEOMETRY) the elements' numbers; tr(B B^T) = 8 sum_m b_m^2.
     """
     return STIFFNESS_FACTOR / 3.0 * np.sum(geometry[:, :18] ** 2, axis=1)[:, None]
+
+
+@leaf
+def of_shape(modes, g):
+    """The same from the geometry of an element."""
+    return (
+        (STIFFNESS_FACTOR / 3.0)
+        * (
+            g[0] * g[0] + g[1] * g[1] + g[2] * g[2] + g[3] * g[3] + g[4] * g[4] + g[5] * g[5]
+            + g[6] * g[6] + g[7] * g[7] + g[8] * g[8] + g[9] * g[9] + g[10] * g[10] + g[11] * g[11]
+            + g[12] * g[12] + g[13] * g[13] + g[14] * g[14] + g[15] * g[15] + g[16] * g[16] + g[17] * g[17]
+        ),
+    )  # fmt: skip
 
 
 @leaf

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import WIDTH, gather_rows, scatter_rows
+from explicitfe.elements.hex8 import to_modes
 
 
 @leaf
 def gather_corners(u, nodes, at):
-    """Displacement components of the 8 corners, 3 x 8, of the W elements whose node numbers start at ``at``."""
+    """Displacement components of the 8 corners, 3 x 8, of the W elements whose places of node rows start at ``at``."""
     x0, y0, z0 = gather_rows(u, nodes, at)
     x1, y1, z1 = gather_rows(u, nodes, at + WIDTH)
     x2, y2, z2 = gather_rows(u, nodes, at + 2 * WIDTH)
@@ -21,8 +22,15 @@ def gather_corners(u, nodes, at):
 
 
 @leaf
-def subtract_corner_forces(force, nodes, at, fx, fy, fz):
-    """Subtract the corner forces of W elements from the node rows."""
+def element_modes(u, nodes, at):
+    """Seven modes of each component of node rows, for the W elements whose places of node rows start at ``at``."""
+    x, y, z = gather_corners(u, nodes, at)
+    return to_modes(x), to_modes(y), to_modes(z)
+
+
+@leaf
+def add_corner_forces(force, nodes, at, fx, fy, fz):
+    """Add the corner forces of W elements to the node rows."""
     scatter_rows(force, nodes, at, fx[0], fy[0], fz[0])
     scatter_rows(force, nodes, at + WIDTH, fx[1], fy[1], fz[1])
     scatter_rows(force, nodes, at + 2 * WIDTH, fx[2], fy[2], fz[2])

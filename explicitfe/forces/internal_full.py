@@ -6,27 +6,30 @@ import math
 from types import ModuleType
 
 from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind, leaf
-from explicitfe.compiled.simd import WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
-from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, point_forces, point_gradient
+from explicitfe.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
+from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, minus_point_forces, point_gradient
 from explicitfe.elements.hex8 import GEOMETRY
 from explicitfe.errors import InputError
-from explicitfe.forces import contraction
+from explicitfe.forces import contraction, response
 from explicitfe.forces.contraction import no_contraction, no_start
-from explicitfe.forces.corners import gather_corners, subtract_corner_forces
+from explicitfe.forces.corners import add_corner_forces, gather_corners
 from explicitfe.forces.response import Layout
 from explicitfe.materials import Leaves, volumetric
 from explicitfe.materials.kinematics import cofactor, determinant
 
 # Placeholders, bound below to a law of materials/.
 invariants = first_stress = law_isochoric = law_slopes = PLACEHOLDER
+law_constants = PLACEHOLDER
 LAW_CONSTANTS = 1
 start, contract = no_start, no_contraction
 _ELEMENT_STRIDE = GAUSS_POINTS * NUMBERS_PER_POINT * WIDTH
 _POINT_STRIDE = NUMBERS_PER_POINT * WIDTH
 
 
-def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool) -> tuple[Dispatcher, Dispatcher]:
+def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool, derived: bool) -> tuple[Dispatcher, Dispatcher]:
     """The force and the energy kernel of a law, with or without stress of muscles; ``treatment`` is elements/full.py.
+
+    Geometry is always read, never ``derived``: that of eight points takes too long.
 
     Raises
     ------
@@ -34,7 +37,11 @@ def bound(law: Leaves, treatment: ModuleType, layout: Layout, muscles: bool) -> 
     """
     if layout:
         raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
-    common = {"invariants": law.kind.invariants, "LAW_CONSTANTS": law.count}
+    common = {
+        "invariants": law.kind.invariants,
+        "LAW_CONSTANTS": law.count,
+        "law_constants": response.bound_constants(law),
+    }
     active = {"start": contraction.start_contraction, "contract": contraction.contract} if muscles else {}
     leaves = {"law_slopes": law.slopes_at, "first_stress": law.kind.first_stress}
     force = bind(internal_force, stored=False, **leaves, **common, **active)
@@ -65,7 +72,7 @@ def internal_force(u, force, blocks):
     smallest = splat(math.inf)
     for block in range(len(blocks.nodes)):
         x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
-        c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+        c = law_constants(blocks, block)
         volume = splat(0.0)
         for point in range(GAUSS_POINTS):
             at = block * _ELEMENT_STRIDE + point * _POINT_STRIDE
@@ -85,17 +92,17 @@ def internal_force(u, force, blocks):
             here = invariants(F, cof, J)
             P = first_stress(F, cof, J, here, law_slopes(here, c), pressure)
             P = contract(P, F, load(numbers, at), blocks, block)
-            fx = point_forces(fx, P[0], P[1], P[2], numbers, at)
-            fy = point_forces(fy, P[3], P[4], P[5], numbers, at)
-            fz = point_forces(fz, P[6], P[7], P[8], numbers, at)
-        subtract_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+            fx = minus_point_forces(fx, P[0], P[1], P[2], numbers, at)
+            fy = minus_point_forces(fy, P[3], P[4], P[5], numbers, at)
+            fz = minus_point_forces(fz, P[6], P[7], P[8], numbers, at)
+        add_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
         # zero times a force that is not finite is NaN: J > 0 then says that the force is sound as well
         smallest = minimum(smallest, mean + 0.0 * (fx[0] + fy[0] + fz[0]))
     return min_lanes(smallest)
 
 
 def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy at displacement u, 0 for hourglass control and 0 for what is lost [J].
+    """Strain energy at displacement u, and 0 for hourglass control, for what is lost and for a barrier [J].
 
     ``element_J`` (B, W) receives the mean J, ``element_energy`` (B, W) the strain energy [J], ``element_hourglass`` zeros.
     """
@@ -103,7 +110,7 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
     internal = splat(0.0)
     for block in range(len(blocks.nodes)):
         x, y, z = gather_corners(u, blocks.nodes, block * (8 * WIDTH))
-        c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
+        c = law_constants(blocks, block)
         volume = splat(0.0)
         energy = splat(0.0)
         for point in range(GAUSS_POINTS):
@@ -121,4 +128,4 @@ def internal_energy(u, blocks, element_J, element_energy, element_hourglass):
         store(element_J, block * WIDTH, mean)
         store(element_energy, block * WIDTH, energy)
         store(element_hourglass, block * WIDTH, splat(0.0))
-    return sum_lanes(internal), 0.0, 0.0
+    return sum_lanes(internal), 0.0, 0.0, 0.0

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, Template, bind, leaf
-from explicitfe.compiled.simd import inverse_cube_root
+from explicitfe.compiled.simd import WIDTH, inverse_cube_root, load_many
 from explicitfe.effects.effect import MaterialEffect, remember, remembered
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Leaves, volumetric
@@ -32,6 +32,16 @@ LAW_CONSTANTS = 1
 WORK_P, WORK_DELTA, WORK_SLOPE, WORK_DONE, WORK_MEMORY = 9, 18, 19, 20, 21
 # Where a material that rests without strain does not remember zero: F = 1.
 AT_REST = {0: 1.0, 4: 1.0, 8: 1.0}
+
+
+def bound_constants(law: Leaves) -> Dispatcher:
+    """The leaf that gives the constants of a law in W elements."""
+    return bind(law_constants, inline=True, LAW_CONSTANTS=law.count)
+
+
+def law_constants(blocks, block):
+    """Constants of the law, (LAW_CONSTANTS,), of W elements; one block has those of all where they are the same."""
+    return load_many(blocks.constants, min(block, len(blocks.constants) - 1) * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
 
 
 def elastic(F, cof, J, delta, c, blocks, block):

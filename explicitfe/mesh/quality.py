@@ -3,6 +3,7 @@
 The Jacobian at a corner of a hex is the determinant of the three edges that leave it, in the order of the natural axes:
 the volume of the parallelepiped that they span. The scaled Jacobian is the same with the edges normalised: 1 for a
 brick, 0 for a flat corner, negative for an inverted one (Knupp 2000, Int. J. Numer. Meth. Engng 48:1165-1185).
+A hex can be folded between its corners and at none of them: ``mesh/validity.py`` says whether it is.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.mesh.validity import certify
 
 # The neighbours of each corner along xi, eta, zeta, and the sign of turning its edges towards growing xi, eta, zeta.
 _CORNER_NEIGHBOURS = np.array([[1, 3, 4], [0, 2, 5], [3, 1, 6], [2, 0, 7], [5, 7, 0], [4, 6, 1], [7, 5, 2], [6, 4, 3]])
@@ -140,8 +142,8 @@ def check(mesh: HexMesh, where: str) -> None:
     ------
     InputError
         In one sentence, with numbers counted from 0: no elements, an array of the wrong shape, a node that is not
-        finite, a node number out of range, a node twice in an element, a flat or an inverted corner, an unused node.
-        The first of these faults, in this order.
+        finite, a node number out of range, a node twice in an element, a flat or an inverted corner, an element that is folded
+        between its corners, an unused node. The first of these faults, in this order.
     """
     points, hexes = mesh.points, mesh.hexes
     if points.ndim != 2 or points.shape[1] != 3:
@@ -194,6 +196,15 @@ def check(mesh: HexMesh, where: str) -> None:
             fault = f"is inverted at corner {corner} (node {node}): negative Jacobian"
             remedy = "check the node order (VTK) or repair the mesh"
         raise InputError(f"{where}: element {element} {fault}; {remedy}{_more(bad, 'element')}.")
+
+    certificate = certify(points, hexes)
+    bad = np.flatnonzero(certificate.folded)
+    if len(bad):
+        xi, eta, zeta = certificate.natural[bad[0]]
+        raise InputError(
+            f"{where}: element {bad[0]} is folded between its corners: negative Jacobian at xi, eta, zeta = "
+            f"{xi:.3g}, {eta:.3g}, {zeta:.3g}, though positive at all corners; move its nodes{_more(bad, 'element')}."
+        )
 
     used = np.zeros(len(points), dtype=bool)
     used[hexes] = True

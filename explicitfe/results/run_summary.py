@@ -58,6 +58,13 @@ def kind_of(model: Mapping[str, Any]) -> str:
     return model.get("scenario", {}).get("analysis", {}).get("type", "transient")
 
 
+class FoldedElements(TypedDict):
+    """How many elements are folded for certain, and of how many it is not known; all others are certain not to be."""
+
+    elements: int
+    undecided: int
+
+
 class RunSummary(TypedDict):
     """What any run came to. ``message`` says why a run ended early; ``plots`` are there where pictures were drawn."""
 
@@ -76,6 +83,7 @@ class RunSummary(TypedDict):
     hourglass_share: float
     hourglass_share_end: float
     min_J: float
+    folded: FoldedElements
     plots: NotRequired[list[str]]
 
 
@@ -131,6 +139,7 @@ class MeshReport(TypedDict):
     largest_edge_mm: float
     smallest_scaled_jacobian: float
     worst_element: int
+    folded: FoldedElements
 
 
 class SpeedRow(TypedDict):

@@ -12,8 +12,9 @@ import numpy as np
 
 from explicitfe.errors import Progress
 from explicitfe.mesh.quality import assess
+from explicitfe.mesh.validity import certify
 from explicitfe.model.model import Model
-from explicitfe.results.run_summary import CheckReport, MeshReport, ModelDescription, RunSummary
+from explicitfe.results.run_summary import CheckReport, FoldedElements, MeshReport, ModelDescription, RunSummary
 from explicitfe.scenario.read import Scenario
 from explicitfe.solve.body import Body
 
@@ -121,7 +122,13 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
             "largest_edge_mm": 1e3 * quality.largest_edge_m,
             "smallest_scaled_jacobian": quality.smallest_scaled_jacobian,
             "worst_element": quality.worst_element,
+            "folded": self._folded(np.zeros_like(self.model.mesh.points)),
         }
+
+    def _folded(self, displacement: np.ndarray) -> FoldedElements:
+        """The elements that are folded anywhere at a displacement (n, 3) m."""
+        certificate = certify(self.model.mesh.points + displacement, self.model.mesh.hexes)
+        return {"elements": certificate.folded_count, "undecided": certificate.undecided_count}
 
     def _seconds_per_step(self) -> float:
         """Best of a few force evaluations: they are most of a step."""

@@ -11,11 +11,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from explicitfe.errors import InputError, Progress
-from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.results.run_summary import (
     CheckReport,
+    FoldedElements,
     IndentationCheckReport,
     IndentationModelDescription,
     IndentationSummary,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 DEPTH_WARNING_SHARE = 0.4  # of the thickness: a deeper indentation depends on how high the specimen is and how it is held
-COLLAPSED_CORNER_SHARE = 1e-6  # of the largest corner: below it a corner has no volume to begin with, as on a sector's axis
 ITERATIONS_PER_LOAD = 3000  # at a residual of 1e-4 and Poisson's ratio 0.499, as seen on the default specimen
 
 INDENTATION_HISTORY = {
@@ -217,11 +216,12 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         loaded = curve[1:]
         elastic = [point.internal_J + point.hourglass_J for point in curve]
         shares = [point.hourglass_J / e for point, e in zip(curve, elastic, strict=True) if e > 0.0]
+        folded = self._folded(self.body.displacement)
         pressed = [point for point in loaded if point.displacement_m > 0.0 and point.force_N > 0.0]
         return {
             "status": state,
             "message": message,
-            "warnings": self._warnings(curve, max(shares, default=0.0)),
+            "warnings": self._warnings(curve, max(shares, default=0.0), folded),
             "result": str(target),
             "title": self.scenario.title,
             "nodes": mesh.node_count,
@@ -244,22 +244,21 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "hourglass_share": max(shares, default=0.0),
             "hourglass_share_end": shares[-1] if shares else 0.0,
             "min_J": min((point.smallest_J for point in curve), default=1.0),
+            "folded": folded,
         }
 
-    def _warnings(self, curve: list[Equilibrium], hourglass: float) -> list[str]:
+    def _warnings(self, curve: list[Equilibrium], hourglass: float, folded: FoldedElements) -> list[str]:
         """What a user should know before believing the result."""
-        mesh, body = self.model.mesh, self.body
         warnings = [*self.notes]
         if hourglass > HOURGLASS_WARNING_SHARE:
             warnings.append(
                 f"hourglass energy reaches {100 * hourglass:.0f} % of the elastic energy: the mesh is coarse for this "
                 "deformation; compare with model.refinement = 2 before quoting numbers."
             )
-        folded = self._folded_elements(body.displacement)
-        if folded:
+        if folded["elements"]:
             warnings.append(
-                f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does "
-                'not resist: compare with model.refinement = 2 and with element = "hex8-full".'
+                f"{folded['elements']} of {self.model.mesh.element_count} elements are folded at the end, which one integration "
+                'point does not resist: compare with model.refinement = 2 and with element = "hex8-full".'
             )
         depth = max((point.displacement_m for point in curve), default=0.0)
         thickness = 1e-3 * self.scenario.model.thickness_mm
@@ -274,14 +273,6 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         if ratio > PENETRATION_SHARE and self.scenario.tool.shape != "bonded-disc":
             warnings.append(f"the surface is up to {100 * ratio:.2f} % of the indentation inside the tool.")
         return warnings
-
-    def _folded_elements(self, displacement: np.ndarray) -> int:
-        """How many elements are folded at a corner that has a volume in the reference shape."""
-        mesh = self.model.mesh
-        reference = corner_jacobians(mesh.points, mesh.hexes)
-        has_volume = reference > COLLAPSED_CORNER_SHARE * reference.max()
-        folded = (corner_jacobians(mesh.points + displacement, mesh.hexes) <= 0.0) & has_volume
-        return int(np.sum(np.any(folded, axis=1)))
 
 
 def external_work(curve: list[Equilibrium]) -> float:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self, cast
 import numpy as np
 
 from explicitfe.compiled.arrays import (
+    BARRIER,
     BONE_AREA,
     BONE_FORCE,
     DAMPED,
@@ -25,13 +26,13 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.errors import InputError, Progress
 from explicitfe.measure.motion import has_settled
-from explicitfe.mesh.quality import corner_jacobians
 from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model import catalogue
 from explicitfe.model.tongue import assemble
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.results.run_summary import (
     CheckReport,
+    FoldedElements,
     RunSummary,
     TransientCheckReport,
     TransientModelDescription,
@@ -58,6 +59,7 @@ TRANSIENT_HISTORY = {
     "dt": Quantity("s", 1, "time step"),
     "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy"),
     "hourglass_energy": Quantity("J", 1, "energy of hourglass control"),
+    "barrier_energy": Quantity("J", 1, "energy of the barrier against folding"),
     "kinetic_energy": Quantity("J", 1, "1/2 v(-).M v(+) of the half steps before and after"),
     "external_work": Quantity("J", 1, "work of muscles, loads and gravity"),
     "damping_loss": Quantity("J", 1, "energy lost to mass-proportional damping"),
@@ -226,6 +228,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "dt": recording.dt_s[some],
             "internal_energy": e[:, INTERNAL],
             "hourglass_energy": e[:, HOURGLASS],
+            "barrier_energy": e[:, BARRIER],
             "kinetic_energy": e[:, KINETIC],
             "external_work": e[:, EXTERNAL],
             "damping_loss": e[:, DAMPED],
@@ -252,7 +255,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         cells = {"J": samples.J[some], "hourglass_energy": samples.hourglass[some]}
         writer.samples(times_s, points, {name: value for name, value in cells.items() if name in wanted})
 
-    def _warnings(self, ledger: Ledger, last: Snapshot) -> list[str]:
+    def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements) -> list[str]:
         """What a user should know before believing the result."""
         mesh = self.model.mesh
         warnings = [*self.notes]
@@ -265,10 +268,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 f"({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this deformation, or a force acts on too few nodes; "
                 'compare with a finer resolution, or spread the force (distribution = "stress"), before quoting numbers.'
             )
-        folded = int(np.sum(np.any(corner_jacobians(mesh.points + last.displacement, mesh.hexes) <= 0.0, axis=1)))
-        if folded:
+        if folded["elements"]:
             warnings.append(
-                f"{folded} of {mesh.element_count} elements are folded at a corner at the end, which one integration point does "
+                f"{folded['elements']} of {mesh.element_count} elements are folded at the end, which one integration point does "
                 'not resist: spread the forces (distribution = "stress") or lower them, and compare with element = "hex8-full".'
             )
         through = self_penetration(mesh, last.displacement)
@@ -299,13 +301,14 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
     ) -> TransientSummary:
         simulation, mesh = transient.simulation, self.model.mesh
         last = simulation.snapshot()
+        folded = self._folded(last.displacement)
         finite = bool(np.isfinite(last.energies).all())
         speed = np.linalg.norm(last.velocity, axis=1)
         path_length = np.linalg.norm(last.displacement, axis=1)
         return {
             "status": status.state,
             "message": status.message,
-            "warnings": self._warnings(ledger, last),
+            "warnings": self._warnings(ledger, last, folded),
             "result": str(target),
             "title": self.scenario.title,
             "nodes": mesh.node_count,
@@ -326,6 +329,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "hourglass_share": ledger.hourglass_share,
             "hourglass_share_end": ledger.hourglass_share_at_end,
             "min_J": float(simulation.ledger[SMALLEST_J]),
+            "folded": folded,
             "settled": finite and has_settled(float(speed.max()), float(path_length.max())),
             "largest_displacement_mm": float(1e3 * path_length.max()),
             "largest_speed_mm_s": float(1e3 * speed.max()),

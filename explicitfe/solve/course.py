@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from explicitfe.compiled.arrays import IN_ALL, IN_LOOKS, IN_SAMPLES, PERIOD, SINCE, SMALLEST_J, WAIT
+from explicitfe.compiled.arrays import CEILING, IN_ALL, IN_LOOKS, IN_SAMPLES, PERIOD, SINCE, SMALLEST_J, STIFFEST, WAIT
 from explicitfe.compiled.threads import asked_to_stop, ticks, wait
 from explicitfe.solve.look import (
+    BARRIER_MARGIN,
+    MAXIMUM,
+    MOST_STEPS_BETWEEN_LOOKS,
     allow_growth,
     calls_for_another_step,
     is_due,
     limit_of,
     note_limit,
     plan_next_scan,
-    scan,
+    smallest,
     steps_ahead,
 )
 
@@ -21,11 +25,12 @@ from explicitfe.solve.look import (
 advance: Any = None
 snapshot: Any = None
 highest_frequency: Any = None
+scan: Any = None
 
 NO_LOOKS, AUTOMATIC_STEP, FIXED_STEP, LIMIT_ALONE = range(4)  # what ``looking`` can be
 # There are no more turns once the square of the highest frequency rises by less than this share in one; but it may pause for some
 # turns before it rises on, and so at the start of a run all turns are made.
-SETTLED_SHARE, NEVER_SETTLED = 0.003, -1.0
+SETTLED_SHARE, NEVER_SETTLED = -1.0, -1.0
 
 
 def course(
@@ -61,9 +66,9 @@ def course(
 ):
     """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
 
-    The threads of all parts call this at the same time. It ends early, after the step in which an element has turned inside out,
-    and after a look that calls for another step. Where the limit alone is asked for, it seeks that of the present state at once,
-    and takes no step.
+    The threads of all parts call this at the same time. It ends early, after the step in which an element has turned inside out
+    or folded, after one in which the barrier has become so stiff that a look is due, and after a look that calls for another
+    step. Where the limit alone is asked for, it seeks that of the present state at once, and takes no step.
 
     Parameters
     ----------
@@ -121,6 +126,7 @@ def course(
                     ahead = steps_ahead(part, looks)
                 sought = is_due(watch, ahead)
                 if sought:
+                    barrier = -smallest(looks.sums, part, MAXIMUM, -part.blocks.corner[STIFFEST])
                     highest = highest_frequency(
                         state,
                         part,
@@ -139,6 +145,7 @@ def course(
                     note_limit(watch, limit)
                     if looking == LIMIT_ALONE:
                         break
+                    watch[CEILING] = barrier + BARRIER_MARGIN * highest * highest
                     allow_growth(part, looks, highest * highest, dt / limit)
                     wait(part.gate, part.parts)
                     ahead = steps_ahead(part, looks)
@@ -169,6 +176,7 @@ def course(
             alpha,
             dt_before,
             dt,
+            math.inf if looking == NO_LOOKS else watch[CEILING],
             instant,
             end,
             ledger,
@@ -180,6 +188,8 @@ def course(
         instant = reached
         wait(part.gate, part.parts)
         if asked_to_stop(part.gate):
+            if looking != NO_LOOKS:  # the next call begins with a look
+                watch[WAIT], watch[SINCE] = 0.0, MOST_STEPS_BETWEEN_LOOKS
             break
     if part.number == 0:
         looks.spent[IN_ALL] += ticks() - begin
@@ -213,7 +223,7 @@ def gather(
         ledger[entry] = ledgers[0, entry]
         for other in range(1, len(ledgers)):
             theirs = ledgers[other, entry]
-            if entry != SMALLEST_J:
+            if entry < SMALLEST_J:
                 ledger[entry] += theirs
             elif not theirs >= ledger[entry]:
                 ledger[entry] = theirs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from explicitfe.compiled.arrays import FRICTION, Nodes, Springs, zeros
+from explicitfe.compiled.arrays import FRICTION, Nodes, Springs, nodes_of, zeros
 from explicitfe.solve.body import Body
 from explicitfe.solve.contact_points import ToolContact
 from explicitfe.solve.sector import SectorTie
@@ -48,4 +48,4 @@ def fictitious_masses(body: Body, tie: SectorTie, free: np.ndarray, contact: Too
     mass[:count, :3] += np.bincount(points.node.ravel(), stiffness.ravel(), count)[:, None]
     np.add.at(mass[:, :3], springs.node, 0.25 * STIFFENING_RESERVE * springs.stiffness)
     mass[:count, :3] *= free
-    return Nodes(mass, np.divide(1.0, mass, out=zeros(mass.shape), where=mass > 0.0))
+    return nodes_of(mass, np.divide(1.0, mass, out=zeros(mass.shape), where=mass > 0.0))

@@ -34,7 +34,7 @@ class Kernels:
     forces: Callable[[np.ndarray, np.ndarray, Blocks], float]
     course: Callable[..., int]
     relax: Callable[..., int]
-    elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float]]
+    elastic_energy: Callable[[np.ndarray, Blocks, np.ndarray, np.ndarray, np.ndarray], tuple[float, float, float, float]]
     press: Callable[[np.ndarray, np.ndarray, Contact, np.ndarray], float]
     touch: Callable[[np.ndarray, Contact, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 
@@ -47,20 +47,21 @@ ELEMENTS: dict[str, tuple[ModuleType, ModuleType]] = {
 }
 
 
-def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False) -> Kernels:
+def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False, derived: bool = False) -> Kernels:
     """Kernels with the leaves of a law, an element and effects bound in (``response.layout_of`` gives the places of the latter).
 
-    ``muscles`` says whether muscles pull by a stress along their fibres.
+    ``muscles`` says whether muscles pull by a stress along their fibres, ``derived`` whether the geometry of the elements is
+    derived from the positions of their nodes instead of read.
 
     Compiled at the first call, kept on disk for the next process.
     """
-    return _kernels(law, element, layout, muscles)
+    return _kernels(law, element, layout, muscles, derived)
 
 
 @cache  # which would tell a default from the same value given
-def _kernels(law: str, element: str, layout: Layout, muscles: bool) -> Kernels:
+def _kernels(law: str, element: str, layout: Layout, muscles: bool, derived: bool) -> Kernels:
     templates, treatment = ELEMENTS[element]
-    force, energy = templates.bound(law_of(law), treatment, layout, muscles)
+    force, energy = templates.bound(law_of(law), treatment, layout, muscles, derived)
     hold = bind(look.hold, stored=False)
     evaluate = bind(look.evaluate, stored=False, internal_force=force, hold=hold)
     snapshot = bind(step.snapshot, stored=False, internal_energy=energy)
@@ -70,6 +71,7 @@ def _kernels(law: str, element: str, layout: Layout, muscles: bool) -> Kernels:
             course.course,
             advance=bind(step.advance, stored=False, internal_force=force),
             gather=bind(course.gather, stored=False, snapshot=snapshot),
+            scan=bind(look.scan, stored=False, shape=internal.bound_shape(treatment, derived)),
             highest_frequency=bind(look.highest_frequency, stored=False, evaluate=evaluate, hold=hold),
         ),
         relax=bind(relax_step.relax, internal_force=force),

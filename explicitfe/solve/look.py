@@ -23,15 +23,16 @@ from explicitfe.compiled.arrays import INTERVAL, LIMIT, LOWEST_LIMIT, PERIOD, SI
 from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import ROW, WIDTH, load, load_many, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.compiled.threads import wait
-from explicitfe.elements.hex8 import GEOMETRY, gradient
+from explicitfe.elements.hex8 import gradient
 from explicitfe.forces.bone import add_contact_stiffness
-from explicitfe.forces.corners import subtract_corner_forces
-from explicitfe.forces.internal import element_modes
+from explicitfe.forces.corners import add_corner_forces, element_modes
 from explicitfe.forces.ties import add_ties
 from explicitfe.materials.kinematics import cofactor
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 
-internal_force: Any = None  # placeholder, bound in solve/kernels.py
+# Placeholders, bound in solve/kernels.py.
+internal_force: Any = None
+shape: Any = None
 
 # Each change of the step moves energy between the highest vibrations, at random; so it is kept while it lies between these shares
 # of the limit, and is lengthened only where it has been too short for many steps.
@@ -42,8 +43,13 @@ STEPS_IN_A_PERIOD = 500
 SHARE_THAT_CALLS_FOR_A_LOOK = 0.93
 SMALLEST_GROWTH, LARGEST_GROWTH = 0.03, 0.06
 FEWEST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS = 2, 100
+MOST_STEPS_BETWEEN_SCANS = 25
+SHARE_OF_STEPS_AHEAD = 0.4
 LONGEST_INTERVAL_SHARE = 1.5  # of an interval between two scans: how long the next may be
 SHORT_WAIT_STEPS = 4  # instead of scanning again so soon, the frequency is sought
+# By how much of the square of the highest frequency the barrier against folding may stiffen before a look: 0.9 of the limit is
+# then 0.96 of the new one at most.
+BARRIER_MARGIN = 0.15
 NOISE_SHARE = 0.3  # of the length of a start vector
 LOUDNESS_POWER = 8  # of a bound over what it may grow to: how loud the noise is at a node
 FEWEST_TURNS = 3  # of the iteration
@@ -265,15 +271,14 @@ def along(x, y, z, shape):
     return shape[0] * (x * x) + shape[1] * (y * y) + shape[2] * (z * z) + 2.0 * both
 
 
-@leaf
 def scan(state, part, looks, looker, nodes, dt):
     """The bound at each node, now and after one step dt at the present velocities, into ``looks.bound``."""
     force, blocks = looker.force, looker.blocks
     force[:] = 0.0
     for block in range(len(blocks.nodes)):
         at = block * (8 * WIDTH)
-        g = load_many(blocks.geometry, block * (GEOMETRY * WIDTH), GEOMETRY)
-        shape = load_many(looker.shapes, block * (7 * WIDTH), 7)
+        g, _ = shape(blocks, block)
+        own = load_many(looker.shapes, block * (7 * WIDTH), 7)
         ux, uy, uz = element_modes(part.u, blocks.nodes, at)
         vx, vy, vz = element_modes(looker.velocity, blocks.nodes, at)
         F = (
@@ -298,9 +303,9 @@ def scan(state, part, looks, looker, nodes, dt):
             F[7] + dt * gradient(vz, g, 1),
             F[8] + dt * gradient(vz, g, 2),
         )
-        now, then = -shape[6] * volume_stiffness(F, shape), -shape[6] * volume_stiffness(ahead, shape)
+        now, then = own[6] * volume_stiffness(F, own), own[6] * volume_stiffness(ahead, own)
         zero = splat(0.0)
-        subtract_corner_forces(
+        add_corner_forces(
             force,
             blocks.nodes,
             at,
@@ -394,5 +399,6 @@ def note_limit(watch, limit):
 def plan_next_scan(watch, ahead):
     """Say when to scan the nodes again, if it is ``ahead`` steps until some node's bound calls for a look."""
     # A body that starts from rest, or under a load that rises, has no rate yet.
-    longest = min(1.0 + LONGEST_INTERVAL_SHARE * watch[INTERVAL], MOST_STEPS_BETWEEN_LOOKS - watch[SINCE])
-    watch[INTERVAL] = watch[WAIT] = max(float(FEWEST_STEPS_BETWEEN_SCANS), math.floor(min(ahead, longest)))
+    longest = min(1.0 + LONGEST_INTERVAL_SHARE * watch[INTERVAL], MOST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS - watch[SINCE])
+    soon = SHARE_OF_STEPS_AHEAD * ahead  # the bounds grow faster and faster
+    watch[INTERVAL] = watch[WAIT] = max(float(FEWEST_STEPS_BETWEEN_SCANS), math.floor(min(soon, longest)))

@@ -9,6 +9,7 @@ import numpy as np
 
 from explicitfe.compiled.arrays import (
     BONE_SUMS,
+    CEILING,
     ENERGIES,
     INTERVAL,
     LEDGER,
@@ -47,7 +48,7 @@ class Snapshot:
     displacement, velocity : (n, 3) m, m/s.
     J, hourglass_energy : (m,), (m,) J.
     energies : (ENERGIES,) J: internal, hourglass, kinetic, external work, lost to damping, lost in the material, stored in
-        contact, stored in ties, lost in contact.
+        contact, stored in ties, lost in contact, stored in the barrier against folding.
     smallest_J : the smallest J of any element in any step so far.
     contact_pressure : (bones, n) Pa. With which each bone presses on each node.
     contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
@@ -192,7 +193,7 @@ def lookers_of(parts: Sequence[Part], whole: Blocks, state: State, looks: Looks)
         shapes = zeros((len(part.blocks.nodes), SHAPE_NUMBERS, WIDTH))
         watch = np.zeros(WATCH)
         watch[[SINCE, WAIT, INTERVAL]] = MOST_STEPS_BETWEEN_LOOKS, FEWEST_STEPS_BETWEEN_SCANS, FEWEST_STEPS_BETWEEN_SCANS
-        watch[[LIMIT, LOWEST_LIMIT]] = np.inf
+        watch[[LIMIT, LOWEST_LIMIT, CEILING]] = np.inf
         others = shapes, state.v[rows], looks.shifted[rows], forces[k], before
         lookers.append(Looker(blocks, *others, np.zeros((4, TURNS_LATER)), watch))
     return lookers

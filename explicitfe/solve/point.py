@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.compiled.arrays import Blocks, no_muscles
+from explicitfe.compiled.arrays import Blocks, no_muscles, without_barrier
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
-from explicitfe.compiled.simd import WIDTH, load_many, splat, store
+from explicitfe.compiled.simd import ROW, WIDTH, load_many, splat, store
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.errors import RunError
 from explicitfe.forces import response
@@ -162,6 +162,8 @@ def path(
         hourglass=np.zeros((count, 1, WIDTH)),
         **memory_of(effects, STATES),
         **no_muscles(count),
+        **without_barrier(count),
+        position=np.zeros((0, ROW)),
     )
     stress = np.zeros_like(gradients)
     work = np.zeros((count, 9, WIDTH)), np.zeros((count, 9, WIDTH))

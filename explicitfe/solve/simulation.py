@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from explicitfe.compiled.arrays import (
+    CORNER,
     DAMPING_LOSS,
     EXTERNAL_WORK,
     IN_ALL,
@@ -15,6 +16,7 @@ from explicitfe.compiled.arrays import (
     IN_SAMPLES,
     LEDGER,
     LIMIT,
+    SMALLEST_CORNER,
     SMALLEST_J,
     Blocks,
     Looker,
@@ -75,7 +77,8 @@ class Simulation(Body):
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         running = self.blocks._replace(new=self.blocks.old)
         share = 1 if model.motion else threads or usual_threads(len(self.hexes))
-        self.parts = parts_of(self.state, running, share, self.bones.node)
+        loaded = np.concatenate([self.loads.dead.node, self.loads.fibres.nodes.ravel(), self.ties.node])
+        self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         self._looks = looks_of(self.nodes, len(self.parts))
         self.lookers = lookers_of(self.parts, self.blocks, self.state, self._looks)
@@ -174,6 +177,7 @@ class Simulation(Body):
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
         v = self.state.v
         smallest = self._evaluate([part.blocks for part in self.parts])
+        nearest = min(part.blocks.corner[CORNER] for part in self.parts)
         for part in self.parts:  # the work of the muscles counts from here
             part.blocks.last_length[:] = part.blocks.length.sum(axis=1)
         self.dt_s = dt_s
@@ -184,15 +188,15 @@ class Simulation(Body):
         # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
         before = v - 0.5 * dt_s * acceleration
         self._ledgers[:] = 0.0
-        self._ledgers[:, SMALLEST_J] = smallest
+        self._ledgers[:, SMALLEST_J], self._ledgers[:, SMALLEST_CORNER] = smallest, nearest
         self._ledgers[0, EXTERNAL_WORK] = -0.5 * dt_s * np.sum(self._external * before)
         self._ledgers[0, DAMPING_LOSS] = -0.5 * dt_s * self.model.alpha_per_s * np.sum(self.nodes.mass * v * before)
         v[:] = before
 
     def advance(self, steps: int, dt_s: float) -> bool:
-        """Advance by ``steps`` steps of dt; False if an element has turned inside out (then the loop ended there)."""
+        """Advance by ``steps`` steps of dt; False if an element has turned inside out or folded (then the loop ended there)."""
         self.go(steps, dt_s)
-        return bool(self.ledger[SMALLEST_J] > 0.0)
+        return self.sound
 
     def go(
         self,
@@ -264,10 +268,15 @@ class Simulation(Body):
 
     @property
     def ledger(self) -> np.ndarray:
-        """(LEDGER,) Sums of work [J] of all parts, and the smallest J of any element in any step so far."""
+        """(LEDGER,) Sums of work [J] of all parts, and the smallest J and corner of any element in any step so far."""
         total = self._ledgers.sum(axis=0)
-        total[SMALLEST_J] = self._ledgers[:, SMALLEST_J].min()  # NaN if one is
+        total[SMALLEST_J:] = self._ledgers[:, SMALLEST_J:].min(axis=0)  # NaN if one is
         return total
+
+    @property
+    def sound(self) -> bool:
+        """Whether no element has turned inside out, and no guarded corner folded."""
+        return bool((self.ledger[SMALLEST_J:] > 0.0).all())
 
     # ---- restart ----
 
@@ -297,7 +306,7 @@ class Simulation(Body):
         self._looks.bound[:, 2] = state["allowed_bound"]
         self.watch(state["watch"])
         self._ledgers[:] = _shared(state["ledgers"], len(self.parts))
-        self._ledgers[:, SMALLEST_J] = state["ledgers"][:, SMALLEST_J].min()
+        self._ledgers[:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
         self.blocks.old[:] = state["memory"]
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from explicitfe.compiled.arrays import Blocks, in_blocks, node_rows
-from explicitfe.compiled.simd import WIDTH
+from explicitfe.compiled.arrays import Blocks, node_rows, position_rows, row_places
+from explicitfe.compiled.simd import ROW, WIDTH
 
 STEP_SHARE_OF_LIMIT = 0.9  # of the limit that the iteration gives
 BLOCKS_TAKEN_APART = 512  # blocks of elements that are taken apart at once, in the cache: 24 x 24 numbers an element
@@ -118,9 +118,11 @@ def _taken_apart(blocks: Blocks, displacement: np.ndarray) -> Iterator[tuple[sli
     for first in range(0, len(blocks.nodes), BLOCKS_TAKEN_APART):
         part = slice(first * WIDTH, min((first + BLOCKS_TAKEN_APART) * WIDTH, len(displacement)))
         count = part.stop - part.start
-        # idle lanes keep a node that belongs to nobody
-        apart = in_blocks(np.arange(8 * count, dtype=np.uint32).reshape(count, 8), idle=8 * count)
-        some = blocks.between(first, first + BLOCKS_TAKEN_APART)._replace(nodes=apart)
+        own = np.arange(8 * count).reshape(count, 8)
+        some = blocks.between(first, first + BLOCKS_TAKEN_APART)
+        corners = blocks.position[some.nodes.transpose(0, 2, 1).reshape(-1, 8)[:count] // ROW, :3]
+        position = position_rows(corners.reshape(-1, 3), corners[-1])
+        some = some._replace(nodes=row_places(own, 8 * count), position=position)
         yield part, some, node_rows(displacement[part].reshape(-1, 3))
 
 

@@ -15,11 +15,15 @@ from typing import Any
 
 from explicitfe.compiled.arrays import (
     CONTACT_LOSS,
+    CORNER,
     DAMPING_LOSS,
     EXTERNAL_WORK,
+    SMALLEST_CORNER,
     SMALLEST_J,
+    STIFFEST,
+    SWEEP_ROWS,
 )
-from explicitfe.compiled.simd import ROW, WIDTH, load, splat, store, sum_lanes
+from explicitfe.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
 from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
 from explicitfe.forces.bone import rest_on_bones
 from explicitfe.forces.contraction import contraction_work
@@ -58,6 +62,7 @@ def advance(
     alpha,
     dt_before,
     dt,
+    stiffest,
     first,
     last,
     ledger,
@@ -79,10 +84,11 @@ def advance(
     nobody : (0, 0). Asks for no sums over the bones.
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to the first instant; it differs from dt where the step has just been changed.
-    ledger : (LEDGER,). Sums of work [J] and the smallest J of this part, changed in place.
+    stiffest : 1/s^2. How stiff the barrier against folding may become, over mass, before the stable step must be looked at again.
+    ledger : (LEDGER,). Sums of work [J], the smallest J and the smallest corner of this part, changed in place.
 
-    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number). Prescribed motion is
-    for one part only.
+    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number) or has folded at a
+    corner, or in which the barrier has become too stiff. Prescribed motion is for one part only.
     """
     u, v, whole = state
     force, shift, own = part.force, part.first * ROW, part.own * ROW
@@ -130,18 +136,29 @@ def advance(
         )
         work = splat(0.0)
         loss = splat(0.0)
-        for here in range(0, own, WIDTH):
-            at = here + shift
-            old = load(v, at)
-            push = load(external, at)
-            new = keep * old + gain * load(nodes.inverse_mass, at) * (load(force, here) + push)
-            store(v, at, new)
-            store(u, at, load(u, at) + dt * new)
-            store(force, here, splat(0.0))
-            store(external, at, splat(0.0))
-            moved = 0.5 * (dt_before * old + dt * new)
-            work = work + push * moved
-            loss = loss + load(nodes.mass, at) * (old + new) * moved
+        for run in range(len(part.loaded)):
+            begin, end = run * (SWEEP_ROWS * ROW), min((run + 1) * (SWEEP_ROWS * ROW), own)
+            if part.loaded[run]:
+                for here in range(begin, end, WIDTH):
+                    at = here + shift
+                    old, push, mass = load(v, at), load(external, at), load_fourth(nodes.update, at)
+                    new = keep * old + gain * load(nodes.update, at) * (load(force, here) + push)
+                    store(v, at, new)
+                    store(u, at, load(u, at) + dt * new)
+                    store(force, here, splat(0.0))
+                    store(external, at, splat(0.0))
+                    moved = 0.5 * (dt_before * old + dt * new)
+                    work = work + push * moved
+                    loss = loss + mass * (old + new) * moved
+            else:  # the same without external forces: half of what a step of a large mesh moves is moved here
+                for here in range(begin, end, WIDTH):
+                    at = here + shift
+                    old, mass = load(v, at), load_fourth(nodes.update, at)
+                    new = keep * old + gain * load(nodes.update, at) * load(force, here)
+                    store(v, at, new)
+                    store(u, at, load(u, at) + dt * new)
+                    store(force, here, splat(0.0))
+                    loss = loss + mass * (old + new) * (0.5 * (dt_before * old + dt * new))
         place(u, v, motion, planned, step)
         if part.number == 0:
             for muscle in range(muscles.shape[1]):
@@ -154,13 +171,16 @@ def advance(
         force[part.own :] = 0.0
         smallest = internal_force(part.u, force, part.blocks)
         ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
+        corner = part.blocks.corner[CORNER]
         if not (smallest >= ledger[SMALLEST_J]):
             ledger[SMALLEST_J] = smallest
-            if not (smallest > 0.0):
-                ask_to_stop(part.gate)
-                if part.parts == 1:
-                    done = step + 1
-                    break
+        if not (corner >= ledger[SMALLEST_CORNER]):
+            ledger[SMALLEST_CORNER] = corner
+        if not (smallest > 0.0 and corner > 0.0 and part.blocks.corner[STIFFEST] <= stiffest):
+            ask_to_stop(part.gate)
+            if part.parts == 1:
+                done = step + 1
+                break
     if part.parts > 1:
         wait(part.gate, part.parts)
         for here in range(0, part.lower.size, WIDTH):
@@ -246,7 +266,7 @@ def snapshot(
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
     driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, instant, keep, alpha, dt)
-    internal, hourglass, lost = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+    internal, hourglass, lost, barrier = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
     return (
         internal,
         hourglass,
@@ -257,9 +277,10 @@ def snapshot(
         touching,
         tied,
         ledger[CONTACT_LOSS] + rubbed,
+        barrier,
     )
 
 
 def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
-    """Strain energy, hourglass energy and energy lost [J], and the former two of each element, (B, W)."""
+    """Strain energy, hourglass energy, energy lost and that of the barrier [J], and the former two of each element, (B, W)."""
     return internal_energy(u, blocks, element_J, element_energy, element_hourglass)

@@ -17,6 +17,7 @@ from explicitfe.compiled.arrays import (
     LIMIT,
     LOWEST_LIMIT,
     PERIOD,
+    SMALLEST_CORNER,
     SMALLEST_J,
     WAIT,
 )
@@ -121,8 +122,8 @@ class Transient:
     def recordings(self, every_s: float, room: int | None = None) -> Iterator[Recording]:
         """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
 
-        Several samples at a time, or none: those of about 0.2 s of computing, ``room`` or 16 MB at most; the simulation is then at
-        the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are those
+        Several samples at a time, or none: those of about 0.2 s of computing, ``room`` or 16 MB at most; the simulation is then
+        at the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are those
         until then, and ``status`` says why.
         """
         simulation = self.simulation
@@ -181,14 +182,14 @@ class Transient:
         )
         self._left -= done
         self._timed_steps += done
-        if not simulation.ledger[SMALLEST_J] > 0.0 or not np.isfinite(self.limit_s):
+        if not simulation.sound or not np.isfinite(self.limit_s):
             self.status = self._inverted()
         elif self._left == 0:
             self._mark += 1  # a load changes here, and nothing is known of what follows
             self._watch[[WAIT, INTERVAL]] = FEWEST_STEPS_BETWEEN_SCANS
             if not self.finished:
                 self._divide(self.step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
-        elif done < steps:
+        elif done < steps and self._watch[WAIT] > 0.0:  # otherwise the barrier against folding calls for a look first
             self._change_step()
 
     def _change_step(self) -> None:
@@ -222,10 +223,12 @@ class Transient:
         worst = simulation.broken_element()
         J = simulation.ledger[SMALLEST_J]
         x, y, z = 1e3 * simulation.model.mesh.points[simulation.model.mesh.hexes[worst]].mean(axis=0)
+        folded = J > 0.0 and not simulation.ledger[SMALLEST_CORNER] > 0.0
+        how = "folded at a corner" if folded else f"turned inside out (J = {J:.3g})"
         return Status(
             INVERTED,
             f"at {1e3 * simulation.time_s:.3f} ms (step {simulation.steps}) element {worst} near "
-            f"({x:.1f}, {y:.1f}, {z:.1f}) mm turned inside out (J = {J:.3g}): the forces there are too large for the "
+            f"({x:.1f}, {y:.1f}, {z:.1f}) mm {how}: the forces there are too large for the "
             "tissue or the elements too coarse; lower force_N, choose another distribution or refine the mesh.",
         )
 

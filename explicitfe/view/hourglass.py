@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.mesh.hexmesh import FACES, free_faces
-from explicitfe.mesh.quality import corner_jacobians, volumes
+from explicitfe.mesh.quality import volumes
+from explicitfe.mesh.validity import certify
 from explicitfe.results import Result
 
 # Where the elastic energy is below this share of its largest value, a share of it means nothing; the summary of a run leaves
@@ -37,7 +38,7 @@ class HourglassMap:
     percent : (m,) Hourglass energy per reference volume of every element, as a share of the body's mean elastic energy
         (strain + hourglass) per reference volume, %. Its mean, weighted by volume, is the body's hourglass share.
     worst : up to ``NUMBERED_ELEMENTS`` elements with the largest ``percent``, largest first.
-    folded : (m,) bool. Elements with a corner that is flat or inverted in the deformed shape.
+    folded : (m,) bool. Elements that are flat or inverted anywhere in the deformed shape.
     share : hourglass energy of the body as a share of its elastic energy, %.
     """
 
@@ -59,7 +60,7 @@ def hourglass_map(result: Result, step: int) -> HourglassMap | None:
     mesh = result.mesh
     volume = volumes(mesh.points, mesh.hexes)
     percent = 100.0 * (energy / volume) / (elastic / volume.sum())
-    folded = np.any(corner_jacobians(mesh.points + result.displacement(step), mesh.hexes) <= 0.0, axis=1)
+    folded = certify(mesh.points + result.displacement(step), mesh.hexes).folded
     worst = np.argsort(-percent, kind="stable")[:NUMBERED_ELEMENTS]
     return HourglassMap(percent, worst, folded, 100.0 * float(energy.sum()) / elastic)
 

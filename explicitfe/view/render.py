@@ -209,7 +209,7 @@ def _render_hourglass(result_path: Path, target: Path) -> None:
         what = f"Hourglass energy at {time}, {rounded(energy.share, 2)} % of the elastic energy"
         folded = int(energy.folded.sum())
         if folded:
-            what += f"; {folded} of {mesh.element_count} elements folded at a corner (red edges)"
+            what += f"; {folded} of {mesh.element_count} elements folded (red edges)"
         height, foot = 0.47 * WIDTH_IN * (bottom - above) / (right - left), 1.2
         figure = result_figure(result, 1.15 + height + foot, what)
         panels = figure.subplot_mosaic([["cut", "outside"], ["scale", "list"]], height_ratios=[height, foot])

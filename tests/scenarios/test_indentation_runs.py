@@ -149,6 +149,7 @@ def test_check_predicts(capsys: pytest.CaptureFixture[str]) -> None:
     assert command(["check", str(REAR), "--json", *QUICK]) == 0
     check = json.loads(capsys.readouterr().out)
     assert check["loads"] == 3 and check["predicted_iterations"] == 9000 and check["hexes"] > 50
+    assert check["folded"] == {"elements": 0, "undecided": 0}
     assert command(["check", str(REAR), *QUICK]) == 0
     assert "iterations" in capsys.readouterr().out
 

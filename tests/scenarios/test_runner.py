@@ -44,6 +44,7 @@ KEYS = [
     "energy_balance_error",
     "hourglass_share",
     "min_J",
+    "folded",
     "settled",
     "probes",
 ]
@@ -63,6 +64,7 @@ def test_json_is_one_object_and_nothing_else(tmp_path: Path) -> None:
     assert 0.0 < summary["dt_fraction_of_limit"] < 1.0
     assert summary["energy_balance_error"] < 1e-3
     assert 0.0 < summary["min_J"] <= 1.0
+    assert summary["folded"] == {"elements": 0, "undecided": 0}
     tip = summary["probes"]["tip"]
     assert len(tip["displacement_mm"]) == 3 and tip["speed_mm_s"] > 0.0
     assert "compiling" in done.stderr
@@ -265,6 +267,7 @@ def test_check_predicts_without_running(tmp_path: Path, capsys: pytest.CaptureFi
     assert check["stable"] and check["predicted_steps"] == pytest.approx(summary["steps"], rel=0.1)
     assert check["hexes"] == 128 and check["predicted_wall_s"] > 0.0
     assert check["stable_step_bound_us"] <= check["stable_step_us"]
+    assert check["folded"] == {"elements": 0, "undecided": 0}
 
 
 def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -354,9 +354,10 @@ def hourglass_slopes(simulation: Simulation, u: np.ndarray, step: float) -> np.n
 def test_hourglass_part_of_any_state_is_a_derivative(law, element, record_property):
     """f - V P(F, delta = 0) B = dE_h/du at random states of one element, turned, stretched and hourglassing by 30 % of an edge.
 
-    E_h = V [W(I1_bar + delta) - W(I1_bar)] >= 0 is what the snapshot reports, and the force without it is that of F alone,
-    written here in numpy. Five-point differences over d = 1e-5 h: truncation 1e-20; rounding eps K h^3 / d = 1e-11 K h^2,
-    or 5e-9 G h^2 where the hourglass forces are 0.1 G h^2 or more: 1e-7.
+    E_h = V [W(I1_bar + delta) - W(I1_bar)] >= 0, with the energy of the barrier where a corner is about to fold, is what the
+    snapshot reports, and the force without it is that of F alone, written here in numpy. Five-point differences over
+    d = 1e-5 h: truncation 1e-20; rounding eps K h^3 / d = 1e-11 K h^2, or 5e-9 G h^2 where the hourglass forces are 0.1 G h^2
+    or more: 1e-7.
     """
     module, constants = law_of(law), LAWS[law].constants()
     rng = np.random.default_rng(71)

@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from explicitfe.compiled.jit import Template
-from explicitfe.compiled.simd import maximum, minimum
 from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 from explicitfe.materials.law import Law
 from explicitfe.materials.volumetric import bulk_modulus
@@ -73,6 +72,10 @@ class Viscoelastic(MaterialEffect):
         return sum(self.g)
 
     @property
+    def long_term_share(self) -> float:
+        return 1.0 - sum(self.g)
+
+    @property
     def memory(self) -> int:
         return 6 + 6 * len(self.g)
 
@@ -86,7 +89,7 @@ class Viscoelastic(MaterialEffect):
 
     def values(self, increment_s: float) -> tuple[float, ...]:
         """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
-        numbers = [1.0 - sum(self.g)]
+        numbers = [self.long_term_share]
         for g, tau in zip(self.g, self.tau_s, strict=True):
             x = increment_s / tau
             numbers += [g * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), g]
@@ -107,9 +110,10 @@ def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelast
 
 
 def relax(S, blocks, block):
-    """The isochoric stress (6 components) [Pa] that is left of the elastic one S, and the share of it that is left.
+    """The isochoric stress (6 components) [Pa] that is left of the elastic one S, and the share that hourglass control keeps.
 
-    The share, S.T / S.S, is what hourglass control keeps; it stays between the long-term share and 1.
+    That is the long-term share. A share that followed the stress, S.T / S.S, would change in time without a force that does the
+    work of the change: an element that vibrates would then be pumped.
     """
     left = number(blocks, block, AT)
     T = (left * S[0], left * S[1], left * S[2], left * S[3], left * S[4], left * S[5])
@@ -135,10 +139,7 @@ def relax(S, blocks, block):
     remember(blocks, block, MEMORY + 3, S[3])
     remember(blocks, block, MEMORY + 4, S[4])
     remember(blocks, block, MEMORY + 5, S[5])
-    both = S[0] * T[0] + S[1] * T[1] + S[2] * T[2] + 2.0 * (S[3] * T[3] + S[4] * T[4] + S[5] * T[5])
-    size = S[0] * S[0] + S[1] * S[1] + S[2] * S[2] + 2.0 * (S[3] * S[3] + S[4] * S[4] + S[5] * S[5])
-    one = left * 0.0 + 1.0
-    return T, minimum(one, maximum(left, (both + 1e-200) / (size + 1e-200)))
+    return T, left
 
 
 def branch_energy(C, modulus, blocks, block):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rich.table import Table
 
 from explicitfe.results.run_summary import IndentationCheckReport, IndentationSummary
-from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, pairs, size_text
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, folded_text, pairs, size_text
 
 
 def summary_table(summary: IndentationSummary) -> Table:
@@ -32,6 +32,7 @@ def summary_table(summary: IndentationSummary) -> Table:
     table.add_row("energy balance", f"off by {summary['energy_balance_error']:.1e}: stored against the area under the curve")
     table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
     table.add_row("smallest J", f"{summary['min_J']:.3f}")
+    table.add_row("folded", folded_text(summary))
     add_result_rows(table, summary)
     return table
 

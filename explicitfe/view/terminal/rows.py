@@ -74,8 +74,16 @@ def add_mesh_rows(table: Table, report: CheckReport) -> None:
     )
     table.add_row("edges", f"{report['smallest_edge_mm']:.3g} to {report['largest_edge_mm']:.3g} mm")
     table.add_row("worst element", f"{report['worst_element']}, scaled Jacobian {report['smallest_scaled_jacobian']:.3g}")
+    table.add_row("folded", folded_text(report))
     for row in physics_rows(report):
         table.add_row(*row)
+
+
+def folded_text(report: CheckReport | RunSummary) -> str:
+    """How many elements are folded, and whether the others are certain not to be."""
+    elements, undecided = report["folded"]["elements"], report["folded"]["undecided"]
+    text = f"{elements} of {report['hexes']} elements"
+    return f"{text}, not certified: {undecided} more are undecided" if undecided else f"{text}, certified"
 
 
 def add_result_rows(table: Table, summary: RunSummary) -> None:

@@ -31,6 +31,7 @@ PACKAGES = ("explicitfe", "python", "numpy", "numba", "h5py")
 ENERGIES = (
     "internal_energy",
     "hourglass_energy",
+    "barrier_energy",
     "kinetic_energy",
     "contact_energy",
     "tied_energy",

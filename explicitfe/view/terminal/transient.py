@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.run_summary import TransientCheckReport, TransientSummary
-from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, moved, pairs, size_text
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, folded_text, moved, pairs, size_text
 
 
 def summary_table(summary: TransientSummary) -> Table:
@@ -31,6 +31,7 @@ def summary_table(summary: TransientSummary) -> Table:
     table.add_row("energy balance", f"off by at most {summary['energy_balance_error']:.1e}")
     table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
     table.add_row("smallest J", f"{summary['min_J']:.3f}")
+    table.add_row("folded", folded_text(summary))
     table.add_row("at the end", _motion(summary))
     for name, probe in summary["probes"].items():
         x, y, z = probe["displacement_mm"]

@@ -2,8 +2,9 @@
 //
 // LANES elements are computed at once, in vectors of the compiler (GCC or Clang). What an element is comes in two ways, and the
 // benchmark takes the faster one at each size: READ, 31 numbers of each element and those of its hourglass treatment, as the package
-// stores them; or DERIVED from the reference positions of its nodes at each step, which moves 256 to 328 bytes an element less
-// and takes a fifth more operations. In a second cache the former is faster, in memory the latter.
+// stores them; or DERIVED from the reference positions of its nodes at each step, which moves 256 to 320 bytes an element less
+// and takes a fifth more operations. In a second cache the former is faster, in memory the latter. Updating each node just before
+// the first element that needs it, in one sweep, was not faster: the second sweep reads what lies one after the other.
 //
 // The formulas and their sources stand in explicitfe/elements and explicitfe/materials; names here are the same.
 

@@ -11,7 +11,7 @@ best of five rounds; in each round the programs take turns (ours, C++, Warp, JAX
 C++ also keep the energy ledger and the smallest J, which must agree too; the others do not. External forces there are none.
 
 C++ (peer_cpp.cpp) is written by hand for these two elements, this law and one thread, with vectors as wide as ours: what the
-machine gives to who writes for it alone.
+machine gives to who writes for it alone. It does not look for corners that may be folding, as ours does in hex8.
 
 One thread: the process is pinned to one core. Ours has one thread. Warp runs a kernel on the CPU as one loop over its threads.
 JAX gets pools of one thread. Times are of the CPU, not of the clock on the wall: equal on a quiet machine, and on
@@ -196,7 +196,8 @@ def read_arrays(simulation: Simulation) -> list[np.ndarray]:
     """What a step without external forces reads only: positions, where the geometry of elements is derived from them."""
     blocks = simulation.blocks
     derived = [] if blocks.geometry.size else [blocks.position]
-    return [blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, simulation.nodes.update, *derived]
+    reach = blocks.barrier[:, :1]  # what every block is tested by; the other numbers are read where a corner may be folding
+    return [blocks.nodes, blocks.geometry, blocks.constants, blocks.hourglass, reach, simulation.nodes.update, *derived]
 
 
 def working_set_bytes(simulation: Simulation) -> int:

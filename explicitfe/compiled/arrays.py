@@ -52,9 +52,9 @@ class Blocks(NamedTuple):
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Blocks:
         """The same with all arrays of blocks changed: of some blocks or lanes only; sums begin anew."""
-        changed = {name: change(getattr(self, name)) for name in self._fields[: self._fields.index("activation")]}
-        if len(self.constants) < len(self.nodes):
-            changed["constants"] = self.constants
+        alike = ("constants",) if len(self.constants) < len(self.nodes) else ()
+        names = [name for name in self._fields[: self._fields.index("activation")] if name not in alike]
+        changed = {name: change(getattr(self, name)) for name in names}
         count = len(changed["nodes"])
         sums = {"length": np.zeros_like(self.length), "last_length": np.zeros_like(self.last_length)}
         work = {"suspect": zeros((count,), np.int64), "corner": np.array(NO_CORNER)}

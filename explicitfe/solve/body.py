@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -20,7 +21,7 @@ from explicitfe.compiled.arrays import (
     without_barrier,
     zeros,
 )
-from explicitfe.compiled.simd import WIDTH
+from explicitfe.compiled.simd import ROW, WIDTH
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import barrier, hex8
 from explicitfe.errors import InputError
@@ -31,10 +32,12 @@ from explicitfe.solve.contractions import contractions
 from explicitfe.solve.kernels import ELEMENTS, kernels
 
 # In larger meshes the geometry of elements is derived from the positions of their nodes at each step, instead of read: 32 bytes
-# a node in place of 256 (hex8-stiffness) or 320 (hex8) an element, for a fifth more operations. Nanoseconds an element and step,
-# read and derived, with 8 lanes and a second cache of 1 MB: hex8 33 and 39 with 1 000 elements, 40 and 41 with 4 000, 48 and 44
-# with 30 000; hex8-stiffness 25 and 30, 26 and 32, 39 and 34.
-DERIVED_ABOVE_ELEMENTS = 4000
+# a node in place of 256 (hex8-stiffness) or 320 (hex8) an element, for a fifth more operations. That pays where the arrays have
+# left the second cache and a vector has 8 lanes. Nanoseconds an element and step on AMD's Zen 4, read and derived: with 1 000
+# elements 33 and 39 (hex8), 25 and 30 (hex8-stiffness); with 30 000 between 43 and 60 against 44, and between 33 and 47 against
+# 36, as others leave room in the third cache; with 250 000 between 48 and 60 against 52, and between 39 and 80 against 45. Four
+# lanes, which take twice the time for operations, lose 4 ns by it at any size in hex8.
+DERIVED_ABOVE_ELEMENTS = 16_000 if WIDTH > ROW else math.inf
 
 
 def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.ndarray]:

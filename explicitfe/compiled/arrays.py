@@ -20,6 +20,7 @@ from explicitfe.compiled.simd import ROW, WIDTH
 # largest stiffness of the barrier over mass [1/s^2]; and what they are where it acts nowhere.
 CORNER, STIFFEST = 0, 1
 NO_CORNER = (1.0, 0.0)
+BARRIER_WORK = 96  # vectors that the barrier works with
 
 
 class State(NamedTuple):
@@ -47,6 +48,7 @@ class Blocks(NamedTuple):
     length: np.ndarray  # volume integral of sigma times that of phi over lambda, of the state evaluated last [J], (M, W)
     last_length: np.ndarray  # the same, summed, of the last accepted instant [J], (M,)
     suspect: np.ndarray  # blocks in which a corner may be folding: work array, int64, (B,)
+    work: np.ndarray  # work array of the barrier for one block, (BARRIER_WORK, W)
     corner: np.ndarray  # CORNER and STIFFEST of the state evaluated last, (2,)
     position: np.ndarray  # node rows: reference positions [m], (N, 4), of an element at rest on the idle rows
 
@@ -57,7 +59,7 @@ class Blocks(NamedTuple):
         changed = {name: change(getattr(self, name)) for name in names}
         count = len(changed["nodes"])
         sums = {"length": np.zeros_like(self.length), "last_length": np.zeros_like(self.last_length)}
-        work = {"suspect": zeros((count,), np.int64), "corner": np.array(NO_CORNER)}
+        work = {"suspect": zeros((count,), np.int64), "work": zeros(self.work.shape), "corner": np.array(NO_CORNER)}
         return self._replace(**changed, **sums, **work)
 
     def between(self, first: int, last: int) -> Blocks:
@@ -270,8 +272,8 @@ SUMS = 16
 EXTERNAL_WORK, DAMPING_LOSS, CONTACT_LOSS, SMALLEST_J, SMALLEST_CORNER, LEDGER = range(6)
 
 # Entries of what looks tell: the stable limit of the step at the last one [s], steps since, steps to the next scan of the nodes,
-# and between the last two; the smallest limit [s] within the steps that a period counts, and these; how stiff over mass the barrier
-# against folding may become before the next look [1/s^2].
+# and between the last two; the smallest limit [s] within the steps that a period counts, and these; how stiff over mass the
+# barrier against folding may become before the next look [1/s^2].
 LIMIT, SINCE, WAIT, INTERVAL, LOWEST_LIMIT, PERIOD, CEILING, WATCH = range(8)
 
 # Entries of the time that is spent in the course of a run.
@@ -348,5 +350,6 @@ def without_barrier(blocks: int) -> dict[str, np.ndarray]:
     return {
         "barrier": zeros((blocks, 0, WIDTH)),
         "suspect": zeros((blocks,), np.int64),
+        "work": zeros((BARRIER_WORK, WIDTH)),
         "corner": np.array(NO_CORNER),
     }

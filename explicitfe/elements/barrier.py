@@ -153,38 +153,16 @@ def corners_of_edges(h):
 
 
 @leaf
-def _cross(a, b):
+def edges_at(corner):
+    """Which of the 12 edges meet at a corner, counted by its bits (xi, eta, zeta): along xi, eta and zeta."""
+    i, j, k = corner & 1, (corner >> 1) & 1, corner >> 2
+    return j + 2 * k, 4 + k + 2 * i, 8 + i + 2 * j
+
+
+@leaf
+def cross(a, b):
+    """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@leaf
-def _at_corner(x, y, z, i, j, k):
-    """The three edges that meet at the corner with bits (i, j, k) of (xi, eta, zeta)."""
-    a, b, c = j + 2 * k, 4 + k + 2 * i, 8 + i + 2 * j
-    return (x[a], y[a], z[a]), (x[b], y[b], z[b]), (x[c], y[c], z[c])
-
-
-@leaf
-def _span(x, y, z, i, j, k):
-    """D_a of the corner with bits (i, j, k)."""
-    a, b, c = _at_corner(x, y, z, i, j, k)
-    n = _cross(b, c)
-    return a[0] * n[0] + a[1] * n[1] + a[2] * n[2]
-
-
-@leaf
-def spans(x, y, z):
-    """D_a of the eight corners in the order of their bits, from the 12 edges of each component."""
-    return (
-        _span(x, y, z, 0, 0, 0),
-        _span(x, y, z, 1, 0, 0),
-        _span(x, y, z, 0, 1, 0),
-        _span(x, y, z, 1, 1, 0),
-        _span(x, y, z, 0, 0, 1),
-        _span(x, y, z, 1, 0, 1),
-        _span(x, y, z, 0, 1, 1),
-        _span(x, y, z, 1, 1, 1),
-    )
 
 
 @leaf
@@ -213,49 +191,3 @@ def density_curvature(s, inverse):
     """d^2 phi / ds^2 at s and 1 / s, s not below the last ratio."""
     left = maximum(1.0 - s, 0.0 * s)
     return 2.0 * left * (s * s + s + 1.0) * (inverse * inverse * inverse)
-
-
-@leaf
-def edge_forces(x, y, z, pulls, curvatures):
-    """sum_a pulls_a dD_a/d edges of each component, 3 x 12, and sum_a curvatures_a |dD_a/d edges|^2; corners as in ``spans``.
-
-    The corner's own node moves all three edges, so |dD_a/d nodes|^2 <= 4 |dD_a/d edges|^2.
-    """
-    zero = 0.0 * pulls[0]
-    h = (zero, zero, zero)
-    A00, A10, A01, A11, B00, B10, B01, B11, C00, C10, C01, C11 = h, h, h, h, h, h, h, h, h, h, h, h
-    A00, B00, C00, k = _pulled(x, y, z, 0, 0, 0, pulls[0], curvatures[0], A00, B00, C00, zero)
-    A00, B01, C10, k = _pulled(x, y, z, 1, 0, 0, pulls[1], curvatures[1], A00, B01, C10, k)
-    A10, B00, C01, k = _pulled(x, y, z, 0, 1, 0, pulls[2], curvatures[2], A10, B00, C01, k)
-    A10, B01, C11, k = _pulled(x, y, z, 1, 1, 0, pulls[3], curvatures[3], A10, B01, C11, k)
-    A01, B10, C00, k = _pulled(x, y, z, 0, 0, 1, pulls[4], curvatures[4], A01, B10, C00, k)
-    A01, B11, C10, k = _pulled(x, y, z, 1, 0, 1, pulls[5], curvatures[5], A01, B11, C10, k)
-    A11, B10, C01, k = _pulled(x, y, z, 0, 1, 1, pulls[6], curvatures[6], A11, B10, C01, k)
-    A11, B11, C11, k = _pulled(x, y, z, 1, 1, 1, pulls[7], curvatures[7], A11, B11, C11, k)
-    every = (A00, A10, A01, A11, B00, B10, B01, B11, C00, C10, C01, C11)
-    return _components(every, 0), _components(every, 1), _components(every, 2), k
-
-
-@leaf
-def _components(h, k):
-    return (
-        h[0][k], h[1][k], h[2][k], h[3][k], h[4][k], h[5][k], h[6][k], h[7][k], h[8][k], h[9][k], h[10][k], h[11][k]
-    )  # fmt: skip
-
-
-@leaf
-def _pulled(x, y, z, i, j, k, pull, curvature, ha, hb, hc, stiff):
-    """The forces on three edges and the stiffness, with those of a corner added."""
-    a, b, c = _at_corner(x, y, z, i, j, k)
-    na, nb, nc = _cross(b, c), _cross(c, a), _cross(a, b)
-    return (
-        (ha[0] + pull * na[0], ha[1] + pull * na[1], ha[2] + pull * na[2]),
-        (hb[0] + pull * nb[0], hb[1] + pull * nb[1], hb[2] + pull * nb[2]),
-        (hc[0] + pull * nc[0], hc[1] + pull * nc[1], hc[2] + pull * nc[2]),
-        stiff + curvature * (_square(na) + _square(nb) + _square(nc)),
-    )
-
-
-@leaf
-def _square(n):
-    return n[0] * n[0] + n[1] * n[1] + n[2] * n[2]

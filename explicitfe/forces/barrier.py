@@ -9,7 +9,7 @@ from __future__ import annotations
 from explicitfe.compiled.arrays import CORNER, STIFFEST
 from explicitfe.compiled.choose import any_below_zero, choose
 from explicitfe.compiled.jit import leaf
-from explicitfe.compiled.simd import WIDTH, load, load_many, maximum, min_lanes, minimum, splat, sum_lanes
+from explicitfe.compiled.simd import WIDTH, load, load_many, maximum, min_lanes, minimum, splat, store, sum_lanes
 from explicitfe.elements import barrier
 from explicitfe.elements.barrier import (
     MODULUS,
@@ -19,11 +19,15 @@ from explicitfe.elements.barrier import (
     REST,
     WHOLE,
     corners_of_edges,
+    cross,
+    edges_at,
     edges_of_corners,
     ratio,
-    spans,
 )
 from explicitfe.forces.corners import add_corner_forces, gather_corners
+
+# Places in the work array, vectors: edges and forces on them (x, y, z by 12), then of each corner D_a, phi' and phi'' / D_a(rest).
+EDGES, FORCES, SPANS, SLOPES, CURVATURES = 0, 36, 72, 80, 88
 
 
 @leaf
@@ -55,58 +59,69 @@ def note_suspects(cof, J, qx, qy, qz, blocks, block, count):
 
 
 @leaf
-def _edges(u, position, nodes, at):
-    """The 12 edges of each component as they lie now."""
-    ux, uy, uz = gather_corners(u, nodes, at)
-    x, y, z = gather_corners(position, nodes, at)
-    return edges_of_corners(_sum(ux, x)), edges_of_corners(_sum(uy, y)), edges_of_corners(_sum(uz, z))
-
-
-@leaf
 def _sum(a, b):
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7]
 
 
 @leaf
-def _guarded(now, numbers):
-    """D_a of the eight corners, 0 where one is not guarded."""
-    zero = 0.0 * numbers[REST]
-    return (
-        choose(numbers[REST], now[0], zero),
-        choose(numbers[REST + 1], now[1], zero),
-        choose(numbers[REST + 2], now[2], zero),
-        choose(numbers[REST + 3], now[3], zero),
-        choose(numbers[REST + 4], now[4], zero),
-        choose(numbers[REST + 5], now[5], zero),
-        choose(numbers[REST + 6], now[6], zero),
-        choose(numbers[REST + 7], now[7], zero),
-    )
+def _edge(work, which):
+    """An edge in the work array."""
+    return load(work, (EDGES + which) * WIDTH), load(work, (EDGES + 12 + which) * WIDTH), load(work, (EDGES + 24 + which) * WIDTH)
 
 
 @leaf
-def _total(D):
-    return ((D[0] + D[1]) + (D[2] + D[3])) + ((D[4] + D[5]) + (D[6] + D[7]))
+def _add(work, which, pull, n):
+    """Add pull n to the force on an edge in the work array."""
+    for k in range(3):
+        at = (FORCES + 12 * k + which) * WIDTH
+        store(work, at, load(work, at) + pull * n[k])
 
 
 @leaf
-def _ratios(D, numbers, j):
-    """D_a / D_a(rest) of the eight corners; j where one is not guarded."""
-    return (
-        ratio(D[0], numbers[REST], j),
-        ratio(D[1], numbers[REST + 1], j),
-        ratio(D[2], numbers[REST + 2], j),
-        ratio(D[3], numbers[REST + 3], j),
-        ratio(D[4], numbers[REST + 4], j),
-        ratio(D[5], numbers[REST + 5], j),
-        ratio(D[6], numbers[REST + 6], j),
-        ratio(D[7], numbers[REST + 7], j),
-    )
+def _look(u, blocks, block):
+    """Put the edges of a block, and D_a of its guarded corners, into the work array; give j and the smallest D_a / D_a(rest).
+
+    Loops over the corners, with a work array, instead of straight lines: that compiles in half the time. Their number is read from
+    an array, as the compiler would make straight lines of a loop over eight.
+    """
+    work, numbers, corners = blocks.work, block * NUMBERS, blocks.barrier.shape[1] - REST
+    at = block * (8 * WIDTH)
+    ux, uy, uz = gather_corners(u, blocks.nodes, at)
+    x, y, z = gather_corners(blocks.position, blocks.nodes, at)
+    _keep(work, EDGES, edges_of_corners(_sum(ux, x)))
+    _keep(work, EDGES + 12, edges_of_corners(_sum(uy, y)))
+    _keep(work, EDGES + 24, edges_of_corners(_sum(uz, z)))
+    total = splat(0.0)
+    for corner in range(corners):
+        one, two, three = edges_at(corner)
+        a, n = _edge(work, one), cross(_edge(work, two), _edge(work, three))
+        inverse = load(blocks.barrier, (numbers + REST + corner) * WIDTH)
+        D = choose(inverse, a[0] * n[0] + a[1] * n[1] + a[2] * n[2], splat(0.0))
+        store(work, (SPANS + corner) * WIDTH, D)
+        total = total + D
+    j = total * load(blocks.barrier, (numbers + WHOLE) * WIDTH)
+    lowest = j
+    for corner in range(corners):
+        inverse = load(blocks.barrier, (numbers + REST + corner) * WIDTH)
+        lowest = minimum(lowest, ratio(load(work, (SPANS + corner) * WIDTH), inverse, j))
+    return j, lowest
 
 
 @leaf
-def _smallest(s):
-    low = minimum(minimum(s[0], s[1]), minimum(s[2], s[3]))
-    return minimum(low, minimum(minimum(s[4], s[5]), minimum(s[6], s[7])))
+def _keep(work, first, edges):
+    """Put 12 vectors into the work array."""
+    store(work, first * WIDTH, edges[0])
+    store(work, (first + 1) * WIDTH, edges[1])
+    store(work, (first + 2) * WIDTH, edges[2])
+    store(work, (first + 3) * WIDTH, edges[3])
+    store(work, (first + 4) * WIDTH, edges[4])
+    store(work, (first + 5) * WIDTH, edges[5])
+    store(work, (first + 6) * WIDTH, edges[6])
+    store(work, (first + 7) * WIDTH, edges[7])
+    store(work, (first + 8) * WIDTH, edges[8])
+    store(work, (first + 9) * WIDTH, edges[9])
+    store(work, (first + 10) * WIDTH, edges[10])
+    store(work, (first + 11) * WIDTH, edges[11])
 
 
 @leaf
@@ -115,59 +130,21 @@ def hold_corners(u, force, blocks, count, smallest):
 
     Gives the smallest J, which is not a number where a force of the barrier is none.
     """
+    work = blocks.work
     nearest = splat(1.0)
     stiffest = splat(0.0)
     for entry in range(count):
         block = blocks.suspect[entry]
-        at = block * (8 * WIDTH)
-        numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
-        x, y, z = _edges(u, blocks.position, blocks.nodes, at)
-        D = _guarded(spans(x, y, z), numbers)
-        j = _total(D) * numbers[WHOLE]
-        ratios = _ratios(D, numbers, j)
-        lowest = _smallest(ratios)
+        j, lowest = _look(u, blocks, block)
         if any_below_zero(lowest - barrier.THRESHOLD * j):
             w = (1.0 / barrier.THRESHOLD) / j
             nearest = minimum(nearest, lowest * w)
-            p0, c0 = _pull_and_curvature(ratios[0] * w)
-            p1, c1 = _pull_and_curvature(ratios[1] * w)
-            p2, c2 = _pull_and_curvature(ratios[2] * w)
-            p3, c3 = _pull_and_curvature(ratios[3] * w)
-            p4, c4 = _pull_and_curvature(ratios[4] * w)
-            p5, c5 = _pull_and_curvature(ratios[5] * w)
-            p6, c6 = _pull_and_curvature(ratios[6] * w)
-            p7, c7 = _pull_and_curvature(ratios[7] * w)
-            # - dE / dD_a = - v_a B G phi' ds_a/dD_a = - B G phi' / (8 t j), and the same part of all by j
-            k = numbers[MODULUS] * w * (-1.0 / 8.0)
-            work = D[0] * p0 + D[1] * p1 + D[2] * p2 + D[3] * p3 + D[4] * p4 + D[5] * p5 + D[6] * p6 + D[7] * p7
-            by_j = -work * numbers[WHOLE] / j
-            zero = 0.0 * by_j
-            pulls = (
-                k * (p0 + choose(numbers[REST], by_j, zero)),
-                k * (p1 + choose(numbers[REST + 1], by_j, zero)),
-                k * (p2 + choose(numbers[REST + 2], by_j, zero)),
-                k * (p3 + choose(numbers[REST + 3], by_j, zero)),
-                k * (p4 + choose(numbers[REST + 4], by_j, zero)),
-                k * (p5 + choose(numbers[REST + 5], by_j, zero)),
-                k * (p6 + choose(numbers[REST + 6], by_j, zero)),
-                k * (p7 + choose(numbers[REST + 7], by_j, zero)),
-            )
-            # v_a B G phi'' |ds_a/d nodes|^2 / m <= B G / (2 m) phi'' |dD_a/d edges|^2 / (t^2 j^2 D_a(rest))
-            k = -numbers[PER_MASS] * w * w
-            curvatures = (
-                k * c0 * numbers[REST],
-                k * c1 * numbers[REST + 1],
-                k * c2 * numbers[REST + 2],
-                k * c3 * numbers[REST + 3],
-                k * c4 * numbers[REST + 4],
-                k * c5 * numbers[REST + 5],
-                k * c6 * numbers[REST + 6],
-                k * c7 * numbers[REST + 7],
-            )
-            hx, hy, hz, minus_stiffness = barrier.edge_forces(x, y, z, pulls, curvatures)
-            fx, fy, fz = corners_of_edges(hx), corners_of_edges(hy), corners_of_edges(hz)
-            add_corner_forces(force, blocks.nodes, at, fx, fy, fz)
-            stiffest = minimum(stiffest, minus_stiffness)
+            stiff = _pull(blocks, block, w, j)
+            fx = corners_of_edges(load_many(work, FORCES * WIDTH, 12))
+            fy = corners_of_edges(load_many(work, (FORCES + 12) * WIDTH, 12))
+            fz = corners_of_edges(load_many(work, (FORCES + 24) * WIDTH, 12))
+            add_corner_forces(force, blocks.nodes, block * (8 * WIDTH), fx, fy, fz)
+            stiffest = minimum(stiffest, -stiff)
             smallest = minimum(smallest, 1e300 + 0.0 * (fx[0] + fy[0] + fz[0]))
     blocks.corner[CORNER] = min_lanes(nearest)
     blocks.corner[STIFFEST] = -min_lanes(stiffest)
@@ -175,7 +152,45 @@ def hold_corners(u, force, blocks, count, smallest):
 
 
 @leaf
-def _pull_and_curvature(s):
+def _pull(blocks, block, w, j):
+    """Put minus the forces on the edges into the work array; give a bound of the stiffness over mass [1/s^2]. w = 1 / (t j)."""
+    work, numbers, corners = blocks.work, block * NUMBERS, blocks.barrier.shape[1] - REST
+    moved = splat(0.0)
+    for corner in range(corners):
+        inverse = load(blocks.barrier, (numbers + REST + corner) * WIDTH)
+        D = load(work, (SPANS + corner) * WIDTH)
+        slope, curvature = _slope_and_curvature(ratio(D, inverse, j) * w)
+        store(work, (SLOPES + corner) * WIDTH, slope)
+        store(work, (CURVATURES + corner) * WIDTH, curvature * inverse)
+        moved = moved + D * slope
+    for place in range(36):
+        store(work, (FORCES + place) * WIDTH, splat(0.0))
+    # - dE / dD_a = - v_a B G phi' ds_a/dD_a = - B G phi' / (8 t j), and the same part of all by j
+    factor = load(blocks.barrier, (numbers + MODULUS) * WIDTH) * w * (-1.0 / 8.0)
+    by_j = moved * load(blocks.barrier, (numbers + WHOLE) * WIDTH) / j
+    stiff = splat(0.0)
+    for corner in range(corners):
+        inverse = load(blocks.barrier, (numbers + REST + corner) * WIDTH)
+        pull = factor * (load(work, (SLOPES + corner) * WIDTH) - choose(inverse, by_j, splat(0.0)))
+        one, two, three = edges_at(corner)
+        a, b, c = _edge(work, one), _edge(work, two), _edge(work, three)
+        na, nb, nc = cross(b, c), cross(c, a), cross(a, b)
+        _add(work, one, pull, na)
+        _add(work, two, pull, nb)
+        _add(work, three, pull, nc)
+        stiff = stiff + load(work, (CURVATURES + corner) * WIDTH) * (_square(na) + _square(nb) + _square(nc))
+    # v_a B G phi'' |ds_a/d nodes|^2 / m <= B G / (2 m) phi'' |dD_a/d edges|^2 / (t^2 j^2 D_a(rest)): the corner's own node moves
+    # all three edges, so |dD_a/d nodes|^2 <= 4 |dD_a/d edges|^2
+    return load(blocks.barrier, (numbers + PER_MASS) * WIDTH) * w * w * stiff
+
+
+@leaf
+def _square(n):
+    return n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+
+
+@leaf
+def _slope_and_curvature(s):
     """phi' and phi'' at s = r_a / t; below the last ratio, those at it."""
     within = maximum(s, 0.0 * s + barrier.LAST_RATIO)
     inverse = 1.0 / within
@@ -185,23 +200,15 @@ def _pull_and_curvature(s):
 @leaf
 def barrier_energy(u, blocks):
     """Energy of the barrier in all elements [J]."""
+    work, corners = blocks.work, blocks.barrier.shape[1] - REST
     energy = splat(0.0)
     for block in range(len(blocks.nodes)):
-        numbers = load_many(blocks.barrier, block * (NUMBERS * WIDTH), NUMBERS)
-        x, y, z = _edges(u, blocks.position, blocks.nodes, block * (8 * WIDTH))
-        D = _guarded(spans(x, y, z), numbers)
-        j = _total(D) * numbers[WHOLE]
-        ratios = _ratios(D, numbers, j)
+        j, _ = _look(u, blocks, block)
         w = (1.0 / barrier.THRESHOLD) / j
-        low = _energy(ratios[0] * w, numbers[REST]) + _energy(ratios[1] * w, numbers[REST + 1])
-        low = low + _energy(ratios[2] * w, numbers[REST + 2]) + _energy(ratios[3] * w, numbers[REST + 3])
-        top = _energy(ratios[4] * w, numbers[REST + 4]) + _energy(ratios[5] * w, numbers[REST + 5])
-        top = top + _energy(ratios[6] * w, numbers[REST + 6]) + _energy(ratios[7] * w, numbers[REST + 7])
-        energy = energy + numbers[MODULUS] * (low + top)
+        total = splat(0.0)
+        for corner in range(corners):
+            inverse = load(blocks.barrier, (block * NUMBERS + REST + corner) * WIDTH)
+            s = ratio(load(work, (SPANS + corner) * WIDTH), inverse, j) * w
+            total = total + choose(inverse, barrier.density(s) / (8.0 * inverse), splat(0.0))
+        energy = energy + load(blocks.barrier, (block * NUMBERS + MODULUS) * WIDTH) * total
     return sum_lanes(energy)
-
-
-@leaf
-def _energy(s, inverse):
-    """v_a phi of a corner [m^3]."""
-    return choose(inverse, barrier.density(s) / (8.0 * inverse), 0.0 * s)

@@ -399,6 +399,8 @@ def note_limit(watch, limit):
 def plan_next_scan(watch, ahead):
     """Say when to scan the nodes again, if it is ``ahead`` steps until some node's bound calls for a look."""
     # A body that starts from rest, or under a load that rises, has no rate yet.
-    longest = min(1.0 + LONGEST_INTERVAL_SHARE * watch[INTERVAL], MOST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS - watch[SINCE])
+    longest = min(
+        1.0 + LONGEST_INTERVAL_SHARE * watch[INTERVAL], MOST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS - watch[SINCE]
+    )
     soon = SHARE_OF_STEPS_AHEAD * ahead  # the bounds grow faster and faster
     watch[INTERVAL] = watch[WAIT] = max(float(FEWEST_STEPS_BETWEEN_SCANS), math.floor(min(soon, longest)))

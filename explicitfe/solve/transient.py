@@ -123,8 +123,8 @@ class Transient:
         """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
 
         Several samples at a time, or none: those of about 0.2 s of computing, ``room`` or 16 MB at most; the simulation is then
-        at the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are those
-        until then, and ``status`` says why.
+        at the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are
+        those until then, and ``status`` says why.
         """
         simulation = self.simulation
         one = simulation.recording(1).arrays

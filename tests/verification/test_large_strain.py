@@ -10,9 +10,10 @@ import pytest
 from statics import MOTIONS, block_run, panel_tip
 
 # Elastic energy at the extreme [J], of the block with n = 4 the largest error, and its largest hourglass share. A block's bonded
-# edges are singular: four elements an edge leave several per cent, as they do with hex8-full. Bounds: a quarter more than found.
+# edges are singular: four elements an edge leave several per cent, as they do with hex8-full; where elements would fold at those
+# edges the barrier makes them stiffer. Bounds: a quarter more than found.
 ENERGIES = {"twist": 1.396e-3, "compress": 6.782e-3, "shear": 2.643e-3, "stretch": 92.1e-3}
-ERRORS = {"twist": 0.08, "compress": 0.065, "shear": 0.055, "stretch": 0.135}
+ERRORS = {"twist": 0.08, "compress": 0.086, "shear": 0.055, "stretch": 0.165}
 # Bending, which is what hourglass energy stores, goes down with the square of the element edge.
 SHARES = {"twist": 0.12, "compress": 0.08, "shear": 0.09, "stretch": 0.05}
 PANEL_TIP_m = 0.01995

@@ -39,6 +39,12 @@ ONE_POINT = ["hex8", "hex8-stiffness"]  # those with hourglass modes, whose trea
 TREATMENTS = {name: module for name, (_, module) in ELEMENT_TABLE.items()}
 
 
+class Unguarded(Simulation):
+    """A simulation whose elements may fold: no barrier keeps them from it."""
+
+    guarded = False
+
+
 # ---- bodies ----
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import step_limit
-from support import ELEMENTS, LAWS, ROOT, YEOH, balance, block_mesh, model_of, random_rotation, true_limit
+from support import ELEMENTS, LAWS, ROOT, YEOH, Unguarded, balance, block_mesh, model_of, random_rotation, true_limit
 
 from explicitfe.compiled.arrays import SMALLEST_CORNER, WAIT
 from explicitfe.errors import InputError
@@ -229,12 +229,6 @@ def test_a_run_does_not_depend_on_how_it_is_cut(threads, monkeypatch):
         assert other.steps == whole.steps
         assert np.array_equal(other.displacement, whole.displacement)
         assert np.array_equal(other.ledger, whole.ledger)
-
-
-class Unguarded(Simulation):
-    """A simulation whose elements may fold."""
-
-    guarded = False
 
 
 def test_an_undamped_run_keeps_its_energy(record_property):

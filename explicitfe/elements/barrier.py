@@ -54,8 +54,8 @@ def _largest_safe_norm(c: np.ndarray) -> np.ndarray:
     low, high = np.zeros_like(c), np.ones_like(c)
     for _ in range(_BISECTIONS):
         m = 0.5 * (low + high)
-        rest = m**2 + m**3 / np.sqrt(27.0)
-        safe = 1.0 - np.sqrt(3.0) * m - rest >= THRESHOLD * (1.0 + c * m + rest)
+        higher = m**2 + m**3 / np.sqrt(27.0)
+        safe = 1.0 - np.sqrt(3.0) * m - higher >= THRESHOLD * (1.0 + c * m + higher)
         low, high = np.where(safe, m, low), np.where(safe, high, m)
     return low
 

@@ -216,6 +216,7 @@ class Model:
     sector : its rotational symmetry, where it is a sector.
     copies : how many times the body stands for the whole one.
     probes : name -> one point of the mesh, whose motion is recorded at every sample.
+    barrier : whether a barrier keeps the corners of elements from folding in a run in time; elements/barrier.py.
     """
 
     mesh: HexMesh
@@ -236,3 +237,4 @@ class Model:
     stresses: tuple[FibreStress, ...] = ()
     bones: tuple[Bone, ...] = ()
     attachments: tuple[Attachment, ...] = ()
+    barrier: bool = True

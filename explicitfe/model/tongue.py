@@ -84,6 +84,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         held=held,
         alpha_per_s=table.damping.alpha_per_s,
         element=table.element,
+        barrier=table.barrier,
         loads=tuple(loads),
         pulls=tuple(pulls),
         stresses=tuple(stresses),

@@ -42,6 +42,9 @@ class ModelTable(Table):
         default="hex8",
         description="one point with assumed-strain hourglass control, one point with plain stiffness, or eight points",
     )
+    barrier: bool = Field(
+        default=True, description='whether a barrier keeps the corners of elements from folding; "hex8" alone has one'
+    )
     damping: Damping = Damping()
     fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
     attachment: Literal["nodes", "area"] = Field(

@@ -94,7 +94,9 @@ class Body:
             stiffness = np.ones(count) if model.stiffness is None else model.stiffness[self.element_order]
             modulus_Pa = law.shear_modulus_Pa * share * stiffness
             guard["barrier"] = in_blocks(barrier.constants(corners, modulus_Pa, mass[self.hexes].min(axis=1)))
-            guard["barrier"][:, : barrier.WHOLE] *= self.guarded  # no reach, so no suspect; no modulus, so no energy
+            guard["barrier"][:, : barrier.WHOLE] *= (
+                self.guarded and model.barrier
+            )  # no reach, so no suspect; no modulus, so no energy
         derived = count > DERIVED_ABOVE_ELEMENTS and hasattr(treatment, "of_shape")
         hourglass = treatment.constants(corners, geometry)
         self.blocks = Blocks(

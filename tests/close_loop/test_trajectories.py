@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -105,8 +106,13 @@ def test_other_curves_share_the_models(closed: tuple[Trajectories, Outcome], lag
 
 
 def test_answers_are_smooth_in_every_strength(lagging: Dataset) -> None:
-    """Secants over 1e-3 and 1e-2 of a typical way differ by the curvature, a percent, and by the roughness of the step."""
-    system = trajectory_system(lagging, lagging.curves[:1])
+    """Secants over 1e-3 and 1e-2 of a typical way differ by the curvature, a percent, and by the roughness of the step.
+
+    Without the barrier: a corner that vibrates against it in this scenario does so differently after any change.
+    """
+    first = lagging.curves[0]
+    curve = replace(first, conditions={**first.conditions, "settings": [*first.conditions["settings"], "model.barrier=false"]})
+    system = trajectory_system(lagging, [curve])
     start = system.start()
     for candidate in system.candidates(start):
         if candidate.reason:

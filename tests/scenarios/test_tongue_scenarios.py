@@ -275,4 +275,4 @@ def test_without_bones_the_tip_of_the_papers_tongue_falls(ran):
     done = ran(OF_THE_PAPER)
     assert not done.model.bones and not done.model.stresses
     assert (done.forward("tip"), done.up("tip")) == pytest.approx((8.5, -28.2), abs=0.3)
-    assert len(done.summary["warnings"]) >= 2
+    assert any("hourglass" in warning for warning in done.summary["warnings"])

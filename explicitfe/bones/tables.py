@@ -29,12 +29,14 @@ class BoneShape:
     name, title : what scenarios call it, and what it is.
     surface : at rest.
     hinge_m : (3,) m. A point of the axis, parallel to y, about which it turns; None for a bone that does not.
+    incisor_m : (3,) m. The edge of its incisors, whose way down is the opening of the mouth; None for a bone that does not turn.
     """
 
     name: str
     title: str
     surface: TriangleSurface
     hinge_m: np.ndarray | None = None
+    incisor_m: np.ndarray | None = None
 
 
 def read_bones(path: Path) -> dict[str, BoneShape]:
@@ -55,12 +57,16 @@ def read_bones(path: Path) -> dict[str, BoneShape]:
             title = str(table["title"])
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: {name}: a table is missing or has the wrong shape: {error}.") from error
-        hinge = None
-        if "hinge_mm" in table:
-            x, z = table["hinge_mm"]
-            hinge = 1e-3 * np.array([x, 0.0, z])
-        bones[name] = BoneShape(name, title, surface, hinge)
+        bones[name] = BoneShape(name, title, surface, _midsagittal_point(table, "hinge_mm"), _midsagittal_point(table, "incisor_mm"))
     return bones
+
+
+def _midsagittal_point(table: Mapping[str, Any], name: str) -> np.ndarray | None:
+    """A point (x, z) of a table in mm as (3,) m; None where the table has none."""
+    if name not in table:
+        return None
+    x, z = table[name]
+    return 1e-3 * np.array([x, 0.0, z])
 
 
 def plate(table: Mapping[str, Any]) -> TriangleSurface:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +10,24 @@ import numpy as np
 from explicitfe.bones.distance import DistanceField, bone_field
 from explicitfe.bones.motion import RigidMotion
 from explicitfe.bones.read import read_surface
-from explicitfe.bones.surface import TriangleSurface, shifted
+from explicitfe.bones.surface import TriangleSurface, in_mm, shifted
 from explicitfe.bones.tables import BoneShape
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.mesh.surface_points import points_on_set, surface_areas
+from explicitfe.mesh.triangles import triangle_distance
 from explicitfe.model import catalogue
-from explicitfe.model.model import Attachment, Bone
-from explicitfe.scenario.bones import BoneTable, HyoidTable, JawTable
+from explicitfe.model.model import Attachment, Bone, FibrePull
+from explicitfe.scenario.bones import GLIDE_MM_PER_DEG, BoneTable, HyoidTable, JawTable
+from explicitfe.scenario.table import Vector
 from explicitfe.scenario.transient import ModelTable, TransientScenario
 
 # Of the ties between tissue and bone [Pa/m], as stiff as contact: under the 10 kPa of a strong muscle's origin they give way by
 # half a millimetre. Five times as stiff, points of the tongue move by 0.1 mm less of 4, and its meshes agree less well.
 TIE_STIFFNESS_PA_M = 2e7
+
+# A muscle that begins as near to a bone as this begins on it.
+_ANCHORED_WITHIN_M = 5e-3
 
 
 def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[Bone, ...]:
@@ -70,18 +76,19 @@ def jaw_motion(scenario: TransientScenario) -> RigidMotion | None:
 
     Raises
     ------
-    InputError : the axis is not known.
+    InputError : the axis or the incisors are not known, or no turn lowers these so far.
     """
     table: JawTable | None = scenario.jaw
     if table is None:
         return None
-    if table.axis_mm is not None:
-        centre = 1e-3 * np.array(table.axis_mm)
+    shape = None if scenario.model.name is None else catalogue.bones(scenario.model.name).get("jaw")
+    centre = _jaw_point("axis_mm", table.axis_mm, None if shape is None else shape.hinge_m, "the axis through the condyles")
+    if table.opening_mm is None:
+        turn_deg = table.opening_deg or 0.0
     else:
-        shape = None if scenario.model.name is None else catalogue.bones(scenario.model.name).get("jaw")
-        if shape is None or shape.hinge_m is None:
-            raise InputError("jaw.axis_mm is missing: a model of one's own does not tell where the axis through the condyles is.")
-        centre = shape.hinge_m
+        incisor = _jaw_point("incisor_mm", table.incisor_mm, None if shape is None else shape.incisor_m, "the edge of the incisors")
+        turn_deg = _turn_deg(centre - incisor, 1e-3 * table.opening_mm)
+    forward_mm = GLIDE_MM_PER_DEG * turn_deg if table.forward_mm is None else table.forward_mm
     if table.table:
         time_ms, course = np.array(table.table, dtype=float).T
     else:
@@ -89,11 +96,53 @@ def jaw_motion(scenario: TransientScenario) -> RigidMotion | None:
     return RigidMotion(
         centre_m=centre,
         # x points backwards and z up: about +y a chin in front of the axis would rise
-        turn_rad=np.radians([0.0, -table.opening_deg, 0.0]),
-        shift_m=1e-3 * np.array([-table.forward_mm, 0.0, -table.down_mm]),
+        turn_rad=np.radians([0.0, -turn_deg, 0.0]),
+        shift_m=1e-3 * np.array([-forward_mm, 0.0, -table.down_mm]),
         time_s=1e-3 * time_ms,
         course=course,
     )
+
+
+def _jaw_point(key: str, stated_mm: Vector | None, built_in_m: np.ndarray | None, what: str) -> np.ndarray:
+    """A point of the jaw, (3,) m: as the scenario states it, or that of the built-in model."""
+    if stated_mm is not None:
+        return 1e-3 * np.array(stated_mm)
+    if built_in_m is None:
+        raise InputError(f"jaw.{key} is missing: a model of one's own does not tell where {what} is.")
+    return built_in_m
+
+
+def _turn_deg(from_incisor_m: np.ndarray, opening_m: float) -> float:
+    """The turn that lowers the incisors by ``opening_m``; ``from_incisor_m`` (3,) leads from their edge to the axis.
+
+    At an angle t the edge is r sin(t0 + t) below the axis, with r its distance from there and r sin(t0) its depth at rest.
+    """
+    before, below = from_incisor_m[0], from_incisor_m[2]
+    radius = float(np.hypot(before, below))
+    if not abs(below + opening_m) < radius:
+        raise InputError(f"jaw.opening_mm: no turn moves incisors {1e3 * radius:.0f} mm away from the axis so far; give less.")
+    return float(np.degrees(np.arcsin((below + opening_m) / radius) - np.arctan2(below, before)))
+
+
+def check_anchors(pulls: Sequence[FibrePull], bones: Sequence[Bone]) -> None:
+    """Refuse a muscle that begins in space where a bone moves away: such a point stays where it is.
+
+    Raises
+    ------
+    InputError : it lies within 5 mm of the surface of a bone that moves.
+    """
+    for bone in bones:
+        if bone.motion is None:
+            continue
+        corners = bone.surface.points[bone.surface.triangles]
+        for pull in pulls:
+            in_space = [points.position[points.element < 0] for points in pull.points]
+            for anchor in np.unique(np.concatenate(in_space), axis=0):
+                if triangle_distance(np.broadcast_to(anchor, (len(corners), 3)), corners).min() < _ANCHORED_WITHIN_M:
+                    raise InputError(
+                        f"muscle {pull.name} is anchored at {in_mm(anchor)} on the bone {bone.name}, which moves while an anchor "
+                        "stays: let its fibres begin in the mesh, at the patch that this bone holds."
+                    )
 
 
 def attachments(scenario: TransientScenario, mesh: HexMesh, names: tuple[str, ...]) -> tuple[Attachment, ...]:

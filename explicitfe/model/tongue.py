@@ -14,7 +14,7 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.bones import attachments, bones_of
+from explicitfe.model.bones import attachments, bones_of, check_anchors
 from explicitfe.model.effects import check_effects
 from explicitfe.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.model.gravity import gravity_load
@@ -93,6 +93,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         attachments=attachments(scenario, mesh, fixed) if table.attachment == "area" else (),
         probes={name: mesh.named_points[name] for name in names},
     )
+    check_anchors(model.pulls, model.bones)
     effects = scenario.effects.chosen
     if table.damping.beta_s > 0.0:
         material, branch = from_damping(material, table.damping.beta_s, 1e-3 * table.damping.tau_ms)

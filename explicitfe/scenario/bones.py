@@ -34,11 +34,25 @@ class BoneTable(Table):
         return self.name == "jaw" if self.with_jaw is None else self.with_jaw
 
 
+# The condyles glide forward by so much for each degree that the jaw turns: Muto & Kanazawa (1996), J. Oral Maxillofac. Surg.
+# 54:970-974, 20.5 mm and 39.1 degrees in 29 men, 18.1 mm and 36.3 degrees in 31 women, at the widest opening. That the path is
+# straight in speech too, of a slope that hangs on speaker and sound, say Vatikiotis-Bateson & Ostry (1995). That all of it goes
+# forward, and none down, is this project's choice.
+GLIDE_MM_PER_DEG = 0.5
+
+
 class JawTable(Table):
     """How the jaw opens: it turns about the axis through the condyles, and shifts along with it."""
 
-    opening_deg: float = Field(default=0.0, ge=-20.0, le=40.0, description="turn about the condyles; positive opens the mouth")
-    forward_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
+    opening_deg: float | None = Field(
+        default=None, ge=-20.0, le=40.0, description="turn about the condyles; positive opens the mouth; 0 if left out"
+    )
+    opening_mm: float | None = Field(
+        default=None, ge=-10.0, le=40.0, description="the same, as how far the turn lowers the edge of the incisors"
+    )
+    forward_mm: float | None = Field(
+        default=None, ge=-30.0, le=30.0, description="shift of the condyles; if left out, 0.5 mm for each degree of the turn"
+    )
     down_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
     start_ms: float = Field(default=0.0, ge=0.0)
     rise_ms: float = Field(default=50.0, gt=0.0, description="time that it takes to open [ms]")
@@ -46,6 +60,15 @@ class JawTable(Table):
     axis_mm: Vector | None = Field(
         default=None, description="a point of the axis, which runs along y; of the built-in tongue if left out"
     )
+    incisor_mm: Vector | None = Field(
+        default=None, description="the edge of the lower incisors, with opening_mm; of the built-in tongue if left out"
+    )
+
+    @model_validator(mode="after")
+    def _one_opening(self) -> JawTable:
+        if self.opening_deg is not None and self.opening_mm is not None:
+            raise ValueError("give either opening_deg or opening_mm, not both")
+        return self
 
     @model_validator(mode="after")
     def _table_begins_at_rest(self) -> JawTable:
@@ -57,7 +80,14 @@ class JawTable(Table):
         return self
 
 
+# Eight springs of 220 N/m hold the hyoid bone in the model of S. Buchaillard: ArtiSynth, artisynth_models,
+# jawTongue/BadinJawHyoid.java, setHyoidSpringStiffness, which names her model.
+HYOID_STIFFNESS_N_PER_MM = 1.76
+
+
 class HyoidTable(Table):
     """How the hyoid bone is held: by springs, so that it gives way without turning."""
 
-    stiffness_N_per_mm: float = Field(gt=0.0, description="of the springs that hold it, along every axis")
+    stiffness_N_per_mm: float = Field(
+        default=HYOID_STIFFNESS_N_PER_MM, gt=0.0, description="of the springs that hold it, along every axis"
+    )

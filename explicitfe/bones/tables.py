@@ -57,7 +57,9 @@ def read_bones(path: Path) -> dict[str, BoneShape]:
             title = str(table["title"])
         except (KeyError, ValueError) as error:
             raise InputError(f"{path}: {name}: a table is missing or has the wrong shape: {error}.") from error
-        bones[name] = BoneShape(name, title, surface, _midsagittal_point(table, "hinge_mm"), _midsagittal_point(table, "incisor_mm"))
+        bones[name] = BoneShape(
+            name, title, surface, _midsagittal_point(table, "hinge_mm"), _midsagittal_point(table, "incisor_mm")
+        )
     return bones
 
 

@@ -86,7 +86,9 @@ def jaw_motion(scenario: TransientScenario) -> RigidMotion | None:
     if table.opening_mm is None:
         turn_deg = table.opening_deg or 0.0
     else:
-        incisor = _jaw_point("incisor_mm", table.incisor_mm, None if shape is None else shape.incisor_m, "the edge of the incisors")
+        incisor = _jaw_point(
+            "incisor_mm", table.incisor_mm, None if shape is None else shape.incisor_m, "the edge of the incisors"
+        )
         turn_deg = _turn_deg(centre - incisor, 1e-3 * table.opening_mm)
     forward_mm = GLIDE_MM_PER_DEG * turn_deg if table.forward_mm is None else table.forward_mm
     if table.table:

@@ -15,12 +15,12 @@ import numpy as np
 
 from explicitfe.measure.contact import DEPTHS, SIDES
 from explicitfe.measure.document import Measures
-from explicitfe.measure.measure import PALATE, measures_of, nearest_of
+from explicitfe.measure.measure import measures_of, nearest_of
 from explicitfe.measure.motion import RISE_SHARE
 from explicitfe.measure.sections import X, Y, Z, middle, midline, midsagittal, section, station
 from explicitfe.measure.shape import summit
 from explicitfe.measure.steps import last_step
-from explicitfe.measure.tract import channel, columns, palate_midline, section_places, section_plane
+from explicitfe.measure.tract import PALATE, channel, columns, palate_midline, section_places, section_plane
 from explicitfe.mesh.surface_points import surface_areas
 from explicitfe.mesh.triangles import surface_triangles
 from explicitfe.results import Result, open_result

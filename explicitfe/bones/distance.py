@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm, shifted
 from explicitfe.errors import InputError
-from explicitfe.mesh.triangles import triangle_distance
+from explicitfe.mesh.triangles import triangle_distance, triangle_samples
 
 # Samples of the surface stand this many grid spacings apart: the triangles of the nearest ones are tried for a node.
 _SAMPLE_SPACINGS = 1.0
@@ -171,28 +171,6 @@ def _is_its_own_mirror_image(surface: TriangleSurface) -> bool:
     return bool(np.array_equal(ours, theirs))
 
 
-def _samples(surface: TriangleSurface, spacing: float, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (k, 3) on the triangles, a spacing apart or less, and the triangle (k,) of each; none far outside of the box (2, 3).
-
-    The centres of the triangles, halved across their longest edge until that is no longer than the spacing.
-    """
-    corners, triangle = surface.corners, np.arange(len(surface.triangles))
-    points, owner = [], []
-    while len(triangle):
-        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
-        small = edges.max(axis=1) <= spacing
-        points.append(corners[small].mean(axis=1))
-        owner.append(triangle[small])
-        split = ~small & ((corners.max(axis=1) >= box[0]) & (corners.min(axis=1) <= box[1])).all(axis=1)
-        corners, triangle, edges = corners[split], triangle[split], edges[split]
-        order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(corners, order[:, :, None], axis=1), 1, 0)
-        middle = 0.5 * (a + b)
-        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
-        triangle = np.tile(triangle, 2)
-    return np.concatenate(points), np.concatenate(owner)
-
-
 def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spacing: float) -> np.ndarray:
     """Distance from the surface at the nodes from ``first`` to ``last``, in multiples of the spacing.
 
@@ -200,7 +178,7 @@ def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spa
     and by less than a spacing where two pieces of the surface are equally near.
     """
     box = spacing * np.stack([first - _FARTHEST_SPACINGS, last + _FARTHEST_SPACINGS])
-    samples, triangle = _samples(surface, _SAMPLE_SPACINGS * spacing, box)
+    samples, triangle = triangle_samples(surface.corners, _SAMPLE_SPACINGS * spacing, box)
     if not len(samples):
         return np.full(last - first + 1, _FARTHEST_SPACINGS * spacing)
     # Built like this, it answers a grid of far points three times as fast.

@@ -152,6 +152,58 @@ class BoneContact(ContactPart):
     cells: dict[Side, dict[Depth, ContactPart]]
 
 
+class PalatogramPattern(MeasuredPart):
+    """Which electrodes of the palate are touched at one time, and the indices of that pattern.
+
+    Attributes
+    ----------
+    electrodes : eight rows from the front, each from the speaker's left to the right; None where there is no electrode.
+    contacts : how many are on, of 62.
+    anteriority, centrality : 0 to 1, how far in front the contact reaches, and how near to the midline.
+    dorsopalatal : share of rows 6 to 8 that is on.
+    centre_of_gravity : 0.5 in the last row to 7.5 in the first; None without contact.
+    closed_rows : numbers, from 1 in front, of the rows that are all on.
+    """
+
+    time_ms: float
+    electrodes: list[list[bool | None]]
+    contacts: int
+    anteriority: float
+    centrality: float
+    dorsopalatal: float
+    centre_of_gravity: float | None
+    closed_rows: list[int]
+
+
+class ContactCourse(MeasuredPart):
+    """Contact with the whole palate at every sample: electrodes that are on, area of the nodes that touch, force across it."""
+
+    time_ms: list[float]
+    contacts: list[int]
+    area_mm2: list[float]
+    force_N: list[float]
+
+
+class Palatogram(MeasuredPart):
+    """Contact of tongue and palate as electropalatography shows it.
+
+    Attributes
+    ----------
+    now, most : the pattern at the time that is measured, and the first with the most contacts up to then.
+    pressure_kPa : on each electrode at the time that is measured; 0 where it is off.
+    first_contact_ms, duration_ms : when each electrode was first on, None: never; and for how long.
+    row_places_mm : of the rows, along the midline of the palate from the edge of the incisors.
+    """
+
+    now: PalatogramPattern
+    most: PalatogramPattern
+    pressure_kPa: list[list[float | None]]
+    first_contact_ms: list[list[float | None]]
+    duration_ms: list[list[float | None]]
+    row_places_mm: list[float]
+    course: ContactCourse
+
+
 class Measures(Document, MeasuredPart):
     """The measures of a result at one time.
 
@@ -162,6 +214,7 @@ class Measures(Document, MeasuredPart):
     grooves : at the stations "front", "dorsum" and "back"; those that cut the mesh.
     constriction : None where no bone is called "palate".
     contact : bone -> contact, of those whose pressure the run stored.
+    palatogram : None where no bone is called "palate", its pressure was not stored, or it has no room for the electrodes.
     """
 
     result: str
@@ -173,4 +226,5 @@ class Measures(Document, MeasuredPart):
     grooves: dict[str, Groove]
     constriction: Constriction | None
     contact: dict[str, BoneContact]
+    palatogram: Palatogram | None
     body: BodyMotion

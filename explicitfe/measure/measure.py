@@ -8,16 +8,14 @@ from explicitfe.errors import InputError
 from explicitfe.measure.contact import contacts
 from explicitfe.measure.document import Constriction, Measures
 from explicitfe.measure.motion import body_motion, point_motions
+from explicitfe.measure.palatogram import palatogram
 from explicitfe.measure.sections import middle
 from explicitfe.measure.shape import grooves, highest_point
 from explicitfe.measure.steps import last_step, step_at
-from explicitfe.measure.tract import Nearest, constriction, narrowest, palate_midline
+from explicitfe.measure.tract import PALATE, Nearest, constriction, narrowest, palate_midline
 from explicitfe.mesh.triangles import surface_triangles
 from explicitfe.results import Result, open_result
 from explicitfe.results.run_summary import kind_of
-
-# The bone that makes a vocal tract with the tongue.
-PALATE = "palate"
 
 
 def measure(path: Path, time_s: float | None = None) -> Measures:
@@ -61,6 +59,7 @@ def measures_of(result: Result, step: int) -> Measures:
         grooves=grooves(mesh, u),
         constriction=constriction_of(result, step),
         contact=contacts(result, step),
+        palatogram=palatogram(result, step),
         body=body_motion(result, step),
     )
 

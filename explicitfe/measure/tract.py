@@ -14,6 +14,8 @@ from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.triangles import plane_segments, surface_triangles
 
+# The bone that makes a vocal tract with the tongue.
+PALATE = "palate"
 # The underside of the palate is sampled at these distances along x.
 MIDLINE_STEP_M = 0.5e-3
 # The edge of the incisors is the lowest point of the underside within this length from its front end.

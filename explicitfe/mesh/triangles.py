@@ -24,6 +24,29 @@ def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return np.sqrt(np.where(above, plane, squared))
 
 
+def triangle_samples(corners: np.ndarray, spacing: float, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (k, 3) on triangles (m, 3 corners, 3), a spacing apart or less, and the triangle (k,) of each.
+
+    The centres of the triangles, halved across their longest edge until that is no longer than the spacing; none far outside of
+    the box (2, 3).
+    """
+    triangle = np.arange(len(corners))
+    points, owner = [np.zeros((0, 3))], [triangle[:0]]
+    while len(triangle):
+        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        small = edges.max(axis=1) <= spacing
+        points.append(corners[small].mean(axis=1))
+        owner.append(triangle[small])
+        split = ~small & ((corners.max(axis=1) >= box[0]) & (corners.min(axis=1) <= box[1])).all(axis=1)
+        corners, triangle, edges = corners[split], triangle[split], edges[split]
+        order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(corners, order[:, :, None], axis=1), 1, 0)
+        middle = 0.5 * (a + b)
+        corners = np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
+        triangle = np.tile(triangle, 2)
+    return np.concatenate(points), np.concatenate(owner)
+
+
 def surface_triangles(mesh: HexMesh, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The surface of a body whose nodes are at ``points`` (n, 3) m: corners of triangles (4 f, 3, 3) m, and its faces (f, 4).
 

@@ -17,16 +17,23 @@ class BoneTable(Table):
     length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
     friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
     shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="moves its place at rest, along x (back), y (right), z (up)")
+    hard_palate_mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="length of the hard palate, from the edge of the incisors along the midline",
+    )
     with_jaw: bool | None = Field(
         default=None, description='whether it moves with the jaw; if left out, only the one called "jaw"'
     )
 
     @model_validator(mode="after")
-    def _file_and_unit(self) -> BoneTable:
+    def _keys_that_go_together(self) -> BoneTable:
         if (self.file is None) != (self.length_unit is None):
             raise ValueError("file and length_unit go together: a surface file does not tell its unit")
         if "/" in self.name or not self.name.strip(" ."):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
+        if self.hard_palate_mm is not None and self.name != "palate":
+            raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
         return self
 
     @property

@@ -12,6 +12,7 @@ from explicitfe.results.run_summary import kind_of
 from explicitfe.view.hourglass import hourglass_map
 from explicitfe.view.indentation import draw_indentation
 from explicitfe.view.over_time import energies_figure, probes_figure
+from explicitfe.view.palatogram import palatogram_figure
 from explicitfe.view.palette import save
 from explicitfe.view.render import end_rendering, start_rendering
 from explicitfe.view.tongue import contour_figure, coronal_figure
@@ -27,8 +28,8 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
 
     Returns
     -------
-    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-3d`` and ``-hourglass``; of an
-    indentation ``<stem>-curve.png`` and ``-section``. A picture for which the result has nothing to show is left out; so are the
+    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-palatogram``, ``-3d`` and ``-hourglass``;
+    of an indentation ``<stem>-curve.png`` and ``-section``. A picture for which the result has nothing to show is left out; the
     3D view and the hourglass map, with a warning, where the machine cannot render.
 
     Raises
@@ -58,6 +59,7 @@ def draw_transient(result: Result, step: int, folder: Path) -> list[Path]:
             ("coronal", coronal_figure),
             ("probes", probes_figure),
             ("energies", energies_figure),
+            ("palatogram", palatogram_figure),
         ):
             figure = picture(result, step)
             if figure is not None:

@@ -382,6 +382,10 @@ def test_the_document_has_all_keys(tmp_path, capsys):
     part = dict.fromkeys(("area_mm2", "force_N", "mean_kPa"))
     groove = dict.fromkeys(("depth_mm", "at_rest_mm", "behind_tip_mm"))
     section = dict.fromkeys(("place_mm", "height_mm", "area_mm2", "channel_mm2"))
+    pattern = {
+        **dict.fromkeys(("time_ms", "contacts", "anteriority", "centrality", "dorsopalatal", "centre_of_gravity", "closed_rows")),
+        "electrodes": [[None]],
+    }
     assert keys(answer["results"][0]) == {
         "result": None,
         "title": None,
@@ -401,6 +405,13 @@ def test_the_document_has_all_keys(tmp_path, capsys):
                 **dict.fromkeys(("peak_kPa", "midline_free", "forward_N", "up_N", "right_N")),
                 "cells": dict.fromkeys(("left", "centre", "right"), dict.fromkeys(("front", "middle", "back"), part)),
             }
+        },
+        "palatogram": {
+            "now": pattern,
+            "most": pattern,
+            **{name: [[None]] for name in ("pressure_kPa", "first_contact_ms", "duration_ms")},
+            "row_places_mm": [None],
+            "course": {name: [None] for name in ("time_ms", "contacts", "area_mm2", "force_N")},
         },
         "body": {
             **dict.fromkeys(("largest_displacement_mm", "fastest_mm_s", "settled", "time_to_90_ms")),

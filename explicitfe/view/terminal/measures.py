@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.measure.document import BoneContact, Constriction, Measures, PointMotion
+from explicitfe.measure.document import BoneContact, Constriction, Measures, PalatogramPattern, PointMotion
 from explicitfe.view.terminal.rows import forward_up, moved, pairs
 
 
@@ -59,6 +59,8 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         yield from _constriction_rows(measures.constriction)
     for name, contact in measures.contact.items():
         yield f"contact: {escape(name)}", _contact(contact)
+    if measures.palatogram is not None:
+        yield "palatogram", _pattern(measures.palatogram.now)
     yield (
         "whole body",
         f"moved by up to {body.largest_displacement_mm:.1f} mm{_rise(body.time_to_90_ms)}; "
@@ -101,6 +103,20 @@ def _constriction_rows(constriction: Constriction) -> Iterator[tuple[str, str]]:
         met = [section for section in constriction.sections if section.area_mm2 is not None]
         areas = " ".join(f"{section.area_mm2:.0f}" for section in met)
         yield "areas, mm²", f"{areas} (from {met[0].place_mm:.0f} mm on, every 5 mm)"
+
+
+def _pattern(pattern: PalatogramPattern) -> str:
+    """Eight rows from the front, a filled circle for an electrode that is on; the speaker's left is at the left."""
+    rows = ("".join(" " if on is None else "●" if on else "○" for on in row) for row in pattern.electrodes)
+    line = f"{pattern.contacts} of 62 contacts"
+    if pattern.centre_of_gravity is not None:
+        line += (
+            f", anteriority {pattern.anteriority:.2f}, centrality {pattern.centrality:.2f}, "
+            f"centre of gravity {pattern.centre_of_gravity:.2f}"
+        )
+        closed = ", ".join(str(row) for row in pattern.closed_rows)
+        line += f"; closed in row {closed}" if closed else "; no row closed"
+    return "\n".join([line, *rows])
 
 
 def _contact(contact: BoneContact) -> str:

@@ -1,0 +1,100 @@
+"""Picture of the contact of tongue and palate as electropalatography draws it: patterns, with area and force over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from explicitfe.measure.document import ContactCourse, PalatogramPattern
+from explicitfe.measure.electrodes import COLUMNS, ROWS
+from explicitfe.measure.palatogram import ContactHistory, contact_history
+from explicitfe.results import Result
+from explicitfe.view.heading import result_figure
+from explicitfe.view.palette import COLOURS, GRID, plain
+from explicitfe.view.times import drawn_steps, milliseconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TOUCHED, FREE = "black", "white"
+# Half the edge of the square of an electrode, of which one has an edge of 1 to itself.
+HALF_SQUARE = 0.44
+
+
+def palatogram_figure(result: Result, step: int) -> Figure | None:
+    """The pattern of most contact, patterns over time, contact area and force; None where there are no electrodes."""
+    history = contact_history(result, step)
+    if history is None:
+        return None
+    figure = result_figure(result, 7.6, "Contact with the palate, as electropalatography shows it")
+    upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.15, 1.0])[:, 0]
+    large, series = upper.subfigures(1, 2, squeeze=False, width_ratios=[1.0, 1.35])[0]
+    most = history.most
+    axes = large.subplots()
+    _draw_pattern(axes, history.pattern(most))
+    _name_sides(axes, history)
+    time = milliseconds(result.times[[most]], result.times[step])[0]
+    count = history.course.contacts[most]
+    axes.set_title(
+        f"most contact: {count} of 62 electrodes, first at {time}" if count else "no electrode is touched", fontsize=10
+    )
+
+    steps = drawn_steps(result.times, step)
+    for each, number in zip(np.ravel(series.subplots(2, (len(steps) + 1) // 2, squeeze=False)), steps, strict=False):
+        _draw_pattern(each, history.pattern(number))
+        each.set_title(milliseconds(result.times[[number]], result.times[step])[0], fontsize=9)
+    for each in series.axes[len(steps) :]:
+        each.set_axis_off()
+    _draw_course(lower.subplots(3, 1, sharex=True), history.course)
+    return figure
+
+
+def _draw_pattern(axes: Axes, pattern: PalatogramPattern) -> None:
+    """Draw a pattern with the front up and the speaker's left at the left: a square for each electrode, filled where it is on."""
+    from matplotlib.patches import Rectangle
+
+    for row, states in enumerate(pattern.electrodes):
+        for column, on in enumerate(states):
+            if on is None:
+                continue
+            corner = (column - HALF_SQUARE, row - HALF_SQUARE)
+            square = Rectangle(corner, 2 * HALF_SQUARE, 2 * HALF_SQUARE, fc=TOUCHED if on else FREE, ec="0.6", lw=0.6)
+            axes.add_patch(square)
+    axes.set_xlim(-0.7, COLUMNS - 0.3)
+    axes.set_ylim(ROWS - 0.3, -0.7)
+    axes.set_aspect("equal")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.spines[:].set_visible(False)
+
+
+def _name_sides(axes: Axes, history: ContactHistory) -> None:
+    """Name the sides of a pattern and the rows, with how far these lie behind the edge of the incisors."""
+    axes.set_yticks(
+        range(ROWS), [f"{row + 1}   {1e3 * place:.0f} mm" for row, place in enumerate(history.at.row_places)], fontsize=8
+    )
+    axes.tick_params(length=0)
+    axes.set_ylabel("row, and its place along the palate's midline", fontsize=9)
+    axes.set_xlabel("left  ←   speaker   →  right\n(top: behind the incisors; bottom: end of the hard palate)", fontsize=9)
+
+
+def _draw_course(panels: np.ndarray, course: ContactCourse) -> None:
+    """Draw contacts, area and force over time."""
+    lines = (
+        (np.array(course.contacts), "electrodes\ntouched"),
+        (np.array(course.area_mm2), "area (mm²)"),
+        (np.array(course.force_N), "force (N)"),
+    )
+    for axes, (values, label), colour in zip(panels, lines, COLOURS, strict=False):
+        plain(axes)
+        axes.fill_between(course.time_ms, values, color=GRID, lw=0, zorder=0)
+        axes.plot(course.time_ms, values, color=colour, lw=1.6)
+        axes.set_ylabel(label, fontsize=9)
+        axes.set_xlim(0.0, course.time_ms[-1])
+        axes.set_ylim(0.0, 1.1 * values.max() if values.any() else 1.0)
+    panels[0].set_title(
+        "area and force are those of the whole palate, its teeth and velum too; area of the nodes that touch", fontsize=10
+    )
+    panels[-1].set_xlabel("time (ms)")

@@ -159,7 +159,7 @@ class Laboratory:
             write_model(MEASURED_TONGUE, self.folder, as_stress=True)
             write_bones(self.folder)
         scenario = asked.scenario(self.folder)
-        model, anatomy = assemble(scenario.model_copy(update={"bone": []}), self.folder)
+        model, anatomy, _ = assemble(scenario.model_copy(update={"bone": []}), self.folder)
         model = replace(model, bones=self._bones_of(asked, scenario, model.mesh))
         analysis = TransientAnalysis(Path("findings"), scenario, "", model, anatomy.name, Simulation(model, threads=1))
         with tempfile.TemporaryDirectory() as scratch:

@@ -151,6 +151,16 @@ def shape_gradients(natural: np.ndarray) -> np.ndarray:
     return CORNERS * others / 8.0
 
 
+def inner_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The faces that two elements share: the two elements of each, (f, 2), and its nodes in the order of the first, (f, 4)."""
+    nodes = hexes[:, FACES].reshape(-1, 4)
+    _, number, count = np.unique(np.sort(nodes, axis=1), axis=0, return_inverse=True, return_counts=True)
+    number = number.ravel()
+    order = np.argsort(number, kind="stable")
+    pairs = order[count[number[order]] == 2].reshape(-1, 2)
+    return pairs // len(FACES), nodes[pairs[:, 0]]
+
+
 def free_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The faces that belong to one element only: element and place in ``FACES`` of each, (f,) and (f,), element after element."""
     faces = np.sort(hexes[:, FACES].reshape(-1, 4), axis=1)

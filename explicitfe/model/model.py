@@ -82,6 +82,20 @@ class FibreStress:
 
 
 @dataclass(frozen=True)
+class Inclusion:
+    """Elements of another tissue, such as a graft.
+
+    Attributes
+    ----------
+    elements : (k,) element numbers.
+    material : its constants, of the same law as those of the model.
+    """
+
+    elements: np.ndarray
+    material: Law
+
+
+@dataclass(frozen=True)
 class Bone:
     """A rigid surface that the body can rest on.
 
@@ -211,6 +225,7 @@ class Model:
     motion : nodes that are moved.
     effects : of the material, beside its law.
     stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
+    inclusions : elements of other tissues, each in one of them at most.
     tool : what presses on it.
     support : springs that hold nodes, in the mesh's numbering.
     sector : its rotational symmetry, where it is a sector.
@@ -238,3 +253,11 @@ class Model:
     bones: tuple[Bone, ...] = ()
     attachments: tuple[Attachment, ...] = ()
     barrier: bool = True
+    inclusions: tuple[Inclusion, ...] = ()
+
+    def in_elements(self, of: Callable[[Law], float | tuple[float, ...]]) -> np.ndarray:
+        """What ``of`` says of the tissue in each element, (m,) or (m, k); ``stiffness`` is not in it."""
+        values = np.tile(np.array(of(self.material), dtype=float), (self.mesh.element_count, 1))
+        for part in self.inclusions:
+            values[part.elements] = of(part.material)
+        return values if isinstance(of(self.material), tuple) else values[:, 0]

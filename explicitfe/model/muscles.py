@@ -15,6 +15,7 @@ fixed in space.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -27,8 +28,8 @@ from explicitfe.model.profile import Profile
 from explicitfe.scenario.transient import MuscleTable
 
 
-def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | FibrePull:
-    """The load of one ``[[muscle]]`` table.
+def line_pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> FibrePull:
+    """The lines of one ``[[muscle]]`` table, one for each fibre that pulls, in the order of ``muscle.chosen``.
 
     Raises
     ------
@@ -47,10 +48,7 @@ def pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> NodalLoad | Fibre
         tension = _volume_tensions(mesh, fibres, share)
     else:
         tension = tuple(np.full(len(chain) - 1, share) for chain in points)
-    profile = profile_of(table)
-    if table.direction == "following":
-        return FibrePull(muscle.name, points, tension, profile)
-    return _reference_load(mesh, muscle.name, points, tension, profile)
+    return FibrePull(muscle.name, points, tension, profile_of(table))
 
 
 STIFFEST_FACTOR = 10.0  # of the moduli of a muscle that pulls as hard as it can
@@ -105,11 +103,12 @@ def _volume_tensions(mesh: HexMesh, fibres: list[Fibre], share: float) -> tuple[
     return tuple(np.split(tension, np.cumsum([len(part) for part in lengths])[:-1]))
 
 
-def _reference_load(
-    mesh: HexMesh, name: str, points: tuple[MaterialPoints, ...], tension: tuple[np.ndarray, ...], profile: Profile
-) -> NodalLoad:
+def directed(mesh: HexMesh, pull: FibrePull, direction: Literal["reference", "following"]) -> NodalLoad | FibrePull:
+    """Lines as what acts on a body: "following" the deformation, or with the directions that they have in the undeformed body."""
+    if direction == "following":
+        return pull
     total = np.zeros((mesh.node_count, 3))
-    for chain, t in zip(points, tension, strict=True):
+    for chain, t in zip(pull.points, pull.tension_N, strict=True):
         along = np.diff(chain.position, axis=0)
         along *= (t / np.linalg.norm(along, axis=1))[:, None]
         force = np.zeros_like(chain.position)
@@ -120,4 +119,4 @@ def _reference_load(
         nodes = mesh.hexes[chain.element[inside]]
         np.add.at(total, nodes, weights[:, :, None] * force[inside][:, None, :])
     nodes = np.flatnonzero(np.any(total != 0.0, axis=1))
-    return NodalLoad(name, nodes, total[nodes], profile, of_muscle=True)
+    return NodalLoad(pull.name, nodes, total[nodes], pull.profile, of_muscle=True)

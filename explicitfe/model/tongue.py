@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from explicitfe.model.effects import check_effects
 from explicitfe.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import FibrePull, FibreStress, Model, NodalLoad
-from explicitfe.model.muscles import activation_stiffness, profile_of, pull
+from explicitfe.model.muscles import activation_stiffness, directed, line_pull, profile_of
 from explicitfe.model.own_mesh import read_model_file
+from explicitfe.model.surgery import operated, surgery_of, surgery_report
+from explicitfe.results.run_summary import SurgeryReport
 from explicitfe.scenario.bones import BoneTable
 from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
@@ -33,7 +35,22 @@ def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
     return catalogue.built_in(table.name, table.resolution, table.cells)
 
 
-def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]:
+class Assembly(NamedTuple):
+    """A scenario as physics.
+
+    Attributes
+    ----------
+    model : what is computed.
+    anatomy : the intact body that it was built from.
+    surgery : what was taken from it; None where nothing was.
+    """
+
+    model: Model
+    anatomy: Anatomy
+    surgery: SurgeryReport | None = None
+
+
+def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
     """The physics of a scenario whose file lies in ``folder``.
 
     Raises
@@ -52,12 +69,11 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
             raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}')
         if table.attachment == "nodes":
             held[mesh.node_sets[name]] = True
-    if held.all():
-        raise InputError("model.fixed holds every node of the mesh, so nothing can move; take a set out of it.")
-
+    surgery = surgery_of(scenario, mesh, material)
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []
     stresses: list[FibreStress] = []
+    cut: list[tuple[FibreStress | FibrePull, FibreStress | FibrePull]] = []
     for entry in scenario.muscle:
         if entry.name not in anatomy.muscles:
             raise InputError(f'unknown muscle "{entry.name}"; {nearest(entry.name, anatomy.muscles)}')
@@ -66,13 +82,18 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
             course, fibres = profile_of(entry), entry.fibres
             stress = fibre_stress(mesh, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length)
             outside = outside_pull(muscle, entry.force_N, entry.side, course, fibres=fibres)
+            if surgery is not None:
+                cut.append((stress, stress := surgery.left_of_stress(stress)))
+                if outside is not None:
+                    cut.append((outside, outside := surgery.left_of_lines(outside)))
             stresses.append(stress)
             pulls += [] if outside is None else [outside]
             continue
-        load = pull(mesh, muscle, entry)
+        lines = line_pull(mesh, muscle, entry)
+        if surgery is not None:
+            cut.append((lines, lines := surgery.left_of_lines(lines, muscle.chosen(entry.side, entry.fibres))))
+        load = directed(mesh, lines, entry.direction)
         loads.append(load) if isinstance(load, NodalLoad) else pulls.append(load)
-    if any(table.gravity_m_s2):
-        loads.append(gravity_load(mesh, material, table.gravity_m_s2))
 
     names = mesh.named_points if scenario.record.probes is None else scenario.record.probes
     for name in names:
@@ -94,12 +115,23 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
         probes={name: mesh.named_points[name] for name in names},
     )
     check_anchors(model.pulls, model.bones)
+    report = None
+    if surgery is not None:
+        intact, model = model, operated(model, surgery)
+        report = surgery_report(surgery, intact, model, cut)
+    if model.held.all():
+        raise InputError("model.fixed holds every node of the mesh, so nothing can move; take a set out of it.")
+    if any(table.gravity_m_s2):
+        weight = gravity_load(model.mesh, material, table.gravity_m_s2, model.inclusions)
+        model = replace(model, loads=(*model.loads, weight))
     effects = scenario.effects.chosen
     if table.damping.beta_s > 0.0:
-        material, branch = from_damping(material, table.damping.beta_s, 1e-3 * table.damping.tau_ms)
+        beta_s, tau_s = table.damping.beta_s, 1e-3 * table.damping.tau_ms
+        material, branch = from_damping(material, beta_s, tau_s)
+        parts = [replace(part, material=from_damping(part.material, beta_s, tau_s)[0]) for part in model.inclusions]
         if any(type(effect) is type(branch) for effect in effects):
             raise InputError("model.damping.beta_s is a viscoelastic branch itself; give either it or effects.viscoelastic.")
-        model = replace(model, material=material, effects=(branch,))
+        model = replace(model, material=material, inclusions=tuple(parts), effects=(branch,))
     check_effects((*model.effects, *effects), table.element)
     for effect in effects:
         if effect.acts_on not in ("material", "muscle"):
@@ -108,7 +140,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> tuple[Model, Anatomy]
                 "and activation-lag."
             )
         model = effect.apply(model)
-    return model, anatomy
+    return Assembly(model, anatomy, report)
 
 
 def tongue_model(
@@ -155,4 +187,4 @@ def tongue_model(
         bone=[BoneTable(name=name) for name in bones],
         analysis=AnalysisTable(duration_ms=1.0),
     )
-    return assemble(scenario, Path())[0]
+    return assemble(scenario, Path()).model

@@ -35,14 +35,27 @@ def point_at_rest(point: MaterialPoints) -> PointAtRest:
     return {"position_mm": (1e3 * point.position[0]).tolist()}
 
 
+class SurgeryReport(TypedDict):
+    """What surgery took, put in and stiffened; ``muscle_loss_percent``: of the work of a uniform contraction of each muscle."""
+
+    removed_elements: int
+    removed_mm3: float
+    graft_elements: int
+    graft_mm3: float
+    scar_mm3: float
+    muscle_loss_percent: dict[str, float]
+    notes: list[str]
+
+
 class TransientModelDescription(ModelDescription):
-    """What else a model under muscles has; ``probes`` are points by name."""
+    """What else a model under muscles has; ``probes`` are points by name, ``surgery`` is None where nothing was cut."""
 
     alpha_per_s: float
     beta_s: float
     muscles: list[dict[str, Json]]
     bones: list[str]
     held_area_mm2: dict[str, float]
+    surgery: SurgeryReport | None
     probes: dict[str, PointAtRest]
 
 

@@ -102,13 +102,13 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
     # ---- what all kinds have in common ----
 
     def _description(self) -> ModelDescription:
-        model, volume = self.model, self.body.volumes.sum()
+        model, volumes = self.model, self.body.volumes
         return {
             "name": self.name,
             "nodes": model.mesh.node_count,
             "hexes": model.mesh.element_count,
-            "volume_mm3": float(1e9 * volume),
-            "mass_g": float(1e3 * model.material.density_kg_m3 * volume),
+            "volume_mm3": float(1e9 * volumes.sum()),
+            "mass_g": float(1e3 * (self.body.density @ volumes)),
             "element": model.element,
             "material": model.material.model_dump(),
             "fixed_nodes": int(model.held.all(axis=1).sum()),

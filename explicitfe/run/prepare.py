@@ -43,4 +43,4 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
         analysis = ANALYSES[type(scenario)].prepare(path, scenario, text)
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
-    return replace(analysis, notes=tuple(notes), prepare_s=time.perf_counter() - begin)
+    return replace(analysis, notes=(*notes, *analysis.notes), prepare_s=time.perf_counter() - begin)

@@ -34,6 +34,7 @@ from explicitfe.results.run_summary import (
     CheckReport,
     FoldedElements,
     RunSummary,
+    SurgeryReport,
     TransientCheckReport,
     TransientModelDescription,
     TransientSummary,
@@ -74,13 +75,22 @@ TRANSIENT_HISTORY = {
 
 @dataclass(frozen=True)
 class TransientAnalysis(Analysis[TransientScenario, Simulation]):
-    """A run in time."""
+    """A run in time.
+
+    Attributes
+    ----------
+    surgery : what was taken from the body before; None where nothing was.
+    """
+
+    surgery: SurgeryReport | None = None
 
     @classmethod
     def prepare(cls, path: Path, scenario: TransientScenario, text: str) -> Self:
         """Build the model of a tongue, or of a mesh of one's own, with its muscles."""
-        model, anatomy = assemble(scenario, path.parent)
-        return cls(path, scenario, text, model, anatomy.name, Simulation(model, threads=scenario.analysis.threads))
+        model, anatomy, surgery = assemble(scenario, path.parent)
+        simulation = Simulation(model, threads=scenario.analysis.threads)
+        notes = () if surgery is None else tuple(surgery["notes"])
+        return cls(path, scenario, text, model, anatomy.name, simulation, notes, surgery=surgery)
 
     def describe(self) -> TransientModelDescription:
         """The model with its damping, muscles and probes."""
@@ -94,6 +104,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "muscles": [muscle.model_dump() for muscle in self.scenario.muscle],
             "bones": [bone.name for bone in self.model.bones],
             "held_area_mm2": {tie.name: float(1e6 * tie.areas_m2.sum()) for tie in self.model.attachments},
+            "surgery": self.surgery,
             "probes": {name: point_at_rest(point) for name, point in self.model.probes.items()},
         }
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from explicitfe.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.material import Material
+from explicitfe.scenario.surgery import GraftTable, ResectionTable, ScarTable
 from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
 
 # The fields that a transient run can store.
@@ -142,6 +143,9 @@ class TransientScenario(Table):
     bone: list[BoneTable] = Field(default=[])
     jaw: JawTable | None = None
     hyoid: HyoidTable | None = None
+    resection: list[ResectionTable] = Field(default=[], description="tissue that is taken out")
+    graft: list[GraftTable] = Field(default=[], description="flaps of other tissue, without muscle")
+    scar: ScarTable | None = Field(default=None, description="stiffer tissue beside cuts and grafts")
     effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
     record: RecordTable = RecordTable()
@@ -152,4 +156,10 @@ class TransientScenario(Table):
             raise ValueError('[hyoid] needs model.attachment = "area": nodes that are held do not give way')
         if self.jaw is not None and self.model.attachment != "area":
             raise ValueError('[jaw] needs model.attachment = "area": nodes that are held do not move with the jaw')
+        return self
+
+    @model_validator(mode="after")
+    def _scars_have_a_cause(self) -> TransientScenario:
+        if self.scar is not None and not (self.resection or self.graft):
+            raise ValueError("[scar] needs a [[resection]] or a [[graft]] beside which the tissue is a scar")
         return self

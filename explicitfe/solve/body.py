@@ -79,10 +79,10 @@ class Body:
 
         law = model.material
         count = mesh.element_count
-        self.constants = np.tile(np.array(law.constants(), dtype=float), (count, 1))
+        self.constants = model.in_elements(lambda tissue: tissue.constants())[self.element_order]
         if model.stiffness is not None:
             self.constants = law.scaled(self.constants, model.stiffness[self.element_order])
-        self.density = np.full(count, law.density_kg_m3)
+        self.density = model.in_elements(lambda tissue: tissue.density_kg_m3)[self.element_order]
         corners = self.points[self.hexes]
         geometry = hex8.geometry(corners)
         self.volumes = np.ascontiguousarray(geometry[:, hex8.VOLUME])
@@ -92,7 +92,7 @@ class Body:
         if treatment.HAS_BARRIER:
             share = np.prod([effect.long_term_share for effect in model.effects])
             stiffness = np.ones(count) if model.stiffness is None else model.stiffness[self.element_order]
-            modulus_Pa = law.shear_modulus_Pa * share * stiffness
+            modulus_Pa = model.in_elements(lambda tissue: tissue.shear_modulus_Pa)[self.element_order] * share * stiffness
             guard["barrier"] = in_blocks(barrier.constants(corners, modulus_Pa, mass[self.hexes].min(axis=1)))
             guard["barrier"][:, : barrier.WHOLE] *= (
                 self.guarded and model.barrier
@@ -102,7 +102,7 @@ class Body:
         self.blocks = Blocks(
             nodes=row_places(self.hexes, mesh.node_count),
             geometry=in_blocks(geometry[:, :0] if derived else geometry),
-            constants=in_blocks(self.constants[:1] if model.stiffness is None else self.constants),
+            constants=in_blocks(self.constants[:1] if model.stiffness is None and not model.inclusions else self.constants),
             hourglass=in_blocks(hourglass[:, :0] if derived else hourglass),
             position=position_rows(self.points, corners[-1]),
             **memory_of(model.effects, count),

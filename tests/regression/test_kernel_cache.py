@@ -27,7 +27,7 @@ from explicitfe.compiled import jit
 from explicitfe.compiled.jit import OPTIONS, bind
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.model.model import PrescribedMotion
-from explicitfe.model.muscles import pull
+from explicitfe.model.muscles import directed, line_pull
 from explicitfe.scenario.transient import MuscleTable
 from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.kernels import kernels
@@ -249,7 +249,8 @@ def test_one_signature_per_kernel(element):
     Models with and without loads, following fibres and prescribed motion, at rest and not, through all that a simulation offers.
     """
     mesh, muscles = tongue().mesh, tongue().muscles
-    loads = [pull(mesh, muscles["GGp"], MuscleTable(name="GGp", force_N=1, direction=d)) for d in ("reference", "following")]
+    lines = line_pull(mesh, muscles["GGp"], MuscleTable(name="GGp", force_N=1))
+    loads = [directed(mesh, lines, direction) for direction in ("reference", "following")]
     moved = np.zeros(mesh.points.shape, dtype=np.float32)
     base = mesh.node_sets["jaw"]
 

@@ -32,7 +32,7 @@ from explicitfe.materials import kinematics, law_of, volumetric
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh
 from explicitfe.mesh.muscle_lines import Muscle
 from explicitfe.model.model import FibrePull, NodalLoad
-from explicitfe.model.muscles import pull
+from explicitfe.model.muscles import directed, line_pull
 from explicitfe.scenario.transient import MuscleTable
 from explicitfe.solve.simulation import Simulation
 
@@ -613,7 +613,7 @@ FORCE_N = 2.0
 
 def loads_of(name: str, distribution: str, direction: str, side: str = "both") -> NodalLoad | FibrePull:
     table = MuscleTable(name=name, force_N=FORCE_N, distribution=distribution, direction=direction, side=side)
-    return pull(tongue().mesh, tongue().muscles[name], table)
+    return directed(tongue().mesh, line_pull(tongue().mesh, tongue().muscles[name], table), table.direction)
 
 
 def nodal_forces(load: NodalLoad | FibrePull, displacement: np.ndarray) -> np.ndarray:
@@ -686,7 +686,8 @@ def test_every_single_fibre_balances_itself(name, distribution):
     reach = np.linalg.norm(mesh.points, axis=1).max()
     for fibre in muscle.fibres:
         alone = Muscle.of(name, muscle.title, muscle.max_force_N, (fibre,))
-        load = pull(mesh, alone, MuscleTable(name=name, force_N=FORCE_N, distribution=distribution))
+        lines = line_pull(mesh, alone, MuscleTable(name=name, force_N=FORCE_N, distribution=distribution))
+        load = directed(mesh, lines, "reference")
         origin = fibre.points.position[0]
         moment = np.cross(mesh.points[load.nodes] - origin, load.force_N).sum(axis=0)
         assert np.abs(moment).max() < 1e-12 * FORCE_N * reach
@@ -700,7 +701,7 @@ def test_total_pull_is_the_force_asked_for(name):
     muscle = tongue().muscles[name]
     for fibre in muscle.fibres:
         alone = Muscle.of(name, muscle.title, muscle.max_force_N, (fibre,))
-        load = pull(tongue().mesh, alone, MuscleTable(name=name, force_N=FORCE_N))
+        load = directed(tongue().mesh, line_pull(tongue().mesh, alone, MuscleTable(name=name, force_N=FORCE_N)), "reference")
         chord = fibre.points.position[-1] - fibre.points.position[0]
         # Virtual work of a uniform stretch about the origin: sum f . (x - x_0) = -T x length.
         work = np.sum(load.force_N * (tongue().mesh.points[load.nodes] - fibre.points.position[0]))

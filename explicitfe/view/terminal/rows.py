@@ -45,6 +45,19 @@ def physics_rows(model: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if model.get("held_area_mm2"):
         held = (f"{name} {area_mm2:.0f} mm²" for name, area_mm2 in model["held_area_mm2"].items())
         yield "held by area", escape(", ".join(held))
+    if model.get("surgery"):
+        yield "surgery", escape(_surgery(model["surgery"]))
+
+
+def _surgery(report: Mapping[str, Any]) -> str:
+    """What surgery took, put in and stiffened, and what the muscles lost."""
+    parts = [f"{report['removed_elements']} hexes removed, {report['removed_mm3']:.0f} mm³"]
+    if report["graft_elements"]:
+        parts.append(f"{report['graft_elements']} hexes of grafts, {report['graft_mm3']:.0f} mm³")
+    if report["scar_mm3"]:
+        parts.append(f"{report['scar_mm3']:.0f} mm³ of scar")
+    lost = [f"{name} {percent:.1f} %" for name, percent in report["muscle_loss_percent"].items()]
+    return "; ".join(parts) + (f"\nmuscles lose {', '.join(lost)}" if lost else "")
 
 
 def _muscle(muscle: Mapping[str, Any]) -> str:

@@ -24,6 +24,7 @@ PACKAGE = HERE.parent / "explicitfe"
 # What a newcomer should know of each room; a room without a sentence is an error.
 ROOMS = {
     "compiled": "machine code: compile options, vectors, arrays, threads; no mechanics",
+    "acoustics": "sound in tubes: losses, formants; no geometry",
     "mesh": "meshes of 8-node hexahedra: making, ordering, quality",
     "bones": "rigid surfaces: triangles, signed distance, motion",
     "materials": "laws: one file a law",
@@ -32,7 +33,7 @@ ROOMS = {
     "forces": "forces on the nodes: one file a force",
     "scenario": "the text of a scenario, read and checked",
     "results": "result files and typed reports: written, read",
-    "measure": "what a tongue did: shape, speeds, constriction, contact",
+    "measure": "what a tongue did: shape, speeds, contact, airway, formants",
     "model": "physics made from a scenario: tongue, specimen, own mesh",
     "view": "pictures, terminal tables, the HTML report",
     "solve": "steps in time, equilibria, single points",
@@ -53,10 +54,10 @@ MECHANICS, TEXT, STUDY, DRAWN = "#dbe7f3", "#fbeed3", "#e3efdc", "#f5dfdc"
 SUBJECTS = dict.fromkeys(ROOMS, MECHANICS)
 SUBJECTS |= dict.fromkeys(("scenario", "model", "run"), TEXT)
 SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "blind"), STUDY)
-SUBJECTS |= dict.fromkeys(("results", "measure", "view"), DRAWN)
+SUBJECTS |= dict.fromkeys(("results", "measure", "view", "acoustics"), DRAWN)
 LINE = "#5a6570"
 LEGEND = """An arrow means: imports from. Arrows that follow from longer paths are left out. errors.py stands below all rooms.
-Blue: mechanics. Yellow: from the text of a scenario to its result. Green: measured data. Red: results, measures, pictures."""
+Blue: mechanics. Yellow: from the text of a scenario to its result. Green: measured data. Red: results, measures, sound."""
 
 Place = str | tuple[str, int]  # a room, or the bend of the arrows to a room where they pass a floor
 

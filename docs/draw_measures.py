@@ -153,7 +153,7 @@ def draw_area(axes: Any, result: Result, step: int) -> None:
     line = palate_midline(corners, plane)
     tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
     assert line is not None
-    cut = columns(line, corners, tongue, plane, 1e-3 * SECTION_SHOWN_MM)
+    cut = columns(section_plane(line, 1e-3 * SECTION_SHOWN_MM), corners, tongue, plane)
     free = channel(cut)
     y, above, below = 1e3 * cut.y, -1e3 * cut.palate, -1e3 * cut.tongue
     plain(axes)

@@ -286,6 +286,7 @@ def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf)."
 def measure(
     results: Annotated[list[Path], typer.Argument(help="Result files (.vtkhdf).", show_default=False)],
     at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="When; at the end if left out.")] = None,
+    formants: Annotated[bool, typer.Option("--formants", help="Also the airway, and F1 to F3 (docs/airway.md).")] = False,
     as_json: _Json = False,
 ) -> None:
     """Measure what a tongue did: its points, grooves, constriction, contact, speeds (docs/measures.md).
@@ -295,7 +296,7 @@ def measure(
     from explicitfe.measure.measure import measure as measures_of_file
     from explicitfe.view.terminal.measures import measures_table
 
-    measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms) for path in results]
+    measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants) for path in results]
     _answer({"results": [measures.document for measures in measured]}, as_json, lambda: measures_table(measured))
 
 

@@ -1,7 +1,7 @@
 """What ``explicitfe measure`` answers; docs/measures.md defines each number.
 
-Lengths in mm, areas in mm2, times in ms, speeds in mm/s, pressures in kPa, forces in N. Forward is towards the lips, up towards
-the palate, right that of the speaker. All keys are always there; None: there is nothing to measure.
+Lengths in mm, areas in mm2, times in ms, speeds in mm/s, pressures in kPa, forces in N, frequencies in Hz. Forward is towards the
+lips, up towards the palate, right that of the speaker. All keys are always there; None: there is nothing to measure.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from explicitfe.results.document import Document
 
 Side = Literal["left", "centre", "right"]
 Depth = Literal["front", "middle", "back"]
+AirwayRegion = Literal["larynx", "epiglottis", "pharynx", "mouth", "teeth", "lips"]
+AreaSource = Literal["geometry", "assumed"]
 
 
 class MeasuredPart(BaseModel):
@@ -204,6 +206,60 @@ class Palatogram(MeasuredPart):
     course: ContactCourse
 
 
+class AirwaySection(MeasuredPart):
+    """A piece of the airway, taken as a cylinder.
+
+    Attributes
+    ----------
+    from_mm, to_mm : its ends, from the glottis.
+    source : "geometry" where the area is cut out of surfaces, "assumed" where not.
+    """
+
+    region: AirwayRegion
+    source: AreaSource
+    from_mm: float
+    to_mm: float
+    area_mm2: float
+
+
+class FormantFigures(MeasuredPart):
+    """A formant: its frequency, and the width of its peak 3 dB below the top."""
+
+    frequency_hz: float
+    bandwidth_hz: float
+
+
+class FormantShifts(MeasuredPart):
+    """F1, F2 and F3, Hz, were one thing that is assumed another."""
+
+    lips_area_times_half: list[float]
+    lips_area_times_one_and_a_half: list[float]
+    larynx_tube_5_mm_shorter: list[float]
+    larynx_tube_5_mm_longer: list[float]
+
+
+class Airway(MeasuredPart):
+    """The airway at one time, and its formants. Distances are in mm from the glottis along the midline.
+
+    Attributes
+    ----------
+    sections : from the glottis to the lips, one after the other.
+    length_mm : of all.
+    smallest_area_mm2, smallest_area_place_mm : of the sections of source "geometry", and the middle of the narrowest.
+    closed : whether a section, or the opening of the lips, has no area: then there are no formants.
+    formants : F1, F2 and F3.
+    shifts : what the assumed ends do to them; None where it is closed.
+    """
+
+    sections: list[AirwaySection]
+    length_mm: float
+    smallest_area_mm2: float
+    smallest_area_place_mm: float
+    closed: bool
+    formants: list[FormantFigures]
+    shifts: FormantShifts | None
+
+
 class Measures(Document, MeasuredPart):
     """The measures of a result at one time.
 
@@ -215,6 +271,7 @@ class Measures(Document, MeasuredPart):
     constriction : None where no bone is called "palate".
     contact : bone -> contact, of those whose pressure the run stored.
     palatogram : None where no bone is called "palate", its pressure was not stored, or it has no room for the electrodes.
+    airway : None unless it was asked for.
     """
 
     result: str
@@ -228,3 +285,4 @@ class Measures(Document, MeasuredPart):
     contact: dict[str, BoneContact]
     palatogram: Palatogram | None
     body: BodyMotion
+    airway: Airway | None = None

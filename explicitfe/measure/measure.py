@@ -7,6 +7,7 @@ from pathlib import Path
 from explicitfe.errors import InputError
 from explicitfe.measure.contact import contacts
 from explicitfe.measure.document import Constriction, Measures
+from explicitfe.measure.formants import airway_of
 from explicitfe.measure.motion import body_motion, point_motions
 from explicitfe.measure.palatogram import palatogram
 from explicitfe.measure.sections import middle
@@ -18,22 +19,24 @@ from explicitfe.results import Result, open_result
 from explicitfe.results.run_summary import kind_of
 
 
-def measure(path: Path, time_s: float | None = None) -> Measures:
+def measure(path: Path, time_s: float | None = None, formants: bool = False) -> Measures:
     """Measure a result of a run in time; docs/measures.md defines what.
 
     Parameters
     ----------
     path : the result, of a run that finished, failed or was killed.
     time_s : the sample nearest to it is measured; the last one if left out.
+    formants : whether the airway and its formants are measured too.
 
     Raises
     ------
-    InputError : the file cannot be read, is of an indentation, or holds no such time.
+    InputError : the file cannot be read, is of an indentation, or holds no such time; or formants are asked for where there is no
+        airway.
     """
     with open_result(path) as result:
         if kind_of(result.model) != "transient":
             raise InputError(f"{path} is the result of an indentation, which has a curve: see explicitfe inspect")
-        return measures_of(result, step_at(result, time_s))
+        return measures_of(result, step_at(result, time_s), formants)
 
 
 def measures_if_any(result: Result) -> Measures | None:
@@ -46,7 +49,7 @@ def measures_if_any(result: Result) -> Measures | None:
         return None
 
 
-def measures_of(result: Result, step: int) -> Measures:
+def measures_of(result: Result, step: int, formants: bool = False) -> Measures:
     """The measures at one stored step, whose displacements are finite."""
     mesh, u = result.mesh, result.displacement(step)
     return Measures(
@@ -61,6 +64,7 @@ def measures_of(result: Result, step: int) -> Measures:
         contact=contacts(result, step),
         palatogram=palatogram(result, step),
         body=body_motion(result, step),
+        airway=airway_of(result, step) if formants else None,
     )
 
 

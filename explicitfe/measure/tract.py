@@ -60,6 +60,14 @@ class Nearest(NamedTuple):
     on_tongue: np.ndarray
 
 
+class SectionPlane(NamedTuple):
+    """A plane across a midline: a point of it, its normal along the midline, and the direction in it to the tongue; (3,) each."""
+
+    point: np.ndarray
+    normal: np.ndarray
+    down: np.ndarray
+
+
 class Column(NamedTuple):
     """A section in columns: ``y`` (c,) m, ``palate`` and ``tongue`` (c,) m below the midline; NaN where there is none.
 
@@ -149,20 +157,19 @@ def section_places(line: MidlineCurve) -> np.ndarray:
     return SECTION_STEP_M * np.arange(1, int(np.ceil((line.length[-1] - HALF_CHORD_M) / SECTION_STEP_M)))
 
 
-def section_plane(line: MidlineCurve, place: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A point of the midline, the normal of the plane across it, and the direction in it down to the tongue: (3,) each."""
+def section_plane(line: MidlineCurve, place: float) -> SectionPlane:
+    """The plane across the midline of the palate at ``place``."""
     x, z = line.at(place)
     along = line.at(place + HALF_CHORD_M) - line.at(place - HALF_CHORD_M)
     back, up = along / np.linalg.norm(along)
-    return np.array([x, 0.0, z]), np.array([back, 0.0, up]), np.array([up, 0.0, -back])
+    return SectionPlane(np.array([x, 0.0, z]), np.array([back, 0.0, up]), np.array([up, 0.0, -back]))
 
 
-def columns(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: float, place: float) -> Column:
-    """The section across the midline at ``place`` in columns."""
-    point, normal, down = section_plane(line, place)
+def columns(cut: SectionPlane, palate: np.ndarray, tongue: np.ndarray, plane: float) -> Column:
+    """The section in a plane across the midline in columns, between a palate and a tongue of triangles (m, 3 corners, 3) m."""
     palate_lines, tongue_lines = (
-        np.stack([cut[:, :, Y] - plane, (cut - point) @ down], axis=-1)
-        for cut in (plane_segments(triangles, point, normal) for triangles in (palate, tongue))
+        np.stack([lines[:, :, Y] - plane, (lines - cut.point) @ cut.down], axis=-1)
+        for lines in (plane_segments(triangles, cut.point, cut.normal) for triangles in (palate, tongue))
     )
     half = int(np.ceil(np.abs(palate_lines[:, :, 0]).max(initial=0.0) / COLUMN_WIDTH_M))
     y = COLUMN_WIDTH_M * (np.arange(-half, half) + 0.5)
@@ -184,7 +191,7 @@ def columns(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: f
 
 def tract_section(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: float, place: float) -> TractSection:
     """The air in the section across the midline at ``place``."""
-    section = columns(line, palate, tongue, plane, place)
+    section = columns(section_plane(line, place), palate, tongue, plane)
     gap = np.where(section.inside, section.tongue - section.palate, 0.0)
     centre = np.abs(section.y) < COLUMN_WIDTH_M
     if not section.inside[centre].all() or not len(gap):

@@ -13,6 +13,7 @@ from explicitfe.mesh.bent_block import ContourMap
 from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
+from explicitfe.results.airway_table import AirwayTable
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -80,6 +81,14 @@ def bones(name: str) -> dict[str, BoneShape]:
     contour(name)  # refuses an unknown model
     path = model_folders()[name] / "bones.toml"
     return read_bones(path) if path.is_file() else {}
+
+
+def airway(name: str) -> AirwayTable | None:
+    """The airway around a built-in model by name; None for a mesh of one's own, and where its folder has no airway.toml."""
+    folder = model_folders().get(name)
+    if folder is None or not (folder / "airway.toml").is_file():
+        return None
+    return AirwayTable.model_validate(tomllib.loads((folder / "airway.toml").read_text(encoding="utf-8")))
 
 
 def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | None) -> tuple[int, int, int]:

@@ -48,7 +48,10 @@ class SurgeryReport(TypedDict):
 
 
 class TransientModelDescription(ModelDescription):
-    """What else a model under muscles has; ``probes`` are points by name, ``surgery`` is None where nothing was cut."""
+    """What else a model under muscles has; ``probes`` are points by name.
+
+    ``surgery`` is None where nothing was cut, ``airway`` (see ``airway_table.py``) for a mesh of one's own.
+    """
 
     alpha_per_s: float
     beta_s: float
@@ -56,6 +59,7 @@ class TransientModelDescription(ModelDescription):
     bones: list[str]
     held_area_mm2: dict[str, float]
     surgery: SurgeryReport | None
+    airway: dict[str, Json] | None
     probes: dict[str, PointAtRest]
 
 

@@ -95,6 +95,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
     def describe(self) -> TransientModelDescription:
         """The model with its damping, muscles and probes."""
         damping = self.scenario.model.damping
+        airway = None if self.scenario.model.name is None else catalogue.airway(self.scenario.model.name)
         return {
             **self._description(),
             # as it was chosen: in the model the branch that damps like beta is part of it
@@ -105,6 +106,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "bones": [bone.name for bone in self.model.bones],
             "held_area_mm2": {tie.name: float(1e6 * tie.areas_m2.sum()) for tie in self.model.attachments},
             "surgery": self.surgery,
+            "airway": None if airway is None else airway.model_dump(mode="json"),
             "probes": {name: point_at_rest(point) for name, point in self.model.probes.items()},
         }
 

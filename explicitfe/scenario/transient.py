@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from explicitfe.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.scenario.effects_table import EffectsTable
+from explicitfe.scenario.lips import LipsTable
 from explicitfe.scenario.material import Material
 from explicitfe.scenario.surgery import GraftTable, ResectionTable, ScarTable
 from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
@@ -146,6 +147,7 @@ class TransientScenario(Table):
     resection: list[ResectionTable] = Field(default=[], description="tissue that is taken out")
     graft: list[GraftTable] = Field(default=[], description="flaps of other tissue, without muscle")
     scar: ScarTable | None = Field(default=None, description="stiffer tissue beside cuts and grafts")
+    lips: LipsTable | None = None
     effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
     record: RecordTable = RecordTable()

@@ -22,7 +22,7 @@ PACKAGE = ROOT / "explicitfe"
 # import each other.
 RANKS = [
     {"errors"},
-    {"compiled"},
+    {"compiled", "acoustics"},
     {"mesh", "materials"},
     {"elements", "bones"},
     {"effects"},
@@ -45,7 +45,7 @@ RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
 # Reading, measuring and drawing a result must not need the mechanics.
 ONLY = {
     "results": {"errors", "mesh"},
-    "measure": {"errors", "mesh", "results"},
+    "measure": {"errors", "acoustics", "mesh", "results"},
     "view": {"errors", "mesh", "results", "measure"},
 }
 LAZY = ("pyvista", "matplotlib", "meshio", "jinja2")

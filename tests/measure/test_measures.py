@@ -418,6 +418,7 @@ def test_the_document_has_all_keys(tmp_path, capsys):
             **dict.fromkeys(("volume_change_percent", "left_right_mm")),
             "self_penetration": dict.fromkeys(("nodes", "deepest_mm", "deepest_at_rest")),
         },
+        "airway": None,
     }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.measure.document import BoneContact, Constriction, Measures, PalatogramPattern, PointMotion
+from explicitfe.measure.document import Airway, BoneContact, Constriction, Measures, PalatogramPattern, PointMotion
 from explicitfe.view.terminal.rows import forward_up, moved, pairs
 
 
@@ -57,6 +57,8 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         yield "groove", f"{depths} mm ({' / '.join(measures.grooves)})"
     if measures.constriction is not None:
         yield from _constriction_rows(measures.constriction)
+    if measures.airway is not None:
+        yield from _airway_rows(measures.airway)
     for name, contact in measures.contact.items():
         yield f"contact: {escape(name)}", _contact(contact)
     if measures.palatogram is not None:
@@ -117,6 +119,27 @@ def _pattern(pattern: PalatogramPattern) -> str:
         closed = ", ".join(str(row) for row in pattern.closed_rows)
         line += f"; closed in row {closed}" if closed else "; no row closed"
     return "\n".join([line, *rows])
+
+
+def _airway_rows(airway: Airway) -> Iterator[tuple[str, str]]:
+    """The airway and its formants, and what the assumed ends would change; frequencies in Hz."""
+    assumed_mm = sum(section.to_mm - section.from_mm for section in airway.sections if section.source == "assumed")
+    yield "airway", f"{airway.length_mm:.0f} mm from the glottis to the lips, {assumed_mm:.0f} of it assumed"
+    yield "narrowest in it", f"{airway.smallest_area_mm2:.0f} mm², {airway.smallest_area_place_mm:.0f} mm from the glottis"
+    if airway.closed or airway.shifts is None:
+        yield "formants", "none: the airway is closed"
+        return
+    for number, formant in enumerate(airway.formants, 1):
+        yield f"F{number}", f"{formant.frequency_hz:.0f} Hz (bandwidth {formant.bandwidth_hz:.0f} Hz)"
+    shifts = airway.shifts
+    rows = {
+        "with half the lips": shifts.lips_area_times_half,
+        "with 1.5 times": shifts.lips_area_times_one_and_a_half,
+        "larynx 5 mm shorter": shifts.larynx_tube_5_mm_shorter,
+        "larynx 5 mm longer": shifts.larynx_tube_5_mm_longer,
+    }
+    for name, frequencies in rows.items():
+        yield name, ", ".join(f"{frequency:.0f}" for frequency in frequencies) + " Hz"
 
 
 def _contact(contact: BoneContact) -> str:

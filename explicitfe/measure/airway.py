@@ -1,0 +1,235 @@
+"""The airway from the glottis to the lips: its midline, and the areas across it.
+
+Between tongue or jaw on one side and palate, velum and the wall of the pharynx on the other, areas are cut out of the surfaces.
+The larynx, the space behind the epiglottis and the lips are assumed.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import gaussian_filter1d
+
+from explicitfe.errors import InputError
+from explicitfe.measure.document import AirwayRegion
+from explicitfe.measure.sections import X, Z, middle
+from explicitfe.measure.tract import COLUMN_WIDTH_M, TOUCHING_GAP_M, SectionPlane, columns, crossings, palate_midline
+from explicitfe.mesh.triangles import plane_segments, surface_triangles
+from explicitfe.results import Result
+from explicitfe.results.airway_table import AirwayTable, WallTable
+
+PALATE_BONE, JAW_BONE = "palate", "jaw"
+# The midline is drawn through points this far apart, smoothed over this length, in so many rounds.
+POINT_SPACING_M = 1e-3
+MIDLINE_SMOOTHING_M = 5e-3
+MIDLINE_ROUNDS = 4
+# Areas are cut no further apart than this.
+AREA_SPACING_M = 3e-3
+# Across the midline surfaces are looked for no further than this, and an overlap is no deeper than that.
+ACROSS_REACH_M = 30e-3
+OVERLAP_REACH_M = 4e-3
+# Upper incisors stand in front of the lower ones: a midline between both ends this far behind the upper ones.
+TEETH_OVERLAP_M = 5e-3
+# Triangles of the wall: so many columns from the middle to a side, and rows no further apart than this.
+WALL_COLUMNS = 12
+WALL_ROW_M = 2.5e-3
+
+
+class Surroundings(NamedTuple):
+    """What bounds the air.
+
+    Attributes
+    ----------
+    outer, inner : (m, 3 corners, 3) m. Triangles of palate and wall, and of tongue and jaw.
+    line : (k, 2) x and z, m. The outer side in the midsagittal plane, from the lower end of the wall to the edge of the incisors.
+    middle : y of the midsagittal plane, m.
+    lowest : z of the lowest section, m.
+    """
+
+    outer: np.ndarray
+    inner: np.ndarray
+    line: np.ndarray
+    middle: float
+    lowest: float
+
+
+class CutSection(NamedTuple):
+    """A section that was cut: where its plane is, and its area in m2."""
+
+    plane: SectionPlane
+    area: float
+    region: AirwayRegion
+
+
+def airway_table(result: Result) -> AirwayTable:
+    """The airway's table that the run stored.
+
+    Raises
+    ------
+    InputError : it stored none.
+    """
+    stored = result.model.get("airway")
+    if stored is None:
+        raise InputError(f"{result.path} has no airway: it needs a run of the built-in tongue; run the scenario again.")
+    return AirwayTable.model_validate(stored)
+
+
+def surroundings(result: Result, step: int, table: AirwayTable) -> Surroundings:
+    """What bounds the air at a stored step.
+
+    Raises
+    ------
+    InputError : the run had no bone called "palate".
+    """
+    if PALATE_BONE not in result.bones:
+        raise InputError(f'{result.path} has no airway: it needs a [[bone]] called "{PALATE_BONE}".')
+    mesh, bones = result.mesh, result.placed_bones(step)
+    plane = middle(mesh)
+    palate = bones[PALATE_BONE].points[bones[PALATE_BONE].triangles]
+    tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
+    jaw = [bones[JAW_BONE].points[bones[JAW_BONE].triangles]] if JAW_BONE in bones else []
+    shift = _palate_shift(result)
+    wall, wall_line = wall_surface(table.wall)
+    front = palate_midline(palate, plane)
+    if front is None:
+        raise InputError(f'{result.path} has no airway: its "{PALATE_BONE}" does not pass the midsagittal plane.')
+    velum = front.points[::-1]
+    wall_line = wall_line + shift[[X, Z]]
+    return Surroundings(
+        outer=np.concatenate([palate, wall + shift + np.array([0.0, plane, 0.0])]),
+        inner=np.concatenate([tongue, *jaw]),
+        line=np.concatenate([wall_line[wall_line[:, 1] < velum[0, 1]], velum]),
+        middle=plane,
+        lowest=1e-3 * table.larynx.lowest_section_mm + float(shift[Z]),
+    )
+
+
+def wall_surface(table: WallTable) -> tuple[np.ndarray, np.ndarray]:
+    """The wall of the pharynx as triangles (m, 3 corners, 3) m around y = 0, and its midsagittal line (k, 2) from below, m.
+
+    Between the figures: monotone cubic interpolation (PCHIP), along |y| and then along z.
+    """
+    height, y = np.array(table.height_mm), np.array(table.y_mm)
+    rows = np.linspace(height[0], height[-1], int(np.ceil(np.ptp(height) / (1e3 * WALL_ROW_M))) + 1)
+    half_width = PchipInterpolator(height, table.half_width_mm)(rows)
+    share = np.linspace(-1.0, 1.0, 2 * WALL_COLUMNS + 1)
+    back = PchipInterpolator(height, np.array(table.back_mm), axis=0)(rows)
+    side = half_width[:, None] * share
+    even = PchipInterpolator(np.concatenate([-y[:0:-1], y]), np.hstack([back[:, :0:-1], back]), axis=1)
+    x = np.stack([even(at)[number] for number, at in enumerate(np.clip(side, -y[-1], y[-1]))])
+    points = 1e-3 * np.stack([x, side, np.broadcast_to(rows[:, None], x.shape)], axis=-1)
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    triangles = np.concatenate([np.stack(corners, axis=-2).reshape(-1, 3, 3) for corners in ((a, b, c), (a, c, d))])
+    return triangles, points[:, WALL_COLUMNS, [X, Z]]
+
+
+def airway_midline(around: Surroundings) -> np.ndarray:
+    """The midline (k, 2) of the air that is cut, x and z in m, from the lowest section to the incisors, in equal steps.
+
+    It begins as the outer side. In each round its points move half way between what is met across it on both sides, and it is
+    smoothed; it ends where nothing is met on the inner side.
+    """
+    outer, inner = (_midsagittal(triangles, around.middle) for triangles in (around.outer, around.inner))
+    line = _resampled(around.line)
+    for _ in range(MIDLINE_ROUNDS):
+        along = _directions(_smoothed(line))
+        points = []
+        for point, tangent in zip(line, along, strict=True):
+            low, high = _across(point, tangent, outer, inner)
+            points.append(point + 0.5 * (low + high) * _inwards(tangent))
+        moved = np.array(points)
+        line = _resampled(_smoothed(moved[np.isfinite(moved).all(axis=1)]))
+    above = np.flatnonzero(line[:, 1] >= around.lowest)
+    return line[above[0] :] if len(above) else line[:0]
+
+
+def cut_sections(line: np.ndarray, around: Surroundings) -> list[CutSection]:
+    """The sections across the midline (k, 2) m, in the middle of equal parts of it; those that meet the inner side."""
+    length = _length(line)
+    parts = int(np.ceil(length[-1] / AREA_SPACING_M))
+    places = length[-1] * (np.arange(parts) + 0.5) / parts
+    along = _directions(_smoothed(line))
+    cuts = []
+    for place in places:
+        x, z = (np.interp(place, length, column) for column in line.T)
+        tangent = np.array([np.interp(place, length, column) for column in along.T])
+        tangent = tangent / np.linalg.norm(tangent)
+        inwards = _inwards(tangent)
+        plane = SectionPlane(
+            np.array([x, 0.0, z]), np.array([tangent[0], 0.0, tangent[1]]), np.array([inwards[0], 0.0, inwards[1]])
+        )
+        area = open_area(plane, around)
+        # The wall of the pharynx goes up, the palate forward.
+        region: AirwayRegion = "pharynx" if abs(tangent[1]) > abs(tangent[0]) and x > around.line[:, 0].mean() else "mouth"
+        cuts.append(CutSection(plane, area, region))
+    return cuts
+
+
+def open_area(plane: SectionPlane, around: Surroundings) -> float:
+    """The air in a plane across the midline, m2: what is open by more than surfaces that touch leave between them."""
+    section = columns(plane, around.outer, around.inner, around.middle)
+    gap = np.where(section.inside, section.tongue - section.palate, 0.0)
+    return COLUMN_WIDTH_M * float(gap[gap >= TOUCHING_GAP_M].sum())
+
+
+def gap_to_incisors(line: np.ndarray, around: Surroundings) -> float:
+    """How far in front of the midline's end (k, 2) the edge of the incisors is, m: along x, 0 where the midline reaches it."""
+    return max(0.0, float(line[-1, 0] - around.line[-1, 0]) - TEETH_OVERLAP_M)
+
+
+def line_length(line: np.ndarray) -> float:
+    """Length of the line through points (k, 2), m."""
+    return float(_length(line)[-1])
+
+
+def _palate_shift(result: Result) -> np.ndarray:
+    """By how much the scenario shifts the palate (3,) m: the wall goes with it."""
+    for bone in result.model["scenario"].get("bone", []):
+        if bone["name"] == PALATE_BONE:
+            return 1e-3 * np.array(bone.get("shift_mm", [0.0, 0.0, 0.0]))
+    return np.zeros(3)
+
+
+def _midsagittal(triangles: np.ndarray, plane: float) -> np.ndarray:
+    """Where the midsagittal plane cuts triangles: segments (k, 2 ends, 2), x and z."""
+    return plane_segments(triangles, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
+
+
+def _across(point: np.ndarray, tangent: np.ndarray, outer: np.ndarray, inner: np.ndarray) -> tuple[float, float]:
+    """How far across the midline, to the inner side, the outer and the inner lines (k, 2 ends, 2) are met, m; NaN where not."""
+    frame = np.stack([tangent, _inwards(tangent)], axis=1)
+    sides = [crossings((lines - point) @ frame, np.zeros(1))[0] for lines in (outer, inner)]
+    above = sides[0][(sides[0] >= -ACROSS_REACH_M) & (sides[0] <= OVERLAP_REACH_M)]
+    below = sides[1][(sides[1] >= -OVERLAP_REACH_M) & (sides[1] <= ACROSS_REACH_M)]
+    return float(above.max(initial=-np.inf)), float(below.min(initial=np.inf))
+
+
+def _inwards(tangent: np.ndarray) -> np.ndarray:
+    """The direction across the midline to the tongue."""
+    return np.array([-tangent[1], tangent[0]])
+
+
+def _length(line: np.ndarray) -> np.ndarray:
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+
+
+def _resampled(line: np.ndarray) -> np.ndarray:
+    """The line through points (k, 2) in equal steps."""
+    length = _length(line)
+    places = np.linspace(0.0, length[-1], int(np.ceil(length[-1] / POINT_SPACING_M)) + 1)
+    return np.column_stack([np.interp(places, length, column) for column in line.T])
+
+
+def _smoothed(line: np.ndarray) -> np.ndarray:
+    """The line smoothed by a Gaussian; its ends stay, for it is continued by its own image turned about them."""
+    width = MIDLINE_SMOOTHING_M / POINT_SPACING_M
+    beyond = min(len(line) - 1, int(np.ceil(4.0 * width)))
+    before, after = 2.0 * line[0] - line[beyond:0:-1], 2.0 * line[-1] - line[-2 : -2 - beyond : -1]
+    return gaussian_filter1d(np.concatenate([before, line, after]), width, axis=0)[beyond : beyond + len(line)]
+
+
+def _directions(line: np.ndarray) -> np.ndarray:
+    along = np.gradient(line, axis=0)
+    return along / np.linalg.norm(along, axis=1)[:, None]

@@ -70,7 +70,20 @@ def test_a_muscle_that_is_asked_for_goes_with_the_strongest(path: Path) -> None:
 def test_what_is_tried_without_being_asked_for(path: Path) -> None:
     scenario = with_settings(path)
     tried = [name for name, lever in levers_of(MUSCLES).items() if lever.usual and not isinstance(lever.sought(scenario), str)]
-    assert set(tried) == {*LEVERS, "missing-GGh", "missing-MH"}
+    assert set(tried) == {*LEVERS, "missing-GGh", "missing-MH"} - {"graft-stiffness"}
+
+
+def test_all_grafts_are_stiffer(path: Path) -> None:
+    own = {"law": "yeoh", "C10_Pa": 500.0, "C20_Pa": 200.0}
+    text = "{" + ", ".join(f'{key} = "{value}"' if key == "law" else f"{key} = {value}" for key, value in own.items()) + "}"
+    box = "box_mm=[[0, -10, 80], [60, 10, 110]]"
+    grafted = f"graft=[{{{box}, stiffness_ratio=3.0}}, {{{box}, material={text}}}]"
+    settings = LEVERS["graft-stiffness"].settings(with_settings(path, grafted), 2.0)
+    first, second = with_settings(path, grafted, *settings).graft
+    assert first.stiffness_ratio == 6.0
+    law = second.material
+    assert law is not None and not isinstance(law, str)
+    assert law.model_dump(include={*own}) == own | {"C10_Pa": 1000.0, "C20_Pa": 400.0}
 
 
 def test_what_these_scenarios_cannot_have(path: Path) -> None:

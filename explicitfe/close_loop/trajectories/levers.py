@@ -11,6 +11,7 @@ from explicitfe.effects import EFFECTS
 from explicitfe.effects.effect import Sought
 from explicitfe.effects.material.viscoelastic import from_damping
 from explicitfe.errors import InputError
+from explicitfe.materials import Law
 from explicitfe.model import catalogue
 from explicitfe.model.effects import check_effects
 from explicitfe.predict.tissue import toml_value
@@ -82,9 +83,26 @@ def _forces(scenario: TransientScenario, factor: float) -> list[str]:
 
 def _moduli(scenario: TransientScenario, factor: float) -> list[str]:
     """The material with all its moduli multiplied."""
-    table = catalogue.material(scenario.model.material).model_dump(exclude_defaults=True)
+    return [f"model.material={_stiffer(scenario.model.material, factor)}"]
+
+
+def _stiffer(material: str | Law, factor: float) -> str:
+    """A material with its moduli multiplied, as a setting has it."""
+    table = catalogue.material(material).model_dump(exclude_defaults=True)
     scaled = {key: factor * value if key.endswith("_Pa") else value for key, value in table.items() if key != "source"}
-    return [f"model.material={toml_value(scaled)}"]
+    return toml_value(scaled)
+
+
+def _grafts(scenario: TransientScenario, factor: float) -> list[str]:
+    """All grafts with their moduli multiplied."""
+    settings = []
+    for number, graft in enumerate(scenario.graft):
+        if graft.material is None:
+            assert graft.stiffness_ratio is not None  # the schema has checked that one of the two is given
+            settings.append(f"graft.{number}.stiffness_ratio={factor * graft.stiffness_ratio!r}")
+        else:
+            settings.append(f"graft.{number}.material={_stiffer(graft.material, factor)}")
+    return settings
 
 
 def _about(sought: Sought, now: float) -> Sought:
@@ -184,6 +202,12 @@ LEVERS: dict[str, Lever] = {
         _forces,
     ),
     "stiffness": Lever("common factor of the material's moduli", "factor", lambda scenario: FACTOR, _moduli),
+    "graft-stiffness": Lever(
+        "common factor of the grafts' moduli",
+        "factor",
+        lambda scenario: FACTOR if scenario.graft else "the scenario has no [[graft]]",
+        _grafts,
+    ),
     **{f"{bone}-contact": _bone(bone) for bone in SIDE_OF_BONE},
 }
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import interp1d
@@ -26,6 +27,10 @@ _DEEPEST_START_M = 5e-3
 _BESIDE_SPACINGS = 8
 # How far beyond its place at rest a body is expected to go.
 _REACH_MARGIN_M = 0.02
+# The grid of a bone that is shifted is wider by a multiple of this, so that nearly equal shifts share it.
+_SHIFT_STEP_M = 5e-3
+# So many fields are kept for the next run of this process: two bones at a few places, for two meshes of the body.
+_KEPT_BONE_FIELDS = 16
 # Columns of the grid are moved by this share of a spacing against the triangles, so that none runs along an edge.
 _COLUMN_SHIFT_SHARES = (1.7320508e-6, 2.2360680e-6)
 
@@ -117,17 +122,21 @@ def bone_field(
     surface: TriangleSurface,
     what: str,
     body_points: np.ndarray,
+    shift_m: np.ndarray | None = None,
     *,
     spacing_m: float = 1e-3,
     smoothing_m: float = 1e-3,
     margin_m: float = _REACH_MARGIN_M,
 ) -> DistanceField:
-    """The distance field of a bone where a body can reach it, after checks of both.
+    """The distance field of a bone where a body can reach it, after checks of both; kept for the next body that is as large.
+
+    The grid moves along with a bone that is shifted: what the bone does is then smooth in its place.
 
     Parameters
     ----------
     what : names the bone in messages: 'bone "palate" (palate.stl)'.
     body_points : (n, 3) m. Points of the body's surface at rest.
+    shift_m : (3,) m. Where the bone is, from the place of its surface; there if left out.
     spacing_m, smoothing_m : as in ``distance_field``.
     margin_m : m. How far beyond its place at rest the grid follows the body.
 
@@ -136,12 +145,16 @@ def bone_field(
     InputError
         See ``check_surface``; or the body starts deeper than 5 mm inside the bone.
     """
-    check_surface(surface, what, body_points)
-    low, high = reach(body_points, margin_m)
+    content = surface.points.tobytes(), surface.triangles.tobytes()
+    _check(*content, surface.triangles.dtype.str, what, tuple(np.ptp(body_points, axis=0).tolist()))
+    shift = np.zeros(3) if shift_m is None else np.asarray(shift_m, dtype=float)
+    low, high = reach(body_points, margin_m + _SHIFT_STEP_M * np.ceil(np.abs(shift).max() / _SHIFT_STEP_M))
     beside = _BESIDE_SPACINGS * spacing_m
     low = np.maximum(low, surface.box_m[0] - beside)
     high = np.maximum(np.minimum(high, surface.box_m[1] + beside), low + 2.0 * spacing_m)  # a bone out of reach has a small grid
-    field = distance_field(surface, spacing_m=spacing_m, smoothing_m=smoothing_m, region=np.stack([low, high]))
+    region = tuple(np.stack([low, high]).ravel().tolist())
+    field = _field(*content, surface.triangles.dtype.str, region, spacing_m, smoothing_m)
+    field = replace(field, origin_m=field.origin_m + shift)
     distance, _ = field.at(body_points)
     deepest = int(distance.argmin())
     if distance[deepest] < -_DEEPEST_START_M:
@@ -150,6 +163,28 @@ def bone_field(
             f"move one of them (up to {1e3 * _DEEPEST_START_M:g} mm are borne), or leave the bone out."
         )
     return field
+
+
+@lru_cache(maxsize=_KEPT_BONE_FIELDS)
+def _check(points: bytes, triangles: bytes, numbers: str, what: str, extent_m: tuple[float, ...]) -> None:
+    """``check_surface`` of a surface as bytes, beside a body of an extent along each axis."""
+    check_surface(_surface(points, triangles, numbers), what, np.stack([np.zeros(3), np.array(extent_m)]))
+
+
+@lru_cache(maxsize=_KEPT_BONE_FIELDS)
+def _field(
+    points: bytes, triangles: bytes, numbers: str, region: tuple[float, ...], spacing_m: float, smoothing_m: float
+) -> DistanceField:
+    """``distance_field`` of a surface as bytes; its values are shared, so they cannot be changed."""
+    corners = np.array(region).reshape(2, 3)
+    field = distance_field(_surface(points, triangles, numbers), spacing_m=spacing_m, smoothing_m=smoothing_m, region=corners)
+    field.values.setflags(write=False)
+    return field
+
+
+def _surface(points: bytes, triangles: bytes, numbers: str) -> TriangleSurface:
+    """A surface from its bytes."""
+    return TriangleSurface(np.frombuffer(points).reshape(-1, 3), np.frombuffer(triangles, dtype=numbers).reshape(-1, 3))
 
 
 def reach(body_points: np.ndarray, margin_m: float) -> np.ndarray:

@@ -10,7 +10,6 @@ from explicitfe.close_loop.report import SUMMARY, write
 from explicitfe.close_loop.specimens.close import close_specimens
 from explicitfe.close_loop.split import split
 from explicitfe.close_loop.trajectories.close import close_trajectories
-from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, nearest, silent
 from explicitfe.measured.read import read_dataset
@@ -56,10 +55,9 @@ def close_loop(
     """
     begin = time.perf_counter()
     dataset = read_dataset(dataset_path)
-    known = LEVERS if dataset.test == "trajectory" else EFFECTS
     for name in effects:
-        if name not in known:
-            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, known)}")
+        if dataset.test != "trajectory" and name not in EFFECTS:
+            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, EFFECTS)}")
     if max_effects < 0:
         raise InputError(f"--max-effects {max_effects}: it must be 0 or more.")
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")

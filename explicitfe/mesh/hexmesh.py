@@ -37,9 +37,9 @@ class MaterialPoints:
         return len(self.element)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class HexMesh:
-    """Nodes and 8-node hexes with their named sets; never changed.
+    """Nodes and 8-node hexes with their named sets; never changed, and equal only to itself.
 
     Attributes
     ----------

@@ -61,9 +61,9 @@ class Fibre:
         return cls(points, side, segment_element, relative_tension)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Muscle:
-    """One muscle of both sides.
+    """One muscle of both sides; never changed, and equal only to itself.
 
     Attributes
     ----------

@@ -67,8 +67,8 @@ def _surface(
         assert table.length_unit is not None  # the schema has checked that it is given
         path = folder / table.file
         surface, what = read_surface(path, table.length_unit), f'bone "{table.name}" ({path})'
-    surface = shifted(surface, 1e-3 * np.array(table.shift_mm)) if any(table.shift_mm) else surface
-    return bone_field(surface, what, body_points), surface
+    shift = 1e-3 * np.array(table.shift_mm)
+    return bone_field(surface, what, body_points, shift), shifted(surface, shift) if any(table.shift_mm) else surface
 
 
 def jaw_motion(scenario: TransientScenario) -> RigidMotion | None:

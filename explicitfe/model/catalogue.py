@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from explicitfe.bones.tables import BoneShape, read_bones
@@ -16,6 +16,9 @@ from explicitfe.model.anatomy import Anatomy
 from explicitfe.results.airway_table import AirwayTable
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+
+# So many meshes are kept for the next run of this process: one, and a finer one to compare with.
+_KEPT_MESHES = 2
 
 
 def _data(kind: str) -> Path:
@@ -67,8 +70,9 @@ def material(choice: str | Law) -> Law:
     return materials()[choice]
 
 
+@cache
 def contour(name: str) -> ContourMap:
-    """The contour map of a built-in model."""
+    """The contour map of a built-in model; the arrays are shared, so read-only."""
     folders = model_folders()
     if name not in folders:
         raise InputError(f'unknown model "{name}"; {nearest(name, folders)}')
@@ -103,9 +107,13 @@ def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | No
 
 
 def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, int] | None = None) -> Anatomy:
-    """A built-in model at a resolution ('medium' if neither it nor cells is given)."""
+    """A built-in model at a resolution ('medium' if neither it nor cells is given); it is shared, so nothing may change it."""
+    return _built_in(name, tuple(cells_of(name, resolution, cells)))
+
+
+@lru_cache(maxsize=_KEPT_MESHES)
+def _built_in(name: str, grid: tuple[int, int, int]) -> Anatomy:
     shape = contour(name)
-    grid = cells_of(name, resolution, cells)
     muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
     mesh = shape.mesh(grid)
     check(mesh, f"model {name}")

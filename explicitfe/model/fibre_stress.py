@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -71,6 +72,9 @@ _FEWEST_AND_MOST_POINTS = (2, 8)
 # So many Gauss points are paired with pieces at a time.
 _BATCH_POINTS = 1000
 
+# So many fields are kept for the next run of this process: those of all muscles of the tongue on two meshes.
+_KEPT_MUSCLE_FIELDS = 24
+
 Side = Literal["both", "left", "right"]
 
 
@@ -102,6 +106,34 @@ def fibre_stress(
     ------
     InputError : no fibre on that side or of that number, or more than half of the muscle lies outside the mesh.
     """
+    spread = _tissue_field(mesh, muscle, side, None if fibres is None else tuple(fibres), width_mm)
+    stress = spread.density * (force_N * spread.work / spread.integral)
+    return FibreStress(muscle.name, spread.elements, spread.direction, stress, profile, force_length)
+
+
+@dataclass(frozen=True)
+class _TissueField:
+    """How fibres spread into the tissue, for a force of 1 N.
+
+    Attributes
+    ----------
+    elements : (k,) that they reach.
+    direction : (k, 3) of the stress in each, unit vectors.
+    density : (k,) 1/m^2. Trace of A there.
+    work : m. Sum of T L of the pieces in the tongue.
+    integral : m. Of the density over these elements.
+    """
+
+    elements: np.ndarray
+    direction: np.ndarray
+    density: np.ndarray
+    work: float
+    integral: float
+
+
+@lru_cache(maxsize=_KEPT_MUSCLE_FIELDS)
+def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, ...] | None, width_mm: float) -> _TissueField:
+    """The field of ``fibre_stress``; its arrays are shared, so they cannot be changed."""
     integral = np.zeros((mesh.element_count, 9))  # of A over each element, for a force of 1 N
     in_all, in_mesh = 0.0, 0.0
     for pieces in _pieces(muscle, muscle.chosen(side, fibres), 1e-3 * width_mm):
@@ -122,8 +154,10 @@ def fibre_stress(
     density = np.trace(tensor, axis1=1, axis2=2)
     kept = np.flatnonzero(density > _CUTOFF_SHARE * density.max())
     direction = np.linalg.eigh(tensor[kept])[1][:, :, -1]
-    stress = density[kept] * (force_N * in_mesh / (density[kept] @ volume[kept]))
-    return FibreStress(muscle.name, kept, direction, stress, profile, force_length)
+    field = _TissueField(kept, direction, density[kept], in_mesh, density[kept] @ volume[kept])
+    for array in (field.elements, field.direction, field.density):
+        array.setflags(write=False)
+    return field
 
 
 def outside_pull(

@@ -34,7 +34,7 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     ----------
     path : the file; one that ends in .json holds the same tables as JSON, as a result does.
     settings : ``key=value`` pairs that replace what the file says; a muscle is reached by its name
-        (``muscle.GGp.force_N=1.5``).
+        (``muscle.GGp.force_N=1.5``), and ``bone.+={name="palate"}`` adds a table.
 
     Raises
     ------
@@ -101,7 +101,10 @@ def _apply(data: dict[str, object], setting: str) -> None:
     at: Any = data
     for depth, key in enumerate(keys):
         place = ".".join(keys[:depth]) or "the scenario"
-        if isinstance(at, list):
+        if isinstance(at, list) and key == "+":
+            at.append({})
+            index: Any = -1
+        elif isinstance(at, list):
             names = [entry.get("name", "") for entry in at if isinstance(entry, dict)]
             entries = [k for k, name in enumerate(names) if name == key] or ([int(key)] if key.isdigit() else [])
             if len(entries) > 1:
@@ -109,7 +112,7 @@ def _apply(data: dict[str, object], setting: str) -> None:
                 raise InputError(f'--set {setting}: "{key}" stands {len(entries)} times in {place}; say which: {numbers}.')
             if not entries or entries[0] >= len(at):
                 raise InputError(f'--set {setting}: {place} has no entry "{key}"; {nearest(key, names)}')
-            index: Any = entries[0]
+            index = entries[0]
         elif isinstance(at, dict):
             index = key
         else:
@@ -117,4 +120,4 @@ def _apply(data: dict[str, object], setting: str) -> None:
         if depth == len(keys) - 1:
             at[index] = value
         else:
-            at = at[index] if isinstance(at, list) else at.setdefault(index, {})
+            at = at[index] if isinstance(at, list) else at.setdefault(index, [] if keys[depth + 1] == "+" else {})

@@ -343,6 +343,16 @@ def test_a_body_that_starts_inside_a_bone_is_refused():
     assert borne.values.min() < -0.004
 
 
+def test_the_field_moves_along_with_a_bone():
+    """At 2.3 mm, no multiple of the spacing: the same distances from the bone; and a field that is kept serves no other bone."""
+    body, shift = in_a_shell(RADIUS, RADIUS + 0.02), np.array([0.0, 0.0, 2.3e-3])
+    field, moved = bone_field(ball(), "ball", body), bone_field(ball(), "ball", body + shift, shift)
+    assert np.abs(moved.at(body + shift)[0] - field.at(body)[0]).max() < 1e-15
+    other = bone_field(ball(bump=0.002), "ball", body)
+    assert np.abs(other.at(body)[0] - field.at(body)[0]).max() > 1e-3
+    assert np.array_equal(bone_field(ball(), "ball", body).values, field.values)
+
+
 @pytest.mark.parametrize("kind", ["stl", "obj", "ply", "vtp"])
 def test_files_of_surfaces(kind, tmp_path):
     """Written by another program in millimetres, read back: closed, and of the same volume."""

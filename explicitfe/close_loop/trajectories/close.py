@@ -11,7 +11,6 @@ from explicitfe.close_loop.search import search
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Answer
-from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.errors import InputError, Progress, RunError
 from explicitfe.measured.curve import Dataset
@@ -40,7 +39,7 @@ def close_trajectories(
         raise InputError(f"{dataset.path}: without a scenario there is nothing to compare with; add the key scenario.")
     system = trajectory_system(dataset, sides.fit, processes or 1, only=tuple(effects))
     progress("trace", 0.0)
-    report = _new_report(dataset, sides, effects, max_effects)
+    report = _new_report(dataset, sides, system.considered, max_effects)
     try:
         outcome = search(
             system,
@@ -57,13 +56,13 @@ def close_trajectories(
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
     except RunError as error:
-        report = _new_report(dataset, sides, effects, max_effects)
+        report = _new_report(dataset, sides, system.considered, max_effects)
         add_failure(report, str(error))
         return LoopDocuments(report)
     finally:
         system.runs.close()
     progress("predict", 1.0)
-    report.effect_titles |= {name: LEVERS[name].title.partition(" [")[0] for name in report.effect_titles if name in LEVERS}
+    report.effect_titles |= {name: system.levers[name].title.partition(" [")[0] for name in report.effect_titles}
     report.next_experiment = None
     report.sensitivity_to_assumed = {}
     report.warnings = _warnings(sides, before, after)
@@ -77,7 +76,7 @@ def _new_report(dataset: Dataset, sides: Split, effects: Sequence[str], max_effe
         "dataset": str(dataset.path),
         "source": dataset.source,
         "scenario": str(dataset.scenario),
-        "effects_considered": list(effects) or list(LEVERS),
+        "effects_considered": list(effects),
         "max_effects": max_effects,
     }
     return report

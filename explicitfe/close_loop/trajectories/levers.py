@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from explicitfe.effects import EFFECTS
 from explicitfe.effects.effect import Sought
+from explicitfe.effects.material.viscoelastic import from_damping
+from explicitfe.errors import InputError
+from explicitfe.materials import Law
 from explicitfe.model import catalogue
+from explicitfe.model.effects import check_effects
 from explicitfe.predict.tissue import toml_value
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.scenario.transient import MuscleTable, TransientScenario
 
 # How a common factor, the weight [m/s^2], and the two dampings [1/s, s] are looked for.
 FACTOR = Sought((0.5, 0.8, 1.25, 2.0), 0.1, 10.0, kind="log", none=1.0)
 GRAVITY = Sought((0.0, 3.0, 9.81), 0.0, 12.0)
 DAMPING = Sought((0.0, 20.0, 80.0, 240.0), 0.0, 1000.0)
 VISCOSITY = Sought((0.0, 0.02, 0.05, 0.1), 0.0, 0.3)
+# A bone that is not in the scenario is sought from 20 mm off its place, beyond the reach of a tongue, to 3 mm nearer than its
+# place: it is known to 2 mm how the bones lie to the tongue (models/tongue/SOURCES.md).
+CLEARANCE_MM = Sought((5.0, 3.0, 1.5, 0.0, -1.5), -3.0, 20.0, none=20.0)
+# Where the bones of the built-in tongue lie, seen from it.
+SIDE_OF_BONE = {"jaw": -1.0, "palate": 1.0}  # along z
+# The force of a muscle that the scenario lacks, as a share of that of the muscle whose course it has.
+MUSCLE_SHARE = Sought((0.1, 0.4, 1.0), 0.0, 4.0)
+# Muscles that a scenario may well lack, with the listed one whose course they have; others are tried where they are asked for.
+# GGh: authors before Calka et al. (2025) count it among GGp. MH: it braces most postures with GGp (Liu et al. 2022).
+OFTEN_MISSING = {"GGh": "GGp", "MH": "GGp"}
+MISSING = "missing-"
 
 
 @dataclass(frozen=True)
@@ -30,12 +45,14 @@ class Lever:
     parameter : the name of the strength.
     sought : how it is looked for, given what the scenario says, or why it cannot be.
     settings : ``key=value`` pairs that give the scenario a strength.
+    usual : whether it is tried without being asked for by its name.
     """
 
     title: str
     parameter: str
     sought: Callable[[TransientScenario], Sought | str]
     settings: Callable[[TransientScenario, float], list[str]]
+    usual: bool = True
 
 
 def _lag(scenario: TransientScenario) -> Sought | str:
@@ -66,9 +83,91 @@ def _forces(scenario: TransientScenario, factor: float) -> list[str]:
 
 def _moduli(scenario: TransientScenario, factor: float) -> list[str]:
     """The material with all its moduli multiplied."""
-    table = catalogue.material(scenario.model.material).model_dump(exclude_defaults=True)
+    return [f"model.material={_stiffer(scenario.model.material, factor)}"]
+
+
+def _stiffer(material: str | Law, factor: float) -> str:
+    """A material with its moduli multiplied, as a setting has it."""
+    table = catalogue.material(material).model_dump(exclude_defaults=True)
     scaled = {key: factor * value if key.endswith("_Pa") else value for key, value in table.items() if key != "source"}
-    return [f"model.material={toml_value(scaled)}"]
+    return toml_value(scaled)
+
+
+def _grafts(scenario: TransientScenario, factor: float) -> list[str]:
+    """All grafts with their moduli multiplied."""
+    settings = []
+    for number, graft in enumerate(scenario.graft):
+        if graft.material is None:
+            assert graft.stiffness_ratio is not None  # the schema has checked that one of the two is given
+            settings.append(f"graft.{number}.stiffness_ratio={factor * graft.stiffness_ratio!r}")
+        else:
+            settings.append(f"graft.{number}.material={_stiffer(graft.material, factor)}")
+    return settings
+
+
+def _about(sought: Sought, now: float) -> Sought:
+    """Strengths about the one that the scenario has: none at all, and larger ones by what would be tried without it."""
+    more = tuple(now + v for v in sought.values if v > 0.0)
+    return replace(sought, values=(0.0, *more) if now > 0.0 else more, high=now + sought.high, none=now)
+
+
+def _viscosity(scenario: TransientScenario) -> Sought | str:
+    """The viscosity about that of the scenario, which may be none."""
+    now = scenario.model.damping
+    _, branch = from_damping(catalogue.material(scenario.model.material), VISCOSITY.high, 1e-3 * now.tau_ms)
+    chosen = scenario.effects.chosen
+    try:
+        check_effects((branch, *chosen), scenario.model.element)
+    except InputError as error:
+        return str(error)
+    if any(type(effect) is type(branch) for effect in chosen):
+        return "effects.viscoelastic of the scenario is a viscosity itself"
+    return _about(VISCOSITY, now.beta_s)
+
+
+def _bone(name: str) -> Lever:
+    """Contact with a bone of the built-in tongue that the scenario does not have."""
+
+    def sought(scenario: TransientScenario) -> Sought | str:
+        if any(table.name == name for table in scenario.bone):
+            return f"the scenario has the bone {name}"
+        model = scenario.model.name
+        return CLEARANCE_MM if model and name in catalogue.bones(model) else f"the model brings no bone {name}"
+
+    def settings(scenario: TransientScenario, clearance_mm: float) -> list[str]:
+        shift_mm = [0.0, 0.0, SIDE_OF_BONE[name] * clearance_mm]
+        return [f"bone.+={toml_value({'name': name, 'shift_mm': shift_mm})}"]
+
+    title = f"contact with the {name}, by how much further off the tongue it lies than in the model [mm]"
+    return Lever(title, "clearance_mm", sought, settings)
+
+
+def _missing(name: str) -> Lever:
+    """A muscle of the model that the scenario does not list: it pulls with a share of a listed one, and with its course."""
+
+    def leader(scenario: TransientScenario) -> str:
+        """The listed muscle whose course it has: that of the table, else the strongest."""
+        listed = {muscle.name: muscle.force_N for muscle in scenario.muscle}
+        partner = OFTEN_MISSING.get(name, "")
+        return partner if partner in listed else max(listed, key=lambda muscle: listed[muscle])
+
+    def sought(scenario: TransientScenario) -> Sought | str:
+        if any(muscle.name == name for muscle in scenario.muscle):
+            return f"the scenario lists {name}"
+        return MUSCLE_SHARE if _pulls(scenario) else "no muscle of the scenario pulls"
+
+    def settings(scenario: TransientScenario, share: float) -> list[str]:
+        partner = leader(scenario)
+        return [f"muscle.+={toml_value(_pull_of(name, share, muscle))}" for muscle in scenario.muscle if muscle.name == partner]
+
+    title = f"pull of {name}, which the scenario does not list, as a share of the force of the muscle whose course it has"
+    return Lever(title, "share", sought, settings, usual=name in OFTEN_MISSING)
+
+
+def _pull_of(name: str, share: float, partner: MuscleTable) -> dict[str, object]:
+    """The table of a muscle that pulls as another one does, with all of its own fibres."""
+    table = partner.model_dump(mode="json", exclude_unset=True, exclude={"fibres"})
+    return table | {"name": name, "force_N": share * partner.force_N}
 
 
 LEVERS: dict[str, Lever] = {
@@ -87,11 +186,7 @@ LEVERS: dict[str, Lever] = {
     "viscosity": Lever(
         "stiffness-proportional damping [s]",
         "beta_s",
-        lambda scenario: (
-            _about(VISCOSITY, scenario.model.damping.beta_s)
-            if scenario.model.damping.beta_s > 0.0
-            else "the scenario has no model.damping.beta_s"
-        ),
+        _viscosity,
         lambda scenario, beta: [f"model.damping.beta_s={beta!r}"],
     ),
     "gravity": Lever(
@@ -107,9 +202,16 @@ LEVERS: dict[str, Lever] = {
         _forces,
     ),
     "stiffness": Lever("common factor of the material's moduli", "factor", lambda scenario: FACTOR, _moduli),
+    "graft-stiffness": Lever(
+        "common factor of the grafts' moduli",
+        "factor",
+        lambda scenario: FACTOR if scenario.graft else "the scenario has no [[graft]]",
+        _grafts,
+    ),
+    **{f"{bone}-contact": _bone(bone) for bone in SIDE_OF_BONE},
 }
 
 
-def _about(sought: Sought, now: float) -> Sought:
-    """Strengths about the one that the scenario has: none at all, and larger ones by what would be tried without it."""
-    return replace(sought, values=(0.0, *(now + v for v in sought.values if v > 0.0)), high=now + sought.high, none=now)
+def levers_of(muscles: Iterable[str]) -> dict[str, Lever]:
+    """All levers of a model with these muscles."""
+    return LEVERS | {MISSING + name: _missing(name) for name in muscles}

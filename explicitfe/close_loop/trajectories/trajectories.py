@@ -6,7 +6,7 @@ Every candidate is a few ``--set`` settings of the scenario, so what is found ca
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -20,7 +20,7 @@ from explicitfe.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.close_loop.statistics.refit import derivatives
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.close_loop.trajectories.levers import FACTOR, LEVERS
+from explicitfe.close_loop.trajectories.levers import FACTOR, Lever, levers_of
 from explicitfe.close_loop.trajectories.registration import Registration, procrustes
 from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings
 from explicitfe.effects.effect import Sought
@@ -61,7 +61,8 @@ class Trajectories:
     first : the registration to begin with; the dataset says which parts of it are fitted.
     undeformed : (s, 3) m; where the sensors' points of the model are before anything pulls.
     runs : shared by all that ask.
-    only : candidates that are considered; all if empty.
+    levers : what may be wrong in the scenario, by name.
+    only : candidates that are considered; the usual ones if empty.
     placement_mm : likely error of where each sensor sits, constant in time, along each axis.
     """
 
@@ -70,6 +71,7 @@ class Trajectories:
     first: Registration
     undeformed: np.ndarray
     runs: Runs
+    levers: Mapping[str, Lever]
     only: tuple[str, ...] = ()
     placement_mm: float = 0.0
 
@@ -134,12 +136,18 @@ class Trajectories:
         scale = values.get("scale", self.first.scale)
         return Registration(turn @ self.first.rotation, self.first.centre, self.first.place + 1e-3 * shift, scale)
 
+    @property
+    def considered(self) -> list[str]:
+        """Names of the levers that are tried."""
+        return [name for name, lever in self.levers.items() if (name in self.only if self.only else lever.usual)]
+
     def candidates(self, model: Hypothesis) -> list[Candidate]:
         """The levers that the model does not have yet."""
         candidates = []
-        for name, lever in LEVERS.items():
-            if name in model.effects or (self.only and name not in self.only):
+        for name in self.considered:
+            if name in model.effects:
                 continue
+            lever = self.levers[name]
             sought = lever.sought(self.scenario)
             if isinstance(sought, str):
                 untried = candidate(name, 1, {lever.parameter: FACTOR}, Scales())
@@ -191,28 +199,27 @@ class Trajectories:
 
     def settings(self, model: Hypothesis, curve: Curve | None = None) -> Settings:
         """What ``--set`` takes to turn the scenario into a model; with a curve, into the run of that curve."""
-        own = () if curve is None else _own_settings(curve)
-        scenario = _scenario(self.runs.path, own)
-        added: list[str] = []
+        settings = () if curve is None else _own_settings(curve)
         for name, values in model.of_terms():
             (strength,) = values.values()
-            added += LEVERS[name].settings(scenario, strength)
-        return (*own, *added)
+            scenario = _scenario(self.runs.path, settings)  # with the terms before
+            settings = (*settings, *self.levers[name].settings(scenario, strength))
+        return settings
 
     def scenario_text(self, model: Hypothesis, curve: Curve | None = None) -> str:
         """The scenario of a model as a file, which gives the model's answers bit by bit when it is run."""
         settings = self.settings(model, curve)
         scenario, _ = read_scenario(self.runs.path, settings)
         data = scenario.model_dump(mode="json", by_alias=True, exclude_unset=True)
-        if "file" in data["model"]:  # its path is relative to the scenario
-            data["model"]["file"] = str((self.runs.path.parent / data["model"]["file"]).resolve())
+        for table in (data["model"], *data.get("bone", [])):
+            if table.get("file"):  # its path is relative to the scenario
+                table["file"] = str((self.runs.path.parent / table["file"]).resolve())
         lines = [f"# {self.runs.path.name} with what explicitfe close-loop found:", *(f"#   --set {s}" for s in settings)]
-        tables = {key: value for key, value in data.items() if isinstance(value, dict) and value}
         lines += [f"{key} = {toml_value(value)}" for key, value in data.items() if isinstance(value, str)]
-        for name, table in tables.items():
-            lines += ["", f"[{name}]", *(f"{key} = {toml_value(value)}" for key, value in table.items())]
-        for table in data.get("muscle", []):
-            lines += ["", "[[muscle]]", *(f"{key} = {toml_value(value)}" for key, value in table.items())]
+        tables = [(f"[{key}]", value) for key, value in data.items() if isinstance(value, dict) and value]
+        tables += [(f"[[{key}]]", table) for key, value in data.items() if isinstance(value, list) for table in value]
+        for head, table in tables:
+            lines += ["", head, *(f"{key} = {toml_value(value)}" for key, value in table.items())]
         return "\n".join(lines) + "\n"
 
     def _with_other_numerics(self, model: Hypothesis) -> dict[str, Answer]:
@@ -334,7 +341,8 @@ def trajectory_system(
 
     Raises
     ------
-    InputError : there is no scenario, it is no transient one, or a sensor sits on a point that the model does not have.
+    InputError : there is no scenario, it is no transient one, a sensor sits on a point that the model does not have, or there is
+        no such candidate.
     RunError : the scenario does not come to the end of a curve.
     """
     if dataset.scenario is None or not dataset.sensors:
@@ -342,7 +350,11 @@ def trajectory_system(
     scenario, _ = read_scenario(dataset.scenario)
     if not isinstance(scenario, TransientScenario):
         raise InputError(f"{dataset.scenario}: sensors need a transient scenario, not an indentation.")
-    mesh = anatomy_of(scenario.model, dataset.scenario.parent).mesh
+    anatomy = anatomy_of(scenario.model, dataset.scenario.parent)
+    levers, mesh = levers_of(anatomy.muscles), anatomy.mesh
+    for name in only:
+        if name not in levers:
+            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, levers)}")
     for sensor, point in dataset.sensors.items():
         if point not in mesh.named_points:
             hint = nearest(point, mesh.named_points)
@@ -357,7 +369,7 @@ def trajectory_system(
         modelled.append((undeformed + run[0]).reshape(-1, 3))
         seen.append(np.stack([curve.sensors[name] for name in dataset.sensors], axis=1).reshape(-1, 3))
     first = procrustes(_registration_table(dataset), np.concatenate(modelled), np.concatenate(seen))
-    return Trajectories(dataset, curves, first, undeformed, runs, tuple(only), placement_mm)
+    return Trajectories(dataset, curves, first, undeformed, runs, levers, tuple(only), placement_mm)
 
 
 def _registration_table(dataset: Dataset) -> RegistrationTable:

@@ -30,8 +30,6 @@ AREA_SPACING_M = 3e-3
 # Across the midline surfaces are looked for no further than this, and an overlap is no deeper than that.
 ACROSS_REACH_M = 30e-3
 OVERLAP_REACH_M = 4e-3
-# Upper incisors stand in front of the lower ones: a midline between both ends this far behind the upper ones.
-TEETH_OVERLAP_M = 5e-3
 # Triangles of the wall: so many columns from the middle to a side, and rows no further apart than this.
 WALL_COLUMNS = 12
 WALL_ROW_M = 2.5e-3
@@ -44,6 +42,7 @@ class Surroundings(NamedTuple):
     ----------
     outer, inner : (m, 3 corners, 3) m. Triangles of palate and wall, and of tongue and jaw.
     line : (k, 2) x and z, m. The outer side in the midsagittal plane, from the lower end of the wall to the edge of the incisors.
+    incisors : (2, 2) x and z, m. The edges of the upper and the lower incisors; None without a jaw.
     middle : y of the midsagittal plane, m.
     lowest : z of the lowest section, m.
     """
@@ -51,15 +50,20 @@ class Surroundings(NamedTuple):
     outer: np.ndarray
     inner: np.ndarray
     line: np.ndarray
+    incisors: np.ndarray | None
     middle: float
     lowest: float
 
 
 class CutSection(NamedTuple):
-    """A section that was cut: where its plane is, and its area in m2."""
+    """A section: where its plane is, and its area in m2, None where one side of the airway is not met in its middle.
+
+    ``span`` is where both sides are in the midsagittal plane, m from the midline towards the tongue; not finite where not met.
+    """
 
     plane: SectionPlane
-    area: float
+    span: tuple[float, float]
+    area: float | None
     region: AirwayRegion
 
 
@@ -89,7 +93,7 @@ def surroundings(result: Result, step: int, table: AirwayTable) -> Surroundings:
     plane = middle(mesh)
     palate = bones[PALATE_BONE].points[bones[PALATE_BONE].triangles]
     tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
-    jaw = [bones[JAW_BONE].points[bones[JAW_BONE].triangles]] if JAW_BONE in bones else []
+    jaw = bones[JAW_BONE].points[bones[JAW_BONE].triangles] if JAW_BONE in bones else tongue[:0]
     shift = _palate_shift(result)
     wall, wall_line = wall_surface(table.wall)
     front = palate_midline(palate, plane)
@@ -97,10 +101,12 @@ def surroundings(result: Result, step: int, table: AirwayTable) -> Surroundings:
         raise InputError(f'{result.path} has no airway: its "{PALATE_BONE}" does not pass the midsagittal plane.')
     velum = front.points[::-1]
     wall_line = wall_line + shift[[X, Z]]
+    edges = _midsagittal(jaw, plane).reshape(-1, 2)
     return Surroundings(
         outer=np.concatenate([palate, wall + shift + np.array([0.0, plane, 0.0])]),
-        inner=np.concatenate([tongue, *jaw]),
+        inner=np.concatenate([tongue, jaw]),
         line=np.concatenate([wall_line[wall_line[:, 1] < velum[0, 1]], velum]),
+        incisors=np.stack([velum[-1], edges[edges[:, 1].argmax()]]) if len(edges) else None,
         middle=plane,
         lowest=1e-3 * table.larynx.lowest_section_mm + float(shift[Z]),
     )
@@ -129,7 +135,7 @@ def airway_midline(around: Surroundings) -> np.ndarray:
     """The midline (k, 2) of the air that is cut, x and z in m, from the lowest section to the incisors, in equal steps.
 
     It begins as the outer side. In each round its points move half way between what is met across it on both sides, and it is
-    smoothed; it ends where nothing is met on the inner side.
+    smoothed. It ends half way between the incisors; without a jaw where nothing is met on the inner side.
     """
     outer, inner = (_midsagittal(triangles, around.middle) for triangles in (around.outer, around.inner))
     line = _resampled(around.line)
@@ -140,17 +146,25 @@ def airway_midline(around: Surroundings) -> np.ndarray:
             low, high = _across(point, tangent, outer, inner)
             points.append(point + 0.5 * (low + high) * _inwards(tangent))
         moved = np.array(points)
-        line = _resampled(_smoothed(moved[np.isfinite(moved).all(axis=1)]))
-    above = np.flatnonzero(line[:, 1] >= around.lowest)
-    return line[above[0] :] if len(above) else line[:0]
+        moved = moved[np.isfinite(moved).all(axis=1)]
+        if around.incisors is not None:
+            moved = _up_to(moved, *around.incisors)
+        line = _resampled(_smoothed(moved))
+    first = int(np.argmax(line[:, 1] >= around.lowest))
+    if first == 0:
+        return line
+    share = (around.lowest - line[first - 1, 1]) / (line[first, 1] - line[first - 1, 1])
+    start = line[first - 1] + share * (line[first] - line[first - 1])
+    return _resampled(np.concatenate([start[None], line[first:]]))
 
 
 def cut_sections(line: np.ndarray, around: Surroundings) -> list[CutSection]:
-    """The sections across the midline (k, 2) m, in the middle of equal parts of it; those that meet the inner side."""
+    """The sections across the midline (k, 2) m, in the middle of equal parts of it."""
     length = _length(line)
     parts = int(np.ceil(length[-1] / AREA_SPACING_M))
     places = length[-1] * (np.arange(parts) + 0.5) / parts
     along = _directions(_smoothed(line))
+    outer, inner = (_midsagittal(triangles, around.middle) for triangles in (around.outer, around.inner))
     cuts = []
     for place in places:
         x, z = (np.interp(place, length, column) for column in line.T)
@@ -163,20 +177,25 @@ def cut_sections(line: np.ndarray, around: Surroundings) -> list[CutSection]:
         area = open_area(plane, around)
         # The wall of the pharynx goes up, the palate forward.
         region: AirwayRegion = "pharynx" if abs(tangent[1]) > abs(tangent[0]) and x > around.line[:, 0].mean() else "mouth"
-        cuts.append(CutSection(plane, area, region))
+        cuts.append(CutSection(plane, _across(np.array([x, z]), tangent, outer, inner), area, region))
     return cuts
 
 
-def open_area(plane: SectionPlane, around: Surroundings) -> float:
-    """The air in a plane across the midline, m2: what is open by more than surfaces that touch leave between them."""
+def open_area(plane: SectionPlane, around: Surroundings) -> float | None:
+    """The air in a plane across the midline, m2: what is open by more than surfaces that touch leave between them.
+
+    None where the plane does not meet both sides of the airway in the middle.
+    """
     section = columns(plane, around.outer, around.inner, around.middle)
+    if not len(section.y) or not section.inside[np.abs(section.y) < COLUMN_WIDTH_M].all():
+        return None
     gap = np.where(section.inside, section.tongue - section.palate, 0.0)
     return COLUMN_WIDTH_M * float(gap[gap >= TOUCHING_GAP_M].sum())
 
 
 def gap_to_incisors(line: np.ndarray, around: Surroundings) -> float:
-    """How far in front of the midline's end (k, 2) the edge of the incisors is, m: along x, 0 where the midline reaches it."""
-    return max(0.0, float(line[-1, 0] - around.line[-1, 0]) - TEETH_OVERLAP_M)
+    """How far before the edge of the upper incisors the midline (k, 2) ends, m; 0 where it ends between both incisors."""
+    return 0.0 if around.incisors is not None else max(0.0, float(line[-1, 0] - around.line[-1, 0]))
 
 
 def line_length(line: np.ndarray) -> float:
@@ -204,6 +223,13 @@ def _across(point: np.ndarray, tangent: np.ndarray, outer: np.ndarray, inner: np
     above = sides[0][(sides[0] >= -ACROSS_REACH_M) & (sides[0] <= OVERLAP_REACH_M)]
     below = sides[1][(sides[1] >= -OVERLAP_REACH_M) & (sides[1] <= ACROSS_REACH_M)]
     return float(above.max(initial=-np.inf)), float(below.min(initial=np.inf))
+
+
+def _up_to(line: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """The line (k, 2) up to the gap between two edges (2,), and the middle of that gap as its end."""
+    end, across = 0.5 * (upper + lower), lower - upper
+    ahead = (line - end) @ np.array([across[1], -across[0]]) / np.linalg.norm(across)
+    return np.concatenate([line[ahead < -POINT_SPACING_M], end[None]])
 
 
 def _inwards(tangent: np.ndarray) -> np.ndarray:

@@ -97,13 +97,21 @@ def lips_at(result: Result, time_s: float, table: AirwayTable) -> tuple[float, f
 
 
 def cut_pieces(result: Result, step: int, table: AirwayTable) -> list[Piece]:
-    """What is cut out of the surfaces, from the lowest section to the incisors; without a jaw the last piece is assumed."""
+    """From the lowest section to the incisors: what is cut out of the surfaces, and what neighbours say where nothing is met."""
     around = surroundings(result, step, table)
     line = airway_midline(around)
     if len(line) < FEWEST_POINTS:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
-    cuts, length_mm = cut_sections(line, around), 1e3 * line_length(line)
-    pieces = [Piece(cut.region, "geometry", length_mm / len(cuts), 1e6 * cut.area) for cut in cuts]
+    cuts = cut_sections(line, around)
+    met = [number for number, cut in enumerate(cuts) if cut.area is not None]
+    if not met:
+        raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
+    areas = 1e6 * np.interp(np.arange(len(cuts)), met, [cut.area for cut in cuts if cut.area is not None])
+    part_mm = 1e3 * line_length(line) / len(cuts)
+    pieces = [
+        Piece(cut.region, "assumed" if cut.area is None else "geometry", part_mm, float(area))
+        for cut, area in zip(cuts, areas, strict=True)
+    ]
     gap_mm = 1e3 * gap_to_incisors(line, around)
     return [*pieces, Piece("teeth", "assumed", gap_mm, pieces[-1].area_mm2)] if gap_mm > SHORTEST_GAP_MM else pieces
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from explicitfe.measure.steps import last_step
 from explicitfe.results import Result, open_result
 from explicitfe.results.run_summary import kind_of
+from explicitfe.view.airway import airway_figure
 from explicitfe.view.hourglass import hourglass_map
 from explicitfe.view.indentation import draw_indentation
 from explicitfe.view.over_time import energies_figure, probes_figure
@@ -28,9 +29,9 @@ def draw(result_path: Path, folder: Path | None = None) -> list[Path]:
 
     Returns
     -------
-    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-palatogram``, ``-3d`` and ``-hourglass``;
-    of an indentation ``<stem>-curve.png`` and ``-section``. A picture for which the result has nothing to show is left out; the
-    3D view and the hourglass map, with a warning, where the machine cannot render.
+    The PNG files: ``<stem>-contour.png``, ``-coronal``, ``-probes``, ``-energies``, ``-palatogram``, ``-airway``, ``-3d`` and
+    ``-hourglass``; of an indentation ``<stem>-curve.png`` and ``-section``. A picture for which the result has nothing to show is
+    left out; the 3D view and the hourglass map, with a warning, where the machine cannot render.
 
     Raises
     ------
@@ -60,6 +61,7 @@ def draw_transient(result: Result, step: int, folder: Path) -> list[Path]:
             ("probes", probes_figure),
             ("energies", energies_figure),
             ("palatogram", palatogram_figure),
+            ("airway", airway_figure),
         ):
             figure = picture(result, step)
             if figure is not None:

@@ -46,7 +46,7 @@ RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
 ONLY = {
     "results": {"errors", "mesh"},
     "measure": {"errors", "acoustics", "mesh", "results"},
-    "view": {"errors", "mesh", "results", "measure"},
+    "view": {"errors", "acoustics", "mesh", "results", "measure"},
 }
 LAZY = ("pyvista", "matplotlib", "meshio", "jinja2")
 

@@ -212,3 +212,33 @@ def test_vowels_of_fant_as_praat_computes_them(vowel, monkeypatch):
     # Its radiation is that of a low frequency, ours also that of a wide mouth.
     both = frequencies(tract, Losses(heat=False, walls=False))
     np.testing.assert_allclose(both[: len(radiating)], radiating, rtol=5e-3)
+
+
+# Areas in cm2 of one speaker's vowels, every 3.968 mm, by magnetic resonance imaging (B. H. Story, I. R. Titze, E. A. Hoffman
+# 1996, J. Acoust. Soc. Am. 100:537-554), as G. Alzamendi's program getMaleVocalTract_Story1996.m repeats them.
+STORY_CM2 = {
+    "i": ".33 .3 .36 .34 .68 .5 2.43 3.15 2.66 2.49 3.39 3.8 3.78 4.35 4.5 4.43 4.68 4.52 4.15 4.09 3.51 2.95 2.03 "
+    "1.66 1.38 1.05 .6 .35 .32 .12 .1 .16 .25 .24 .38 .28 .36 .65 1.58 2.05 2.01 1.58",
+    "a": ".45 .2 .26 .21 .32 .3 .33 1.05 1.12 .85 .63 .39 .26 .28 .23 .32 .29 .28 .4 .66 1.2 1.05 1.62 2.09 2.56 "
+    "2.78 2.86 3.02 3.75 4.6 5.09 6.02 6.55 6.29 6.27 5.94 5.28 4.7 3.87 4.13 4.25 4.27 4.69 5.03",
+    "u": ".4 .38 .28 .43 .55 1.72 2.91 2.88 2.37 2.1 3.63 5.86 5.63 5.43 4.8 4.56 4.29 3.63 3.37 3.16 3.31 3.22 "
+    "2.33 2.07 2.07 1.52 .74 .23 .15 .22 .22 .37 .6 .76 .86 1.82 2.35 2.55 3.73 5.47 4.46 2.39 1.1 .77 .41 .86",
+}
+STORY_SECTION_M = 3.9682e-3
+# F1 to F3, Hz, that a program of J. C. Lucero (2019; after Sondhi and Schroeter 1987) computes of them, with air of 350 m/s and
+# 1.14 kg/m3 instead of its own: with walls and a tenth of our radiated power, and with its boundary layer too, which has the same
+# strength in tubes of all sizes.
+LUCERO_HZ = {
+    "i": ([298.99, 2489.41, 3147.13], [291.44, 2463.29, 3120.96]),
+    "a": ([795.29, 1134.81, 2763.84], [781.39, 1116.24, 2736.85]),
+    "u": ([322.54, 1118.68, 2454.78], [314.61, 1100.98, 2426.96]),
+}
+
+
+@pytest.mark.parametrize("vowel", STORY_CM2)
+def test_vowels_of_story_as_another_program_computes_them(vowel):
+    areas = 1e-4 * np.array(STORY_CM2[vowel].split(), dtype=float)
+    tract = Tube(np.full(len(areas), STORY_SECTION_M), areas)
+    hard, lossy = LUCERO_HZ[vowel]
+    np.testing.assert_allclose(frequencies(tract, Losses(viscosity=False, heat=False)), hard, rtol=7e-3)
+    np.testing.assert_allclose(frequencies(tract, Losses()), lossy, rtol=7e-3)

@@ -1,0 +1,30 @@
+"""Draw the airway of docs/airway.md from a result: midline and sections, areas, transfer function, formants over time.
+
+python docs/draw_airway.py RESULT.vtkhdf [PICTURE.png]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from explicitfe.measure.steps import last_step
+from explicitfe.results import open_result
+from explicitfe.view.airway import airway_figure
+from explicitfe.view.palette import save
+
+HERE = Path(__file__).resolve().parent
+
+
+def main() -> None:
+    target = Path(sys.argv[2]) if len(sys.argv) > 2 else HERE / "pictures" / "airway.png"
+    with open_result(Path(sys.argv[1])) as result:
+        figure = airway_figure(result, last_step(result), over_time=True)
+    if figure is None:
+        sys.exit("this result has no airway: it needs the built-in tongue and its palate")
+    save(figure, target)
+    print(f"written: {target}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,208 @@
+"""The airway of known channels, and of the built-in tongue at rest and moved as a rigid body: no run is needed for that."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command import command
+
+from explicitfe.errors import InputError
+from explicitfe.measure.airway import Surroundings, airway_midline, airway_table, cut_sections, surroundings, wall_surface
+from explicitfe.measure.courses import constriction_course, formant_course
+from explicitfe.measure.formants import airway, formants_of
+from explicitfe.measure.measure import measure
+from explicitfe.model import catalogue
+from explicitfe.results import FINISHED, Quantity, ResultWriter, open_result
+
+TABLE = catalogue.airway("tongue")
+assert TABLE is not None
+AIRWAY = TABLE.model_dump(mode="json")
+TIMES_S = (0.0, 0.1)
+REGIONS = ["larynx", "epiglottis", "pharynx", "mouth", "lips"]
+
+
+def tongue(
+    path: Path,
+    shift_mm: Sequence[float] = (0.0, 0.0, 0.0),
+    *,
+    lips: dict[str, Any] | None = None,
+    bone: Sequence[dict[str, Any]] = (),
+    bones: Sequence[str] = ("palate", "jaw"),
+    jaw_down_mm: float = 0.0,
+    stored: dict[str, Any] | None = AIRWAY,
+) -> Path:
+    """A result in which the built-in tongue goes from rest to a shift along x, y and z as a rigid body, and the jaw down."""
+    mesh = catalogue.built_in("tongue", "coarse").mesh
+    shapes = {name: catalogue.bones("tongue")[name].surface for name in bones}
+    scenario = {"title": "Shifted", "analysis": {"type": "transient"}, "bone": list(bone), **({"lips": lips} if lips else {})}
+    with ResultWriter(
+        path,
+        mesh=mesh,
+        bones={name: (shape.points, shape.triangles) for name, shape in shapes.items()},
+        point_fields={},
+        history={"bone_jaw_placement": Quantity("1", 12)},
+        scenario_text="",
+        model={"name": "tongue", "scenario": scenario, "airway": stored},
+        provenance={},
+        overwrite=True,
+    ) as result:
+        for time, share in zip(TIMES_S, (0.0, 1.0), strict=True):
+            placement = np.concatenate([np.eye(3).ravel(), [0.0, 0.0, -1e-3 * share * jaw_down_mm]])
+            result.history(time, {"bone_jaw_placement": placement})
+            result.sample(time, {"displacement": np.tile(1e-3 * share * np.array(shift_mm), (mesh.node_count, 1))})
+        return result.finish(FINISHED, "", {})
+
+
+def sheet(line: np.ndarray, half_width: float) -> np.ndarray:
+    """Triangles (m, 3, 3) of a line (k, 2) in x and z that is drawn out to both sides."""
+    sides = [np.column_stack([line[:, 0], np.full(len(line), y), line[:, 1]]) for y in (-half_width, half_width)]
+    a, b, c, d = sides[0][:-1], sides[0][1:], sides[1][1:], sides[1][:-1]
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def bend(radius: float, straight: float) -> np.ndarray:
+    """A line up along z, around a quarter of a circle about the origin, and forward along -x."""
+    turn = np.linspace(0.0, 0.5 * np.pi, 400)
+    arc = radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    return np.concatenate([[[radius, -straight]], arc, [[-straight, radius]]])
+
+
+def test_a_bent_channel_of_one_width():
+    outer, inner, straight, half_width, below = 0.040, 0.030, 0.030, 0.011, 0.004
+    around = Surroundings(
+        # Longer than the line, so that the midline ends with it.
+        outer=sheet(bend(outer, straight + 0.01), half_width),
+        inner=sheet(bend(inner, straight + 0.01), half_width),
+        line=bend(outer, straight),
+        incisors=None,
+        middle=0.0,
+        lowest=below - straight,
+    )
+    line = airway_midline(around)
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    # A Gaussian of 5 mm takes 5^2 / (2 R) = 0.36 mm off the bend's radius R of 35 mm, and 0.6 mm off the length.
+    assert length == pytest.approx(2.0 * straight - below + 0.5 * np.pi * 0.5 * (outer + inner) - 0.6e-3, rel=0.004)
+    sections = cut_sections(line, around)
+    for section in sections:
+        assert section.area == pytest.approx((outer - inner) * 2.0 * half_width, rel=0.01)
+    assert [section.region for section in sections] == sorted([section.region for section in sections], reverse=True)
+
+
+def test_the_wall_passes_its_figures_and_is_its_own_mirror_image():
+    assert TABLE is not None
+    triangles, line = wall_surface(TABLE.wall)
+    np.testing.assert_allclose(
+        np.interp(TABLE.wall.height_mm, 1e3 * line[:, 1], 1e3 * line[:, 0]), [row[0] for row in TABLE.wall.back_mm], atol=0.05
+    )
+    corners = triangles.reshape(-1, 3)
+    mirrored = np.unique(np.round(corners * [1.0, -1.0, 1.0], 9), axis=0)
+    np.testing.assert_allclose(mirrored, np.unique(np.round(corners, 9), axis=0), atol=1e-9)
+    for row in (0, 5):
+        level = corners[np.abs(corners[:, 2] - 1e-3 * TABLE.wall.height_mm[row]) < 1.3e-3]
+        assert 1e3 * np.abs(level[:, 1]).max() == pytest.approx(TABLE.wall.half_width_mm[row], abs=1.0)
+
+
+def test_the_tongue_at_rest_is_nearly_a_uniform_tube(tmp_path):
+    answer = airway(tongue(tmp_path / "a.vtkhdf"))
+    sections = answer.sections
+    ends = [section.to_mm for section in sections]
+    assert [section.from_mm for section in sections] == pytest.approx([0.0, *ends[:-1]])
+    assert sorted({section.region for section in sections}, key=REGIONS.index) == REGIONS
+    assert [section.region for section in sections] == sorted([section.region for section in sections], key=REGIONS.index)
+    assert {section.region for section in sections if section.source == "geometry"} == {"pharynx", "mouth"}
+    assert answer.length_mm == ends[-1] and 150.0 < answer.length_mm < 175.0
+    assert (sections[0].area_mm2, sections[-1].area_mm2) == (28.0, 150.0)
+    quarter_hz = 350.0 / (4e-3 * answer.length_mm) * np.array([1.0, 3.0, 5.0])
+    np.testing.assert_allclose([formant.frequency_hz for formant in answer.formants], quarter_hz, rtol=0.15)
+    measured = [section.area_mm2 for section in sections if section.source == "geometry"]
+    assert answer.smallest_area_mm2 == min(measured) and not answer.closed
+
+
+def test_a_tongue_that_is_forward_and_up_lowers_f1_and_raises_f2(tmp_path):
+    at_rest = airway(tongue(tmp_path / "a.vtkhdf", (-4.0, 0.0, 2.0)), 0.0)
+    moved = airway(tmp_path / "a.vtkhdf")
+    assert moved.formants[0].frequency_hz < at_rest.formants[0].frequency_hz - 50.0
+    assert moved.formants[1].frequency_hz > at_rest.formants[1].frequency_hz + 50.0
+    # 4 mm more over a width of some 40 mm
+    pharynx = [np.mean([s.area_mm2 for s in each.sections if s.region == "pharynx"]) for each in (at_rest, moved)]
+    assert 100.0 < pharynx[1] - pharynx[0] < 220.0
+
+
+def test_lips_of_the_scenario_and_what_they_change(tmp_path):
+    neutral = airway(tongue(tmp_path / "a.vtkhdf"))
+    half = airway(tongue(tmp_path / "b.vtkhdf", lips={"area_mm2": 75.0, "length_mm": 10.0}))
+    assert neutral.shifts is not None
+    assert neutral.shifts.lips_area_times_half == pytest.approx([formant.frequency_hz for formant in half.formants])
+    assert neutral.shifts.larynx_tube_5_mm_longer[2] < neutral.formants[2].frequency_hz
+    rounding = {"table": [[0.0, 150.0, 10.0], [200.0, 50.0, 20.0]]}
+    course = tongue(tmp_path / "c.vtkhdf", lips=rounding)
+    last = airway(course).sections[-1]
+    assert (last.area_mm2, last.to_mm - last.from_mm) == pytest.approx((100.0, 15.0))
+    frequency = [formant.frequency_hz for formant in neutral.formants]
+    with open_result(course) as result:
+        formants = formant_course(result)
+        constriction = constriction_course(result)
+    assert formants.time.tolist() == list(TIMES_S)
+    assert formants.frequency[0] == pytest.approx(frequency)
+    assert np.all(formants.frequency[1] < formants.frequency[0])
+    measured = measure(course).constriction
+    assert measured is not None
+    assert (1e3 * constriction.width[-1], 1e3 * constriction.place[-1]) == pytest.approx((measured.width_mm, measured.place_mm))
+    shut = airway(tongue(tmp_path / "d.vtkhdf", lips={"area_mm2": 0.0, "length_mm": 10.0}))
+    assert shut.closed and shut.formants == [] and shut.shifts is None
+
+
+def test_a_tongue_pressed_to_the_palate_closes_the_airway(tmp_path):
+    path = tongue(tmp_path / "a.vtkhdf", (0.0, 0.0, 11.0))
+    answer = airway(path)
+    assert answer.closed and answer.smallest_area_mm2 == 0.0
+    with open_result(path) as result:
+        assert np.isnan(formant_course(result).frequency[1]).all()
+
+
+def test_the_jaw_opens_the_front(tmp_path):
+    opened = tongue(tmp_path / "a.vtkhdf", (15.0, 0.0, 0.0), jaw_down_mm=10.0)
+    shut = tongue(tmp_path / "b.vtkhdf", (15.0, 0.0, 0.0))
+    fronts = [np.mean([s.area_mm2 for s in airway(path).sections[-4:-1]]) for path in (opened, shut)]
+    assert fronts[0] > fronts[1] + 100.0  # 10 mm more over a width of more than 10 mm
+    without = airway(tongue(tmp_path / "c.vtkhdf", bones=("palate",)))
+    assert (without.sections[-2].region, without.sections[-2].source) == ("teeth", "assumed")
+    assert len(formants_of(without.sections)) == 3
+
+
+def test_the_wall_goes_with_a_palate_that_is_shifted(tmp_path):
+    lines = []
+    for name, bone in (("a", {"name": "palate"}), ("b", {"name": "palate", "shift_mm": [2.0, 0.0, -1.0]})):
+        with open_result(tongue(tmp_path / f"{name}.vtkhdf", bone=[bone])) as result:
+            around = surroundings(result, 0, airway_table(result))
+            lines.append(around.line[0])
+            lowest = around.lowest
+    np.testing.assert_allclose(lines[1] - lines[0], [2e-3, -1e-3], atol=1e-12)
+    assert lowest == pytest.approx(71e-3)
+
+
+def test_what_has_no_airway_is_refused(tmp_path, capsys):
+    with pytest.raises(InputError, match="run the scenario again"):
+        airway(tongue(tmp_path / "a.vtkhdf", stored=None))
+    with pytest.raises(InputError, match='called "palate"'):
+        airway(tongue(tmp_path / "b.vtkhdf", bones=("jaw",)))
+    assert command(["measure", str(tmp_path / "a.vtkhdf"), "--formants"]) == 2
+    assert "has no airway" in capsys.readouterr().err
+
+
+def test_the_command_prints_and_stores_it(tmp_path, capsys):
+    path = tongue(tmp_path / "a.vtkhdf")
+    assert command(["measure", str(path), "--formants", "--json"]) == 0
+    (answer,) = json.loads(capsys.readouterr().out)["results"]
+    expected = airway(path)
+    assert answer["airway"] == json.loads(expected.model_dump_json())
+    assert command(["measure", str(path), "--formants"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert f"F1 {expected.formants[0].frequency_hz:.0f} Hz" in text
+    assert command(["measure", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["results"][0]["airway"] is None

@@ -2,20 +2,23 @@
 
     python benchmarks/kinematics.py [--out DIR] [--picture docs/pictures/kinematics.png] [SCENARIO ...]
 
-Runs five gestures, each with its forces rising and falling within 30 to 100 ms, and the scenarios that are named, as they
-are; a result that lies in DIR already is read instead. Measured: the articulography of two speakers (``tongue-ema-haskins``, see
-tests/outside_data.py for where it is looked for). All strokes come from one detector, explicitfe/measure/strokes.py.
+Runs five gestures, each with its forces rising and falling within 30 to 100 ms or overshooting, and the scenarios that are
+named, as they are; a result that lies in DIR already is read instead. Measured: the articulography of two speakers
+(``tongue-ema-haskins``; tests/outside_data.py says where it is looked for). All strokes come from one detector,
+explicitfe/measure/strokes.py.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import tomllib
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -34,6 +37,11 @@ from outside_data import SHARED_DATA  # noqa: E402
 MEASURED = SHARED_DATA / "measured" / "tongue-ema-haskins"
 GESTURES = ("vowel-i", "sl-alone", "sty-alone", "gga-alone", "hg-alone")
 RAMPS_MS = (30.0, 50.0, 80.0, 100.0)
+# Stiffness-proportional damping: that of the scenarios, and a third of it.
+BETAS_S = (0.03, 0.01)
+# Forces that overshoot rise to this share of what they hold, and are back at it so much later.
+OVERSHOOT_SHARE, COMING_BACK_MS = 1.3, 40.0
+OVERSHOOT_RAMPS_MS = (50.0, 80.0)
 HOLD_MS, AFTERWARDS_MS = 150.0, 150.0
 POINTS = ("tip", "blade", "front", "dorsum")
 SENSORS = {"TT": "tip", "TB": "blade or body", "TR": "rear"}
@@ -51,19 +59,41 @@ HEADINGS = (
 )  # fmt: skip
 
 
-def gesture(name: str, ramp_ms: float, folder: Path) -> Path:
-    """A scenario whose muscles rise, hold and fall, with ramps of this length: written into a folder."""
+class Course(NamedTuple):
+    """How the forces of a gesture go, ``pulls`` being times in ms and shares of the force; and the damping of the tissue."""
+
+    name: str
+    beta_s: float
+    ramp_ms: float
+    pulls: list[list[float]]
+
+
+def ramps(beta_s: float, ramp_ms: float) -> Course:
+    """Forces that rise in a ramp, hold, and fall in a ramp."""
+    end = 2.0 * ramp_ms + HOLD_MS
+    pulls = [[0.0, 0.0], [ramp_ms, 1.0], [ramp_ms + HOLD_MS, 1.0], [end, 0.0]]
+    return Course(f"beta {beta_s:g} s, ramps of {ramp_ms:g} ms", beta_s, ramp_ms, pulls)
+
+
+def overshoot(beta_s: float, ramp_ms: float) -> Course:
+    """Forces that rise in a ramp to more than what they hold, and come back to that."""
+    pulls = [[0.0, 0.0], [ramp_ms, OVERSHOOT_SHARE], [ramp_ms + COMING_BACK_MS, 1.0], [ramp_ms + HOLD_MS, 1.0]]
+    name = f"beta {beta_s:g} s, in {ramp_ms:g} ms to {OVERSHOOT_SHARE:g} times the force, and back"
+    return Course(name, beta_s, ramp_ms, pulls)
+
+
+def gesture(name: str, course: Course, folder: Path) -> Path:
+    """A scenario whose muscles follow a course: written into a folder."""
     table = tomllib.loads((ROOT / "scenarios" / f"{name}.toml").read_text(encoding="utf-8"))
-    ends = [0.0, ramp_ms, ramp_ms + HOLD_MS, 2.0 * ramp_ms + HOLD_MS]
-    pulls = [list(pair) for pair in zip(ends, (0.0, 1.0, 1.0, 0.0), strict=True)]
-    table["title"] = f"{name}, ramps of {ramp_ms:g} ms"
+    table["title"] = f"{name}, {course.name}"
+    table["model"]["damping"] |= {"beta_s": course.beta_s}
     table["muscle"] = [
-        {key: muscle[key] for key in ("name", "force_N", "distribution")} | {"profile": "table", "table": pulls}
+        {key: muscle[key] for key in ("name", "force_N", "distribution")} | {"profile": "table", "table": course.pulls}
         for muscle in table["muscle"]
     ]
-    table["analysis"] |= {"duration_ms": ends[-1] + AFTERWARDS_MS}
+    table["analysis"] |= {"duration_ms": course.pulls[-1][0] + AFTERWARDS_MS}
     table["record"] = {"every_ms": 1e3 * STEP_S, "fields": ["displacement"]}
-    path = folder / f"{name}-{ramp_ms:.0f}ms.json"
+    path = folder / f"{name}-{re.sub('[^a-z0-9.]+', '-', course.name)}.json"
     path.write_text(json.dumps(table), encoding="utf-8")
     return path
 
@@ -125,26 +155,47 @@ def band(axes: Axes, distance: np.ndarray, values: np.ndarray) -> None:
     axes.plot(at, middle, "-o", color="0.35", lw=1.8, ms=4, label="their median")
 
 
-def draw(target: Path, by_ramp: dict[str, list[Stroke]], speakers: Sequence[Stroke]) -> None:
-    """The picture: peak speed and duration against displacement."""
-    figure = new_figure(10.0, 4.6)
-    distance, duration, speed, *_ = columns(speakers)
-    for axes, values, index, label in zip(
-        figure.subplots(1, 2), (speed, duration), (2, 1), ("peak speed (mm/s)", "duration (ms)"), strict=True
-    ):
+def draw(target: Path, groups: Sequence[tuple[Course, list[Stroke]]], speakers: Sequence[Stroke]) -> None:
+    """The picture: speed and duration against displacement, of ramps with the first beta; and of all courses how they stand."""
+    figure = new_figure(13.0, 4.7)
+    of_speakers = columns(speakers)
+    *over_distance, summary = figure.subplots(1, 3)
+    for axes, index, label in zip(over_distance, (2, 1), ("peak speed (mm/s)", "duration (ms)"), strict=True):
         plain(axes)
-        band(axes, distance, values)
-        for (name, some), colour, marker in zip(by_ramp.items(), COLOURS, "o^sDvP", strict=False):
+        band(axes, of_speakers[0], of_speakers[index])
+        for (course, some), colour, marker in zip(groups, COLOURS[: len(RAMPS_MS)], "o^sD", strict=False):
             figures = columns(some)
-            axes.plot(
-                figures[0], figures[index], marker, color=colour, ms=5, mec="white", mew=0.5, ls="", label=f"simulated, {name}"
-            )
+            label_of = f"simulated, ramps of {course.ramp_ms:g} ms"
+            axes.plot(figures[0], figures[index], marker, color=colour, ms=5, mec="white", mew=0.5, ls="", label=label_of)
         axes.set_xlim(0.0, BINS_MM[-1])
         axes.set_ylim(bottom=0.0)
         axes.set_xlabel("displacement of a stroke (mm)")
-        axes.set_ylabel(label)
-    figure.axes[0].legend(loc="upper left", frameon=False, fontsize=8.5)
-    figure.suptitle("Strokes of the tongue: tip, blade, front and dorsum, simulated and measured", fontsize=12, fontweight="bold")
+        axes.set_title(f"{label}, beta {BETAS_S[0]:g} s", fontsize=10.5)
+    over_distance[0].legend(loc="upper left", frameon=False, fontsize=8.5)
+
+    plain(summary)
+    share, ratio = of_speakers[4], of_speakers[2] / of_speakers[0]
+    (left, middle, right), (bottom, centre, top) = np.quantile(share, QUANTILES), np.quantile(ratio, QUANTILES)
+    summary.errorbar(
+        middle, centre, yerr=[[centre - bottom], [top - centre]], xerr=[[middle - left], [right - middle]], fmt="o", color="0.35",
+        ecolor="0.7", elinewidth=8, ms=9, label="two speakers, median, 10 to 90 %",
+    )  # fmt: skip
+    series = {
+        f"ramps, beta {BETAS_S[0]:g} s": (groups[: len(RAMPS_MS)], "-", COLOURS[0]),
+        f"ramps, beta {BETAS_S[1]:g} s": (groups[len(RAMPS_MS) : 2 * len(RAMPS_MS)], "--", COLOURS[1]),
+        f"to {OVERSHOOT_SHARE:g} times the force and back, beta {BETAS_S[0]:g} s": (groups[2 * len(RAMPS_MS) :], ":", COLOURS[2]),
+    }
+    for label, (some_groups, line, colour) in series.items():
+        at = np.array([[np.median(columns(some)[4]), np.median(columns(some)[2] / columns(some)[0])] for _, some in some_groups])
+        summary.plot(*at.T, "o", ls=line, color=colour, ms=5, lw=1.5, label=label)
+        for (course, _), place in zip(some_groups, at, strict=True):
+            summary.annotate(f"{course.ramp_ms:g} ms", place, (5, 4), textcoords="offset points", fontsize=8, color=colour)
+    summary.set_xlim(0.25, 0.75)
+    summary.set_ylim(0.0, 32.0)
+    summary.set_xlabel("when a stroke is fastest (share of its duration)")
+    summary.set_title("peak speed over displacement (1/s), medians", fontsize=10.5)
+    summary.legend(loc="lower right", frameon=False, fontsize=8.5)
+    figure.suptitle("Strokes of the tongue: tip, blade, front and dorsum, simulated and measured", fontsize=13, fontweight="bold")
     save(figure, target)
 
 
@@ -157,16 +208,16 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
 
-    by_ramp: dict[str, list[Stroke]] = {}
+    courses = [ramps(beta_s, ramp_ms) for beta_s, ramp_ms in product(BETAS_S, RAMPS_MS)]
+    courses += [overshoot(BETAS_S[0], ramp_ms) for ramp_ms in OVERSHOOT_RAMPS_MS]
+    groups: list[tuple[Course, list[Stroke]]] = []
     lines: list[str] = []
-    for ramp_ms in RAMPS_MS:
-        of_gesture = {name: simulated(result_of(gesture(name, ramp_ms, arguments.out), arguments.out)) for name in GESTURES}
-        by_ramp[f"ramps of {ramp_ms:g} ms"] = [stroke for some in of_gesture.values() for stroke in some]
-        lines += [row(f"`{name}`, {ramp_ms:g} ms", some) for name, some in of_gesture.items() if some]
-    for scenario in arguments.scenario:
-        some = simulated(result_of(scenario, arguments.out))
-        if some:
-            by_ramp[scenario.stem] = some
+    for course in courses:
+        scenarios = {name: gesture(name, course, arguments.out) for name in GESTURES}
+        of_gesture = {name: simulated(result_of(path, arguments.out)) for name, path in scenarios.items()}
+        groups.append((course, [stroke for some in of_gesture.values() for stroke in some]))
+        lines += [row(f"`{name}`, {course.name}", some) for name, some in of_gesture.items() if some]
+    whole = {scenario.stem: simulated(result_of(scenario, arguments.out)) for scenario in arguments.scenario}
     speakers = measured()
     print(f"| {' | '.join(HEADINGS)} |")
     print(f"|{len(HEADINGS) * '---|'}")
@@ -176,10 +227,12 @@ def main() -> None:
         print(row(f"{SENSORS[name]} ({name})", some))
     print(row("against the jaw's sensor", [stroke for some in measured(from_jaw=True).values() for stroke in some]))
     print(row("between minima of speed", [stroke for some in measured(edge_share=0.0).values() for stroke in some]))
-    for name, some in by_ramp.items():
-        print(row(f"simulated, {name}", some))
+    for course, some in groups:
+        print(row(course.name, some))
+    for name, some in whole.items():
+        print(row(f"`{name}`", some))
     print("\n".join(lines))
-    draw(arguments.picture, by_ramp, everything)
+    draw(arguments.picture, groups, everything)
 
 
 if __name__ == "__main__":

@@ -184,12 +184,14 @@ def cut_sections(line: np.ndarray, around: Surroundings) -> list[CutSection]:
 def open_area(plane: SectionPlane, around: Surroundings) -> float | None:
     """The air in a plane across the midline, m2: what is open by more than surfaces that touch leave between them.
 
-    None where the plane does not meet both sides of the airway in the middle.
+    None where the plane does not meet both sides of the airway in the middle. To both sides it reaches as far as on the wider
+    one: where half of a tongue was taken out, the air in its place counts, down to the floor of the mouth.
     """
     section = columns(plane, around.outer, around.inner, around.middle)
-    if not len(section.y) or not section.inside[np.abs(section.y) < COLUMN_WIDTH_M].all():
+    inside = section.inside | section.inside[::-1]
+    if not len(inside) or not inside[np.abs(section.y) < COLUMN_WIDTH_M].all():
         return None
-    gap = np.where(section.inside, section.tongue - section.palate, 0.0)
+    gap = np.where(inside, section.tongue - section.palate, 0.0)
     return COLUMN_WIDTH_M * float(gap[gap >= TOUCHING_GAP_M].sum())
 
 

@@ -10,14 +10,30 @@ from typing import Any
 import numpy as np
 import pytest
 from command import command
+from pydantic import ValidationError
 
 from explicitfe.errors import InputError
-from explicitfe.measure.airway import Surroundings, airway_midline, airway_table, cut_sections, surroundings, wall_surface
+from explicitfe.measure.airway import (
+    Surroundings,
+    airway_midline,
+    airway_table,
+    cut_sections,
+    open_area,
+    surroundings,
+    wall_surface,
+)
 from explicitfe.measure.courses import constriction_course, formant_course
 from explicitfe.measure.formants import airway, formants_of
 from explicitfe.measure.measure import measure
+from explicitfe.measure.tract import SectionPlane
 from explicitfe.model import catalogue
 from explicitfe.results import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.results.airway_table import AirwayTable
+from explicitfe.run.transient import TransientAnalysis
+from explicitfe.scenario.lips import LipsTable
+from explicitfe.scenario.transient import TransientScenario
+from explicitfe.view.airway import airway_figure
+from explicitfe.view.palette import save
 
 TABLE = catalogue.airway("tongue")
 assert TABLE is not None
@@ -91,6 +107,65 @@ def test_a_bent_channel_of_one_width():
     for section in sections:
         assert section.area == pytest.approx((outer - inner) * 2.0 * half_width, rel=0.01)
     assert [section.region for section in sections] == sorted([section.region for section in sections], reverse=True)
+
+
+def test_the_air_in_the_place_of_half_a_tongue_counts():
+    level = np.array([[0.03, 0.0], [-0.03, 0.0]])
+    halves = [sheet(level + [0.0, z], 0.011) for z in (0.010, -0.005)]
+    for half, side in zip(halves, (-1.0, 1.0), strict=True):
+        half[:, :, 1] = 0.5 * (half[:, :, 1] + side * 0.011)
+    around = Surroundings(
+        outer=sheet(level + [0.0, 0.020], 0.011),
+        inner=np.concatenate(halves),
+        line=level,
+        incisors=None,
+        middle=0.0,
+        lowest=0.0,
+    )
+    plane = SectionPlane(np.array([0.0, 0.0, 0.016]), np.array([-1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]))
+    assert open_area(plane, around) == pytest.approx(0.011 * (0.010 + 0.025), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "lips, says",
+    [
+        ({}, "give area_mm2 and length_mm"),
+        ({"area_mm2": 100.0}, "give area_mm2 and length_mm"),
+        ({"area_mm2": 100.0, "length_mm": 9.0, "table": [[0.0, 100.0, 9.0]]}, "and not both"),
+        ({"table": [[10.0, 100.0, 9.0], [10.0, 90.0, 9.0]]}, "must rise"),
+        ({"table": [[0.0, -1.0, 9.0]]}, "must not be negative"),
+    ],
+)
+def test_lips_that_make_no_sense_are_refused(lips, says):
+    with pytest.raises(ValidationError, match=says):
+        LipsTable.model_validate(lips)
+
+
+def test_a_run_stores_what_the_airway_needs(tmp_path):
+    scenario = {
+        "title": "Rest",
+        "model": {"name": "tongue", "resolution": "coarse"},
+        "bone": [{"name": "palate"}],
+        "lips": {"area_mm2": 80.0, "length_mm": 12.0},
+        "analysis": {"duration_ms": 1.0},
+    }
+    lines = TransientAnalysis.prepare(tmp_path / "rest.toml", TransientScenario.model_validate(scenario), "").describe()
+    assert AirwayTable.model_validate(lines["airway"]) == TABLE
+    assert lines["scenario"]["lips"] == scenario["lips"] | {"table": []}
+
+
+@pytest.mark.parametrize("lips", [None, {"area_mm2": 0.0, "length_mm": 10.0}], ids=["open", "closed"])
+def test_the_picture_of_the_airway(tmp_path, lips):
+    path = tongue(tmp_path / "a.vtkhdf", lips=lips)
+    with open_result(path) as result:
+        figure = airway_figure(result, 1, over_time=True)
+    assert figure is not None
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert "area function" in titles and "formants over time" in titles
+    assert ("closed: no formants" in titles) == (lips is not None)
+    save(figure, tmp_path / "a.png")
+    with open_result(tongue(tmp_path / "b.vtkhdf", stored=None)) as result:
+        assert airway_figure(result, 1) is None
 
 
 def test_the_wall_passes_its_figures_and_is_its_own_mirror_image():

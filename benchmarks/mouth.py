@@ -67,6 +67,7 @@ class Settled:
     gap_mm : region of ``REGIONS_MM`` -> smallest midsagittal distance of tongue and palate there.
     narrowest_mm : where along the palate the tongue comes nearest.
     highest_mm : (2,) of the top of the midsagittal outline, forward of and above that at rest.
+    tip_mm : (2,) the way of the tip, forward and up.
     root_back_mm : how far the root has come back at most.
     left, right : whether the left and the right third of the palate are touched.
     midline_free : whether no node within 3 mm of the midsagittal plane touches the palate.
@@ -82,6 +83,7 @@ class Settled:
     gap_mm: dict[str, float]
     narrowest_mm: float
     highest_mm: tuple[float, float]
+    tip_mm: tuple[float, float]
     root_back_mm: float
     left: bool
     right: bool
@@ -186,6 +188,7 @@ class Mouth:
         half = 1.0 / 3.0 * np.abs(self.palate.points[:, Y]).max()
         rest, now = (self._outline.at(points)[self._loop][:, [X, Z]] for points in (self.mesh.points, self.mesh.points + u))
         places, gaps = self.midline[:, 0], 1e3 * distances(self.midline[:, 1:], now)
+        tip = 1e3 * self.mesh.at(self.mesh.named_points["tip"], u)[0]
         top = 1e3 * (summit(now) - summit(rest))
         return Settled(
             status=status,
@@ -197,6 +200,7 @@ class Mouth:
             gap_mm={name: float(gaps[(places >= low) & (places < high)].min()) for name, (low, high) in REGIONS_MM.items()},
             narrowest_mm=float(places[gaps.argmin()]),
             highest_mm=(-float(top[0]), float(top[1])),
+            tip_mm=(-float(tip[X]), float(tip[Z])),
             root_back_mm=1e3 * root_back(rest, now),
             left=bool(np.any(touching[:, Y] < -half)),
             right=bool(np.any(touching[:, Y] > half)),

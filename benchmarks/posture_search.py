@@ -20,9 +20,9 @@ than 0.02.
 
 Where the goals come from. Wood (1979), J. Phonetics 7:25-43: vowels narrow the tract at the hard palate, at the soft palate, in
 the upper or in the lower pharynx; that [i] and [e] belong to the first, [u] to the second and [a] to the last is phonetics'
-common ground, and the open, mid and closed jaw too. Gibbon, Lee & Yuen (2010): in [i] the sides touch the palate and the centre
-is free. Stops close the tract: [t] behind the teeth, [k] at the soft palate, with the pressure of tongues in speech, 0.2 to 3
-kPa. The widths of the bands in mm are choices of this project.
+common ground, and the open, mid and closed jaw too, and a tip that stays low. Gibbon, Lee & Yuen (2010): in [i] the sides touch
+the palate and the centre is free. Stops close the tract: [t] behind the teeth, [k] at the soft palate, with the pressure of
+tongues in speech, 0.2 to 3 kPa. The widths of the bands in mm are choices of this project.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LARGEST_SHARE, SMALLEST_SHARE = 0.15, 0.005  # of a muscle's maximum
 ON_PROBABILITY = 0.3
 LEFT_OUT_SHARE = 0.003
-LEFT_OUT_LOSS = 0.02  # a muscle that is worth less than this is left out
+LEFT_OUT_LOSS = 0.1  # a muscle that is worth less than this is left out: 0.3 mm from a band
 REFUSED = 100.0  # loss of a posture that cannot be used
 
 
@@ -51,29 +51,33 @@ class Goal:
     ----------
     jaw_mm : bounds of the opening.
     bands : measure -> smallest and largest value. ``teeth``, ``hard palate``, ``soft palate``: midsagittal gap, mm; ``forward``,
-        ``up``: of the highest point against rest, mm; ``root back``: mm; ``place``: of the narrowest place along the palate, mm;
-        ``pressure``: highest on the palate, kPa.
+        ``up``: of the highest point against rest, mm; ``tip up``, ``root back``: mm; ``place``: of the narrowest place along the
+        palate, mm; ``pressure``: highest on the palate, kPa.
     sides : whether both sides shall touch the palate; None where that is left open.
     midline_free : whether the midline shall be free of the palate.
+    muscles : those that may pull; all if left out.
     """
 
     jaw_mm: tuple[float, float]
     bands: dict[str, tuple[float, float]]
     sides: bool | None
     midline_free: bool
+    muscles: tuple[str, ...] | None = None
 
 
 HIGH = np.inf
 GOALS = {
     "i": Goal(
         (-4.0, 1.0),
-        {"hard palate": (1.5, 2.5), "place": (24.0, 45.0), "forward": (4.0, HIGH), "up": (2.0, HIGH), "root back": (-HIGH, -3.0)},
+        {"hard palate": (1.5, 2.5), "place": (24.0, 45.0), "forward": (4.0, HIGH), "up": (2.0, HIGH), "root back": (-HIGH, -3.0),
+         "tip up": (-HIGH, 3.0)},
         sides=True,
         midline_free=True,
     ),
     "e": Goal(
         (0.0, 4.0),
-        {"hard palate": (4.0, 5.0), "place": (24.0, 50.0), "forward": (2.0, HIGH), "up": (0.5, 2.0), "root back": (-HIGH, -1.5)},
+        {"hard palate": (4.0, 5.0), "place": (24.0, 50.0), "forward": (2.0, HIGH), "up": (0.5, 2.0), "root back": (-HIGH, -1.5),
+         "tip up": (-HIGH, 1.0)},
         sides=None,
         midline_free=True,
     ),
@@ -87,7 +91,7 @@ GOALS = {
     "u": Goal(
         (-3.0, 1.0),
         {"soft palate": (2.5, 3.5), "place": (62.0, 88.0), "forward": (-HIGH, -3.0), "up": (3.0, HIGH), "teeth": (10.0, HIGH),
-         "hard palate": (5.0, HIGH), "root back": (-HIGH, 4.0)},
+         "hard palate": (5.0, HIGH), "root back": (-HIGH, 4.0), "tip up": (-HIGH, 1.0)},
         sides=None,
         midline_free=True,
     ),
@@ -96,10 +100,12 @@ GOALS = {
         {"teeth": (0.0, 0.0), "place": (0.0, 20.0), "hard palate": (2.5, HIGH), "pressure": (0.5, 2.5)},
         sides=True,
         midline_free=False,
+        muscles=("SL", "GGm"),
     ),
     "k": Goal(
         (-2.0, 4.0),
-        {"soft palate": (0.0, 0.0), "place": (58.0, 80.0), "teeth": (8.0, HIGH), "pressure": (0.5, 2.5)},
+        {"soft palate": (0.0, 0.0), "place": (58.0, 80.0), "teeth": (8.0, HIGH), "pressure": (0.5, 2.5),
+         "tip up": (-HIGH, 2.0)},
         sides=True,
         midline_free=False,
     ),
@@ -112,6 +118,7 @@ def measured(settled: Settled) -> dict[str, float]:
     return settled.gap_mm | {
         "forward": forward,
         "up": up,
+        "tip up": settled.tip_mm[1],
         "root back": settled.root_back_mm,
         "place": settled.narrowest_mm,
         "pressure": settled.peak_kPa,
@@ -130,6 +137,16 @@ class Search:
     def muscles(self) -> list[str]:
         return list(self.mouth.maxima_N)
 
+    @property
+    def named(self) -> np.ndarray:
+        """Muscles (m,) that the goal names: they are on in every random posture."""
+        return np.isin(self.muscles, self.goal.muscles or ())
+
+    @property
+    def barred(self) -> np.ndarray:
+        """Muscles (m,) that may not pull."""
+        return ~self.named & (self.goal.muscles is not None)
+
     def posture(self, unknowns: np.ndarray) -> Posture:
         forces_N = {name: share * self.mouth.maxima_N[name] for name, share in zip(self.muscles, unknowns, strict=False) if share}
         return Posture(forces_N, float(unknowns[-1]))
@@ -145,13 +162,15 @@ class Search:
 
     def random(self) -> np.ndarray:
         shares = np.exp(self.generator.uniform(np.log(SMALLEST_SHARE), np.log(LARGEST_SHARE), len(self.muscles)))
-        shares[self.generator.random(len(shares)) > ON_PROBABILITY] = 0.0
+        off = self.generator.random(len(shares)) > ON_PROBABILITY
+        shares[off & ~self.named | self.barred] = 0.0
         return np.append(shares, self.generator.uniform(*self.goal.jaw_mm))
 
     def changed(self, unknowns: np.ndarray, done: float) -> np.ndarray:
         """The unknowns with one or two of them changed, after a share of the turns is done."""
         new, width = unknowns.copy(), np.exp(np.log(0.7) + done * np.log(0.15 / 0.7))
-        for number in self.generator.choice(len(new), self.generator.integers(1, 3), replace=False):
+        free = np.flatnonzero(~np.append(self.barred, False))
+        for number in self.generator.choice(free, self.generator.integers(1, 3), replace=False):
             if number == len(self.muscles):
                 new[-1] += (1.5 + done * (0.3 - 1.5)) * self.generator.normal()
             elif new[number] == 0.0:

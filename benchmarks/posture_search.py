@@ -69,15 +69,15 @@ HIGH = np.inf
 GOALS = {
     "i": Goal(
         (-4.0, 1.0),
-        {"hard palate": (1.5, 2.5), "place": (24.0, 45.0), "forward": (4.0, HIGH), "up": (2.0, HIGH), "root back": (-HIGH, -3.0),
-         "tip up": (-HIGH, 3.0)},
+        {"hard palate": (1.5, 2.5), "place": (15.0, 45.0), "teeth": (1.5, HIGH), "forward": (4.0, HIGH), "up": (2.0, HIGH),
+         "root back": (-HIGH, -3.0), "tip up": (-HIGH, 3.0)},
         sides=True,
         midline_free=True,
     ),
     "e": Goal(
         (0.0, 4.0),
-        {"hard palate": (4.0, 5.0), "place": (24.0, 50.0), "forward": (2.0, HIGH), "up": (0.5, 2.0), "root back": (-HIGH, -1.5),
-         "tip up": (-HIGH, 1.0)},
+        {"hard palate": (4.0, 5.0), "place": (15.0, 50.0), "teeth": (4.0, HIGH), "forward": (2.0, HIGH), "up": (0.5, 2.0),
+         "root back": (-HIGH, -1.5), "tip up": (-HIGH, 1.0)},
         sides=None,
         midline_free=True,
     ),

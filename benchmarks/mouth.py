@@ -63,7 +63,7 @@ class Settled:
     ----------
     status : "finished", or why the run could not go on.
     displacement : (n, 3) m at the end.
-    settled, balance_error, folded, through_itself : as ``explicitfe run`` tells them.
+    settled, balance_error, hourglass_share, folded, through_itself : as ``explicitfe run`` tells them.
     gap_mm : region of ``REGIONS_MM`` -> smallest midsagittal distance of tongue and palate there.
     narrowest_mm : where along the palate the tongue comes nearest.
     highest_mm : (2,) of the top of the midsagittal outline, forward of and above that at rest.
@@ -78,6 +78,7 @@ class Settled:
     displacement: np.ndarray
     settled: bool
     balance_error: float
+    hourglass_share: float
     folded: int
     through_itself: int
     gap_mm: dict[str, float]
@@ -195,6 +196,7 @@ class Mouth:
             displacement=u,
             settled=has_settled(float(speed.max()), float(np.linalg.norm(u, axis=1).max())),
             balance_error=ledger.balance_error,
+            hourglass_share=ledger.hourglass_share,
             folded=certify(self.mesh.points + u, self.mesh.hexes).folded_count,
             through_itself=self_penetration(self.mesh, u).count,
             gap_mm={name: float(gaps[(places >= low) & (places < high)].min()) for name, (low, high) in REGIONS_MM.items()},

@@ -126,7 +126,7 @@ class Mouth:
             analysis=AnalysisTable(duration_ms=200.0),
         )
         folder = Path(__file__).parent
-        bare, anatomy = assemble(self.scenario.model_copy(update={"bone": []}), folder)
+        bare, anatomy, *_ = assemble(self.scenario.model_copy(update={"bone": []}), folder)
         self.base: Model = replace(bare, bones=bones_of(self.scenario, bare.mesh, folder))
         self.mesh = anatomy.mesh
         self.maxima_N = {name: muscle.max_force_N for name, muscle in anatomy.muscles.items()}

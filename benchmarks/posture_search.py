@@ -70,6 +70,8 @@ class Goal:
 HIGH = np.inf
 # Muscles that raise the back of the tongue, and one that flattens it: with all twelve, 200 turns found no [u] and no [k].
 RAISING = ("STY", "GGp", "MH", "VERT")
+# For [k] one that narrows it instead: without, nothing but the end of the velum was reached.
+NARROWING = ("STY", "GGp", "MH", "TRANS")
 GOALS = {
     "i": Goal(
         (-4.0, 1.0),
@@ -113,7 +115,7 @@ GOALS = {
          "tip up": (-HIGH, 2.0)},
         sides=True,
         midline_free=False,
-        muscles=RAISING,
+        muscles=NARROWING,
     ),
 }  # fmt: skip
 

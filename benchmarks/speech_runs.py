@@ -97,10 +97,8 @@ def vowels(mesh: list[str], folder: Path) -> list[str]:
         seen = done.at()
         narrow = seen.constriction
         place = "-" if narrow is None else f"{narrow.width_mm:.1f}, {narrow.place_mm:.0f}"
-        rows.append(
         cells = [*moved(seen, POINTS), top(seen), place, contact(seen), *soundness(done.summary)]
         rows.append(f"| `{name}` | {' | '.join(cells)} |")
-        )
     return rows
 
 
@@ -140,7 +138,7 @@ def stops(mesh: list[str], folder: Path) -> list[str]:
 
 
 def closure(result: Result) -> tuple[float, list[float]]:
-    """For how long a node within 3 mm of the midline touches the palate, ms, and the highest pressure at each such sample, kPa."""
+    """For how long a node within 3 mm of the midline touches the palate, ms, and the highest pressure then, kPa."""
     middle = np.abs(result.mesh.points[:, 1]) < 3e-3
     pressures = []
     for step in range(len(result.times)):

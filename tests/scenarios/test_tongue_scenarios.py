@@ -43,6 +43,7 @@ MESH_DIFFERENCE_MM = {
     "vowel-u": 0.28,
     "alveolar-t": 0.1,  # at rest again
     "alveolar-t-sl": 0.1,
+    "sequence-iau": 0.1,  # at rest again
     "ggp-alone": 0.48,
     "sty-alone": 0.32,
     "il-alone": 0.27,
@@ -344,6 +345,22 @@ def test_without_ggm_sl_closes_nothing_and_leaves_the_dorsum_high(ran):
     assert alone.contact["palate"].midline_free and alone.constriction.width_mm > 1.0
     assert alone.points["dorsum"].up_mm > together.points["dorsum"].up_mm + 1.5
     assert alone.points["back"].up_mm > together.points["back"].up_mm + 1.5
+
+
+def test_a_sequence_comes_to_rest_in_each_vowel(ran):
+    """[i] [a] [u]: where the single vowels are, standing still, and at the speeds of speech in between."""
+    done = ran("sequence-iau")
+    with open_result(done.result) as result:
+        for name, time_s in (("vowel-i-palatal", 0.200), ("vowel-a", 0.410), ("vowel-u", 0.620)):
+            step = step_at(result, time_s)
+            assert abs(float(result.times[step]) - time_s) < 0.011  # recorded every 20 ms
+            seen, alone = measures_of(result, step), ran(name).measures
+            for point in ("tip", "front", "dorsum", "back"):
+                here, there = seen.points[point], alone.points[point]
+                assert np.hypot(here.forward_mm - there.forward_mm, here.up_mm - there.up_mm) < 0.7, (name, point)
+            assert seen.body.fastest_mm_s < 8.0
+    for point, fastest in (("tip", 200.0), ("dorsum", 200.0)):
+        assert 60.0 < done.measures.points[point].peak_speed_mm_s < fastest
 
 
 # ---- the first run of the README, and the paper's ----

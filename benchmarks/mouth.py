@@ -63,10 +63,11 @@ class Settled:
     ----------
     status : "finished", or why the run could not go on.
     displacement : (n, 3) m at the end.
-    settled, balance_error, folded, through_itself : as ``explicitfe run`` tells them.
+    settled, balance_error, hourglass_share, folded, through_itself : as ``explicitfe run`` tells them.
     gap_mm : region of ``REGIONS_MM`` -> smallest midsagittal distance of tongue and palate there.
     narrowest_mm : where along the palate the tongue comes nearest.
     highest_mm : (2,) of the top of the midsagittal outline, forward of and above that at rest.
+    tip_mm : (2,) the way of the tip, forward and up.
     root_back_mm : how far the root has come back at most.
     left, right : whether the left and the right third of the palate are touched.
     midline_free : whether no node within 3 mm of the midsagittal plane touches the palate.
@@ -77,11 +78,13 @@ class Settled:
     displacement: np.ndarray
     settled: bool
     balance_error: float
+    hourglass_share: float
     folded: int
     through_itself: int
     gap_mm: dict[str, float]
     narrowest_mm: float
     highest_mm: tuple[float, float]
+    tip_mm: tuple[float, float]
     root_back_mm: float
     left: bool
     right: bool
@@ -123,7 +126,7 @@ class Mouth:
             analysis=AnalysisTable(duration_ms=200.0),
         )
         folder = Path(__file__).parent
-        bare, anatomy = assemble(self.scenario.model_copy(update={"bone": []}), folder)
+        bare, anatomy, *_ = assemble(self.scenario.model_copy(update={"bone": []}), folder)
         self.base: Model = replace(bare, bones=bones_of(self.scenario, bare.mesh, folder))
         self.mesh = anatomy.mesh
         self.maxima_N = {name: muscle.max_force_N for name, muscle in anatomy.muscles.items()}
@@ -186,17 +189,20 @@ class Mouth:
         half = 1.0 / 3.0 * np.abs(self.palate.points[:, Y]).max()
         rest, now = (self._outline.at(points)[self._loop][:, [X, Z]] for points in (self.mesh.points, self.mesh.points + u))
         places, gaps = self.midline[:, 0], 1e3 * distances(self.midline[:, 1:], now)
+        tip = 1e3 * self.mesh.at(self.mesh.named_points["tip"], u)[0]
         top = 1e3 * (summit(now) - summit(rest))
         return Settled(
             status=status,
             displacement=u,
             settled=has_settled(float(speed.max()), float(np.linalg.norm(u, axis=1).max())),
             balance_error=ledger.balance_error,
+            hourglass_share=ledger.hourglass_share,
             folded=certify(self.mesh.points + u, self.mesh.hexes).folded_count,
             through_itself=self_penetration(self.mesh, u).count,
             gap_mm={name: float(gaps[(places >= low) & (places < high)].min()) for name, (low, high) in REGIONS_MM.items()},
             narrowest_mm=float(places[gaps.argmin()]),
             highest_mm=(-float(top[0]), float(top[1])),
+            tip_mm=(-float(tip[X]), float(tip[Z])),
             root_back_mm=1e3 * root_back(rest, now),
             left=bool(np.any(touching[:, Y] < -half)),
             right=bool(np.any(touching[:, Y] > half)),

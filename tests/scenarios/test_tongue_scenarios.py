@@ -18,8 +18,9 @@ from support import ROOT
 
 from explicitfe.measure.document import Measures
 from explicitfe.measure.measure import measures_of
-from explicitfe.measure.sections import X, Y, section, station
-from explicitfe.measure.steps import last_step
+from explicitfe.measure.sections import X, Y, Z, midsagittal, section, station
+from explicitfe.measure.steps import last_step, step_at
+from explicitfe.measure.tract import crossings
 from explicitfe.mesh.surface_points import surface_areas
 from explicitfe.model.model import Model
 from explicitfe.results import open_result
@@ -36,6 +37,13 @@ POINTS = ("tip", "blade", "front", "dorsum", "back")
 MESH_DIFFERENCE_MM = {
     "vowel-i": 0.63,  # the tip, which rests on the jaw with a few nodes
     "vowel-i-braced": 0.40,
+    "vowel-i-palatal": 0.78,  # the tip, on the jaw too
+    "vowel-e": 0.43,
+    "vowel-a": 0.26,
+    "vowel-u": 0.28,
+    "alveolar-t": 0.1,  # at rest again
+    "alveolar-t-sl": 0.1,
+    "sequence-iau": 0.1,  # at rest again
     "ggp-alone": 0.48,
     "sty-alone": 0.32,
     "il-alone": 0.27,
@@ -67,6 +75,7 @@ class Ran(NamedTuple):
     summary: dict[str, Any]
     measures: Measures
     displacement: np.ndarray
+    result: Path
 
     def forward(self, point: str) -> float:
         """How far a point has come forward, mm."""
@@ -88,12 +97,30 @@ class Ran(NamedTuple):
         return float(now - before)
 
     def depth_mm(self) -> float:
-        """How deep the deepest node lies in bone, beyond its depth at rest."""
+        """How deep the deepest node lies in bone, where that is at the end, beyond its depth at rest."""
         mesh = self.model.mesh
         surface = surface_areas(mesh) > 0.0
         at_rest, now = mesh.points[surface], (mesh.points + self.displacement)[surface]
-        depths = [np.minimum(bone.field.at(at_rest)[0], 0.0) - bone.field.at(now)[0] for bone in self.model.bones]
+        depths = []
+        for bone in self.model.bones:
+            of_bone = now
+            if bone.motion is not None:
+                rotation, shift = bone.motion.placement(np.array([self.summary["simulated_s"]]))
+                of_bone = (now - shift[0]) @ rotation[0]
+            depths.append(np.minimum(bone.field.at(at_rest)[0], 0.0) - bone.field.at(of_bone)[0])
         return 1e3 * float(np.max(depths))
+
+    def root_back_mm(self) -> float:
+        """How far the rear of the midsagittal outline has come back between z = 75 and 100 mm, at most."""
+        mesh = self.model.mesh
+        outline = midsagittal(mesh)
+        loop = max(outline.loops, key=len)
+        rear = []
+        for points in (mesh.points, mesh.points + self.displacement):
+            at = outline.at(points)[loop][:, [X, Z]]
+            lines = np.stack([at, np.roll(at, -1, axis=0)], axis=1)[:, :, ::-1]
+            rear.append(np.fmax.reduce(crossings(lines, 1e-3 * np.arange(75.0, 101.0)), axis=1))
+        return 1e3 * float(np.max(rear[1] - rear[0]))
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +136,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Ran]:
         summary = prepared.run(target, overwrite=False, progress=lambda what, share: None)
         with open_result(target) as result:
             measures, displacement = measures_of(result, last_step(result)), result.displacement()
-        return Ran(prepared.scenario, prepared.model, summary, measures, displacement)
+        return Ran(prepared.scenario, prepared.model, summary, measures, displacement, target)
 
     return run_once
 
@@ -257,6 +284,83 @@ def test_geniohyoid_draws_the_hyoid_forward(ran):
 def test_mylohyoid_lifts(ran):
     done = ran("mh-alone")
     assert done.up("dorsum") > 0.2 and done.up("tip") > 0.5
+
+
+# ---- speech: docs/speech.md ----
+
+HELD_S = 0.14  # both stops are closed or not until 150 ms
+
+
+def test_vowels_lie_in_their_corners(ran):
+    """[i] high and in front, [e] below it, [u] high and back, [a] low with its root back: the highest point, against rest."""
+    top = {name: ran(f"vowel-{name}").measures.highest for name in ("i-palatal", "e", "a", "u")}
+    assert top["i-palatal"].up_mm > 2.0 and top["i-palatal"].forward_mm > 4.0
+    assert 0.5 < top["e"].up_mm < top["i-palatal"].up_mm - 1.0 and top["e"].forward_mm > 2.0
+    assert top["u"].up_mm > 1.5 and top["u"].forward_mm < -3.0
+    assert top["a"].up_mm < -5.0 and top["a"].forward_mm < -3.0
+    assert ran("vowel-a").root_back_mm() > 5.0 and ran("vowel-i-palatal").root_back_mm() < -2.0
+
+
+def test_vowels_are_narrow_where_phonetics_has_them_so(ran):
+    """Wood (1979): [i] and [e] at the hard palate, [u] at the soft one, behind 60 mm, and [a] at neither."""
+    for name, narrowest, place in (
+        ("i-palatal", (0.5, 2.0), (10.0, 45.0)),
+        ("e", (4.0, 6.0), (10.0, 45.0)),
+        ("u", (2.0, 4.0), (60.0, 99.0)),
+    ):
+        constriction = ran(f"vowel-{name}").measures.constriction
+        assert narrowest[0] < constriction.width_mm < narrowest[1], name
+        assert place[0] < constriction.place_mm < place[1], name
+    sections = ran("vowel-a").measures.constriction.sections
+    assert min(section.height_mm for section in sections if section.height_mm is not None and section.place_mm < 60.0) > 10.0
+
+
+def test_an_i_touches_with_its_sides_and_an_a_does_not(ran):
+    for name in ("i-palatal", "e", "u"):
+        palate = ran(f"vowel-{name}").measures.contact["palate"]
+        assert palate.midline_free and ran(f"vowel-{name}").touches("palate", "left")
+    assert ran("vowel-a").measures.contact["palate"].area_mm2 == 0.0
+
+
+def held(done: Ran) -> Measures:
+    """The measures of a stop before its release."""
+    with open_result(done.result) as result:
+        return measures_of(result, step_at(result, HELD_S))
+
+
+def test_a_t_closes_behind_the_teeth_and_opens_again(ran):
+    """From side to side, at the pressure of a tongue in speech, 0.2 to 3 kPa."""
+    done = ran("alveolar-t")
+    closed, released = held(done), done.measures
+    palate = closed.contact["palate"]
+    assert not palate.midline_free and palate.cells["centre"]["front"].area_mm2 > 0.0
+    assert 0.2 < palate.peak_kPa < 3.0
+    assert closed.constriction.width_mm < 0.1 and closed.constriction.place_mm < 20.0
+    assert released.contact["palate"].area_mm2 == 0.0
+
+
+def test_without_ggm_sl_closes_nothing_and_leaves_the_dorsum_high(ran):
+    """Gérard et al. (2005), section 5: SL raises the tip while the dorsum stays high; GGm is needed to flatten it."""
+    alone, together = held(ran("alveolar-t-sl")), held(ran("alveolar-t"))
+    assert alone.contact["palate"].midline_free and alone.constriction.width_mm > 1.0
+    assert alone.points["dorsum"].up_mm > together.points["dorsum"].up_mm + 1.5
+    assert alone.points["back"].up_mm > together.points["back"].up_mm + 1.5
+
+
+def test_a_sequence_comes_to_rest_in_each_vowel(ran):
+    """[i] [a] [u]: where the single vowels are, standing still, and at the speeds of speech in between."""
+    done = ran("sequence-iau")
+    with open_result(done.result) as result:
+        for name, time_s in (("vowel-i-palatal", 0.200), ("vowel-a", 0.410), ("vowel-u", 0.620)):
+            step = step_at(result, time_s)
+            assert abs(float(result.times[step]) - time_s) < 0.011  # recorded every 20 ms
+            seen, alone = measures_of(result, step), ran(name).measures
+            for point in ("tip", "front", "dorsum", "back"):
+                here, there = seen.points[point], alone.points[point]
+                assert np.hypot(here.forward_mm - there.forward_mm, here.up_mm - there.up_mm) < 0.7, (name, point)
+            assert seen.body.fastest_mm_s < 8.0
+    for point, fastest in (("tip", 200.0), ("dorsum", 200.0)):
+        assert 60.0 < done.measures.points[point].peak_speed_mm_s < fastest
 
 
 # ---- the first run of the README, and the paper's ----

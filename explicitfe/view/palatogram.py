@@ -12,7 +12,7 @@ from explicitfe.measure.palatogram import ContactHistory, contact_history
 from explicitfe.results import Result
 from explicitfe.view.heading import result_figure
 from explicitfe.view.palette import COLOURS, GRID, plain
-from explicitfe.view.times import drawn_steps, milliseconds
+from explicitfe.view.times import DRAWN_TIMES, milliseconds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def palatogram_figure(result: Result, step: int) -> Figure | None:
         f"most contact: {count} of 62 electrodes, first at {time}" if count else "no electrode is touched", fontsize=10
     )
 
-    steps = drawn_steps(result.times, step)
+    steps = _drawn_steps(history)
     for each, number in zip(np.ravel(series.subplots(2, (len(steps) + 1) // 2, squeeze=False)), steps, strict=False):
         _draw_pattern(each, history.pattern(number))
         each.set_title(milliseconds(result.times[[number]], result.times[step])[0], fontsize=9)
@@ -49,6 +49,13 @@ def palatogram_figure(result: Result, step: int) -> Figure | None:
         each.set_axis_off()
     _draw_course(lower.subplots(3, 1, sharex=True), history.course)
     return figure
+
+
+def _drawn_steps(history: ContactHistory) -> list[int]:
+    """Steps equally far apart from the last before the first contact to the first after the last contact; of none over all."""
+    touched = np.flatnonzero(history.on.any(axis=1))
+    first, last = (max(0, touched[0] - 1), touched[-1] + 1) if len(touched) else (0, len(history.on) - 1)
+    return sorted({round(step) for step in np.linspace(first, min(last, len(history.on) - 1), DRAWN_TIMES)})
 
 
 def _draw_pattern(axes: Axes, pattern: PalatogramPattern) -> None:

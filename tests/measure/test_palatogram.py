@@ -292,6 +292,19 @@ def test_the_table_and_the_picture(tmp_path, capsys):
         assert TOUCHED == "black"
 
 
+def test_the_picture_follows_contact_and_release(tmp_path):
+    mesh = block()
+    x, y = mesh.points[:, :2].T
+    pressed, free = plate((0.01, 0.04), (-0.01, 0.01))(x, y), np.full(mesh.node_count, 1e-3)
+    path = write(tmp_path / "a.vtkhdf", mesh, [free] * 5 + [pressed] * 4 + [free] * 10)
+    with open_result(path) as result:
+        patterns = palatogram_figure(result, 19).axes[1:7]
+    # Samples every 10 ms: contact from 60 to 90 ms.
+    assert [axes.get_title() for axes in patterns] == ["50 ms", "60 ms", "70 ms", "80 ms", "90 ms", "100 ms"]
+    black = [sum(square.get_facecolor()[:3] == (0.0, 0.0, 0.0) for square in axes.patches) for axes in patterns]
+    assert black == [0, 12, 12, 12, 12, 0]
+
+
 def test_without_a_palate_or_its_pressure_there_is_none(tmp_path):
     mesh = block()
     for name, fields in (("jaw", {"contact_pressure_jaw": Quantity("Pa")}), ("palate", {})):

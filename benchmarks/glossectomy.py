@@ -1,6 +1,7 @@
 """What a glossectomy does to three gestures, with and without a flap or a scar, and what other muscles can make up for it.
 
     python benchmarks/glossectomy.py table [--mesh medium] [--out outputs/glossectomy]
+    python benchmarks/glossectomy.py formants [--mesh medium] [--out outputs/glossectomy]
     python benchmarks/glossectomy.py search [--out outputs/glossectomy]
     python benchmarks/glossectomy.py picture [--out outputs/glossectomy]
 
@@ -28,6 +29,7 @@ from mouth import distances
 from scipy.optimize import lsq_linear
 
 from explicitfe.measure.document import Measures
+from explicitfe.measure.formants import airway
 from explicitfe.measure.measure import measures_of
 from explicitfe.measure.sections import X, Y, Z, midsagittal, section
 from explicitfe.measure.steps import last_step
@@ -201,6 +203,18 @@ def table(mesh: str, out: Path) -> None:
             print(values["gesture"], values["resection"], {k: round(v, 1) for k, v in values["lost_percent"].items()})  # type: ignore[attr-defined]
 
 
+def formants(mesh: str, out: Path) -> None:
+    """F1 to F3 of [i] in Hz, intact and after each resection, with lips of the usual area."""
+    cases = [("intact", "", []), *((a, b, surgery(a, b)) for a in RESECTIONS for b in ("none", "flap x 1", "flap x 6"))]
+    print("| resection | reconstruction | F1 | F2 | F3 |\n|---|---|---|---|---|")
+    for resection, reconstruction, settings in cases:
+        folder = out / f"{mesh}-formants" / f"{resection}-{reconstruction}".replace(" ", "-")
+        computed("[i]", mesh, settings, folder)
+        answer = airway(folder / f"{GESTURES['[i]']}.vtkhdf")
+        text = " | ".join(f"{formant.frequency_hz:.0f}" for formant in answer.formants)
+        print(f"| {resection} | {reconstruction} | {text or 'closed'} |", flush=True)
+
+
 # ---- what others can make up for ----
 
 
@@ -208,7 +222,7 @@ def table(mesh: str, out: Path) -> None:
 class Search:
     """What is to be brought back, and which muscles may pull otherwise.
 
-    Gauss-Newton on the coarse mesh: slopes by ``FORCE_STEP_N``, at most ``TURNS`` steps, each halved twice if it makes things
+    Gauss-Newton: slopes by ``FORCE_STEP_N``, at most ``TURNS`` steps, each halved twice if it makes things
     worse. Forces stay between 0 and 15 % of a muscle's maximum (of that of a side, where sides pull apart). Beside the residuals
     the squares of (change of force / N) count, times ``PRICE_MM_N`` squared.
 
@@ -217,6 +231,7 @@ class Search:
     closure : what counts is the midsagittal gap to the palate around where the intact tongue comes nearest [mm], 1/50 of the
         touched area [mm2], and 0.3 of the way of dorsum and back [mm]; else the way of every point that is left [mm].
     sides : whether left and right may pull apart.
+    mesh : that it is looked for on.
     """
 
     gesture: str
@@ -225,12 +240,13 @@ class Search:
     muscles: tuple[str, ...]
     sides: bool
     closure: bool
+    mesh: str = "coarse"
 
 
 SEARCHES = (
-    Search("[i]", "half", "none", ("GGp", "GGa", "GGm", "SL", "TRANS", "MH"), sides=True, closure=False),
-    Search("[i]", "half", "flap x 3", ("GGp", "GGa", "GGm", "SL", "TRANS", "MH"), sides=True, closure=False),
-    Search("tip up", "anterior", "none", ("SL", "GGp", "GGa", "MH", "TRANS", "VERT"), sides=False, closure=True),
+    Search("[i]", "half", "none", ("GGp", "GGa", "GGm", "SL", "TRANS", "MH"), True, False),
+    Search("[i]", "half", "flap x 3", ("GGp", "GGa", "GGm", "SL", "TRANS", "MH"), True, False),
+    Search("tip up", "anterior", "none", ("SL", "GGp", "GGa", "MH", "TRANS", "VERT"), False, True, "medium"),
 )
 TURNS = 2
 FORCE_STEP_N = 0.1
@@ -282,8 +298,8 @@ def pulls(search: Search, forces_N: np.ndarray) -> list[str]:
 
 
 def looked_for(search: Search, out: Path, mesh: str) -> None:
-    """Search, and print what came of it on the coarse mesh and on ``mesh``."""
-    anatomy = catalogue.built_in("tongue", "coarse")
+    """Search, and print what came of it on the mesh of the search and on ``mesh``."""
+    anatomy = catalogue.built_in("tongue", search.mesh)
     scenario, _ = read_scenario(ROOT / "scenarios" / f"{GESTURES[search.gesture]}.toml")
     stated = {muscle.name: muscle.force_N for muscle in scenario.muscle}  # type: ignore[union-attr]
     sides = 2 if search.sides else 1
@@ -291,10 +307,10 @@ def looked_for(search: Search, out: Path, mesh: str) -> None:
     most = np.repeat([LARGEST_SHARE * anatomy.muscles[name].max_force_N for name in search.muscles], sides) / sides
     cut = surgery(search.resection, search.reconstruction)
     folder = out / "search"
-    intact = computed(search.gesture, "coarse", [], out / "coarse" / "intact")
+    intact = computed(search.gesture, search.mesh, [], out / search.mesh / "intact")
 
     def miss(forces_N: np.ndarray) -> np.ndarray:
-        done = computed(search.gesture, "coarse", [*cut, *pulls(search, forces_N)], folder)
+        done = computed(search.gesture, search.mesh, [*cut, *pulls(search, forces_N)], folder)
         return residuals(search, done, intact)
 
     forces, r = start, miss(start)
@@ -321,7 +337,7 @@ def looked_for(search: Search, out: Path, mesh: str) -> None:
 
     names = [f"{name} {side}".strip() for name, side in product(search.muscles, ("left", "right") if search.sides else ("",))]
     print(f"{search.gesture}, {search.resection}, {search.reconstruction}: rms of the residuals {np.sqrt(np.mean(first**2)):.2f} "
-          f"-> {np.sqrt(np.mean(r * r)):.2f} mm on the coarse mesh")  # fmt: skip
+          f"-> {np.sqrt(np.mean(r * r)):.2f} mm on the {search.mesh} mesh")  # fmt: skip
     print("  " + ", ".join(f"{name} {a:g} -> {b:g}" for name, a, b in zip(names, start, forces, strict=True)) + " N", flush=True)
     whole = computed(search.gesture, mesh, [], out / mesh / "intact")
     for what, forces_N in (("before", start), ("after", forces)):
@@ -433,15 +449,18 @@ def _shape(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("what", choices=["table", "search", "picture"])
+    parser.add_argument("what", choices=["table", "formants", "search", "picture"])
     parser.add_argument("--mesh", default="medium")
+    parser.add_argument("--only", type=int, default=None, help="the number of a search, from 0")
     parser.add_argument("--out", type=Path, default=ROOT / "outputs" / "glossectomy")
     parser.add_argument("--picture", type=Path, default=ROOT / "docs" / "pictures" / "glossectomy.png")
     arguments = parser.parse_args()
     if arguments.what == "table":
         table(arguments.mesh, arguments.out)
+    elif arguments.what == "formants":
+        formants(arguments.mesh, arguments.out)
     elif arguments.what == "search":
-        for search in SEARCHES:
+        for search in SEARCHES if arguments.only is None else SEARCHES[arguments.only :][:1]:
             looked_for(search, arguments.out, arguments.mesh)
     else:
         picture(arguments.mesh, arguments.out, arguments.picture)

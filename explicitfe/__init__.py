@@ -36,6 +36,7 @@ _PLACES = {
     "NeoHooke": "explicitfe.materials.neo_hooke",
     "MooneyRivlin": "explicitfe.materials.mooney_rivlin",
     "Model": "explicitfe.model.model",
+    "Inclusion": "explicitfe.model.model",
     "tongue_model": "explicitfe.model.tongue",
     "specimen_model": "explicitfe.model.specimen",
     "SpecimenTable": "explicitfe.scenario.indentation",
@@ -68,6 +69,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.mesh.hexmesh import HexMesh as HexMesh
     from explicitfe.model.face_load import face_load as face_load
     from explicitfe.model.gravity import gravity_load as gravity_load
+    from explicitfe.model.model import Inclusion as Inclusion
     from explicitfe.model.model import Model as Model
     from explicitfe.model.model import NodalLoad as NodalLoad
     from explicitfe.model.profile import Profile as Profile

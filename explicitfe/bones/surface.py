@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -39,7 +40,7 @@ class TriangleSurface:
         a, b, c = np.moveaxis(self.corners - self.points.mean(axis=0), 1, 0)
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
-    @property
+    @cached_property
     def box_m(self) -> np.ndarray:
         """Lowest and highest corner of the bounding box of the triangles, (2, 3) m."""
         corners = self.corners.reshape(-1, 3)

@@ -201,7 +201,7 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
     """
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
-    if not first and not system.exact(fit.model) and lack.p > THRESHOLDS.quiet_p:
+    if not first and system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p:
         why = "not tried: no smooth curve would explain anything of what is left"
         return Round(fit, covariance, lack, lack.p, [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates])
     prints = fingerprints(system, fit, covariance, candidates)
@@ -264,7 +264,7 @@ def _refits(
         model = fit.model.plus(score.candidate.term, score.values)
         least = min((other.whitened for other in refits.values()), default=np.inf)
         hoped = fit.whitened - THRESHOLDS.refit_gain_over_trial * score.drop
-        if not system.exact(model) and hoped > least + THRESHOLDS.far_misfit:
+        if system.costly(model) and hoped > least + THRESHOLDS.far_misfit:
             continue  # a fit would not bring it near the best
         try:
             refits[name] = refit(system, model, covariance)

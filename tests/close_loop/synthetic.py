@@ -62,6 +62,9 @@ class Linear:
     def exact(self, model: Hypothesis) -> bool:
         return self.smooth
 
+    def costly(self, model: Hypothesis) -> bool:
+        return not self.smooth
+
     def start(self) -> Hypothesis:
         return Hypothesis(self.base, (), np.clip(np.zeros(len(self.base)), *np.array([(p.low, p.high) for p in self.base]).T))
 

@@ -107,6 +107,10 @@ class Specimens:
         """Whether a model needs no mesh, so that its answers are free of numerical roughness."""
         return self.homogeneous and all(EFFECTS[name].pointwise for name in model.effects)
 
+    def costly(self, model: Hypothesis) -> bool:
+        """Whether a model needs a mesh."""
+        return not self.exact(model)
+
     def start(self) -> Hypothesis:
         """The elastic model, at constants to begin with."""
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))

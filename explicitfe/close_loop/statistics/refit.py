@@ -22,9 +22,10 @@ from explicitfe.errors import RunError
 STEP_SHARE, ROUGH_STEP_SHARE = 1e-3, 0.04
 # The typical length is no less than this share of the coordinate itself.
 LEAST_TYPICAL_SHARE = 0.1
-# The search ends where a further step would gain less chi2 than the sum of this number and of this share of chi2.
+# The search ends where a further step would gain less chi2 than the sum of this number and of this share of chi2; where every
+# answer is a run of a mesh, sooner.
 ENOUGH_CHI2, ENOUGH_CHI2_SHARE = 0.02, 1e-5
-ROUGH_ENOUGH_CHI2, ROUGH_ENOUGH_CHI2_SHARE = 0.5, 3e-3
+COSTLY_ENOUGH_CHI2, COSTLY_ENOUGH_CHI2_SHARE = 0.5, 3e-3
 # A search that ended otherwise has still converged if a further step would gain less than this share of chi2.
 STALLED_CHI2_SHARE, ROUGH_STALLED_CHI2_SHARE = 1e-2, 1e-1
 MOST_STEPS, ROUGH_MOST_STEPS = 40, 8
@@ -119,11 +120,30 @@ def refit(
     # The model is first fitted by the rows alone. Against a gross misfit no scale of a test and no assumed length is unlikely
     # enough: they would be spent on it, and the constants would go anywhere.
     rows = covariance.of_rows()
+    small = THRESHOLDS.gross_misfit * len(y)
+
+    def misfit_by_rows(at: _Position) -> float:
+        return float(np.sum(rows.whiten(y - at.answer) ** 2))
+
+    by_rows: float | None = None
+    if rows is not covariance and system.costly(start) and system.exact(start):
+        # Both fits cost, and smooth answers lead from anywhere to the same one: where the misfit of the second is not gross, that
+        # of the first would not be either.
+        weighted = _descend(system, position, covariance, y)
+        if misfit_by_rows(weighted) < small:
+            return _best_fit(weighted, covariance, y, None)
     position = _descend(system, position, rows, y)
-    gross = float(np.sum(rows.whiten(y - position.answer) ** 2))
-    by_rows = gross if gross >= THRESHOLDS.gross_misfit * len(y) else None
-    if by_rows is None and rows is not covariance:
+    if misfit_by_rows(position) >= small:
+        by_rows = misfit_by_rows(position)
+    elif rows is not covariance:
         position = _descend(system, position, covariance, y)
+    return _best_fit(position, covariance, y, by_rows)
+
+
+def _best_fit(position: _Position, covariance: Covariance, y: np.ndarray, by_rows: float | None) -> BestFit:
+    """The end of a search as a fit."""
+    low = np.array([p.low for p in position.model.parameters])
+    high = np.array([p.high for p in position.model.parameters])
     edge = BOUND_SHARE * (high - low)
     at_bound = tuple(
         p.name
@@ -150,7 +170,8 @@ def _descend(system: System, position: _Position, covariance: Covariance, y: np.
     """The least chi2 downhill from a position."""
     model, answer, slopes, fresh = position.model, position.answer, position.slopes, position.fresh
     exact = system.exact(position.model)
-    enough, relative = (ENOUGH_CHI2, ENOUGH_CHI2_SHARE) if exact else (ROUGH_ENOUGH_CHI2, ROUGH_ENOUGH_CHI2_SHARE)
+    costly = system.costly(position.model)
+    enough, relative = (COSTLY_ENOUGH_CHI2, COSTLY_ENOUGH_CHI2_SHARE) if costly else (ENOUGH_CHI2, ENOUGH_CHI2_SHARE)
     low = np.array([p.low for p in model.parameters])
     high = np.array([p.high for p in model.parameters])
     r = covariance.at(answer).whiten(y - answer)

@@ -183,6 +183,9 @@ class System(Protocol):
     def exact(self, model: Hypothesis) -> bool:
         """Whether a model's answers are free of numerical roughness, so that small differences between them mean something."""
 
+    def costly(self, model: Hypothesis) -> bool:
+        """Whether an answer takes the run of a mesh, so that what decides nothing is left undone."""
+
     def candidates(self, model: Hypothesis) -> list[Candidate]:
         """What may be missing in a model."""
 

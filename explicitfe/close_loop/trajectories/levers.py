@@ -24,7 +24,7 @@ DAMPING = Sought((0.0, 20.0, 80.0, 240.0), 0.0, 1000.0)
 VISCOSITY = Sought((0.0, 0.02, 0.05, 0.1), 0.0, 0.3)
 # A bone that is not in the scenario is sought from 20 mm off its place, beyond the reach of a tongue, to 3 mm nearer than its
 # place: it is known to 2 mm how the bones lie to the tongue (models/tongue/SOURCES.md).
-CLEARANCE_MM = Sought((5.0, 3.0, 1.5, 0.0, -1.5), -3.0, 20.0, none=20.0)
+CLEARANCE_MM = Sought((4.0, 1.5, 0.0, -1.5), -3.0, 20.0, none=20.0)
 # Where the bones of the built-in tongue lie, seen from it.
 SIDE_OF_BONE = {"jaw": -1.0, "palate": 1.0}  # along z
 # The force of a muscle that the scenario lacks, as a share of that of the muscle whose course it has.

@@ -124,6 +124,10 @@ class Trajectories:
         """Always: one mesh and one step make answers smooth."""
         return True
 
+    def costly(self, model: Hypothesis) -> bool:
+        """Always: each strength is a run a curve."""
+        return True
+
     def start(self) -> Hypothesis:
         """The scenario as it stands, with the first registration."""
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))

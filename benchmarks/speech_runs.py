@@ -33,7 +33,7 @@ VOWELS = ("vowel-i", "vowel-i-braced", "vowel-i-palatal", "vowel-e", "vowel-a", 
 STOPS = {"alveolar-t": "tip", "alveolar-t-sl": "tip", "velar-k": "back"}
 HELD_MS = 140.0  # when a stop is measured: before its release
 VELUM_X_M = 115e-3  # where the velum begins, models/tongue/bones.toml
-DWELLS_MS = {"i": 200.0, "a": 410.0, "u": 620.0}  # end of each in the sequence
+DWELLS_MS = {"i": 148.0, "a": 343.0, "u": 538.0}  # end of each in the sequence
 VARIED = "vowel-a"  # in which jaw and hyoid bone move most
 
 

@@ -353,7 +353,7 @@ def test_a_sequence_comes_to_rest_in_each_vowel(ran):
     """[i] [a] [u]: where the single vowels are, standing still, and at the speeds of speech in between."""
     done = ran("sequence-iau")
     with open_result(done.result) as result:
-        for name, time_s in (("vowel-i-palatal", 0.200), ("vowel-a", 0.410), ("vowel-u", 0.620)):
+        for name, time_s in (("vowel-i-palatal", 0.148), ("vowel-a", 0.343), ("vowel-u", 0.538)):
             step = step_at(result, time_s)
             assert abs(float(result.times[step]) - time_s) < 0.011  # recorded every 20 ms
             seen, alone = measures_of(result, step), ran(name).measures

@@ -48,7 +48,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 
 # Gesture -> scenario.
-GESTURES = {"[i]": "vowel-i", "back": "hg-alone", "tip up": "sl-alone"}
+GESTURES = {"[i]": "vowel-i", "[a]": "vowel-a", "[t]": "alveolar-t", "tip up": "sl-alone"}
+ENDS_MS = {"[t]": 140.0}  # while it is closed; the others at the end of their scenario
 
 # The speaker's right side is y > 0. Sizes are choices of this project.
 RESECTIONS = {
@@ -94,7 +95,8 @@ def computed(gesture: str, mesh: str, settings: Sequence[str], folder: Path) -> 
     """A gesture with settings, run unless its result is there."""
     target = folder / f"{GESTURES[gesture]}.vtkhdf"
     stated = [f"model.resolution={mesh}", "record.every_ms=4", 'record.fields=["velocity"]', *settings]
-    note = folder / "settings.json"
+    stated += [f"analysis.duration_ms={ENDS_MS[gesture]}"] if gesture in ENDS_MS else []
+    note = folder / f"{GESTURES[gesture]}.json"
     if not (target.is_file() and note.is_file() and json.loads(note.read_text(encoding="utf-8")) == stated):
         folder.mkdir(parents=True, exist_ok=True)
         summary = run(ROOT / "scenarios" / f"{GESTURES[gesture]}.toml", folder, settings=stated, overwrite=True)
@@ -246,7 +248,7 @@ class Search:
 SEARCHES = (
     Search("[i]", "half", "none", ("GGp", "GGa", "GGm", "SL", "TRANS", "MH"), True, False),
     Search("[i]", "half", "flap x 3", ("GGp", "GGa", "GGm", "SL", "TRANS", "MH"), True, False),
-    Search("tip up", "anterior", "none", ("SL", "GGp", "GGa", "MH", "TRANS", "VERT"), False, True, "medium"),
+    Search("[t]", "anterior", "none", ("SL", "GGm", "GGp", "GGa", "MH", "TRANS"), False, True, "medium"),
 )
 TURNS = 2
 FORCE_STEP_N = 0.1
@@ -358,7 +360,7 @@ def looked_for(search: Search, out: Path, mesh: str) -> None:
 VIEWS = (
     ("half", "[i]", X, 80.0, Y, Z),
     ("half", "[i]", Z, 98.0, X, Y),
-    ("anterior", "tip up", Y, 0.0, X, Z),
+    ("anterior", "[t]", Y, 0.0, X, Z),
     ("mouth floor", "[i]", Y, 0.0, X, Z),
 )
 CUTS = {X: "coronal", Y: "midsagittal", Z: "from above"}
@@ -388,7 +390,7 @@ def picture(mesh: str, out: Path, target: Path) -> None:
             label = {"none": "no flap", "none, scar": "no flap, scar"}.get(reconstruction, reconstruction.replace(" x ", " × "))
             axes.bar(places, heights, 0.12, color=colours[k], label=label)
         axes.axhline(100.0, color="black", lw=0.8)
-        axes.set_xticks(range(len(RESECTIONS)), list(RESECTIONS))
+        axes.set_xticks(range(len(RESECTIONS)), list(RESECTIONS), fontsize=8)
         axes.set_title(f"{gesture} ({GESTURES[gesture]})", fontsize=10)
         axes.set_ylim(0.0, 125.0)
         axes.spines[["top", "right"]].set_visible(False)

@@ -42,7 +42,8 @@ class Surroundings(NamedTuple):
     ----------
     outer, inner : (m, 3 corners, 3) m. Triangles of palate and wall, and of tongue and jaw.
     line : (k, 2) x and z, m. The outer side in the midsagittal plane, from the lower end of the wall to the edge of the incisors.
-    incisors : (2, 2) x and z, m. The edges of the upper and the lower incisors; None without a jaw.
+    incisors : (2, 2) x and z, m. The edge of the upper incisors, and below it that of the lower ones, or the tongue where it lies
+        between them; None without a jaw.
     middle : y of the midsagittal plane, m.
     lowest : z of the lowest section, m.
     """
@@ -101,12 +102,13 @@ def surroundings(result: Result, step: int, table: AirwayTable) -> Surroundings:
         raise InputError(f'{result.path} has no airway: its "{PALATE_BONE}" does not pass the midsagittal plane.')
     velum = front.points[::-1]
     wall_line = wall_line + shift[[X, Z]]
+    inner = np.concatenate([tongue, jaw])
     edges = _midsagittal(jaw, plane).reshape(-1, 2)
     return Surroundings(
         outer=np.concatenate([palate, wall + shift + np.array([0.0, plane, 0.0])]),
-        inner=np.concatenate([tongue, jaw]),
+        inner=inner,
         line=np.concatenate([wall_line[wall_line[:, 1] < velum[0, 1]], velum]),
-        incisors=np.stack([velum[-1], edges[edges[:, 1].argmax()]]) if len(edges) else None,
+        incisors=_gap(velum[-1], edges[edges[:, 1].argmax()], _midsagittal(inner, plane)) if len(edges) else None,
         middle=plane,
         lowest=1e-3 * table.larynx.lowest_section_mm + float(shift[Z]),
     )
@@ -225,6 +227,14 @@ def _across(point: np.ndarray, tangent: np.ndarray, outer: np.ndarray, inner: np
     above = sides[0][(sides[0] >= -ACROSS_REACH_M) & (sides[0] <= OVERLAP_REACH_M)]
     below = sides[1][(sides[1] >= -OVERLAP_REACH_M) & (sides[1] <= ACROSS_REACH_M)]
     return float(above.max(initial=-np.inf)), float(below.min(initial=np.inf))
+
+
+def _gap(upper: np.ndarray, lower: np.ndarray, lines: np.ndarray) -> np.ndarray:
+    """The point ``upper`` and the first on the way to ``lower`` where lines (k, 2 ends, 2) are met, (2, 2)."""
+    height = float(np.linalg.norm(lower - upper))
+    down = (lower - upper) / height
+    met = crossings((lines - upper) @ np.array([[down[1], down[0]], [-down[0], down[1]]]), np.zeros(1))[0]
+    return np.stack([upper, upper + down * met[(met >= 0.0) & (met <= height)].min(initial=height)])
 
 
 def _up_to(line: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:

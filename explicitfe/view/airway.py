@@ -27,6 +27,8 @@ ASSUMED_COLOUR, TONGUE_COLOUR = "0.72", "#440154"
 HIGHEST_SHOWN_HZ, SPECTRUM_STEP_HZ = 4500.0, 5.0
 # Every so-manieth section has its distance from the glottis written beside it, so far away.
 NAMED_MARKS, NAME_APART_MM = 5, 4.0
+# The area function's panel is higher than its largest area by this share, for the legend.
+LEGEND_ROOM_SHARE = 1.2
 # About so many samples are drawn over time.
 SAMPLES_OVER_TIME = 20
 
@@ -105,9 +107,10 @@ def _draw_areas(axes: Axes, airway: Airway) -> None:
             label=None if label in labels else label,
         )
         labels.add(label)
+    axes.set_ylim(0.0, LEGEND_ROOM_SHARE * max(section.area_mm2 for section in airway.sections))
     axes.set_xlabel("from the glottis to the lips (mm)")
     axes.set_ylabel("area (mm²)")
-    axes.legend(frameon=False, fontsize=9)
+    axes.legend(frameon=False, fontsize=9, ncol=3, loc="upper center")
     axes.set_title("area function", loc="left", fontsize=10)
 
 

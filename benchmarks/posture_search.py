@@ -113,9 +113,8 @@ GOALS = {
     ),
     "k": Goal(
         (-2.0, 4.0),
-        {"soft palate": (0.0, 0.0), "place": (50.0, 78.0), "root back": (-HIGH, 7.0),
-         "teeth": (8.0, HIGH), "pressure": (0.5, 2.5),
-         "tip up": (-HIGH, 2.0)},
+        {"soft palate": (0.0, 0.0), "place": (50.0, 90.0), "root back": (-HIGH, 8.0), "teeth": (5.5, HIGH),
+         "pressure": (0.5, 3.2), "tip up": (-HIGH, 2.0)},
         sides=True,
         midline_free=False,
         muscles=NARROWING,

@@ -100,6 +100,7 @@ def main() -> None:
         "settled": good,
         "sides on the palate": [each for each in good if each.settled.left and each.settled.right],
         "braced": [each for each in good if each.settled.braced],
+        "braced, STY off": [each for each in good if each.settled.braced and not each.levels[list(MUSCLES).index("STY")]],
         "braced, or still moving": [each for each in usable if each.settled.braced],
     }
     lines = [f"| muscle on, % | {' | '.join(f'{name} ({len(rows)})' for name, rows in groups.items())} | Liu et al., braced |"]

@@ -1,6 +1,6 @@
 """Vowels, stops and the sequence of scenarios/ on a mesh of choice: the tables of docs/speech.md.
 
-    python benchmarks/speech_runs.py [vowels stops sequence jaw hyoid] [--mesh coarse | medium | fine | measured] [--out FOLDER]
+    python benchmarks/speech_runs.py [vowels sounds stops sequence jaw hyoid] [--mesh coarse | medium | fine | measured]
 
 ``measured`` is the mesh of ArtiSynth (real_tongue.py), which lies outside of the project.
 """
@@ -22,6 +22,7 @@ from tongue_cases import MEASURED, MEASURED_TONGUE, write_bones  # noqa: E402
 from tongue_runs import head, in_tenths, moved  # noqa: E402
 
 from explicitfe.measure.document import Measures  # noqa: E402
+from explicitfe.measure.formants import airway  # noqa: E402
 from explicitfe.measure.measure import measures_of  # noqa: E402
 from explicitfe.measure.motion import has_settled  # noqa: E402
 from explicitfe.measure.steps import step_at  # noqa: E402
@@ -30,7 +31,7 @@ from explicitfe.run.run import run  # noqa: E402
 
 POINTS = ("tip", "blade", "front", "dorsum", "back")
 VOWELS = ("vowel-i", "vowel-i-braced", "vowel-i-palatal", "vowel-e", "vowel-a", "vowel-u")
-STOPS = {"alveolar-t": "tip", "alveolar-t-sl": "tip", "velar-k": "back"}
+STOPS = ("alveolar-t", "alveolar-t-sl")
 HELD_MS = 140.0  # when a stop is measured: before its release
 VELUM_X_M = 115e-3  # where the velum begins, models/tongue/bones.toml
 DWELLS_MS = {"i": 148.0, "a": 343.0, "u": 538.0}  # end of each in the sequence
@@ -171,6 +172,16 @@ def sequence(mesh: list[str], folder: Path) -> list[str]:
     return rows
 
 
+def sounds(mesh: list[str], folder: Path) -> list[str]:
+    """Formants; none on a mesh that has no airway."""
+    rows = [head(["scenario", "F1", "F2", "F3", "lips, mm²"])]
+    for name in VOWELS:
+        answer = airway(ran(name, mesh, folder).path)
+        lips = answer.sections[-1].area_mm2
+        rows.append(f"| `{name}` | {' | '.join(f'{formant.frequency_hz:.0f}' for formant in answer.formants)} | {lips:.0f} |")
+    return rows
+
+
 def varied(values: dict[str, str], mesh: list[str], folder: Path) -> list[str]:
     rows = [head([VARIED, *POINTS, "highest point", *END])]
     for label, setting in values.items():
@@ -193,6 +204,7 @@ def hyoid(mesh: list[str], folder: Path) -> list[str]:
 
 TABLES: dict[str, Callable[[list[str], Path], list[str]]] = {
     "vowels": vowels,
+    "sounds": sounds,
     "stops": stops,
     "sequence": sequence,
     "jaw": jaw,

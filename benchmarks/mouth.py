@@ -38,6 +38,8 @@ from explicitfe.solve.transient import Ledger, Transient
 
 ALWAYS = Profile.constant()
 SAMPLE_EVERY_S = 0.02  # for the energy balance
+# The front of the palate, some 40 mm of it behind the incisors: rows 1 to 5 of a palatogram.
+FRONT_X_M = 90e-3
 # Regions along the midline of the palate, mm behind the edge of the upper incisors: behind the teeth, the hard palate, and the
 # soft palate, whose front end is put where the palate begins to fall (x = 103 mm): a choice.
 REGIONS_MM = {"teeth": (0.0, 22.0), "hard palate": (22.0, 60.0), "soft palate": (60.0, 88.0)}
@@ -70,6 +72,7 @@ class Settled:
     tip_mm : (2,) the way of the tip, forward and up.
     root_back_mm : how far the root has come back at most.
     left, right : whether the left and the right third of the palate are touched.
+    sides_in_front : whether both are in front of ``FRONT_X_M``.
     midline_free : whether no node within 3 mm of the midsagittal plane touches the palate.
     peak_kPa : highest pressure on the palate.
     """
@@ -88,6 +91,7 @@ class Settled:
     root_back_mm: float
     left: bool
     right: bool
+    sides_in_front: bool
     midline_free: bool
     peak_kPa: float
 
@@ -100,6 +104,11 @@ class Settled:
     def braced(self) -> bool:
         """Both sides on the palate, and the centre free."""
         return self.left and self.right and self.midline_free
+
+    @property
+    def braced_in_front(self) -> bool:
+        """Both sides on the front of the palate, and the centre free."""
+        return self.sides_in_front and self.midline_free
 
 
 class Mouth:
@@ -187,6 +196,7 @@ class Mouth:
         pressure = sample.contact_pressure[[bone.name for bone in model.bones].index("palate")]
         touching = (self.mesh.points + u)[pressure > 0.0]
         half = 1.0 / 3.0 * np.abs(self.palate.points[:, Y]).max()
+        front = touching[touching[:, X] < FRONT_X_M, Y]
         rest, now = (self._outline.at(points)[self._loop][:, [X, Z]] for points in (self.mesh.points, self.mesh.points + u))
         places, gaps = self.midline[:, 0], 1e3 * distances(self.midline[:, 1:], now)
         tip = 1e3 * self.mesh.at(self.mesh.named_points["tip"], u)[0]
@@ -206,6 +216,7 @@ class Mouth:
             root_back_mm=1e3 * root_back(rest, now),
             left=bool(np.any(touching[:, Y] < -half)),
             right=bool(np.any(touching[:, Y] > half)),
+            sides_in_front=bool(np.any(front < -half) and np.any(front > half)),
             midline_free=not np.any(np.abs(touching[:, Y]) < MIDLINE_BAND_M),
             peak_kPa=1e-3 * float(pressure.max(initial=0.0)),
         )

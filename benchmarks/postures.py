@@ -4,8 +4,9 @@
 
 Each of ten muscles at 0, 10 or 25 % of its maximum at random, as in Liu et al. (2022), Phonetica 79:523; their GGP is our GGp
 and GGh together, both at the same share (models/tongue/SOURCES.md). Coarse mesh, living tissue, jaw open, ramps of 50 ms, 200
-ms. A posture is braced where both sides touch the palate and no node within 3 mm of the midline does. By chance a muscle is on
-in two of three.
+ms. A posture is braced where both sides touch the palate and no node within 3 mm of the midline does; "in front", where they do
+so in front of x = 90 mm. The sides lie so near to the palate at rest that the back of them touches in most postures. By chance a
+muscle is on in two of three.
 """
 
 from __future__ import annotations
@@ -100,8 +101,9 @@ def main() -> None:
         "settled": good,
         "sides on the palate": [each for each in good if each.settled.left and each.settled.right],
         "braced": [each for each in good if each.settled.braced],
+        "braced in front": [each for each in good if each.settled.braced_in_front],
+        "braced in front, or still moving": [each for each in usable if each.settled.braced_in_front],
         "braced, STY off": [each for each in good if each.settled.braced and not each.levels[list(MUSCLES).index("STY")]],
-        "braced, or still moving": [each for each in usable if each.settled.braced],
     }
     lines = [f"| muscle on, % | {' | '.join(f'{name} ({len(rows)})' for name, rows in groups.items())} | Liu et al., braced |"]
     lines.append("|---" * (len(groups) + 2) + "|")

@@ -292,7 +292,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--each", type=int, default=10, help="cases of each effect")
     parser.add_argument("--controls", type=int, default=10)
-    parser.add_argument("--max-effects", type=int, default=2)
+    parser.add_argument("--max-effects", type=int, default=1, help="effects that the loop may add")
     chosen = parser.parse_args()
     if chosen.task == "make":
         make(chosen.folder, chosen.seed, chosen.each, chosen.controls)

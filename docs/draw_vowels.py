@@ -2,7 +2,7 @@
 
 python docs/draw_vowels.py FOLDER [PICTURE.png]
 
-FOLDER holds the results of the scenarios ``vowel-i-palatal``, ``vowel-e``, ``vowel-a`` and ``vowel-u``, as ``explicitfe run`` names them.
+FOLDER holds the results of ``vowel-i-palatal``, ``vowel-e``, ``vowel-a`` and ``vowel-u``, as ``explicitfe run`` names them.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ from explicitfe.run.run import run  # noqa: E402
 
 POINTS = ("tip", "blade", "front", "dorsum", "back")
 VOWELS = ("vowel-i", "vowel-i-braced", "vowel-i-palatal", "vowel-e", "vowel-a", "vowel-u")
-STOPS = ("alveolar-t", "alveolar-t-sl")
+STOPS = ("alveolar-t", "alveolar-t-sl", "alveolar-t-sealed")
 HELD_MS = 140.0  # when a stop is measured: before its release
 VELUM_X_M = 115e-3  # where the velum begins, models/tongue/bones.toml
 DWELLS_MS = {"i": 148.0, "a": 343.0, "u": 538.0}  # end of each in the sequence

@@ -44,6 +44,7 @@ MESH_DIFFERENCE_MM = {
     "vowel-u": 0.28,
     "alveolar-t": 0.1,  # at rest again
     "alveolar-t-sl": 0.1,
+    "alveolar-t-sealed": 0.1,
     "sequence-iau": 0.1,  # at rest again
     "ggp-alone": 0.48,
     "sty-alone": 0.32,
@@ -339,6 +340,18 @@ def test_a_t_closes_behind_the_teeth_and_opens_again(ran):
     assert 0.2 < palate.peak_kPa < 3.0
     assert closed.constriction.width_mm < 0.1 and closed.constriction.place_mm < 20.0
     assert released.contact["palate"].area_mm2 == 0.0
+
+
+def test_a_sealed_t_touches_as_palatograms_show(ran):
+    """Gibbon, Yuen, Lee & Adams (2007): closed in front and at both sides; each row from the second to the sixth on both sides."""
+    closed = held(ran("alveolar-t-sealed"))
+    rows = closed.palatogram.now.electrodes
+    assert all(rows[1][2:6])
+    for row in rows[1:6]:
+        assert any(row[:4]) and any(row[4:])
+    assert not any(rows[6] + rows[7])
+    assert 0.2 < closed.contact["palate"].peak_kPa < 3.0
+    assert ran("alveolar-t-sealed").measures.contact["palate"].area_mm2 == 0.0
 
 
 def test_without_ggm_sl_closes_nothing_and_leaves_the_dorsum_high(ran):

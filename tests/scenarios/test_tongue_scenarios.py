@@ -343,7 +343,7 @@ def test_a_t_closes_behind_the_teeth_and_opens_again(ran):
 
 
 def test_a_sealed_t_touches_as_palatograms_show(ran):
-    """Gibbon, Yuen, Lee & Adams (2007): closed in front and at both sides; each row from the second to the sixth on both sides."""
+    """Gibbon, Yuen, Lee & Adams (2007): closed in front and at both sides, in each row from the second to the sixth."""
     closed = held(ran("alveolar-t-sealed"))
     rows = closed.palatogram.now.electrodes
     assert all(rows[1][2:6])

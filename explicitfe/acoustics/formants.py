@@ -89,7 +89,7 @@ def formants(tube: Tube, count: int = 3, losses: Losses = ALL_LOSSES) -> list[Fo
         raise InputError("a tube with a section of no area or no length has no formants.")
     omega = 2.0 * np.pi * np.arange(0.0, HIGHEST_FREQUENCY_HZ, FREQUENCY_STEP_HZ)
     ratio = flow_ratio(1j * omega, tube, losses, 0.0).real
-    after = 1 + np.flatnonzero(ratio[:-1] * ratio[1:] <= 0.0)[:count]
+    after = 1 + np.flatnonzero((ratio[:-1] > 0.0) != (ratio[1:] > 0.0))[:count]  # a zero on the grid counts once
     if len(after) < count:
         raise InputError(f"this tube has {len(after)} formants below {HIGHEST_FREQUENCY_HZ:g} Hz, not {count}.")
     before = after - 1

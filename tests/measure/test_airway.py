@@ -101,8 +101,9 @@ def test_a_bent_channel_of_one_width():
     )
     line = airway_midline(around)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    # A Gaussian of 5 mm takes 5^2 / (2 R) = 0.36 mm off the bend's radius R of 35 mm, and 0.6 mm off the length.
-    assert length == pytest.approx(2.0 * straight - below + 0.5 * np.pi * 0.5 * (outer + inner) - 0.6e-3, rel=0.004)
+    # A Gaussian of 5 mm takes 5^2 / (2 R) = 0.36 mm off the bend's radius R of 35 mm, and 0.6 mm off the length; that is rounded
+    # to 0.05 mm, half a thousandth, and where the bend begins and ends the Gaussian takes off less.
+    assert length == pytest.approx(2.0 * straight - below + 0.5 * np.pi * 0.5 * (outer + inner) - 0.6e-3, rel=0.001)
     sections = cut_sections(line, around)
     for section in sections:
         assert section.area == pytest.approx((outer - inner) * 2.0 * half_width, rel=0.01)

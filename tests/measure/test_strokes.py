@@ -30,7 +30,8 @@ def test_least_jerk_has_its_peak_at_1_875_times_its_mean_speed():
     every = strokes(times, place)
     assert len(every) == 4
     for number, stroke in enumerate(every):
-        # speed differenced over 2 ms: off by (dt / T)^2 of the peak, 1e-3 or less
+        # speed differenced over 2 ms: off by (dt / T)^2 of the peak, 1e-3 or less; both ends and the peak lie on samples, 1 ms of
+        # 90 apart, so the duration is off by two of them, and the share of the peak by one
         assert stroke.start_s == pytest.approx(0.09 * number, abs=STEP_S)
         assert stroke.duration_s == pytest.approx(0.09, abs=2.0 * STEP_S)
         assert stroke.distance_m == pytest.approx(0.005, rel=1e-3)

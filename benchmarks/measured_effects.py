@@ -32,7 +32,8 @@ from explicitfe.model.specimen import specimen_model
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import EVERY, Constants, Tissue, parse_tissue
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Equilibrium
 
 BLUE, RED, GREY = "#0072B2", "#D55E00", "0.55"
 TERMS = {0: (), 1: (20.0,), 2: (3.0, 60.0), 3: (0.7, 10.0, 100.0)}  # starting times, s

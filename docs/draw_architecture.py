@@ -24,6 +24,7 @@ PACKAGE = HERE.parent / "explicitfe"
 # What a newcomer should know of each room; a room without a sentence is an error.
 ROOMS = {
     "compiled": "machine code: compile options, vectors, arrays, threads; no mechanics",
+    "host": "the operating system: signals, files, memory",
     "acoustics": "sound in tubes: losses, formants; no geometry",
     "mesh": "meshes of 8-node hexahedra: making, ordering, quality",
     "bones": "rigid surfaces: triangles, signed distance, motion",
@@ -52,7 +53,7 @@ WIDTH, HEIGHT, GAP, RISE = 2.75, 1.0, 0.3, 1.65  # of a box, between boxes, from
 LANE = 0.1  # width of an arrow that passes a floor
 MECHANICS, TEXT, STUDY, DRAWN = "#dbe7f3", "#fbeed3", "#e3efdc", "#f5dfdc"
 SUBJECTS = dict.fromkeys(ROOMS, MECHANICS)
-SUBJECTS |= dict.fromkeys(("scenario", "model", "run"), TEXT)
+SUBJECTS |= dict.fromkeys(("scenario", "model", "run", "host"), TEXT)
 SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "blind"), STUDY)
 SUBJECTS |= dict.fromkeys(("results", "measure", "view", "acoustics"), DRAWN)
 LINE = "#5a6570"

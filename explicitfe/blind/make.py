@@ -19,6 +19,7 @@ import numpy as np
 from explicitfe.blind import homogeneous, under_a_tool
 from explicitfe.blind.case import KINDS, LEVELS, CaseRequest, write
 from explicitfe.errors import InputError, Progress, silent
+from explicitfe.host.stopping import leave_signals_to_the_parent
 
 FAMILIES = {"homogeneous": homogeneous, "indentation": under_a_tool}
 KIND_SHARES = {"control": 0.275, "single": 0.55, "double": 0.1, "outside": 0.075}  # where only a number of cases is given
@@ -78,7 +79,7 @@ def make(
         (out / folder).mkdir(parents=True)
     done = 0
     if processes > 1:
-        with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=leave_signals_to_the_parent) as pool:
             for _ in pool.map(_make_one, jobs):
                 done += 1
                 progress("make", done / len(jobs))

@@ -16,7 +16,8 @@ from explicitfe.effects import EFFECTS, Effect, Measurement, physics_of, reading
 from explicitfe.errors import RunError
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation, Stuck
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Stuck
 
 POISSON_RATIO, DENSITY_KG_M3 = 0.499, 1040.0
 FULLY_SAMPLED_WAIT_SHARE = (

@@ -10,7 +10,7 @@ import numpy as np
 
 from explicitfe.errors import RunError
 from explicitfe.predict.setup import Setup
-from explicitfe.solve.equilibrium import Equilibrium
+from explicitfe.solve.load_outcome import Equilibrium
 
 if TYPE_CHECKING:
     from explicitfe.view.fit import DeformedSpecimen

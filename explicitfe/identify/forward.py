@@ -20,7 +20,7 @@ from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.predict.setup import Setup
 from explicitfe.solve import point
-from explicitfe.solve.equilibrium import Equilibrium
+from explicitfe.solve.load_outcome import Equilibrium
 
 ShareDone = Callable[[float], None]
 

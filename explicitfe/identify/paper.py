@@ -14,7 +14,7 @@ import numpy as np
 from explicitfe.errors import InputError, RunError
 from explicitfe.measured.curve import Curve
 from explicitfe.predict.setup import Setup
-from explicitfe.solve.equilibrium import Equilibrium
+from explicitfe.solve.load_outcome import Equilibrium
 
 # The smallest and the largest load are met within these. A forward run is converged to 1e-4 of its forces and smooth to 1e-3 of
 # its displacements: 1 and 6 micrometres of the paper's 1.1 and 6.2 mm. Closer agreement would be agreement with the mesh.

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, Progress, RunError, nearest, silent
+from explicitfe.host import stopping
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.measured.read import read_dataset
 from explicitfe.predict.experiment import CurveAnswer, effects_of, experiments
@@ -166,12 +167,15 @@ def _predict_tests(
     workers = min(workers, processes or workers)
     if workers > 1 and tests[0][0].tool is not None:
         try:
-            with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            with ProcessPoolExecutor(
+                workers, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
+            ) as pool:
                 jobs = {pool.submit(_answers_or_message, test, text): test for test in remaining}
                 for job in as_completed(jobs):
                     keep(jobs[job], job.result())
             return answers
         except BrokenProcessPool:  # Some callers, such as a script from standard input, cannot start processes.
+            stopping.check()
             remaining = [test for test in remaining if test[0].id not in answers]
     for test in remaining:
         keep(test, _answers_or_message(test, text))

@@ -11,7 +11,8 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.measured.curve import Curve
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Equilibrium
 
 # A sharp edge has no usable solution: the stress is infinite there. It is rounded by the tool's radius over this.
 RADIUS_OVER_SHARP_EDGE = 28.0

@@ -20,7 +20,8 @@ from explicitfe.predict.reading import reading, true_programme
 from explicitfe.predict.setup import is_uniform, setup_of
 from explicitfe.predict.tissue import Numerics
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation, Stuck
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Stuck
 
 # A tool may lose contact in the next step if 1.2 times the fall of the force in the last step would bring it to zero: 20 % more
 # is on the safe side.

@@ -24,7 +24,8 @@ from explicitfe.results.run_summary import (
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve.contact_points import PENETRATION_SHARE
-from explicitfe.solve.equilibrium import Equilibrium, Relaxation, Stuck
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Equilibrium, Stuck
 from explicitfe.solve.transient import FINISHED, INTERRUPTED
 
 if TYPE_CHECKING:

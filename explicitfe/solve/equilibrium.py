@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -34,10 +33,12 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.threads import together
 from explicitfe.errors import InputError
+from explicitfe.host import stopping
 from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
 from explicitfe.solve.contact_points import PENETRATION_SHARE, ToolContact
 from explicitfe.solve.fictitious_masses import fictitious_masses
+from explicitfe.solve.load_outcome import Equilibrium, Stuck
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.relax_step import LARGEST_STIFFNESS_ESTIMATE
 from explicitfe.solve.sector import SectorTie
@@ -51,67 +52,10 @@ ELEMENTS_PER_RELAXING_THREAD = 500
 ITERATIONS_WITHOUT_PROGRESS = 8000
 SHARE_OF_RESIDUAL_THAT_IS_PROGRESS = 0.9
 MOST_HALVINGS = 8
+KNOWN_STATIONS = 4  # equilibria that are kept: a parabola needs three
 LONGEST_EXTRAPOLATION = 1.5  # in increments: a load further away than so many times the last increment begins without a guess
 # A load that has all but gone is no measure of a residual: it is compared to this share of the largest load and work so far.
 LEAST_SHARE_OF_LARGEST_LOAD = 0.01
-
-
-@dataclass(frozen=True)
-class Equilibrium:
-    """A converged load, for the whole tool and body.
-
-    Attributes
-    ----------
-    force_N, displacement_m : of the tool, positive into the tissue; the displacement counts from first touch.
-    iterations : that it took, of all its parts.
-    residual : of the nodal forces, relative to those of tool and loads.
-    kinetic_ratio : kinetic energy of the last iteration, relative to the work.
-    reaction_N : of the base along +z, less the weight that it carries.
-    penetration_m : deepest point of the surface inside the tool.
-    contact_radius_m : largest distance from the axis at which the tool presses.
-    internal_J, hourglass_J : strain energy of the law, and energy of hourglass control.
-    contact_J : energy of the contact springs.
-    dead_work_J : work of the dead loads so far.
-    friction_loss_J : slip so far, times friction.
-    material_loss_J : work of the stress so far, less what is stored.
-    smallest_J : smallest volume ratio of any element.
-    """
-
-    force_N: float
-    displacement_m: float
-    iterations: int
-    residual: float
-    kinetic_ratio: float
-    reaction_N: float
-    penetration_m: float
-    contact_radius_m: float
-    internal_J: float
-    hourglass_J: float
-    contact_J: float
-    dead_work_J: float
-    friction_loss_J: float
-    material_loss_J: float
-    smallest_J: float
-
-
-@dataclass(frozen=True)
-class Stuck:
-    """A load that was not reached.
-
-    Attributes
-    ----------
-    reason : "inverted" or "not-converged".
-    goal : the force [N] or displacement [m] aimed at last.
-    reached : the last that converged.
-    residual : where the attempt was given up.
-    place_m : (3,) where the largest unbalanced force, or the broken element, is.
-    """
-
-    reason: str
-    goal: float
-    reached: float
-    residual: float
-    place_m: np.ndarray
 
 
 class _Station(NamedTuple):
@@ -167,6 +111,48 @@ class Relaxation(Body):
         self._largest_load = self._largest_work = self._deepest = 0.0
         self._known: list[_Station] = []
         self._commit(0.0)
+
+    # ---- restart ----
+
+    def restart_state(self) -> dict[str, np.ndarray]:
+        """Copies of all that the loads to come depend on, in computing order: to be taken between two loads."""
+        stations = np.zeros((KNOWN_STATIONS, *self.state.u.shape))
+        places = np.full((KNOWN_STATIONS, 2), np.nan)
+        for number, known in enumerate(self._known):
+            stations[number], places[number] = known.u, (known.coordinate, known.depth_m)
+        points = self.contact.points
+        return {
+            "stations": stations,
+            "station_places": places,
+            "memory": self.blocks.old.copy(),
+            "tool": self.contact.tool.copy(),
+            "springs": np.stack([points.spring, points.grip]),
+            "anchors": points.anchor.copy(),
+            "monitor": self._monitor.copy(),
+            "times": np.array([self.time_s, self.touch_m, self._drive, self._deepest]),
+            "largest": np.array([self._largest_load, self._largest_work, self.friction_loss_J]),
+            "counters": np.array([self.iterations, self._by_force], dtype=np.int64),
+        }
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Go on from a restart state of the same model; the loads to come are bit for bit those of the run that was not stopped.
+
+        With another number of threads they are the same up to rounding.
+        """
+        places = state["station_places"]
+        passed = range(int(np.count_nonzero(~np.isnan(places[:, 0]))))
+        self._known = [_Station(float(places[k, 0]), state["stations"][k].copy(), float(places[k, 1])) for k in passed]
+        self.state.u[:] = self._known[-1].u
+        self.blocks.old[:] = state["memory"]
+        points = self.contact.points
+        self.contact.tool[:] = state["tool"]
+        points.spring[:], points.grip[:] = state["springs"]
+        points.anchor[:] = state["anchors"]
+        self._monitor[:] = state["monitor"]
+        self.time_s, self.touch_m, self._drive, self._deepest = (float(x) for x in state["times"])
+        self._largest_load, self._largest_work, self.friction_loss_J = (float(x) for x in state["largest"])
+        self.iterations, self._by_force = int(state["counters"][0]), bool(state["counters"][1])
+        self.set_increment(0.0)
 
     # ---- what a load does ----
 
@@ -285,7 +271,12 @@ class Relaxation(Body):
             now = begin + share * (goal - begin) if share < 1.0 else goal
             self.set_increment((share - done) * (at_s - since))
             self._start(now)
-            failure = self._attempt(progress)
+            try:
+                failure = self._attempt(progress)
+            except BaseException:  # stopped: the load that was under way is given up
+                self._restore()
+                self.set_increment(0.0)
+                raise
             deepest_m = max(self._deepest, abs(self.contact.depth_m - self.touch_m))
             if failure is None and self.contact.stiffen(self.state.u, deepest_m):
                 continue
@@ -338,6 +329,7 @@ class Relaxation(Body):
         idle = 0  # iterations without progress
         heavy = False
         while idle < ITERATIONS_WITHOUT_PROGRESS:
+            stopping.check()
             if not heavy:
                 if not self._find_masses():
                     return "inverted"
@@ -390,7 +382,7 @@ class Relaxation(Body):
     def _commit(self, coordinate: float) -> None:
         """What the history keeps of an equilibrium: the state, and where friction has slipped to."""
         self.friction_loss_J += self.contact.settle_friction(self.state.u)
-        self._known = [*self._known[-3:], _Station(coordinate, self.state.u.copy(), self.contact.depth_m)]
+        self._known = [*self._known[-(KNOWN_STATIONS - 1) :], _Station(coordinate, self.state.u.copy(), self.contact.depth_m)]
         self._drive = self.contact.driven_m(self.state.u)
         self._deepest = max(self._deepest, abs(self.contact.depth_m - self.touch_m))
         self._largest_load = max(self._largest_load, float(self._monitor[LOADS]))

@@ -22,6 +22,7 @@ from explicitfe.compiled.arrays import (
     WAIT,
 )
 from explicitfe.errors import InputError, RunError
+from explicitfe.host import stopping
 from explicitfe.solve.course import AUTOMATIC_STEP, FIXED_STEP
 from explicitfe.solve.look import FEWEST_STEPS_BETWEEN_SCANS, LONGEST_STEP_SHARE
 from explicitfe.solve.observe import Recording, Snapshot
@@ -86,6 +87,7 @@ class Transient:
         self._mark = 0
         self._left = 0  # steps to the next mark
         self._timed_steps = 0  # done here
+        self._resumed = False
         limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         self._watch = simulation.lookers[0].watch
         self._watch[LIMIT] = self._watch[LOWEST_LIMIT] = limit_s
@@ -122,6 +124,8 @@ class Transient:
     def recordings(self, every_s: float, room: int | None = None) -> Iterator[Recording]:
         """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
 
+        After :meth:`restore` without the state now, which is not one of these instants, or has been recorded before.
+
         Several samples at a time, or none: those of about 0.2 s of computing, ``room`` or 16 MB at most; the simulation is then
         at the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are
         those until then, and ``status`` says why.
@@ -130,7 +134,8 @@ class Transient:
         one = simulation.recording(1).arrays
         bytes_each = sum(array.nbytes for array in (one.displacement, one.velocity, one.J, one.hourglass, one.pressure))
         recording = simulation.recording(room or max(1, int(ROOM_BYTES / bytes_each)))
-        simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))
+        if not self._resumed:
+            simulation.go(0, simulation.dt_s, recording=recording, instants=np.zeros(1, dtype=np.int64))
         while True:
             begin = time.perf_counter()
             while self.status is None and not self.finished and recording.count < recording.room:
@@ -153,9 +158,11 @@ class Transient:
         Raises
         ------
         RunError : the run cannot go on; what it gave until then stands.
+        Stopped : a signal has asked to stop.
         """
         for recording in self.recordings(every_s, room=1):
             yield from (recording[number] for number in range(recording.count))
+        stopping.check()
         if self.status is not None:
             raise RunError(self.status.message)
 
@@ -168,6 +175,10 @@ class Transient:
     def _go(self, steps: int, recording: Recording | None = None, instants: np.ndarray | None = None) -> None:
         """Advance by up to so many steps, with samples at ``instants``: to the next mark, to another step, or for a while."""
         simulation = self.simulation
+        stop_signal = stopping.asked()
+        if stop_signal is not None:
+            self.status = Status(INTERRUPTED, f"{stopping.described(stop_signal)} at {1e3 * simulation.time_s:.3f} ms")
+            return
         most = STEPS_BEFORE_TIMED
         if self._timed_steps >= STEPS_BEFORE_TIMED:
             most = max(most, int(SECONDS_BETWEEN_RETURNS * self._timed_steps / simulation.course_s))
@@ -244,6 +255,7 @@ class Transient:
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Go on from a restart state of the same model."""
+        self._resumed = True
         self._dt, self.smallest_dt_s, self.largest_fraction = (float(x) for x in state["clock"])
         self._mark, self._left = (int(x) for x in state["counters"])
         self.simulation.restore(state)

@@ -22,7 +22,7 @@ PACKAGE = ROOT / "explicitfe"
 # import each other.
 RANKS = [
     {"errors"},
-    {"compiled", "acoustics"},
+    {"compiled", "acoustics", "host"},
     {"mesh", "materials"},
     {"elements", "bones"},
     {"effects"},

@@ -13,7 +13,7 @@ from support import ROOT
 
 import explicitfe
 from explicitfe.run.prepare import prepare
-from explicitfe.solve.equilibrium import Stuck
+from explicitfe.solve.load_outcome import Stuck
 
 REAR = ROOT / "scenarios" / "indentation-rear.toml"
 BALL = ROOT / "scenarios" / "indentation-ball.toml"

@@ -44,7 +44,8 @@ from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.forces.response import layout_of
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.solve import point
-from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.simulation import Simulation
 
 C10, C20, K = YEOH.constants()

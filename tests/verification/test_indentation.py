@@ -17,7 +17,8 @@ from scipy.interpolate import CubicSpline
 
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Equilibrium
 
 LOADS = np.arange(1, 9) / 10.0  # N
 REFERENCES = SHARED_DATA / "reference" / "indentation"

@@ -18,7 +18,8 @@ from explicitfe.materials.yeoh import Yeoh
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.boundary import turn, turn_back
-from explicitfe.solve.equilibrium import RESIDUAL_TOLERANCE, Equilibrium, Relaxation, Stuck
+from explicitfe.solve.equilibrium import RESIDUAL_TOLERANCE, Relaxation
+from explicitfe.solve.load_outcome import Equilibrium, Stuck
 
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 RADIUS, HEIGHT = 0.020, 0.010  # m, of the cylinder

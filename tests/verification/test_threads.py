@@ -21,7 +21,8 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Equilibrium, Relaxation
+from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT

@@ -13,6 +13,7 @@ import numpy as np
 
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, RunError
+from explicitfe.host import stopping
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import parse_tissue
@@ -61,11 +62,14 @@ class Simulator:
             todo = todo[1:]
         if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
             try:
-                self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
+                self._pool = self._pool or ProcessPoolExecutor(
+                    self.processes, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
+                )
                 for (key, _), run in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
                     self._keep(key, run)
                 todo = []
             except BrokenProcessPool:  # a script that is read from standard input can start no process
+                stopping.check()
                 self._pool, self.processes = None, 1
                 todo = [entry for entry in todo if entry[0] not in self._kept]
         for key, job in todo:

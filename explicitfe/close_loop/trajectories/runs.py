@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.errors import InputError, RunError
+from explicitfe.host import stopping
 from explicitfe.mesh.muscle_lines import locate_in_mesh
 from explicitfe.run.prepare import prepare
 from explicitfe.solve.transient import Transient
@@ -54,6 +55,7 @@ def displacements_of(
     displacements = np.empty((len(times_s), *places.shape))
     for row, time_s in enumerate(times_s):
         status = transient.advance_to(time_s)
+        stopping.check()
         if status:
             raise RunError(status.message)
         now = simulation.snapshot()
@@ -100,10 +102,13 @@ class Runs:
             del todo[0]
         if self.processes > 1 and len(todo) > 1:
             try:
-                self._pool = self._pool or ProcessPoolExecutor(self.processes, mp_context=get_context("spawn"))
+                self._pool = self._pool or ProcessPoolExecutor(
+                    self.processes, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
+                )
                 work = self._pool.map(_run_job, [self.path] * len(todo), [self.places] * len(todo), todo)
                 self._kept |= dict(zip(todo, work, strict=True))
             except BrokenProcessPool:  # a script that is read from standard input can start no process
+                stopping.check()
                 self._pool, self.processes = None, 1
         for job in todo:
             if job not in self._kept:

@@ -41,7 +41,7 @@ def test_nobody_who_computes_or_shows_asks_which_kind_it_is():
     """In the rooms that run and show scenarios; the tables above are the only places."""
     kinds = {kind.__name__ for kind in (*KINDS_OF_SCENARIO, *ANALYSES.values())}
     files = [*(ROOT / "explicitfe" / "run").glob("*.py"), *(ROOT / "explicitfe" / "view").rglob("*.py")]
-    for path in [*files, ROOT / "explicitfe" / "cli.py"]:
+    for path in [*files, *(ROOT / "explicitfe" / "cli").glob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("isinstance", "issubclass"):
                 asked = {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}

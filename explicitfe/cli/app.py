@@ -1,0 +1,74 @@
+"""The commands in the order of ``explicitfe --help``, and the options of ``explicitfe`` itself.
+
+A new command is a module ``cli/<command>.py`` with one function, and a line here under the panel that it belongs to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+import typer
+
+from explicitfe import __version__
+from explicitfe.cli.bench import bench
+from explicitfe.cli.blind import blind_make, blind_score
+from explicitfe.cli.check import check
+from explicitfe.cli.close_loop import close_loop
+from explicitfe.cli.design_test import design_test
+from explicitfe.cli.identify import identify
+from explicitfe.cli.inspect import inspect
+from explicitfe.cli.list import list_
+from explicitfe.cli.measure import measure
+from explicitfe.cli.predict import predict
+from explicitfe.cli.run import run
+from explicitfe.cli.schema import schema
+from explicitfe.cli.warmup import warmup
+
+Command = Callable[..., None]
+
+# Panel of the help -> name of a command -> its function.
+COMMANDS: dict[str, dict[str, Command]] = {
+    "Scenarios": {"run": run, "check": check},
+    "Results": {"inspect": inspect, "measure": measure},
+    "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
+    "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
+}
+# Panel -> name of a group -> its help and its commands.
+GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
+    "Measured data": {
+        "blind": ("Test close-loop on data with an undeclared effect in it.", {"make": blind_make, "score": blind_score}),
+    },
+}
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.", is_eager=True)] = False,
+) -> None:
+    """Explicit-dynamics simulator of the tongue: from a scenario file to a result file that ParaView opens.
+
+    Example: [bold]explicitfe run scenarios/vowel-i.toml[/bold]
+    """
+    if version:
+        print(__version__)
+        raise typer.Exit()
+
+
+for panel, commands in COMMANDS.items():
+    for name, function in commands.items():
+        app.command(name, rich_help_panel=panel)(function)
+for panel, groups in GROUPS.items():
+    for name, (words, commands) in groups.items():
+        group = typer.Typer(no_args_is_help=True, help=words)
+        for inner, function in commands.items():
+            group.command(inner)(function)
+        app.add_typer(group, name=name, rich_help_panel=panel)

@@ -1,0 +1,30 @@
+"""``explicitfe bench``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from explicitfe.cli.answer import console, print_answer
+from explicitfe.cli.options import JsonOption
+from explicitfe.view.progress import following
+
+
+def bench(
+    sizes: Annotated[
+        list[int] | None, typer.Option("--elements", help="Size of the block: 1000 | 30000 | 250000; repeat for more.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Time this machine: nanoseconds per element and step, beside what was measured for the documentation.
+
+    Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
+    """
+    from explicitfe.run.speed import TIMED_SIZES
+    from explicitfe.run.speed import bench as time_it
+    from explicitfe.view.terminal.program import speed_tables
+
+    with following(console) as progress:
+        speed = time_it(sizes or tuple(TIMED_SIZES), progress)
+    print_answer(speed, as_json, lambda: speed_tables(speed))

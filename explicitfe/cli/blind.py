@@ -1,0 +1,53 @@
+"""``explicitfe blind make`` and ``explicitfe blind score``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from explicitfe.cli.answer import console
+from explicitfe.cli.options import JsonOption
+from explicitfe.view.json_text import json_text
+from explicitfe.view.progress import following
+
+CasesArgument = Annotated[Path, typer.Argument(help="Folder of the cases.", show_default=False)]
+
+
+def blind_make(
+    folder: CasesArgument,
+    seed: Annotated[int, typer.Option("--seed", help="Draws the cases.")],
+    count: Annotated[int, typer.Option("--count", help="How many.")] = 20,
+    family: Annotated[str, typer.Option("--family", help="homogeneous | indentation")] = "homogeneous",
+    as_json: JsonOption = False,
+) -> None:
+    """Draw cases: datasets in FOLDER/cases, and what is hidden in them in FOLDER/sealed.
+
+    Example: [bold]explicitfe blind make blind --seed 7 --count 20[/bold]
+    """
+    from explicitfe.blind.make import make
+
+    with following(console) as progress:
+        cases = make(folder, seed=seed, count=count, family=family, progress=progress)
+    if as_json:
+        print(json_text(cases))
+    else:
+        console.print(f"{cases['count']} cases in {escape(str(folder))}", highlight=False)
+
+
+def blind_score(folder: CasesArgument, as_json: JsonOption = False) -> None:
+    """Close the loop on every case that has no report yet, then open what was sealed and count.
+
+    Example: [bold]explicitfe blind score blind[/bold]
+    """
+    from explicitfe.blind.score import score
+
+    with following(console) as progress:
+        scores = score(folder, progress=progress)
+    if as_json:
+        print(json_text(scores))
+    else:
+        Console().print((folder / "score.md").read_text(encoding="utf-8"), markup=False, highlight=False)

@@ -1,0 +1,28 @@
+"""``explicitfe design-test``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from explicitfe.cli.answer import console, print_answer
+from explicitfe.cli.options import JsonOption
+from explicitfe.view.progress import following
+
+
+def design_test(
+    protocol: Annotated[Path, typer.Argument(help="Protocol file (TOML), see docs/close-loop.md.", show_default=False)],
+    as_json: JsonOption = False,
+) -> None:
+    """Say which effects a planned test can find and tell apart, before anything is measured.
+
+    Example: [bold]explicitfe design-test scenarios/protocols/gerard-2005.toml[/bold]
+    """
+    from explicitfe.close_loop.design import design_test as design
+    from explicitfe.view.terminal.close_loop import design_table
+
+    with following(console) as progress:
+        planned = design(protocol, progress=progress)
+    print_answer(planned.document, as_json, lambda: design_table(planned))

@@ -1,0 +1,28 @@
+"""``explicitfe measure``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from explicitfe.cli.answer import print_answer
+from explicitfe.cli.options import JsonOption
+
+
+def measure(
+    results: Annotated[list[Path], typer.Argument(help="Result files (.vtkhdf).", show_default=False)],
+    at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="When; at the end if left out.")] = None,
+    formants: Annotated[bool, typer.Option("--formants", help="Also the airway, and F1 to F3 (docs/airway.md).")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure what a tongue did: its points, grooves, constriction, contact, speeds (docs/measures.md).
+
+    Example: [bold]explicitfe measure outputs/vowel-i.vtkhdf outputs/sl-alone.vtkhdf --at-ms 100[/bold]
+    """
+    from explicitfe.measure.measure import measure as measures_of_file
+    from explicitfe.view.terminal.measures import measures_table
+
+    measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants) for path in results]
+    print_answer({"results": [measures.document for measures in measured]}, as_json, lambda: measures_table(measured))

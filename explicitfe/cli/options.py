@@ -1,0 +1,40 @@
+"""Arguments and options that several commands have."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from explicitfe.errors import InputError
+
+ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
+DatasetArgument = Annotated[Path, typer.Argument(help="Folder of a dataset, or its dataset.toml.", show_default=False)]
+SettingsOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scenario; repeat for more."),
+]
+TissueOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--tissue", metavar="MODEL", help="Model file whose constants and effects replace the scenario's.", show_default=False
+    ),
+]
+TissueGroupOption = Annotated[
+    str | None,
+    typer.Option("--tissue-group", metavar="NAME", help="Group of its constants, if there are several.", show_default=False),
+]
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the result.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, nothing else there.")]
+
+
+def tissue_settings_of(scenario: Path, model: Path | None, group: str | None) -> tuple[list[str], list[str]]:
+    """Settings that put the tissue of a model file into a scenario, and notes of what it has and the run does not."""
+    if model is None:
+        if group is not None:
+            raise InputError("--tissue-group names constants of a model file; give it with --tissue.")
+        return [], []
+    from explicitfe.predict.tissue_in_scenario import stored_tissue_settings
+
+    return stored_tissue_settings(scenario, model, group)

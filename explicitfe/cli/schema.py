@@ -1,0 +1,15 @@
+"""``explicitfe schema``."""
+
+from __future__ import annotations
+
+from explicitfe.view.json_text import json_text
+
+
+def schema() -> None:
+    """Print the JSON schema of scenario files, for editors that complete and check TOML.
+
+    Example: [bold]explicitfe schema > scenario.schema.json[/bold]
+    """
+    from explicitfe.scenario.read import json_schema
+
+    print(json_text(json_schema()))

@@ -10,6 +10,7 @@ from rich.progress import BarColumn, SpinnerColumn, TaskID, TextColumn, TimeElap
 from rich.progress import Progress as Bars
 
 from explicitfe.errors import Progress, Stage
+from explicitfe.host import stopping
 
 # What each stage of a task is called.
 STAGES: dict[Stage, str] = {
@@ -30,7 +31,10 @@ STAGES: dict[Stage, str] = {
 
 @contextmanager
 def following(console: Console) -> Iterator[Progress]:
-    """Show bars on a console; gives the function that is called with a stage and the share of it that is done."""
+    """Show bars on a console; gives the function that is called with a stage and the share of it that is done.
+
+    That function raises Stopped where a signal has asked to stop: it is called where work can be left.
+    """
     bars = Bars(
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -48,6 +52,7 @@ def following(console: Console) -> Iterator[Progress]:
             bars.start()  # not before there is something to show
             tasks[stage] = bars.add_task(STAGES.get(stage, stage), total=1.0)  # the name itself is better than no answer
         bars.update(tasks[stage], completed=share)
+        stopping.check()
 
     try:
         yield progress

@@ -44,9 +44,9 @@ RANKS = [
 RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
 # Reading, measuring and drawing a result must not need the mechanics.
 ONLY = {
-    "results": {"errors", "mesh"},
-    "measure": {"errors", "acoustics", "mesh", "results"},
-    "view": {"errors", "acoustics", "mesh", "results", "measure"},
+    "results": {"errors", "host", "mesh"},
+    "measure": {"errors", "host", "acoustics", "mesh", "results"},
+    "view": {"errors", "host", "acoustics", "mesh", "results", "measure"},
 }
 LAZY = ("pyvista", "matplotlib", "meshio", "jinja2")
 

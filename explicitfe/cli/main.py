@@ -17,7 +17,6 @@ from explicitfe.cli.app import app
 from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
 
-
 STDERR = 2  # the file descriptor
 
 

@@ -6,7 +6,6 @@ The fingerprints are those of the search, about what an elastic model would answ
 from __future__ import annotations
 
 import tempfile
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -23,6 +22,7 @@ from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNois
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, Progress, RunError, silent
+from explicitfe.host.text import text_of, toml_of
 from explicitfe.measured.curve import COLUMNS, TIME, Dataset, Kind
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.tables import RawTable
@@ -280,12 +280,7 @@ def _guess(protocol: ProtocolFile, curve: PlannedCurve, kind: Kind, imposed: np.
 
 
 def _read(path: Path) -> ProtocolFile:
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: the protocol cannot be read ({error.strerror}).") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+    data = toml_of(text_of(path, f'give a protocol, which begins with format = "{FORMAT}"'), path)
     if data.get("format") != FORMAT:
         raise InputError(f'{path}: a protocol begins with format = "{FORMAT}".')
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
@@ -12,12 +11,16 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.text import text_of, toml_of
 from explicitfe.measured.curve import COLUMNS, TIME, Kind
 from explicitfe.measured.tables import RawTable
 from explicitfe.scenario.sentences import explain
 
 FILE_NAME = "dataset.toml"
 SMALLEST_CURVE_ROWS = 3  # Two rows are a straight line: no curve.
+# A fit takes a time and a memory in proportion to the rows, some thousands of times; more rows than this tell it no more.
+LARGEST_CURVE_ROWS = 20_000
+LARGEST_CURVE_BYTES = 16 * 2**20
 
 _CELL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _SENSOR = re.compile(r"(.+)_([xyz])_mm")
@@ -35,11 +38,9 @@ class DatasetToml:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.lines = lines_of(path, f"give the dataset's folder, with a {FILE_NAME} and a CSV for each curve in it")
-        try:
-            self.data = tomllib.loads("\n".join(self.lines))
-        except ValueError as error:  # It is no TOML, or has a whole number of thousands of digits.
-            raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+        text = text_of(path, f"give the dataset's folder, with a {FILE_NAME} and a CSV for each curve in it")
+        self.lines = lines_of(text)
+        self.data = toml_of(text, path)
 
     def fault(self, keys: Sequence[str | int], sentence: str) -> InputError:
         """An error at a key, or at the table that should hold it."""
@@ -85,17 +86,8 @@ class DatasetToml:
         return block[0][0] if block and _HEADER.match(block[0][1]) else None
 
 
-def lines_of(path: Path, advice: str) -> list[str]:
-    """Lines of a text file, whatever ends them on the system that wrote it, without a byte-order mark."""
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: this cannot be read ({error.strerror}); {advice}.") from None
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        raise InputError(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8.") from None
+def lines_of(text: str) -> list[str]:
+    """Lines of a text, whatever ends them on the system that wrote it."""
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
@@ -105,7 +97,7 @@ class CurveCsv:
     def __init__(self, path: Path, kind: Kind, sensors: Iterable[str]) -> None:
         self.path = path
         self.kind = kind
-        lines = lines_of(path, "make it readable")
+        lines = lines_of(text_of(path, "make it a smaller table of numbers", largest_bytes=LARGEST_CURVE_BYTES))
         self.line_of = [number for number, line in enumerate(lines, 1) if line.strip()]
         filled = [lines[number - 1] for number in self.line_of]
         if not filled:
@@ -158,6 +150,10 @@ class CurveCsv:
             last = self.line_of[-1] if rows else 1
             count = f"{len(rows)} row{'' if len(rows) == 1 else 's'}"
             raise InputError(f"{self.path}, line {last}: the curve ends after {count}; it needs {SMALLEST_CURVE_ROWS} at least.")
+        if len(rows) > LARGEST_CURVE_ROWS:
+            every = -(-len(rows) // LARGEST_CURVE_ROWS)
+            sentence = f"the curve has {len(rows)} rows, and no more than {LARGEST_CURVE_ROWS} are computed"
+            raise InputError(f"{self.path}: {sentence}; keep one row in {every}.")
         try:
             numbers = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
             if numbers.shape[1] == len(names) and np.isfinite(numbers).all():

@@ -19,7 +19,6 @@ tolerance = 1e-4
 from __future__ import annotations
 
 import re
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -28,6 +27,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.text import text_of, toml_of
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool, RawTable
@@ -164,22 +164,12 @@ def read_tissue(path: Path | str) -> Tissue:
     ------
     InputError : it cannot be read, is no TOML, or does not fit the schema; one sentence with file and key.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: the model cannot be read ({error.strerror}).") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: this is not a text file; a model file is written in TOML.") from None
-    return parse_tissue(text, str(path))
+    return parse_tissue(text_of(path, f'give a model file, which begins with format = "{FORMAT}"'), str(path))
 
 
 def parse_tissue(text: str, name: str = "model") -> Tissue:
     """The tissue from a model file's text; see :func:`read_tissue`."""
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{name}: this is not valid TOML: {error}.") from None
+    data = toml_of(text, name)
     if "format" not in data:
         raise InputError(f'{name}: the key "format" is missing; a model file begins with format = "{FORMAT}".')
     try:

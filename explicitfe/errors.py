@@ -24,7 +24,11 @@ class InputError(ValueError):
 
 
 class RunError(RuntimeError):
-    """A run that started and could not be finished. The command line prints the sentence and exits with 1."""
+    """A run that started and could not be finished. The command line prints the sentence and exits with 3."""
+
+
+class MachineError(RunError):
+    """What the machine or its operating system refuses: a full disk, no permission, too little memory. Exit code 3 as well."""
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:

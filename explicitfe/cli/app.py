@@ -23,6 +23,7 @@ from explicitfe.cli.measure import measure
 from explicitfe.cli.predict import predict
 from explicitfe.cli.run import run
 from explicitfe.cli.schema import schema
+from explicitfe.cli.streams import stdout
 from explicitfe.cli.warmup import warmup
 
 Command = Callable[..., None]
@@ -42,7 +43,6 @@ GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
 }
 
 app = typer.Typer(
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -50,17 +50,29 @@ app = typer.Typer(
 )
 
 
-@app.callback(invoke_without_command=True)
+EXIT_CODES = (
+    "Exit code 0: done; 2: the input cannot be used, and nothing was written; 3: it stopped early, by the simulation, the "
+    "machine or a fault of explicitfe (--json says which); 130, 143, 129: stopped by Ctrl-C, SIGTERM, SIGHUP."
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        stdout.write(f"{__version__}\n")
+        raise typer.Exit()
+
+
+@app.callback(epilog=EXIT_CODES)
 def _root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.", is_eager=True)] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and leave.", is_eager=True, callback=_print_version)
+    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Show where an error comes from.", envvar="EXPLICITFE_DEBUG")] = False,
 ) -> None:
     """Explicit-dynamics simulator of the tongue: from a scenario file to a result file that ParaView opens.
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml[/bold]
     """
-    if version:
-        print(__version__)
-        raise typer.Exit()
 
 
 for panel, commands in COMMANDS.items():
@@ -68,7 +80,7 @@ for panel, commands in COMMANDS.items():
         app.command(name, rich_help_panel=panel)(function)
 for panel, groups in GROUPS.items():
     for name, (words, commands) in groups.items():
-        group = typer.Typer(no_args_is_help=True, help=words)
+        group = typer.Typer(help=words)
         for inner, function in commands.items():
             group.command(inner)(function)
         app.add_typer(group, name=name, rich_help_panel=panel)

@@ -6,12 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 
-from explicitfe.cli.answer import console
+from explicitfe.cli.answer import console, print_answer
 from explicitfe.cli.options import JsonOption
-from explicitfe.view.json_text import json_text
 from explicitfe.view.progress import following
 
 CasesArgument = Annotated[Path, typer.Argument(help="Folder of the cases.", show_default=False)]
@@ -32,10 +30,7 @@ def blind_make(
 
     with following(console) as progress:
         cases = make(folder, seed=seed, count=count, family=family, progress=progress)
-    if as_json:
-        print(json_text(cases))
-    else:
-        console.print(f"{cases['count']} cases in {escape(str(folder))}", highlight=False)
+    print_answer(cases, as_json, lambda: Text(f"{cases['count']} cases in {folder}"))
 
 
 def blind_score(folder: CasesArgument, as_json: JsonOption = False) -> None:
@@ -47,7 +42,4 @@ def blind_score(folder: CasesArgument, as_json: JsonOption = False) -> None:
 
     with following(console) as progress:
         scores = score(folder, progress=progress)
-    if as_json:
-        print(json_text(scores))
-    else:
-        Console().print((folder / "score.md").read_text(encoding="utf-8"), markup=False, highlight=False)
+    print_answer(scores, as_json, lambda: Text((folder / "score.md").read_text(encoding="utf-8")))

@@ -53,6 +53,10 @@ def close_loop(
             overwrite=overwrite,
             progress=progress,
         )
-    print_answer(report.document, as_json, lambda: loop_tables(report), report.warnings)
-    if report.verdict == "failed":
-        raise typer.Exit(1)
+    print_answer(
+        report.document,
+        as_json,
+        lambda: loop_tables(report),
+        report.warnings,
+        error=("simulation", report.message or report.sentence) if report.verdict == "failed" else None,
+    )

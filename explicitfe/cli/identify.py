@@ -54,8 +54,11 @@ def identify(
             overwrite=overwrite,
             progress=progress,
         )
+    failed = [name for name, group in identification["groups"].items() if group.get("status") == "failed"]
     print_answer(
-        identification, as_json, lambda: identification_tables(identification), list(identification_notes(identification))
+        identification,
+        as_json,
+        lambda: identification_tables(identification),
+        list(identification_notes(identification)),
+        error=("simulation", f"the constants could not be identified of {', '.join(map(repr, failed))}") if failed else None,
     )
-    if any(group.get("status") == "failed" for group in identification["groups"].values()):
-        raise typer.Exit(1)

@@ -1,20 +1,21 @@
-"""Entry of the command ``explicitfe``: errors become one sentence and an exit code.
-
-Exit code 0: done; 1: the run ended early (what it computed is stored); 2: the input cannot be used; 130: stopped by hand, 143:
-stopped by SIGTERM, 129: by SIGHUP.
-"""
+"""Entry of the command ``explicitfe``: whatever happens becomes one sentence and an exit code, which ``ending.py`` names."""
 
 from __future__ import annotations
 
 import os
 import signal
 import sys
+import traceback
+import warnings
+from contextlib import suppress
 
-from rich.markup import escape
+import typer
 
-from explicitfe.cli.answer import console
+from explicitfe.cli.answer import print_error, print_json, print_note
 from explicitfe.cli.app import app
-from explicitfe.errors import InputError, RunError
+from explicitfe.cli.ending import DONE_EXIT_CODE, debug_first, error_of, wants_json
+from explicitfe.cli.streams import stderr, stdout
+from explicitfe.errors import MachineError
 from explicitfe.host import stopping
 
 STDERR = 2  # the file descriptor
@@ -26,22 +27,48 @@ def main() -> None:
     # imported numpy yet, and for the processes that are started too.
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    with stopping.watching(_say_that_it_stops, _end_at_once):
-        _run_command()
+    for stream in (stdout, stderr):
+        stream.show_what_cannot_be_encoded()
+    with warnings.catch_warnings(), stopping.watching(_say_that_it_stops, _end_at_once):
+        code = _exit_code_of(debug_first(sys.argv[1:] or ["--help"]))
+    if code:
+        sys.exit(code)
 
 
-def _run_command() -> None:
+def _exit_code_of(words: list[str]) -> int:
+    """Run the command that the words name; whatever ends it is told here."""
+    debug = False
     try:
-        app()
-    except InputError as error:
-        console.print(f"[red]error:[/red] {escape(str(error))}", soft_wrap=True, highlight=False, markup=True)
-        sys.exit(2)
-    except RunError as error:
-        console.print(f"[red]failed:[/red] {escape(str(error))}", soft_wrap=True, highlight=False)
-        sys.exit(1)
-    except stopping.Stopped as stopped:
-        console.print(f"{stopped}; nothing is left half-written, and what was stored before is still there", soft_wrap=True)
-        sys.exit(stopping.exit_code(stopped.signal))
+        try:
+            # Not by app(), which takes KeyboardInterrupt and broken pipes for itself, without a word.
+            command = typer.main.get_command(app)
+            with command.make_context("explicitfe", words) as context:
+                debug = context.params["debug"]
+                if not debug:
+                    warnings.showwarning = _tell_warning
+                command.invoke(context)
+        finally:
+            stdout.flush()
+    except typer.Exit as end:
+        return end.exit_code
+    except SystemExit:  # so rich ends --help whose reader has left
+        return DONE_EXIT_CODE
+    except (Exception, KeyboardInterrupt) as error:
+        if debug:
+            stderr.write(traceback.format_exc())
+        ending = error_of(error)
+        if wants_json(words):
+            with suppress(MachineError):  # there is no room for it
+                print_json({"error": ending})
+        print_error(ending)
+        return ending["exit_code"]
+    return DONE_EXIT_CODE
+
+
+def _tell_warning(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+    """Say what a room warns of; libraries warn their programmers, who ask for it with --debug."""
+    if category is UserWarning:
+        print_note(str(message))
 
 
 def _say_that_it_stops(stop_signal: signal.Signals) -> None:

@@ -37,7 +37,10 @@ def predict(
             dataset, model, out=out, curves=curves or (), refinement=refinement, overwrite=overwrite, progress=progress
         )
     failures = [f"{name}: {message}" for name, message in prediction.failures.items()]
-    notes = failures + [f"assumed: {text}" for text in prediction.assumed]
-    print_answer(prediction.document, as_json, lambda: prediction_table(prediction), notes)
-    if failures:
-        raise typer.Exit(1)
+    print_answer(
+        prediction.document,
+        as_json,
+        lambda: prediction_table(prediction),
+        [f"assumed: {text}" for text in prediction.assumed],
+        error=("simulation", f"not all curves could be predicted. {' '.join(failures)}") if failures else None,
+    )

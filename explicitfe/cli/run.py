@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import traceback
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.markup import escape
 
 from explicitfe.cli.answer import console, print_answer
+from explicitfe.cli.ending import ErrorKind, short_name
 from explicitfe.cli.options import (
     JsonOption,
     OutOption,
@@ -18,10 +19,18 @@ from explicitfe.cli.options import (
     TissueOption,
     tissue_settings_of,
 )
+from explicitfe.cli.streams import stderr
+from explicitfe.errors import Progress
+from explicitfe.host import stopping
 from explicitfe.view.progress import following
+
+if TYPE_CHECKING:
+    from explicitfe.results.run_summary import RunSummary
+    from explicitfe.run.analysis import Analysis
 
 
 def run(
+    context: typer.Context,
     scenario: ScenarioArgument,
     out: OutOption = Path("outputs"),
     settings: SettingsOption = None,
@@ -42,11 +51,33 @@ def run(
     with following(console) as progress:
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
         summary = analysis.run(result_path(scenario, out), overwrite=overwrite, progress=progress)
-        if plots:
-            progress("draw", 0.0)
-            summary["plots"] = [str(path) for path in analysis.draw(Path(summary["result"]))]
-            progress("draw", 1.0)
-    print_answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"])
+        stopped = _draw(analysis, summary, progress, context.find_root().params["debug"]) if plots else None
+    error: tuple[ErrorKind, str] | None = None
     if summary["status"] != "finished":
-        console.print(f"[red]{summary['status']}[/red]: {escape(summary['message'])}", soft_wrap=True, highlight=False)
-        raise typer.Exit(130 if summary["status"] == "interrupted" else 1)
+        kind: ErrorKind = "stopped" if summary["status"] == "interrupted" else "simulation"
+        error = kind, f"{summary['status']}: {summary['message']}"
+    elif stopped:
+        error = "stopped", stopped
+    print_answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"], error)
+
+
+def _draw(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progress, debug: bool) -> str | None:
+    """Draw a result that is stored: whatever goes wrong now, the run is done, and its summary says what is missing.
+
+    Returns
+    -------
+    A sentence, where a signal has stopped the drawing.
+    """
+    result = summary["result"]
+    again = f"the result stands; draw it with: python -c 'from explicitfe.view.draw import draw; draw({result!r})'"
+    try:
+        progress("draw", 0.0)
+        summary["plots"] = [str(path) for path in analysis.draw(Path(result))]
+        progress("draw", 1.0)
+    except stopping.Stopped as stopped:
+        return f"{stopped} while drawing: {again}"
+    except Exception as error:
+        if debug:
+            stderr.write(traceback.format_exc())
+        summary["warnings"].append(f"{result} could not be drawn ({short_name(error)}): {again}")
+    return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from explicitfe.view.json_text import json_text
+from explicitfe.cli.answer import print_json
 
 
 def schema() -> None:
@@ -12,4 +12,4 @@ def schema() -> None:
     """
     from explicitfe.scenario.read import json_schema
 
-    print(json_text(json_schema()))
+    print_json(json_schema())

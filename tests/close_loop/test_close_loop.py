@@ -200,7 +200,7 @@ def test_curves_that_no_yeoh_solid_can_follow(tmp_path):
     report = close_loop(data, out=tmp_path / "out", processes=1)
     assert report.verdict == "failed" and "says nothing about what the model lacks" in report.sentence
     assert {"report.json", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
-    assert command(["close-loop", str(data), "--out", str(tmp_path / "other")]) == 1
+    assert command(["close-loop", str(data), "--out", str(tmp_path / "other")]) == 3
 
 
 def test_a_curve_that_softens_is_no_third_term(tmp_path):
@@ -339,8 +339,10 @@ def test_bad_datasets(change, words, tmp_path, capsys):
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert command(["close-loop", str(data), "--out", str(tmp_path / "out"), "--json"]) == 2
     said = capsys.readouterr()
-    assert said.out == "" and said.err.count("error:") == 1
+    assert said.err.count("error:") == 1
     sentence = said.err.strip()
+    error = json.loads(said.out)["error"]
+    assert error == {"kind": "input", "message": sentence.removeprefix("error: "), "exit_code": 2}
     assert "\n" not in sentence and sentence.endswith((".", "?")) and "Traceback" not in sentence
     assert all(word in sentence for word in words), sentence
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before

@@ -117,12 +117,13 @@ def test_displacements_and_times(tmp_path: Path) -> None:
 
 
 def test_unreachable_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """100 N on 20 mm of tongue: a status, a sentence, exit code 1, and everything that converged is kept."""
+    """100 N on 20 mm of tongue: a status, a sentence, exit code 3, and everything that converged is kept."""
     arguments = [*QUICK[:-1], "analysis.forces_N=[0.1, 0.2, 100]"]
-    assert command(["run", str(REAR), "--out", str(tmp_path), "--json", *arguments]) == 1
+    assert command(["run", str(REAR), "--out", str(tmp_path), "--json", *arguments]) == 3
     shown = capsys.readouterr()
     summary = json.loads(shown.out)
     assert summary["status"] in ("inverted", "not-converged")
+    assert summary["error"]["kind"] == "simulation" and summary["error"]["exit_code"] == 3
     for word in ("100 N was not reached", "mm", "as far as it went", "edge_size_mm"):
         assert word in summary["message"] and word in shown.err.replace("\n", " ")
     assert [point["force_N"] for point in summary["curve"]] == pytest.approx([0.1, 0.2], rel=1e-3)

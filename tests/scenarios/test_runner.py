@@ -167,9 +167,9 @@ def _samples(path: Path) -> int:
 
 
 def test_inverted_element_stops_the_run_and_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A force far too large ends with exit code 1, a sentence with element, place and time, and the samples until then."""
+    """A force far too large ends with exit code 3, a sentence with element, place and time, and the samples until then."""
     settings = [word for setting in (*SMALL, "muscle.GGp.force_N=2000") for word in ("--set", setting)]
-    assert command(["run", str(FORCES_ON_NODES), "--out", str(tmp_path), "--json", *settings]) == 1
+    assert command(["run", str(FORCES_ON_NODES), "--out", str(tmp_path), "--json", *settings]) == 3
     captured = capsys.readouterr()
     summary = json.loads(captured.out)
     assert summary["status"] in ("inverted", "diverged")

@@ -1,0 +1,139 @@
+"""How a command ends: its exit code, and what went wrong, in words and as JSON."""
+
+from __future__ import annotations
+
+import errno
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, TypedDict
+
+import typer
+
+from explicitfe.errors import InputError, MachineError, RunError
+from explicitfe.host import stopping
+
+DONE_EXIT_CODE = 0
+INPUT_EXIT_CODE = 2  # as programs that read options use it
+NOT_DONE_EXIT_CODE = 3
+
+ErrorKind = Literal["input", "simulation", "machine", "fault", "stopped"]
+"""What is to blame: what the user gave, the simulation that could not go on, the machine (disk, memory), explicitfe itself, or
+nobody: a signal has stopped it."""
+
+LONGEST_MESSAGE_CHARACTERS = 1000  # an error echoes what it was given
+LONGEST_FAULT_CHARACTERS = 300
+# What an operating system refuses without anybody's fault in a program.
+_REFUSALS = {
+    getattr(errno, name)
+    for name in ("EACCES", "EDQUOT", "EFBIG", "EIO", "EMFILE", "ENFILE", "ENOMEM", "ENOSPC", "EPERM", "EROFS", "ESTALE")
+    if hasattr(errno, name)
+}
+_USAGE_ERROR = typer.BadParameter.__base__ or typer.BadParameter  # of click, which typer brings along under changing names
+
+
+class CommandError(TypedDict):
+    """Why a command did not do what was asked. ``message`` is a sentence for people, ``kind`` says what is to blame."""
+
+    kind: ErrorKind
+    message: str
+    exit_code: int
+
+
+class ErrorAnswer(TypedDict):
+    """What a command prints with ``--json`` when it has no other answer."""
+
+    error: CommandError
+
+
+def command_error(kind: ErrorKind, message: str) -> CommandError:
+    """An error, with the exit code that belongs to it."""
+    if kind == "stopped":
+        stop_signal = stopping.asked()
+        code = stopping.exit_code(stopping.SIGNALS[0] if stop_signal is None else stop_signal)
+    else:
+        code = INPUT_EXIT_CODE if kind == "input" else NOT_DONE_EXIT_CODE
+    return {"kind": kind, "message": shortened(message, LONGEST_MESSAGE_CHARACTERS), "exit_code": code}
+
+
+def error_of(error: BaseException) -> CommandError:
+    """What an exception that has ended a command means to its user."""
+    if isinstance(error, InputError):
+        return command_error("input", str(error))
+    if isinstance(error, _USAGE_ERROR):
+        return command_error("input", _usage(error))
+    if isinstance(error, KeyboardInterrupt):
+        reason = str(error) or "stopped by hand"
+        return command_error("stopped", f"{reason}; nothing is left half-written, and what was stored before is still there")
+    if isinstance(error, MachineError):
+        return command_error("machine", str(error))
+    if isinstance(error, RunError):
+        return command_error("simulation", str(error))
+    at = _worked_on(error)
+    if isinstance(error, MemoryError):
+        return command_error("machine", f"the memory of this machine ran out{at}: a coarser mesh or fewer samples need less.")
+    if _is_lost_worker(error):
+        if stopping.asked() is not None:
+            return command_error("stopped", "stopped; what was stored before is still there")
+        return command_error("machine", f"a process that computed for this command was killed{at}: often memory has run out.")
+    if isinstance(error, OSError) and error.errno in _REFUSALS:
+        name = "" if error.filename is None else f"{error.filename}: "
+        return command_error("machine", f"{name}the operating system refuses this ({error.strerror}){at}.")
+    return command_error(
+        "fault",
+        f"a fault of explicitfe{at} ({short_name(error)}). Your input may well be right: please report this with the file, and "
+        f"with what the same command says when --debug is added.",
+    )
+
+
+def shortened(text: str, most_characters: int) -> str:
+    """A text of at most so many characters: a longer one loses its middle."""
+    if len(text) <= most_characters:
+        return text
+    half = (most_characters - 3) // 2
+    return f"{text[:half]} … {text[-half:]}"
+
+
+def _usage(error: BaseException) -> str:
+    """Wrong use of options, in one sentence that says where the right use is described."""
+    words = " ".join(error.format_message().split()) if hasattr(error, "format_message") else str(error)
+    context = getattr(error, "ctx", None)
+    command = "explicitfe" if context is None else context.command_path
+    words = words if words.endswith("?") else f"{words.rstrip('.')};"
+    return f"{words} `{command} --help` shows what can be given."
+
+
+def _worked_on(error: BaseException) -> str:
+    """ " while working on FILE": the first file or folder that the command's function was given."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        if frame.f_globals.get("__package__") == __package__:
+            for name in frame.f_code.co_varnames[: frame.f_code.co_argcount]:
+                value = frame.f_locals.get(name)
+                files = value if isinstance(value, list) else [value]
+                if files and all(isinstance(file, Path) for file in files):
+                    return f" while working on {', '.join(map(str, files))}"
+    return ""
+
+
+def short_name(error: BaseException) -> str:
+    """Kind and message of an exception on one line."""
+    message = " ".join(str(error).split())
+    return shortened(f"{type(error).__name__}: {message}" if message else type(error).__name__, LONGEST_FAULT_CHARACTERS)
+
+
+def _is_lost_worker(error: BaseException) -> bool:
+    from concurrent.futures import BrokenExecutor  # not imported before it is needed: it takes time
+
+    return isinstance(error, BrokenExecutor)
+
+
+def debug_first(words: Sequence[str]) -> list[str]:
+    """The words with ``--debug``, which may stand anywhere, in front, where the options of ``explicitfe`` itself stand."""
+    end = words.index("--") if "--" in words else len(words)
+    options = [word for word in words[:end] if word != "--debug"]
+    return ["--debug"] * (len(options) < end) + options + list(words[end:])
+
+
+def wants_json(words: Sequence[str]) -> bool:
+    """Whether a program is to read the answer."""
+    return "--json" in words[: words.index("--") if "--" in words else len(words)]

@@ -1,0 +1,226 @@
+"""Whatever ends a command: one sentence on stderr, an exit code, with --json one object on stdout, and never a traceback."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import pytest
+from command import command
+from support import ROOT
+
+from explicitfe.cli.app import COMMANDS, GROUPS
+from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS
+from explicitfe.errors import InputError, MachineError, RunError
+from explicitfe.host import stopping
+from explicitfe.run import lists, transient
+
+NAMES = [[name] for panel in COMMANDS.values() for name in panel]
+NAMES += [[group, name] for panel in GROUPS.values() for group, (_, commands) in panel.items() for name in commands]
+SMALL = ["--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=2"]
+
+
+def raising(error: BaseException) -> Callable[[], list[lists.Row]]:
+    def rows() -> list[lists.Row]:
+        raise error
+
+    return rows
+
+
+def signalled() -> list[lists.Row]:
+    """A signal comes while a command works; what it calls next notices."""
+    signal.raise_signal(signal.SIGTERM)
+    stopping.check()
+    return []
+
+
+# what happens inside a command -> kind, exit code, words of the sentence
+ENDS = {
+    "input": (raising(InputError("no such thing.")), "input", 2, "error: no such thing."),
+    "simulation": (raising(RunError("it does not converge.")), "simulation", 3, "failed: it does not converge."),
+    "machine": (raising(MachineError("the disk is full.")), "machine", 3, "failed: the disk is full."),
+    "memory": (raising(MemoryError()), "machine", 3, "memory of this machine ran out"),
+    "no permission": (
+        raising(PermissionError(errno.EACCES, "Permission denied", "secret")),
+        "machine",
+        3,
+        "secret: .*Permission",
+    ),
+    "disk full": (raising(OSError(errno.ENOSPC, "No space left on device")), "machine", 3, "No space left"),
+    "killed worker": (raising(BrokenProcessPool("a child died")), "machine", 3, "was killed"),
+    "fault": (raising(ValueError("summary has\n487948 bytes")), "fault", 3, r"a fault of explicitfe.*summary has 487948 bytes"),
+    "recursion": (raising(RecursionError("too deep")), "fault", 3, "fault of explicitfe.*too deep"),
+    "pipe": (raising(BrokenPipeError(errno.EPIPE, "Broken pipe")), "fault", 3, "fault of explicitfe.*Broken pipe"),
+    "missing file": (raising(FileNotFoundError(errno.ENOENT, "No such file", "a.toml")), "fault", 3, "fault of explicitfe"),
+    "assertion": (raising(AssertionError()), "fault", 3, r"fault of explicitfe \(AssertionError\)"),
+    "Ctrl-C": (raising(KeyboardInterrupt()), "stopped", 130, "stopped: stopped by hand; nothing is left half-written"),
+    "SIGTERM": (signalled, "stopped", 143, "stopped by SIGTERM; nothing is left half-written"),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_what_ends_a_command(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    happens, kind, code, words = ENDS[name]
+    monkeypatch.setitem(lists.LISTS, "models", happens)
+    assert command(["list", "models"]) == code
+    plain = capsys.readouterr()
+    assert plain.out == "" and "Traceback" not in plain.err
+    sentence = plain.err.splitlines()[-1]
+    assert re.search(words, sentence), sentence
+
+    assert command(["list", "models", "--json"]) == code
+    shown = capsys.readouterr()
+    assert shown.err.splitlines()[-1] == sentence
+    message = sentence.partition(": ")[2]
+    assert json.loads(shown.out) == {"error": {"kind": kind, "message": message, "exit_code": code}}
+
+
+@pytest.mark.parametrize("debug", ["--debug at the end", "--debug first", "environment"])
+def test_debug_shows_where_an_error_comes_from(
+    debug: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(lists.LISTS, "models", raising(ValueError("odd")))
+    words = ["list", "models"]
+    if debug == "environment":
+        monkeypatch.setenv("EXPLICITFE_DEBUG", "1")
+    else:
+        words = ["--debug", *words] if debug == "--debug first" else [*words, "--debug"]
+    assert command(words) == 3
+    shown = capsys.readouterr().err
+    assert "Traceback" in shown and "in rows" in shown and "fault: a fault of explicitfe (ValueError: odd)" in shown
+
+
+def test_a_fault_names_the_file_that_was_worked_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = tmp_path / "mine.toml"
+    scenario.write_bytes((ROOT / "scenarios/vowel-i.toml").read_bytes())
+    monkeypatch.setattr(transient, "assemble", lambda *given: 1 / 0)
+    assert command(["check", str(scenario), "--set", "title='a'"]) == 3
+    sentence = capsys.readouterr().err.strip()
+    assert f"a fault of explicitfe while working on {scenario} (ZeroDivisionError: division by zero)" in sentence
+    assert "please report this with the file" in sentence and "--debug" in sentence
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["lisst"], "No such command 'lisst'. Did you mean 'list'? `explicitfe --help`"),
+        (["run"], "Missing argument"),
+        (["run", "a.toml", "--frobnicate"], "No such option: --frobnicate"),
+        (["run", "a.toml", "b.toml"], "Got unexpected extra argument"),
+        (["run", "a.toml", "--set"], "'--set' requires an argument"),
+        (["blind"], "Missing command; `explicitfe blind --help`"),
+        (["blind", "make", "x", "--seed", "a"], "Invalid value for '--seed'"),
+        (["--frobnicate", "list"], "No such option: --frobnicate"),
+    ],
+)
+def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for json_option in ([], ["--json"]):
+        assert command([*words[:1], *json_option, *words[1:]]) == 2
+        shown = capsys.readouterr()
+        (line,) = shown.err.splitlines()
+        assert line.startswith("error: ") and line.endswith("shows what can be given.")
+        if json_option:
+            assert json.loads(shown.out)["error"] == {
+                "kind": "input",
+                "message": line.removeprefix("error: "),
+                "exit_code": 2,
+            }
+        else:
+            assert shown.out == "" and sentence in line
+
+
+def test_an_echo_is_short_and_harmless(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a name of 6000 characters, of one that would write to the title of the terminal, of bytes that are no text."""
+    for name in ("a" * 6000, "\x1b]0;owned\x07\x9b31m", "\udcff", "[red]", "[/]"):
+        assert command(["list", name]) == 2
+        shown = capsys.readouterr().err
+        assert len(shown) < LONGEST_MESSAGE_CHARACTERS + 20 and shown.startswith("error: cannot list")
+        assert not any(code in shown for code in "\x1b\x07\x9b")
+    assert "[/]" in shown
+
+
+def test_help_says_how_and_with_what_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command([]) == 0
+    root = " ".join(capsys.readouterr().out.split())
+    assert "Exit code 0: done; 2: the input cannot be used" in root and "130, 143, 129" in root
+    for words in NAMES:
+        assert command([*words, "--help"]) == 0
+        text = " ".join(capsys.readouterr().out.split())
+        assert f"Example: explicitfe {' '.join(words)}" in text, words
+
+
+def test_a_run_whose_pictures_cannot_be_drawn_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The result stands, the summary says so and how to draw it."""
+    from explicitfe.view import draw
+
+    monkeypatch.setitem(draw.PICTURES, "transient", lambda *given: 1 / 0)
+    words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
+    assert command(words) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["status"] == "finished" and "error" not in summary and "plots" not in summary
+    (warning,) = [text for text in summary["warnings"] if "could not be drawn" in text]
+    assert "ZeroDivisionError" in warning and "the result stands" in warning
+    monkeypatch.undo()
+    code = warning.partition("python -c '")[2].removesuffix("'")
+    monkeypatch.setattr(draw, "draw", lambda path: drawn.append(path))
+    drawn: list[str] = []
+    exec(code)
+    assert drawn == [summary["result"]] and Path(summary["result"]).exists()
+
+
+def test_a_signal_while_pictures_are_drawn_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from explicitfe.view import draw
+
+    def stop(*given: object) -> list[Path]:
+        signal.raise_signal(signal.SIGINT)
+        return []
+
+    monkeypatch.setitem(draw.PICTURES, "transient", stop)
+    words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
+    assert command(words) == 130
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["status"] == "finished" and summary["error"]["kind"] == "stopped"
+    assert "while drawing: the result stands" in summary["error"]["message"]
+
+
+def explicitfe(*words: str, **streams: object) -> subprocess.Popen[bytes]:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.Popen([sys.executable, "-m", "explicitfe", *words], env=environment, **streams)  # type: ignore[call-overload]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes that break are a thing of Unix")
+@pytest.mark.parametrize("words", [["list", "muscles"], ["list", "muscles", "--json"], ["--help"]], ids=" ".join)
+def test_a_reader_that_leaves_is_no_fault(words: list[str]) -> None:
+    """As in ``explicitfe list muscles | head -1``."""
+    read, write = os.pipe()
+    os.close(read)
+    process = explicitfe(*words, stdout=write, stderr=subprocess.PIPE)
+    os.close(write)
+    error = process.communicate()[1]
+    assert process.returncode == 0 and error == b""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, a disk that is always full")
+def test_a_full_disk_under_an_answer() -> None:
+    """An answer that could not be written is told; words that could not are dropped, and nothing fails for them."""
+    with Path("/dev/full").open("w") as full:
+        process = explicitfe("list", "muscles", "--json", stdout=full, stderr=subprocess.PIPE)
+        error = process.communicate()[1].decode()
+        assert process.returncode == 3
+        assert error.strip() == "failed: the answer could not be written to stdout: No space left on device."
+        process = explicitfe("list", "nothing", stdout=subprocess.PIPE, stderr=full)
+        assert process.communicate()[0] == b"" and process.returncode == 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from explicitfe.cli.answer import console, print_answer, print_note
+from explicitfe.cli.answer import console, print_answer
 from explicitfe.cli.options import (
     JsonOption,
     ScenarioArgument,
@@ -31,6 +31,4 @@ def check(
     with following(console) as progress:
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
         report = analysis.check(progress)
-    print_answer(report, as_json, lambda: analysis.check_table(report))
-    for note in notes:
-        print_note(note)
+    print_answer(report, as_json, lambda: analysis.check_table(report), report["warnings"])

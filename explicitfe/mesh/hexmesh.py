@@ -151,19 +151,29 @@ def shape_gradients(natural: np.ndarray) -> np.ndarray:
     return CORNERS * others / 8.0
 
 
+def face_groups(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All faces (6 m,), numbered 6 times the element plus the place in ``FACES``, those of the same nodes beside each other.
+
+    And where each group of these begins. The groups lie in the order of their sorted nodes, the faces of a group in their own.
+    """
+    nodes = np.sort(hexes[:, FACES].reshape(-1, 4), axis=1)
+    size = int(hexes.max(initial=0)) + 1
+    first, second = nodes[:, 0] * size + nodes[:, 1], nodes[:, 2] * size + nodes[:, 3]
+    order = np.lexsort((second, first))
+    begins = np.append(True, (np.diff(first[order]) != 0) | (np.diff(second[order]) != 0))
+    return order, np.flatnonzero(begins[: len(order)])
+
+
 def inner_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The faces that two elements share: the two elements of each, (f, 2), and its nodes in the order of the first, (f, 4)."""
-    nodes = hexes[:, FACES].reshape(-1, 4)
-    _, number, count = np.unique(np.sort(nodes, axis=1), axis=0, return_inverse=True, return_counts=True)
-    number = number.ravel()
-    order = np.argsort(number, kind="stable")
-    pairs = order[count[number[order]] == 2].reshape(-1, 2)
-    return pairs // len(FACES), nodes[pairs[:, 0]]
+    order, begins = face_groups(hexes)
+    two = begins[np.diff(begins, append=len(order)) == 2]
+    pairs = np.stack([order[two], order[two + 1]], axis=1)
+    return pairs // len(FACES), hexes[:, FACES].reshape(-1, 4)[pairs[:, 0]]
 
 
 def free_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The faces that belong to one element only: element and place in ``FACES`` of each, (f,) and (f,), element after element."""
-    faces = np.sort(hexes[:, FACES].reshape(-1, 4), axis=1)
-    _, first, count = np.unique(faces, axis=0, return_index=True, return_counts=True)
-    element, face = np.divmod(np.sort(first[count == 1]), len(FACES))
+    order, begins = face_groups(hexes)
+    element, face = np.divmod(np.sort(order[begins[np.diff(begins, append=len(order)) == 1]]), len(FACES))
     return element, face

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.mesh.hexmesh import CORNERS, FACES, HexMesh, face_groups
 from explicitfe.mesh.validity import certify
 
 # The neighbours of each corner along xi, eta, zeta, and the sign of turning its edges towards growing xi, eta, zeta.
@@ -142,8 +142,9 @@ def check(mesh: HexMesh, where: str) -> None:
     ------
     InputError
         In one sentence, with numbers counted from 0: no elements, an array of the wrong shape, a node that is not
-        finite, a node number out of range, a node twice in an element, a flat or an inverted corner, an element that is folded
-        between its corners, an unused node. The first of these faults, in this order.
+        finite, a node number out of range, a node twice in an element, an element given twice, a face of more than two elements,
+        a flat or an inverted corner, an element that is folded between its corners, an unused node. The first of these faults,
+        in this order.
     """
     points, hexes = mesh.points, mesh.hexes
     if points.ndim != 2 or points.shape[1] != 3:
@@ -178,6 +179,24 @@ def check(mesh: HexMesh, where: str) -> None:
         raise InputError(
             f"{where}: element {element} has node {node} at corners {corners}; a hex needs 8 different nodes"
             f"{_more(twice, 'element')}."
+        )
+
+    # Two elements in one place would have twice the mass and the stiffness of the tissue; a face has two sides, so of three
+    # elements at it two lie in one place as well.
+    order = np.lexsort(ordered.T)
+    again = np.sort(order[1:][(ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)])
+    if len(again):
+        first = int(np.flatnonzero((ordered == ordered[again[0]]).all(axis=1))[0])
+        raise InputError(
+            f"{where}: element {again[0]} has the same 8 nodes as element {first}; remove one of them{_more(again, 'element')}."
+        )
+    order, begins = face_groups(hexes)
+    crowded = np.flatnonzero(np.diff(begins, append=len(order)) > 2)
+    if len(crowded):
+        elements = np.sort(order[begins[crowded[0]] : np.append(begins, len(order))[crowded[0] + 1]] // len(FACES))
+        raise InputError(
+            f"{where}: elements {_list(elements)} share a face, which has room for one on each side; remove or reconnect one of "
+            f"them{_more(crowded, 'face')}."
         )
 
     scaled = scaled_jacobians(points, hexes)

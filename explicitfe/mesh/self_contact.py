@@ -30,11 +30,13 @@ class SelfPenetration:
     count : nodes of the surface that lie inside elements elsewhere in the body.
     deepest_m : m. How far the deepest of them lies below the surface that it passed through; 0 where there is none.
     where_m : (3,) m. The place of the deepest node in the reference shape; None where there is none.
+    elements : (k,) the elements that these nodes lie in.
     """
 
     count: int
     deepest_m: float
     where_m: np.ndarray | None
+    elements: np.ndarray
 
 
 def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration:
@@ -50,21 +52,23 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
     x = mesh.points + displacement
     triangles, quads = surface_triangles(mesh, x)
     surface = np.unique(quads)
-    element, node = _in_boxes(x, mesh.hexes, surface)
+    element, row = _in_boxes(x, mesh.hexes, x[surface])
+    node = surface[row]
 
     incidence = csr_array(
         (np.ones(mesh.hexes.size, dtype=np.int32), mesh.hexes.ravel(), 8 * np.arange(mesh.element_count + 1)),
         shape=(mesh.element_count, mesh.node_count),
     )
     neighbours = incidence[:, surface].T @ incidence  # surface node -> the nodes of its elements
-    row = np.searchsorted(surface, node)
     elsewhere = _entries(neighbours, row, mesh.hexes[element]).max(axis=1, initial=0) == 0
     element, node = element[elsewhere], node[elsewhere]
 
-    natural, converged = natural_coordinates(x[mesh.hexes[element]], x[node], np.zeros((1, 3)))
-    nodes = np.unique(node[converged & (np.abs(natural) <= _INSIDE_COORDINATE).all(axis=1)])
+    inside = _inside(x[mesh.hexes[element]], x[node])
+    element, node = element[inside], node[inside]
+    nodes = np.unique(node)
+    nobody = SelfPenetration(0, 0.0, None, element[:0])
     if not len(nodes):
-        return SelfPenetration(0, 0.0, None)
+        return nobody
 
     tried = min(_TRIANGLES_TRIED, len(triangles))
     near = cKDTree(triangles.mean(axis=1)).query(x[nodes], k=np.arange(1, tried + 1))[1]
@@ -74,22 +78,38 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
     depth = np.where(own, np.inf, distance).min(axis=1)
     depth = np.where(np.isfinite(depth), depth, distance.max(axis=1))  # nothing else is near: at least so deep
     deepest = int(np.argmax(depth))
-    count = int(np.sum(depth > _TOUCHING_SHARE * np.ptp(mesh.points, axis=0).max()))
-    if not count:
-        return SelfPenetration(0, 0.0, None)
-    return SelfPenetration(count, float(depth[deepest]), mesh.points[nodes[deepest]].copy())
+    through = nodes[depth > _TOUCHING_SHARE * np.ptp(mesh.points, axis=0).max()]
+    if not len(through):
+        return nobody
+    elements = np.unique(element[np.isin(node, through)])
+    return SelfPenetration(len(through), float(depth[deepest]), mesh.points[nodes[deepest]].copy(), elements)
 
 
-def _in_boxes(x: np.ndarray, hexes: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs (k,), (k,) of elements and nodes, of those given, that lie in the element's bounding box."""
+def middles_in_elements(mesh: HexMesh) -> np.ndarray:
+    """The elements (k,) whose middle, the mean of the corners, lies in another element."""
+    x, hexes = mesh.points, mesh.hexes
+    middles = x[hexes].mean(axis=1)
+    element, other = _in_boxes(x, hexes, middles)
+    element, other = element[element != other], other[element != other]
+    return np.unique(other[_inside(x[hexes[element]], middles[other])])
+
+
+def _inside(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Which points (k, 3) lie in the hexes with corners (k, 8, 3)."""
+    natural, converged = natural_coordinates(corners, points, np.zeros((1, 3)))
+    return converged & (np.abs(natural) <= _INSIDE_COORDINATE).all(axis=1)
+
+
+def _in_boxes(x: np.ndarray, hexes: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All pairs (k,), (k,) of an element and a point, of those given, that lies in its bounding box."""
     corners = x[hexes]
     low, high = corners.min(axis=1), corners.max(axis=1)
     reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    near = cKDTree(x[nodes]).query_ball_point(0.5 * (low + high), reach)
+    near = cKDTree(points).query_ball_point(0.5 * (low + high), reach)
     element = np.repeat(np.arange(len(hexes)), [len(numbers) for numbers in near])
-    node = nodes[np.concatenate(near).astype(np.int64)]
-    inside = ((x[node] >= low[element]) & (x[node] <= high[element])).all(axis=1)
-    return element[inside], node[inside]
+    point = np.concatenate(near).astype(np.int64)
+    inside = ((points[point] >= low[element]) & (points[point] <= high[element])).all(axis=1)
+    return element[inside], point[inside]
 
 
 def _entries(matrix: csr_array, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

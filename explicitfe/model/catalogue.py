@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 from explicitfe.bones.tables import BoneShape, read_bones
 from explicitfe.errors import InputError, nearest
@@ -15,6 +20,7 @@ from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.results.airway_table import AirwayTable
 
+_Shared = TypeVar("_Shared")
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 # So many meshes are kept for the next run of this process: one, and a finer one to compare with.
@@ -76,7 +82,7 @@ def contour(name: str) -> ContourMap:
     folders = model_folders()
     if name not in folders:
         raise InputError(f'unknown model "{name}"; {nearest(name, folders)}')
-    return ContourMap.from_toml(folders[name] / "geometry.toml")
+    return _locked(ContourMap.from_toml(folders[name] / "geometry.toml"))
 
 
 @cache
@@ -84,7 +90,7 @@ def bones(name: str) -> dict[str, BoneShape]:
     """The bones of a built-in model by name, none where its folder has no bones.toml; the arrays are shared, so read-only."""
     contour(name)  # refuses an unknown model
     path = model_folders()[name] / "bones.toml"
-    return read_bones(path) if path.is_file() else {}
+    return _locked(read_bones(path)) if path.is_file() else {}
 
 
 def airway(name: str) -> AirwayTable | None:
@@ -107,7 +113,7 @@ def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | No
 
 
 def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, int] | None = None) -> Anatomy:
-    """A built-in model at a resolution ('medium' if neither it nor cells is given); it is shared, so nothing may change it."""
+    """A built-in model at a resolution ('medium' if neither it nor cells is given); the arrays are shared, so read-only."""
     return _built_in(name, tuple(cells_of(name, resolution, cells)))
 
 
@@ -117,4 +123,24 @@ def _built_in(name: str, grid: tuple[int, int, int]) -> Anatomy:
     muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
     mesh = shape.mesh(grid)
     check(mesh, f"model {name}")
-    return Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed)
+    return _locked(Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed))
+
+
+def _locked(shared: _Shared) -> _Shared:
+    """The same, all arrays in it read-only: what one run of a process wrote into it another would compute with."""
+    waiting: list[object] = [shared]
+    seen: set[int] = set()
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen:
+            continue
+        seen.add(id(value))
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+        elif isinstance(value, Mapping):
+            waiting.extend(value.values())
+        elif isinstance(value, tuple | list):
+            waiting.extend(value)
+        elif is_dataclass(value):
+            waiting.extend(getattr(value, of.name) for of in fields(value))
+    return shared

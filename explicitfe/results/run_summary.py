@@ -150,13 +150,14 @@ class IndentationSummary(RunSummary):
 
 
 class MeshReport(TypedDict):
-    """What a mesh is like."""
+    """What a mesh is like; ``warnings`` are sentences on what a user should know before a run."""
 
     smallest_edge_mm: float
     largest_edge_mm: float
     smallest_scaled_jacobian: float
     worst_element: int
     folded: FoldedElements
+    warnings: list[str]
 
 
 class SpeedRow(TypedDict):

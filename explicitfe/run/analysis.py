@@ -43,7 +43,7 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
     path, scenario, text : the file, what it says, and its text with the settings noted at its head.
     model, name : the physics, and what a user calls it.
     body : elements, masses and kernels, ready to be advanced.
-    notes : sentences for the user that the summary begins its warnings with.
+    notes : sentences for the user that a check ends with, and the summary begins its warnings with.
     prepare_s : wall time that reading and building took.
     """
 
@@ -123,6 +123,7 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
             "smallest_scaled_jacobian": quality.smallest_scaled_jacobian,
             "worst_element": quality.worst_element,
             "folded": self._folded(np.zeros_like(self.model.mesh.points)),
+            "warnings": list(self.notes),
         }
 
     def _folded(self, displacement: np.ndarray) -> FoldedElements:

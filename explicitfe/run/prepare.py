@@ -11,6 +11,7 @@ from typing import Any
 from explicitfe.errors import InputError
 from explicitfe.run.analysis import Analysis
 from explicitfe.run.indentation import IndentationAnalysis
+from explicitfe.run.notes import mesh_notes
 from explicitfe.run.transient import TransientAnalysis
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import read_scenario
@@ -43,4 +44,4 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
         analysis = ANALYSES[type(scenario)].prepare(path, scenario, text)
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
-    return replace(analysis, notes=(*notes, *analysis.notes), prepare_s=time.perf_counter() - begin)
+    return replace(analysis, notes=(*notes, *mesh_notes(analysis.model), *analysis.notes), prepare_s=time.perf_counter() - begin)

@@ -1,0 +1,112 @@
+"""Sentences for the user about what is computed: whether the mesh is the body that was meant, and what holds it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.mesh.soundness import Soundness, soundness
+from explicitfe.model.model import Model
+
+# A specimen, or an organ: what lies outside has most likely another unit of length.
+_SMALLEST_AND_LARGEST_EXTENT_MM = (1.0, 1000.0)
+
+
+def mesh_notes(model: Model) -> tuple[str, ...]:
+    """What a user should know of the mesh and of what holds it before believing any result; nothing where all is as usual."""
+    body = soundness(model.mesh)
+    return tuple(
+        note for note in (*_same_place(model, body), *_parts(model, body), *_overlap(model, body), *_extent(body)) if note
+    )
+
+
+def holding_nodes(model: Model) -> np.ndarray:
+    """The nodes (n,) bool that something outside the body holds, in any direction: fixed, on springs, tied to a bone, or led.
+
+    Bones that the body may touch hold nothing, nor do muscles that begin outside the body.
+    """
+    holds: np.ndarray = np.any(model.held, axis=1)
+    if model.support is not None:
+        holds[model.support.node] = True
+    if model.motion is not None:
+        holds[model.motion.nodes] = True
+    for tie in model.attachments:
+        holds[model.mesh.hexes[tie.points.element]] = True
+    return holds
+
+
+def _same_place(model: Model, body: Soundness) -> list[str]:
+    if not len(body.same_place):
+        return []
+    first, second = body.same_place[np.lexsort(body.same_place.T[::-1])[0]]
+    count = len(np.unique(body.same_place))
+    return [
+        f"{count} nodes of the mesh lie at the place of another one, such as {first} and {second} at "
+        f"{_mm(model.mesh.points[first])} mm: what meets there is not joined, and comes apart or passes through itself; "
+        "merge these nodes, unless they are a cut on purpose."
+    ]
+
+
+def _parts(model: Model, body: Soundness) -> list[str]:
+    count = body.part_count
+    held = np.zeros(count, dtype=bool)
+    held[body.part[holding_nodes(model)[model.mesh.hexes].any(axis=1)]] = True
+    loose = np.flatnonzero(~held)
+    notes = []
+    if count > 1:
+        notes.append(
+            f"the mesh consists of {count} parts that have no node in common, the smallest of {_around(model, body.part)}: they "
+            "do not feel each other; join them by common nodes, or leave out what does not belong to the body."
+        )
+    if body.piece_count > count:
+        notes.append(
+            f"edges or single nodes alone join the mesh's {body.piece_count} pieces, the smallest of "
+            f"{_around(model, body.piece)}, so that they turn about each other as on a hinge; let them share whole faces."
+        )
+    if count == 1 and len(loose):
+        notes.append(
+            "nothing holds the body, no fixed node, tie or spring: it moves and turns freely as a whole; fix a node set where it "
+            "should stay in its place."
+        )
+    elif len(loose):
+        free = np.where(np.isin(body.part, loose), body.part, -1)
+        notes.append(
+            f"nothing holds {len(loose)} of the {count} parts of the mesh, no fixed node, tie or spring, the smallest of "
+            f"{_around(model, free)}: what pulls there moves it away freely; fix a node set of it, or join it to what is held."
+        )
+    return notes
+
+
+def _around(model: Model, number: np.ndarray) -> str:
+    """'12 elements around (1.0, 2.0, 3.0) mm', of the smallest of several parts; those of number -1 do not count."""
+    sizes = np.bincount(number[number >= 0])
+    smallest = int(np.argmin(np.where(sizes > 0, sizes, len(number) + 1)))
+    own = np.flatnonzero(number == smallest)
+    place = _mm(model.mesh.points[model.mesh.hexes[own]].mean(axis=(0, 1)))
+    return f"{len(own)} element{'s' * (len(own) > 1)} around {place} mm"
+
+
+def _overlap(model: Model, body: Soundness) -> list[str]:
+    if not len(body.overlapping):
+        return []
+    number = body.overlapping[0]
+    place = _mm(model.mesh.points[model.mesh.hexes[number]].mean(axis=0))
+    return [
+        f"{len(body.overlapping)} elements lie in the place of others at rest, such as {number} near {place} mm: the tissue is "
+        "there twice, with twice its mass; remove what is double, or move the parts apart."
+    ]
+
+
+def _extent(body: Soundness) -> list[str]:
+    extent_mm = 1e3 * body.extent_m
+    smallest, largest = _SMALLEST_AND_LARGEST_EXTENT_MM
+    if smallest <= extent_mm <= largest:
+        return []
+    size = "large" if extent_mm > largest else "small"
+    return [
+        f"the mesh is {extent_mm:.3g} mm long, very {size} for soft tissue: check its unit of length (length_unit of a model "
+        "file, or a size in the scenario), as metres and millimetres are often taken for each other."
+    ]
+
+
+def _mm(place: np.ndarray) -> str:
+    return "(" + ", ".join(f"{1e3 * value:.1f}" for value in place) + ")"

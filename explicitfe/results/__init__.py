@@ -1,9 +1,9 @@
 """Result files: one ``.vtkhdf`` a run, written as it goes, read by this package, h5py, ParaView and pyvista."""
 
-from explicitfe.results.layout import Quantity
+from explicitfe.results.layout import FAILED, FINISHED, RUNNING, Quantity
 from explicitfe.results.provenance import provenance
 from explicitfe.results.reader import FieldInfo, RestartState, Result, StoredBone, open_result
-from explicitfe.results.writer import FAILED, FINISHED, RUNNING, ResultWriter
+from explicitfe.results.writer import ResultWriter
 
 __all__ = [
     "FAILED",

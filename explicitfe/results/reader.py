@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
-import h5py
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.results import layout
+from explicitfe.results.contents import ResultContents, stored_field, stored_quantity
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
-from explicitfe.results.run_summary import PointAtRest, point_at_rest
+from explicitfe.results.run_summary import point_at_rest, with_history
+from explicitfe.results.stored import StoredFile
 
 if TYPE_CHECKING:
     import pyvista
-
-HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 class FieldInfo(NamedTuple):
@@ -34,9 +32,17 @@ class FieldInfo(NamedTuple):
 
 
 class RestartState(NamedTuple):
-    """The state to go on from: ``sequence`` counts the states that the run stored, ``arrays`` is name -> array."""
+    """The state to go on from.
+
+    Attributes
+    ----------
+    sequence : counts the states that the run stored.
+    stored_at : when, unix time in s; None in files of format 2 and before.
+    arrays : name -> array.
+    """
 
     sequence: int
+    stored_at: float | None
     arrays: dict[str, np.ndarray]
 
 
@@ -45,49 +51,6 @@ class StoredBone(NamedTuple):
 
     points: np.ndarray
     triangles: np.ndarray
-
-
-class StoredQuantity(TypedDict):
-    """A stored quantity as ``inspect`` names it."""
-
-    name: str
-    unit: str
-    components: int
-    description: str
-
-
-class StoredField(StoredQuantity):
-    """A stored field: ``kind`` is ``"point"`` or ``"cell"``."""
-
-    kind: str
-
-
-class ResultContents(TypedDict):
-    """What a result file holds: the answer of ``explicitfe inspect --json``.
-
-    ``time_s`` has the first and the last stored time, ``every_s`` the mean time between samples, ``last`` the last row of the
-    history; ``node_sets`` says how many nodes each set has. ``summary`` and ``model`` are as :class:`Result` gives them.
-    """
-
-    path: str
-    status: str
-    live: bool
-    message: str
-    summary: Mapping[str, Any]
-    nodes: int
-    elements: int
-    steps: int
-    time_s: list[float]
-    every_s: float | None
-    fields: list[StoredField]
-    history: list[StoredQuantity]
-    history_rows: int
-    last: dict[str, float | list[float]]
-    node_sets: dict[str, int]
-    named_points: dict[str, PointAtRest]
-    scenario_sha256: str
-    model: Mapping[str, Any]
-    provenance: Provenance
 
 
 def open_result(path: Path | str) -> Result:
@@ -103,17 +66,21 @@ def open_result(path: Path | str) -> Result:
 class Result:
     """A result file opened for reading; numbers are read when asked for.
 
-    Only the valid steps are shown: after a kill that is up to the last stored sample.
+    Only the valid steps are shown: after a kill that is up to the last stored sample. Numbers are compared with their checksums;
+    every method raises InputError where the file is damaged.
 
     Attributes
     ----------
     path : the file.
     live : whether another process is writing it now. A ``status`` of ``"running"`` that is not live is a killed run.
+    format : of its layout; 3 is the present one.
     """
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
-        self._file, self.live = _open_file(self.path)
+        self._stored = StoredFile(self.path)
+        self.live, self.format = self._stored.live, self._stored.format
+        self._whole: dict[str, np.ndarray] = {}  # name of a field -> which of its steps were compared with their checksums
         try:
             self._check_layout()
         except BaseException:
@@ -128,79 +95,84 @@ class Result:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._stored.close()
 
-    @property
+    @cached_property
     def status(self) -> str:
         """``"finished"``, ``"inverted"``, ``"diverged"``, ``"unstable"`` or ``"interrupted"``; ``"running"`` when the run goes
         on or was killed. ``message`` says why a run ended early.
         """
-        return self._text(f"{layout.STATUS}/state")
+        return self._stored.text(layout.STATE, in_header=True)
 
     @property
     def message(self) -> str:
         """One sentence on how the run ended; may be empty."""
-        return self._text(f"{layout.STATUS}/message")
+        return self._ending[0]
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """What the run came to, as ``results/run_summary.py`` describes it; empty until it ends."""
-        stored: dict[str, object] = json.loads(self._text(f"{layout.STATUS}/summary"))
-        return stored
+        return self._ending[1]
 
     @property
     def scenario_text(self) -> str:
         """The scenario file as the user wrote it."""
-        return self._text(layout.SCENARIO)
+        return self._stored.text(layout.SCENARIO)
 
     @property
     def scenario_sha256(self) -> str:
         """SHA-256 of the scenario text, hexadecimal."""
-        return self._file[layout.SCENARIO].attrs["sha256"]
+        return self._stored.text_attribute(layout.SCENARIO, "sha256")
 
     @property
     def model(self) -> Mapping[str, Any]:
         """The model that was run; ``model["scenario"]`` is its scenario with ``--set`` and defaults filled in."""
-        stored: dict[str, object] = json.loads(self._text(layout.MODEL))
-        return stored
+        return self._stored.table(layout.MODEL)
 
     @property
     def provenance(self) -> Provenance:
         """Versions, commit, machine and start time."""
-        stored: Provenance = json.loads(self._text(layout.PROVENANCE))
-        return stored
+        return cast(Provenance, self._stored.table(layout.PROVENANCE))
 
     @cached_property
     def mesh(self) -> HexMesh:
         """The reference mesh with its node sets and named points."""
-        vtk = self._file["VTKHDF"]
-        mesh = HexMesh(
-            points=self._read(vtk["Points"]),
-            hexes=self._read(vtk["Connectivity"]).reshape(-1, 8),
-            node_sets={name: self._read(nodes) for name, nodes in self._file[layout.NODE_SETS].items()},
-        )
-        named = {name: self._read(point) for name, point in self._file[layout.NAMED_POINTS].items()}
-        return replace(mesh, named_points={name: _point(mesh, stored) for name, stored in named.items()})
+        points = self._stored.numbers("VTKHDF/Points", axes=(2,))
+        corners = self._stored.numbers("VTKHDF/Connectivity", "i", axes=(1,))
+        if points.shape[1] != 3 or not np.isfinite(points).all():
+            raise self._stored.damaged("VTKHDF/Points are no positions")
+        if len(corners) % 8 or not _within(corners, len(points)):
+            raise self._stored.damaged("VTKHDF/Connectivity has no eight nodes of the mesh for each element")
+        sets = {name: self._numbers_of_nodes(f"{layout.NODE_SETS}/{name}", len(points)) for name in self._names(layout.NODE_SETS)}
+        mesh = HexMesh(points, corners.reshape(-1, 8), sets)
+        return replace(mesh, named_points={name: self._point(mesh, name) for name in self._names(layout.NAMED_POINTS)})
 
     @cached_property
     def times(self) -> np.ndarray:
         """Times of the stored steps, (T,), s."""
-        steps = self._file[layout.STEPS]
-        return self._read(steps["Values"], slice(0, int(steps.attrs["NSteps"])))
+        values = self._stored.numbers(f"{layout.STEPS}/Values", rows=slice(None), axes=(1,))
+        # The two are two writes: a kill may fall between them.
+        count = self._stored.whole_number(layout.STEPS, "NSteps")
+        if self.status != layout.RUNNING and count != len(values):
+            raise self._stored.damaged(f"it counts {count} steps and has {len(values)} times")
+        times = values[:count]
+        if not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
+            raise self._stored.damaged("the times of its steps do not rise")
+        return times
 
     @cached_property
     def fields(self) -> dict[str, FieldInfo]:
         """The stored fields by name."""
         return {
-            name: FieldInfo(kind, _quantity(dataset))
+            name: FieldInfo(kind, self._quantity(f"{data}/{name}"))
             for kind, data in (("point", layout.POINT_DATA), ("cell", layout.CELL_DATA))
-            for name, dataset in self._file[data].items()
+            for name in self._names(data)
         }
 
     @cached_property
     def history_names(self) -> dict[str, Quantity]:
         """The history by name, ``time`` among it."""
-        return {name: _quantity(dataset) for name, dataset in self._file[layout.HISTORY].items()}
+        return {name: self._quantity(f"{layout.HISTORY}/{name}") for name in self._names(layout.HISTORY)}
 
     def field(self, name: str, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
         """One field at one step.
@@ -221,41 +193,40 @@ class Result:
         """
         if name not in self.fields:
             raise InputError(f'{self.path} has no field "{name}"; {nearest(name, self.fields)}')
-        step = self._step(step, time_s)
-        dataset, count = self._field(name)
-        return self._read(dataset, slice(step * count, (step + 1) * count))
+        return self._of_step(name, self._step(step, time_s))
 
     def displacement(self, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
         """Displacement of the nodes from their reference positions at one step, (N, 3), m."""
         return self.field("displacement", step, time_s=time_s)
 
     def history(self, name: str) -> np.ndarray:
-        """One history, (rows,) or (rows, components), in its unit; ``history("time")`` has the times of the rows."""
+        """One history, (rows,) or (rows, components), in its unit; ``history("time")`` has the times of the rows.
+
+        A row is a step; files of format 2 and before may have more.
+        """
         if name not in self.history_names:
             raise InputError(f'{self.path} has no history "{name}"; {nearest(name, self.history_names)}')
-        rows = int(self._file[layout.HISTORY].attrs["rows"])
-        return self._read(self._file[layout.HISTORY][name], slice(0, rows))
+        return self._histories[name]
 
     def probe(self, name: str) -> np.ndarray:
         """Displacement of a named point at each of ``times``, (T, 3), m."""
         points = self.mesh.named_points
         if name not in points:
             raise InputError(f'{self.path} has no named point "{name}"; {nearest(name, points)}')
-        dataset, count = self._field("displacement")
         shares = shape_functions(points[name].natural[0])
         corners = np.flatnonzero(shares)  # mostly fewer than eight: a point lies on the surface, or in a plane of symmetry
         nodes = self.mesh.hexes[points[name].element[0], corners]
-        moved = [[self._read(dataset, step * count + node) for node in nodes] for step in range(len(self.times))]
+        moved = [self._of_step("displacement", step)[nodes] for step in range(len(self.times))]
         return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
 
     @cached_property
     def bones(self) -> dict[str, StoredBone]:
         """The bones that the body may touch, by name, at rest; empty where the run had none."""
-        stored = self._file.get(layout.BONES, {})
-        return {name: StoredBone(self._read(bone["points"]), self._read(bone["triangles"])) for name, bone in stored.items()}
+        names = self._names(layout.BONES) if self._stored.has(layout.BONES) else []
+        return {name: self._bone(f"{layout.BONES}/{name}") for name in names}
 
     def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Where a bone is at one step, given as in :meth:`field`: R (3, 3) and s (3,) m; its point X is at R X + s."""
+        """Where a bone is at one step, given as in :meth:`field`: R (3, 3) and s (3,) m; its point X at rest is at R X + s."""
         if f"bone_{bone}_placement" not in self.history_names:
             return np.eye(3), np.zeros(3)
         row = int(np.argmin(np.abs(self.history("time") - self.times[self._step(step, time_s)])))
@@ -273,26 +244,21 @@ class Result:
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:
         """The mesh with all fields at one step, as pyvista and ParaView see it.
 
+        It is put together from what was read and checked here: VTK's own reader ends the process on a damaged file.
+
         Parameters
         ----------
         step, time_s : as in :meth:`field`.
         warped : whether the points are the deformed positions instead of the reference positions.
         """
-        if self.live:
-            raise InputError(f"{self.path} is being written; pyvista can open it when the run has ended")
         step = self._step(step, time_s)
         import pyvista  # takes a second: only those who draw pay for it
 
-        # pyvista's own reader has no notion of time for this format (up to 0.49.1): ask VTK's.
-        reader = pyvista.get_reader(self.path).reader
-        reader.UpdateTimeStep(self.times[step])
-        grid = pyvista.wrap(reader.GetOutputDataObject(0))
-        # VTK before 9.3 shows the first step at all times and says nothing.
-        if not np.array_equal(grid.point_data.get("displacement"), self.displacement(step), equal_nan=True):
-            version = ".".join(map(str, pyvista.vtk_version_info))
-            raise InputError(f"VTK {version} does not show step {step} of {self.path} as stored; install VTK 9.3 or later")
-        if warped:
-            grid.points = grid.points + grid.point_data["displacement"]
+        points = self.mesh.points + self.displacement(step) if warped else self.mesh.points
+        grid = pyvista.UnstructuredGrid({layout.VTK_HEXAHEDRON: self.mesh.hexes}, points)
+        for name, (kind, _) in self.fields.items():
+            data = grid.point_data if kind == "point" else grid.cell_data
+            data[name] = self._of_step(name, step)
         return grid
 
     def restart_state(self) -> RestartState | None:
@@ -300,18 +266,19 @@ class Result:
         states = []
         for slot in layout.RESTART_SLOTS:
             try:
-                arrays = {name: dataset[()] for name, dataset in self._file[slot].items()}
-            except OSError:
+                arrays = self._stored.all_of(slot)
+            except InputError:
                 continue
-            stored = arrays.pop("seal")
-            sequence = int(stored[0])
-            if sequence and np.array_equal(stored, layout.seal(sequence, arrays)):
-                states.append(RestartState(sequence, arrays))
+            seal = arrays.pop("seal", np.zeros(0))
+            sequence = int(seal[0]) if seal.shape == (2,) else 0
+            if sequence and np.array_equal(seal, layout.seal(sequence, arrays)):
+                stored_at = float(arrays.pop("stored_at")) if self.format > 2 else None
+                states.append(RestartState(sequence, stored_at, arrays))
         return max(states, key=lambda state: state.sequence, default=None)
 
     def contents(self) -> ResultContents:
         """What the file holds, ready for JSON."""
-        rows = int(self._file[layout.HISTORY].attrs["rows"])
+        rows = len(self.history("time"))
         return {
             "path": str(self.path),
             "status": self.status,
@@ -323,8 +290,8 @@ class Result:
             "steps": len(self.times),
             "time_s": [float(time) for time in self.times[[0, -1]]] if len(self.times) else [],
             "every_s": float(np.ptp(self.times)) / (len(self.times) - 1) if len(self.times) > 1 else None,
-            "fields": [_stored_field(name, info) for name, info in self.fields.items()],
-            "history": [_stored_quantity(name, quantity) for name, quantity in self.history_names.items()],
+            "fields": [stored_field(name, info.kind, info.quantity) for name, info in self.fields.items()],
+            "history": [stored_quantity(name, quantity) for name, quantity in self.history_names.items()],
             "history_rows": rows,
             "last": {name: self.history(name)[-1].tolist() for name in self.history_names} if rows else {},
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
@@ -333,6 +300,8 @@ class Result:
             "model": self.model,
             "provenance": self.provenance,
         }
+
+    # ---- inside ----
 
     def _step(self, step: int, time_s: float | None) -> int:
         """Number of a stored step, 0 to T - 1."""
@@ -349,95 +318,101 @@ class Result:
             raise InputError(f"{self.path} has no time {time_s} s; it has {first} s to {last} s")
         return int(np.argmin(np.abs(self.times - time_s)))
 
-    def _text(self, name: str) -> str:
-        return self._read(self._file[name]).decode()
+    def _of_step(self, name: str, step: int) -> np.ndarray:
+        """A field at a step, 0 to T - 1, compared with its checksum."""
+        path, count = self._field(name)
+        array = self._stored.numbers(path, rows=slice(step * count, (step + 1) * count))
+        if self.format >= layout.FIRST_FORMAT_WITH_CHECKSUMS:
+            if name not in self._whole:
+                self._whole[name] = self._stored.numbers(layout.checksums_of(path), "i", slice(0, len(self.times)), axes=(1,))
+            if layout.checksums(array[None])[0] != self._whole[name][step]:
+                raise self._stored.damaged(f"{name} of step {step} is not what was stored")
+        return array
 
-    def _read(self, dataset: h5py.Dataset, rows: slice | np.integer | tuple[()] = ()) -> Any:
-        try:
-            return dataset[rows]
-        except OSError as error:
-            raise self._damaged(f"{dataset.name} cannot be read") from error
+    def _field(self, name: str) -> tuple[str, int]:
+        """Where a field stands, and how many rows of it are one step."""
+        if self.fields[name].kind == "point":
+            return f"{layout.POINT_DATA}/{name}", self.mesh.node_count
+        return f"{layout.CELL_DATA}/{name}", self.mesh.element_count
+
+    @cached_property
+    def _histories(self) -> dict[str, np.ndarray]:
+        """All of the history, compared with its checksums."""
+        old = self.format < layout.FIRST_FORMAT_WITH_CHECKSUMS
+        count = self._stored.whole_number(layout.HISTORY, "rows") if old else len(self.times)
+        columns = {
+            name: self._stored.numbers(f"{layout.HISTORY}/{name}", rows=slice(0, count), axes=(1, 2))
+            for name in self.history_names
+        }
+        if "time" not in columns or any(len(column) != count for column in columns.values()):
+            raise self._stored.damaged(f"its history is shorter than {count} rows")
+        if not old and count:
+            sums = self._stored.numbers(layout.HISTORY_CHECKSUMS, "i", slice(0, count), axes=(1,))
+            if not np.array_equal(sums, layout.checksums(layout.history_table(columns))):
+                raise self._stored.damaged("its history is not what was stored")
+            if not np.array_equal(columns["time"], self.times):
+                raise self._stored.damaged("its steps and its history have different times")
+        return columns
+
+    @cached_property
+    def _ending(self) -> tuple[str, dict[str, Any]]:
+        """Message and summary."""
+        if self.format < layout.FIRST_FORMAT_WITH_CHECKSUMS:
+            return self._stored.text("explicitfe/status/message"), self._stored.table("explicitfe/status/summary")
+        if self.status == layout.RUNNING:
+            return "", {}
+        ending = self._stored.table(layout.ENDING)
+        message, summary = ending.get("message"), ending.get("summary")
+        if not isinstance(message, str) or not isinstance(summary, dict):
+            raise self._stored.damaged(f"{layout.ENDING} has no message or no summary")
+        return message, with_history(summary, self._histories)
 
     def _check_layout(self) -> None:
         """InputError unless the file has everything that the other methods take for granted."""
-        try:
-            if "explicitfe" not in self._file or "VTKHDF" not in self._file:
-                raise InputError(f"{self.path} is an HDF5 file but no result of explicitfe")
-            version = int(self._file["explicitfe"].attrs["format"])
-            if version > layout.FORMAT_VERSION:
-                raise InputError(f"{self.path} has format {version}, newer than this explicitfe; install a newer one")
-            parts = (layout.STATUS, layout.SCENARIO, layout.MODEL, layout.PROVENANCE, layout.NODE_SETS)
-            for part in (*parts, layout.NAMED_POINTS, layout.HISTORY, *layout.RESTART_SLOTS):
-                if part not in self._file:
-                    raise self._damaged(f"{part} is missing")
-            for name in self.fields:
-                dataset, count = self._field(name)
-                if len(dataset) < len(self.times) * count:
-                    raise self._damaged(f"{name} is shorter than {len(self.times)} steps")
-        except (KeyError, RuntimeError, OSError) as error:
-            raise self._damaged(str(error)) from error
+        parts = (layout.STATE, layout.SCENARIO, layout.MODEL, layout.PROVENANCE, layout.NODE_SETS, layout.NAMED_POINTS)
+        for part in (*parts, layout.HISTORY, *layout.RESTART_SLOTS):
+            if not self._stored.has(part):
+                raise self._stored.damaged(f"{part} is missing")
+        if "displacement" not in self.fields or self.fields["displacement"].kind != "point":
+            raise self._stored.damaged("it has no displacement")
+        for name, (_, quantity) in self.fields.items():
+            path, count = self._field(name)
+            if self._stored.shape(path, axes=(1, 2))[0] < len(self.times) * count:
+                raise self._stored.damaged(f"{name} is shorter than {len(self.times)} steps")
+            if name == "displacement" and quantity.components != 3:
+                raise self._stored.damaged("its displacement has no three components")
 
-    def _field(self, name: str) -> tuple[h5py.Dataset, int]:
-        """The dataset of a field and how many rows of it are one step."""
-        if self.fields[name].kind == "point":
-            return self._file[layout.POINT_DATA][name], self.mesh.node_count
-        return self._file[layout.CELL_DATA][name], self.mesh.element_count
+    def _names(self, group: str) -> list[str]:
+        return self._stored.names(group)
 
-    def _damaged(self, what: str) -> InputError:
-        return InputError(f"{self.path} is damaged ({what}); run the scenario again")
+    def _quantity(self, name: str) -> Quantity:
+        shape = self._stored.shape(name, axes=(1, 2))
+        unit, description = (self._stored.text_attribute(name, key) for key in ("unit", "description"))
+        return Quantity(unit, int(shape[1]) if len(shape) == 2 else 1, description)
 
+    def _numbers_of_nodes(self, name: str, count: int, axes: tuple[int, ...] = (1,)) -> np.ndarray:
+        numbers = self._stored.numbers(name, "i", axes=axes)
+        if not _within(numbers, count):
+            raise self._stored.damaged(f"{name} has numbers of no node")
+        return numbers
 
-def _point(mesh: HexMesh, stored: np.ndarray) -> MaterialPoints:
-    """A named point as stored: an element and natural coordinates, or, in format 1, a node number."""
-    if stored.ndim == 0:
-        return mesh.points_at_nodes([int(stored)])
-    return mesh.points_in(stored[:1].astype(np.int64), stored[None, 1:])
+    def _point(self, mesh: HexMesh, name: str) -> MaterialPoints:
+        """A named point as stored: an element and natural coordinates, or, in format 1, a node number."""
+        path = f"{layout.NAMED_POINTS}/{name}"
+        if self.format == 1:
+            return mesh.points_at_nodes([int(self._numbers_of_nodes(path, mesh.node_count, axes=(0,)))])
+        stored = self._stored.numbers(path, axes=(1,))
+        if stored.shape != (4,) or not 0 <= stored[0] < mesh.element_count or not (np.abs(stored[1:]) <= 1.0 + 1e-9).all():
+            raise self._stored.damaged(f"{path} is no point of the mesh")
+        return mesh.points_in(stored[:1].astype(np.int64), stored[None, 1:])
 
-
-def _stored_quantity(name: str, quantity: Quantity) -> StoredQuantity:
-    return {
-        "name": name,
-        "unit": quantity.unit,
-        "components": quantity.components,
-        "description": quantity.description,
-    }
-
-
-def _stored_field(name: str, info: FieldInfo) -> StoredField:
-    quantity = info.quantity
-    return {
-        "name": name,
-        "kind": info.kind,
-        "unit": quantity.unit,
-        "components": quantity.components,
-        "description": quantity.description,
-    }
+    def _bone(self, path: str) -> StoredBone:
+        points = self._stored.numbers(f"{path}/points", axes=(2,))
+        triangles = self._numbers_of_nodes(f"{path}/triangles", len(points), axes=(2,))
+        if points.shape[1] != 3 or triangles.shape[1] != 3:
+            raise self._stored.damaged(f"{path} is no surface")
+        return StoredBone(points, triangles)
 
 
-def _quantity(dataset: h5py.Dataset) -> Quantity:
-    components = dataset.shape[1] if dataset.ndim == 2 else 1
-    return Quantity(dataset.attrs["unit"], int(components), dataset.attrs["description"])
-
-
-def _open_file(path: Path) -> tuple[h5py.File, bool]:
-    """The open file, and whether another process is writing it."""
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; name the .vtkhdf file in it")
-    try:
-        with path.open("rb") as file:
-            signature = file.read(len(HDF5_SIGNATURE))
-    except FileNotFoundError as error:
-        left = layout.running_path(path)
-        hint = f"; a run that goes on or was killed has {left}" if left.exists() else ""
-        raise InputError(f"{path} does not exist{hint}") from error
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror})") from error
-    if signature != HDF5_SIGNATURE:
-        raise InputError(f"{path} is no HDF5 file, so it is no result of explicitfe")
-    try:
-        try:
-            return h5py.File(path, "r"), False
-        except BlockingIOError:
-            return h5py.File(path, "r", locking=False), True
-    except OSError as error:
-        raise InputError(f"{path} is damaged (HDF5 cannot open it: {error}); run the scenario again") from error
+def _within(numbers: np.ndarray, count: int) -> bool:
+    return bool((numbers >= 0).all() and (numbers < count).all())

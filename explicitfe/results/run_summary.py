@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NotRequired, TypedDict
 
+import numpy as np
+
 from explicitfe.mesh.hexmesh import MaterialPoints
 
 Json = str | int | float | bool | None | list["Json"] | dict[str, "Json"]
@@ -147,6 +149,63 @@ class IndentationSummary(RunSummary):
     touch_mm: float
     penetration_ratio: float
     reaction_error: float
+
+
+# Column of the history of an indentation -> what a summary calls it: together all of an ``Equilibrium``.
+CURVE_COLUMNS = {"force": "force_N", "indentation": "displacement_m"}
+LOAD_COLUMNS = {
+    "iterations": "iterations",
+    "residual": "residual",
+    "kinetic_ratio": "kinetic_ratio",
+    "base_reaction": "reaction_N",
+    "penetration": "penetration_m",
+    "contact_radius": "contact_radius_m",
+    "internal_energy": "internal_J",
+    "hourglass_energy": "hourglass_J",
+    "contact_energy": "contact_J",
+    "dead_work": "dead_work_J",
+    "friction_loss": "friction_loss_J",
+    "material_loss": "material_loss_J",
+    "smallest_J": "smallest_J",
+}
+
+
+def curve_of(history: Mapping[str, np.ndarray]) -> list[CurvePoint]:
+    """``curve`` of a summary: the rows but the first, at which the tool touches."""
+    pairs = zip(history["force"][1:].tolist(), history["indentation"][1:].tolist(), strict=True)
+    return [{"force_N": force, "displacement_mm": 1e3 * way_m} for force, way_m in pairs]
+
+
+def loads_of(history: Mapping[str, np.ndarray]) -> list[dict[str, float]]:
+    """``loads`` of a summary."""
+    columns = {key: history[column][1:].tolist() for column, key in LOAD_COLUMNS.items()}
+    columns["iterations"] = [int(count) for count in columns["iterations"]]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def probes_of(history: Mapping[str, np.ndarray]) -> dict[str, ProbeAtEnd]:
+    """``probes`` of a summary: where they are in the last row, and how fast."""
+    probes: dict[str, ProbeAtEnd] = {}
+    for column, displacement in history.items():
+        name = column.removeprefix("probe_").removesuffix("_displacement")
+        if column == f"probe_{name}_displacement" and len(displacement):
+            speed = np.linalg.norm(history[f"probe_{name}_velocity"][-1])
+            probes[name] = {"displacement_mm": (1e3 * displacement[-1]).tolist(), "speed_mm_s": float(1e3 * speed)}
+    return probes
+
+
+# What a summary says of the history, which is not stored a second time: a curve may have any number of points.
+FROM_HISTORY = {"curve": curve_of, "loads": loads_of, "probes": probes_of}
+
+
+def without_history(summary: Mapping[str, object]) -> dict[str, object]:
+    """A summary as it is stored: None for what the history says."""
+    return {key: None if key in FROM_HISTORY else value for key, value in summary.items()}
+
+
+def with_history(stored: Mapping[str, object], history: Mapping[str, np.ndarray]) -> dict[str, object]:
+    """A summary as it was before :func:`without_history`."""
+    return {key: FROM_HISTORY[key](history) if key in FROM_HISTORY and value is None else value for key, value in stored.items()}
 
 
 class MeshReport(TypedDict):

@@ -1,36 +1,39 @@
-"""Writes a run's samples to one file that stays readable when the process is killed at any time."""
+"""Writes a run's samples to one file that stays readable when the process is killed at any time, or the disk fills."""
 
 from __future__ import annotations
 
-import os
-import re
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+from zlib import crc32
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
 from explicitfe.errors import InputError, RunError
+from explicitfe.host import files
 from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.results import layout
-from explicitfe.results.layout import Quantity
+from explicitfe.results import layout, names
+from explicitfe.results.disk import DiskFile
+from explicitfe.results.layout import RUNNING, Quantity
+from explicitfe.results.rows import FieldRows, HistoryRows, Rows
+from explicitfe.results.run_summary import without_history
 
-# What h5py raises when the file system refuses, by where in HDF5 that happens.
+# What h5py raises, by where in HDF5 something goes wrong.
 HDF5_ERRORS = (OSError, RuntimeError)
-RUNNING, FINISHED, FAILED = "running", "finished", "failed"
 
 
 class ResultWriter:
     """Appends samples to a result file.
 
-    While the run goes on the file is called ``<stem>.running.vtkhdf``; :meth:`finish` renames it to ``path``. So an
-    older result at ``path`` stays whole until the new one is, and a killed run leaves its samples under the running
-    name. Leaving the ``with`` block without :meth:`finish` keeps the running file if it holds a sample and removes it
-    if not.
+    Until its first sample the file has a name that nobody else can have; then it is called ``<stem>.running.vtkhdf``, and
+    :meth:`finish` gives it the name ``path``. So an older result at ``path`` stays whole until the new one is, a run that is
+    refused touches nothing, and a killed run leaves its samples under the running name. Leaving the ``with`` block without
+    :meth:`finish` keeps the running file, and leaves nothing where there was no sample.
 
     Parameters
     ----------
@@ -38,19 +41,36 @@ class ResultWriter:
     mesh : the reference mesh; its node sets and named points are stored too.
     point_fields, cell_fields : name -> quantity, what :meth:`samples` gets beside ``displacement`` (m), which is always
         stored.
-    history : name -> quantity, what :meth:`histories` gets beside the time.
+    history : name -> quantity, what the rows of :meth:`samples` have beside the time.
     scenario_text : the scenario file as the user wrote it.
     model, provenance : JSON-able dicts.
     bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
     restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
     expected_samples : room is made for this many at once; more are possible, fewer are trimmed by :meth:`finish`.
-    overwrite : whether a finished result at ``path`` may be replaced.
+    overwrite : whether a result at ``path``, and what a killed run left, may be replaced.
+
+    Attributes
+    ----------
+    path, running_path : the result when it is finished, and until then.
+    last_row : name -> number or (components,), the last row of the history; empty before the first sample.
 
     Raises
     ------
-    InputError : a result exists at ``path`` and ``overwrite`` is False, another process is writing it, or the folder
+    InputError : something has one of the names that must not be replaced, another process is writing it, or the folder
         cannot be written or has no room for the expected samples.
     """
+
+    _disk: DiskFile
+    _name: Path
+    _overwrite: bool
+    _made: list[Path]
+    _file: h5py.File
+    _private = True  # its name is one that nobody knows
+    _samples = 0
+    _last_time = -np.inf
+    _restarts = 0
+    _reopened = False
+    _ended = False
 
     def __init__(
         self,
@@ -69,15 +89,18 @@ class ResultWriter:
         overwrite: bool = False,
     ) -> None:
         self.path = Path(path)
-        self.running_path = layout.running_path(self.path)
-        self._capacity = max(1, expected_samples)
-        self._samples = 0
-        self._last_time = -np.inf
-        self._finished = False
-        self._rows = 0
-        self._restarts = 0
-        declared = {name: np.asarray(value) for name, value in (restart or {}).items()}
-        self._file = _create_file(self.path, self.running_path, overwrite)
+        self.last_row: dict[str, np.ndarray] = {}
+        names.check_names(self.path, overwrite)
+        self._made = [folder for folder in self.path.absolute().parents if not folder.exists()]  # the innermost first
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            files.remove_stale(self.path.parent, self.path.stem)
+            number, name = files.create_private(self.path.parent, self.path.stem)
+        except OSError as error:
+            self._remove_folders()
+            raise _cannot_write(self.path, error) from error
+        self._disk, self._name, self._overwrite = DiskFile(number), name, overwrite
+        self._file = h5py.File(self._disk, "w", rdcc_nbytes=0, libver=layout.LIBRARY_VERSIONS)
         try:
             layout.create(
                 self._file,
@@ -89,21 +112,69 @@ class ResultWriter:
                 scenario_text=scenario_text,
                 model=model,
                 provenance=provenance,
-                restart=declared,
-                capacity=self._capacity,
+                restart={key: np.asarray(value) for key, value in (restart or {}).items()},
+                capacity=max(1, expected_samples),
+                reserve=self._disk.reserve,
             )
-            self._write_status(RUNNING, "", "{}")
-            self._file.flush()
+            self._file[layout.STATE][()] = RUNNING.encode()
+            self._attach()
+            self._flush()
         except BaseException as error:
-            with suppress(*HDF5_ERRORS):
-                self.close()
+            self.close()
             if isinstance(error, HDF5_ERRORS):
                 raise _cannot_write(self.path, error) from error
             raise
-        self._open_datasets()
-        self._counts = (mesh.node_count, mesh.element_count)
-        self._noted: dict[str, list[np.ndarray]] = {name: [] for name in self._history}
-        self._slots = [{name: self._file[slot][name] for name in (*declared, "seal")} for slot in layout.RESTART_SLOTS]
+
+    @classmethod
+    def reopen(cls, path: Path | str, *, overwrite: bool = False) -> Self:
+        """A result that was stopped, to go on with it: with all its samples, and its running name until :meth:`finish`.
+
+        Samples that are not later than the last one are passed over from then on: they are there already.
+
+        Parameters
+        ----------
+        path : the result of a run that was killed or ended early, under whichever of its names it has.
+        overwrite : whether a finished result of the same name may be replaced in the end.
+
+        Raises
+        ------
+        InputError : it is no result, finished, damaged or of an older format, is being written, or cannot be written.
+        """
+        path = Path(path)
+        final = path
+        if path.stem.endswith(".running"):
+            final = path.with_name(path.name.replace(".running.vtkhdf", ".vtkhdf"))
+        restarts, count = names.check_stopped(path, final, overwrite)
+        try:
+            number = files.open_plain(path)
+        except OSError as error:
+            raise _cannot_go_on(path, error) from None
+        disk, name = DiskFile(number), path
+        try:
+            if not files.lock(number) or not files.is_at(path, number):
+                raise InputError(f"another run is writing {path}; wait until it ends")
+            if path == final:
+                name = layout.running_path(final)
+                names.to_running(path, name, overwrite)
+            file = h5py.File(disk, "r+", rdcc_nbytes=0, libver=layout.LIBRARY_VERSIONS)
+        except BaseException as error:
+            disk.close()
+            if isinstance(error, HDF5_ERRORS):
+                raise _cannot_go_on(path, error) from error
+            raise
+        writer = cls.__new__(cls)
+        writer.path, writer.last_row, writer._made = final, {}, []
+        writer._disk, writer._file, writer._name, writer._overwrite = disk, file, name, overwrite
+        writer._reopened, writer._private = True, False
+        writer._restarts, writer._samples = restarts, count
+        try:
+            writer._go_on()
+        except BaseException as error:
+            writer.close()
+            if isinstance(error, HDF5_ERRORS):
+                raise _cannot_go_on(path, error) from error
+            raise
+        return writer
 
     def __enter__(self) -> Self:
         return self
@@ -111,70 +182,82 @@ class ResultWriter:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         self.close()
 
+    @property
+    def running_path(self) -> Path:
+        """What the result is called while its run goes on."""
+        return layout.running_path(self.path)
+
     def sample(
-        self, time_s: float, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None
+        self,
+        time_s: float,
+        row: Mapping[str, float | np.ndarray],
+        point_data: Mapping[str, np.ndarray],
+        cell_data: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Store the fields at one time; see :meth:`samples`."""
-        one_point, one_cell = (
-            {name: np.asarray(array)[None] for name, array in (d or {}).items()} for d in (point_data, cell_data)
+        """Store one sample; see :meth:`samples`."""
+        one_row, one_point, one_cell = (
+            {name: np.asarray(value)[None] for name, value in (some or {}).items()} for some in (row, point_data, cell_data)
         )
-        self.samples(np.array([time_s], dtype=float), one_point, one_cell)
+        self.samples(np.array([time_s], dtype=float), one_row, one_point, one_cell)
 
     def samples(
-        self, times_s: np.ndarray, point_data: Mapping[str, np.ndarray], cell_data: Mapping[str, np.ndarray] | None = None
+        self,
+        times_s: np.ndarray,
+        rows: Mapping[str, np.ndarray],
+        point_data: Mapping[str, np.ndarray],
+        cell_data: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Store the fields at some times, with all history rows so far; they are safe from a kill when this returns.
+        """Store fields and history at some times; they are safe from a kill when this returns.
 
         Parameters
         ----------
         times_s : (k,) s, rising, later than the last sample.
+        rows : every declared history, (k,) or (k, components) each.
         point_data : ``displacement`` and every declared point field, each (k, N) or (k, N, components).
         cell_data : every declared cell field, each (k, E) or (k, E, components).
 
         Raises
         ------
-        RunError : the file system refuses, such as when the disk is full.
+        RunError : the disk refuses, such as when it is full. If it has room when the run ends, nothing is lost.
+        InputError : at the first sample, when another run of the same result has been faster.
         """
+        times_s = np.asarray(times_s, dtype=float)
         count = len(times_s)
+        history = _checked({"time": times_s, **rows}, self._history.columns, (count,), "history row")
+        points = _checked(point_data, self._point_data, (count, self._counts[0]), "sample")
+        cells = _checked(cell_data or {}, self._cell_data, (count, self._counts[1]), "sample")
+        if self._reopened:
+            new = slice(int(np.count_nonzero(times_s <= self._last_time)), None)
+            times_s = times_s[new]
+            history, points, cells = ({name: array[new] for name, array in some.items()} for some in (history, points, cells))
+            count = len(times_s)
         if count == 0:
             return
         for before, time_s in zip([self._last_time, *times_s], times_s, strict=False):
             if not time_s > before:
                 raise ValueError(f"sample at {time_s} s does not come after the one at {before} s")
-        point_data = _checked(point_data, self._point_data, (count, self._counts[0]))
-        cell_data = _checked(cell_data or {}, self._cell_data, (count, self._counts[1]))
+        safe = self._samples
         try:
             if self._samples + count > self._capacity:
-                capacity = max(2 * self._capacity, self._samples + count)
-                layout.make_room(self._file, self._samples, capacity)
-                self._capacity = capacity
-                self._file.flush()
+                layout.make_room(self._file, self._samples, max(2 * self._capacity, self._samples + count), self._disk.reserve)
+                self._flush()
                 self._open_datasets()
-            for datasets, arrays in ((self._point_data, point_data), (self._cell_data, cell_data)):
+            for datasets, arrays in ((self._point_data, points), (self._cell_data, cells)):
                 for name, array in arrays.items():
-                    datasets[name].put(self._samples * array.shape[1], array.reshape(-1, *array.shape[2:]))
-            self._put_history()
+                    datasets[name].put(self._samples, array)
+            self._history.put(self._samples, history)
             self._times.resize(self._samples + count, axis=0)
-            _Rows(self._times).put(self._samples, np.array(times_s, dtype=float))
+            Rows(self._times).put(self._samples, times_s)
             self._step_count.write(np.array(self._samples + count, dtype=np.int64))
+            self._samples += count
             # So far only numbers went to the file; the counts that make them valid follow.
-            self._file.flush()
+            self._flush()
         except HDF5_ERRORS as error:
-            raise self._stopped_writing(error) from error
-        self._samples += count
+            raise self._stopped_writing(error, safe) from error
         self._last_time = float(times_s[-1])
-
-    def history(self, time_s: float, row: Mapping[str, float | np.ndarray]) -> None:
-        """Note one row of scalars; see :meth:`histories`."""
-        self.histories(np.array([time_s]), {name: np.asarray(value)[None] for name, value in row.items()})
-
-    def histories(self, times_s: np.ndarray, rows: Mapping[str, np.ndarray]) -> None:
-        """Note rows of the history, (k,) or (k, components) each; they reach the file with the next samples or :meth:`finish`."""
-        rows = {"time": times_s, **rows}
-        if rows.keys() != self._noted.keys():
-            raise ValueError(f"history row has {sorted(rows)}, declared were {sorted(self._noted)}")
-        for name, values in rows.items():
-            self._noted[name].append(np.asarray(values, dtype=float))
+        self.last_row = {name: column[-1] for name, column in history.items()}
+        if self._private:
+            self._rename(names.to_running, self.running_path)
 
     def restart(self, arrays: Mapping[str, npt.ArrayLike]) -> None:
         """Store the state to go on from, over the older of the two slots; safe from a kill when this returns.
@@ -182,12 +265,17 @@ class ResultWriter:
         Parameters
         ----------
         arrays : every declared restart array, with its declared shape and type.
+
+        Raises
+        ------
+        RunError : the disk refuses.
         """
         number = self._restarts + 1
         slot = self._slots[number % 2]
-        state = {name: np.asarray(value) for name, value in arrays.items()}
+        state = {name: np.asarray(value) for name, value in arrays.items()} | {"stored_at": np.asarray(time.time())}
         if state.keys() | {"seal"} != slot.keys():
-            raise ValueError(f"restart state has {sorted(state)}, declared were {sorted(slot.keys() - {'seal'})}")
+            declared = sorted(slot.keys() - {"seal", "stored_at"})
+            raise ValueError(f"restart state has {sorted(arrays)}, declared were {declared}")
         for name, array in state.items():
             if (array.shape, array.dtype) != (slot[name].shape, slot[name].dtype):
                 raise ValueError(f"restart array {name} is {array.dtype} {array.shape}, not as declared")
@@ -195,9 +283,9 @@ class ResultWriter:
             for name, array in state.items():
                 slot[name][...] = array
             slot["seal"][...] = layout.seal(number, state)
-            self._file.flush()
+            self._flush()
         except HDF5_ERRORS as error:
-            raise self._stopped_writing(error) from error
+            raise self._stopped_writing(error, self._samples) from error
         self._restarts = number
 
     def finish(self, status: str, message: str, summary: Mapping[str, object]) -> Path:
@@ -207,149 +295,132 @@ class ResultWriter:
         ----------
         status : ``"finished"``, ``"failed"`` or another word of at most 32 bytes; not ``"running"``.
         message : one sentence for the user; empty when there is nothing to say.
-        summary : JSON-able dict of what the run came to.
+        summary : JSON-able dict of what the run came to; what the history holds already is not stored twice.
 
         Returns
         -------
         The final path.
+
+        Raises
+        ------
+        RunError : the disk refuses, or something has got the final name; what is stored stays under the running name.
         """
         if status == RUNNING:
             raise ValueError('a run that ends is not "running"')
+        if len(status.encode()) > layout.STATE_BYTES:
+            raise ValueError(f"status {status!r} has more than {layout.STATE_BYTES} bytes")
+        ending = layout.to_json({"message": message, "summary": without_history(summary)}).encode()
         try:
-            self._put_history()
-            self._write_status(status, message, layout.to_json(summary))
-            self._file.flush()
-            layout.make_room(self._file, self._samples, self._samples)
+            dataset = self._file[layout.ENDING]
+            layout.resize({dataset: len(ending)}, self._disk.reserve)
+            dataset[...] = np.frombuffer(ending, dtype=np.uint8)
+            h5py.h5a.open(dataset.id, b"crc32").write(np.array(crc32(ending), dtype=np.uint32))
+            self._flush()
+            self._file[layout.STATE][()] = status.encode()
+            self._flush()
+            layout.make_room(self._file, self._samples, self._samples, self._disk.reserve)
             self._times.resize(self._samples, axis=0)
-            self._resize_history(self._rows)
             self._file.close()
-            self.running_path.replace(self.path)
+            self._disk.settle()
+            files.sync(self._disk.fileno(), self.path.parent)
         except HDF5_ERRORS as error:
-            raise self._stopped_writing(error) from error
-        self._finished = True
+            raise self._stopped_writing(error, self._samples) from error
+        self._rename(names.to_final, self.path)
+        self._disk.close()
+        self._ended = True
         return self.path
 
     def close(self) -> None:
         """Close the file; without :meth:`finish` it keeps its running name, or goes if it holds no sample."""
-        if self._finished:
+        if self._ended:
             return
-        try:
+        self._ended = True
+        with suppress(*HDF5_ERRORS):
             self._file.close()
-        finally:
-            if not self._samples:
-                self.running_path.unlink(missing_ok=True)
+            self._disk.settle()
+        self._disk.close()
+        if self._private:
+            with suppress(OSError):
+                self._name.unlink()
+            self._remove_folders()
+
+    # ---- inside ----
+
+    def _attach(self) -> None:
+        """Handles to all that is written from now on."""
+        self._counts = (len(self._file["VTKHDF/Points"]), len(self._file["VTKHDF/Types"]))
+        self._slots = [dict(self._file[slot].items()) for slot in layout.RESTART_SLOTS]
+        self._open_datasets()
 
     def _open_datasets(self) -> None:
         """Handles to everything that grows, anew after each time it was lengthened."""
-        self._point_data, self._cell_data, self._history = (
-            {name: _Rows(dataset) for name, dataset in self._file[group].items()}
-            for group in (layout.POINT_DATA, layout.CELL_DATA, layout.HISTORY)
+        file = self._file
+        self._point_data, self._cell_data = (
+            {name: FieldRows(dataset, file[layout.checksums_of(f"{group}/{name}")]) for name, dataset in file[group].items()}
+            for group in (layout.POINT_DATA, layout.CELL_DATA)
         )
-        self._times = self._file[f"{layout.STEPS}/Values"]
-        self._step_count = h5py.h5a.open(self._file[layout.STEPS].id, b"NSteps")
-        self._row_count = h5py.h5a.open(self._file[layout.HISTORY].id, b"rows")
+        self._history = HistoryRows(file[layout.HISTORY], file[layout.HISTORY_CHECKSUMS])
+        self._capacity = self._history.capacity
+        self._times = file[f"{layout.STEPS}/Values"]
+        self._step_count = h5py.h5a.open(file[layout.STEPS].id, b"NSteps")
 
-    def _put_history(self) -> None:
-        """Append the rows noted since the last time."""
-        count = sum(len(times) for times in self._noted["time"])
-        if not count:
-            return
-        if self._rows + count > self._history["time"].capacity:
-            self._resize_history(2 * (self._rows + count))
-            self._file.flush()
-            self._open_datasets()
-        for name, rows in self._noted.items():
-            history = self._history[name]
-            history.put(self._rows, np.concatenate(rows).reshape(count, *history.shape))
-        self._rows += count
-        self._row_count.write(np.array(self._rows, dtype=np.int64))
-        self._noted = {name: [] for name in self._history}
+    def _go_on(self) -> None:
+        """Make a file that was stopped, perhaps between two writes, one that is being written."""
+        file, count = self._file, self._samples
+        self._attach()
+        self._step_count.write(np.array(count, dtype=np.int64))
+        self._times.resize(max(1, count), axis=0)
+        file[layout.STATE][()] = RUNNING.encode()
+        self._flush()
+        layout.make_room(file, count, max(1, count, self._capacity), self._disk.reserve)
+        self._flush()
+        self._open_datasets()
+        if count:
+            self._last_time = float(self._times[count - 1])
+            self.last_row = {name: dataset[count - 1] for name, dataset in file[layout.HISTORY].items()}
 
-    def _resize_history(self, rows: int) -> None:
-        layout.resize(self._file, dict.fromkeys(self._file[layout.HISTORY].values(), rows))
+    def _flush(self) -> None:
+        """Have all on the disk; OSError where it refuses."""
+        self._file.flush()
+        self._disk.settle()
 
-    def _write_status(self, state: str, message: str, summary: str) -> None:
-        texts = {"summary": summary.encode(), "message": message.encode(), "state": state.encode()}
-        for name, text in texts.items():
-            if len(text) > layout.STATUS_BYTES[name]:
-                raise ValueError(f"{name} has {len(text)} bytes, at most {layout.STATUS_BYTES[name]} can be stored")
-        for name, text in texts.items():
-            self._file[f"{layout.STATUS}/{name}"][()] = text
+    def _rename(self, rename: Callable[[Path, Path, bool], None], name: Path) -> None:
+        try:
+            rename(self._name, name, self._overwrite)
+        except OSError as error:
+            raise RunError(f"{self._name} cannot be renamed to {name} ({files.reason(error)}); it keeps its name") from error
+        self._name, self._private = name, False
 
-    def _stopped_writing(self, error: Exception) -> RunError:
+    def _remove_folders(self) -> None:
+        """Remove the folders that were made for this, as long as nobody has put anything there."""
+        with suppress(OSError):
+            for folder in self._made:
+                folder.rmdir()
+
+    def _stopped_writing(self, error: Exception, samples: int) -> RunError:
+        kept = self.running_path if samples else self._name
         return RunError(
-            f"could not go on writing {self.running_path} ({_reason(error)}); its {self._samples} samples so far stay "
-            "readable: free space or choose another --out folder"
+            f"could not go on writing {kept} ({files.reason(error)}); its {samples} samples so far stay "
+            f"readable: free space, then go on with explicitfe resume {kept}"
         )
-
-
-def _create_file(path: Path, running: Path, overwrite: bool) -> h5py.File:
-    """A new file at ``running``, in place of one that a killed run left."""
-    if path.suffix != ".vtkhdf":
-        raise InputError(f"result {path} must end in .vtkhdf: ParaView and pyvista know it by that")
-    try:
-        if path.is_dir():
-            raise InputError(f"result {path} is a folder; choose another --out folder")
-        if path.exists() and not overwrite:
-            raise InputError(f"result {path} exists; add --overwrite to replace it or choose another --out folder")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        mode = "x"
-        if running.exists():
-            _check_not_being_written(running)
-            mode = "w"
-        # Without a chunk cache HDF5 writes each step's numbers straight to their place.
-        return h5py.File(running, mode, rdcc_nbytes=0)
-    except OSError as error:
-        raise _cannot_write(path, error) from error
-
-
-def _check_not_being_written(running: Path) -> None:
-    """InputError if a live process holds the file; to be asked first, as HDF5 empties a file before it asks."""
-    try:
-        h5py.File(running, "r+").close()
-    except BlockingIOError as error:
-        raise InputError(f"another run is writing {running}; wait until it ends or choose another --out folder") from error
-    except OSError:
-        pass  # killed before it was a file that HDF5 can open
 
 
 def _cannot_write(path: Path, error: Exception) -> InputError:
-    return InputError(f"cannot write results in {path.parent} ({_reason(error)}); choose another --out folder")
+    return InputError(f"cannot write results in {path.parent} ({files.reason(error)}); choose another --out folder")
 
 
-def _reason(error: Exception) -> str:
-    """Why the file system refused, in its words; HDF5 hides them in a longer text, and often says no ``errno``."""
-    hidden = re.search("error message = '([^']*)'", str(error))
-    if hidden:
-        return hidden[1]
-    return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+def _cannot_go_on(path: Path, error: Exception) -> InputError:
+    return InputError(f"{path} cannot be written ({files.reason(error)}), so the run cannot go on")
 
 
-def _checked(arrays: Mapping[str, np.ndarray], declared: Mapping[str, _Rows], counts: tuple[int, int]) -> dict[str, np.ndarray]:
+def _checked(
+    arrays: Mapping[str, np.ndarray], declared: Mapping[str, Rows] | Mapping[str, FieldRows], counts: tuple[int, ...], what: str
+) -> dict[str, np.ndarray]:
     """The arrays of some steps as they are stored; ValueError where they are not what was declared."""
     if arrays.keys() != declared.keys():
-        raise ValueError(f"sample has {sorted(arrays)}, declared were {sorted(declared)}")
+        raise ValueError(f"{what} has {sorted(arrays)}, declared were {sorted(declared)}")
     checked = {name: np.ascontiguousarray(array, dtype=float) for name, array in arrays.items()}
     for name, array in checked.items():
         if array.shape != (*counts, *declared[name].shape):
-            raise ValueError(f"{name} has shape {array.shape[1:]}, declared was {(counts[1], *declared[name].shape)}")
+            raise ValueError(f"{name} has shape {array.shape[1:]}, declared was {(*counts[1:], *declared[name].shape)}")
     return checked
-
-
-class _Rows:
-    """The rows of one dataset, and the handles to write them.
-
-    h5py makes these handles anew for each write, which takes 130 microseconds where the write takes 10.
-    """
-
-    def __init__(self, dataset: h5py.Dataset) -> None:
-        self.capacity, *shape = dataset.shape
-        self.shape = tuple(shape)
-        self._id = dataset.id
-        self._space = dataset.id.get_space()
-        self._type = h5py.h5t.py_create(np.dtype(float))
-
-    def put(self, start: int, rows: np.ndarray) -> None:
-        """``dataset[start : start + len(rows)] = rows``, for rows of float64 and of the right shape."""
-        self._space.select_hyperslab((start, *(0 for _ in self.shape)), rows.shape)
-        self._id.write(h5py.h5s.create_simple(rows.shape), self._space, rows, self._type)

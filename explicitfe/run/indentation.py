@@ -14,6 +14,8 @@ from explicitfe.errors import InputError, Progress
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.results.run_summary import (
+    CURVE_COLUMNS,
+    LOAD_COLUMNS,
     CheckReport,
     FoldedElements,
     IndentationCheckReport,
@@ -46,6 +48,7 @@ INDENTATION_HISTORY = {
     "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy; of the whole specimen"),
     "hourglass_energy": Quantity("J", 1, "energy of hourglass control"),
     "contact_energy": Quantity("J", 1, "energy of the contact springs"),
+    "dead_work": Quantity("J", 1, "work of gravity so far"),
     "external_work": Quantity("J", 1, "work of the tool, by a spline through the loads, and of gravity since first touch"),
     "friction_loss": Quantity("J", 1, "energy lost to friction"),
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
@@ -172,27 +175,10 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
 
     def _store(self, writer: ResultWriter, curve: list[Equilibrium], time_s: float) -> None:
         last = curve[-1]
-        row = {
-            "force": last.force_N,
-            "indentation": last.displacement_m,
-            "iterations": last.iterations,
-            "residual": last.residual,
-            "kinetic_ratio": last.kinetic_ratio,
-            "base_reaction": last.reaction_N,
-            "penetration": last.penetration_m,
-            "contact_radius": last.contact_radius_m,
-            "internal_energy": last.internal_J,
-            "hourglass_energy": last.hourglass_J,
-            "contact_energy": last.contact_J,
-            "external_work": external_work(curve),
-            "friction_loss": last.friction_loss_J,
-            "material_loss": last.material_loss_J,
-            "smallest_J": last.smallest_J,
-        }
-        writer.history(time_s, row)
+        columns = {column: getattr(last, key) for column, key in (CURVE_COLUMNS | LOAD_COLUMNS).items()}
         fields = self.body.element_fields()
         cells: dict[str, np.ndarray] = {name: fields[name] for name in INDENTATION_FIELDS if name in self.scenario.record.fields}
-        writer.sample(time_s, {"displacement": self.body.displacement}, cells)
+        writer.sample(time_s, columns | {"external_work": external_work(curve)}, {"displacement": self.body.displacement}, cells)
 
     def _stuck(self, stuck: Stuck, load: str) -> str:
         """What stopped the run, where, and what to do, in one sentence."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, cast
@@ -39,6 +40,7 @@ from explicitfe.results.run_summary import (
     TransientModelDescription,
     TransientSummary,
     point_at_rest,
+    probes_of,
 )
 from explicitfe.run.analysis import BENDING_WARNING_SHARE, HOURGLASS_WARNING_SHARE, Analysis
 from explicitfe.scenario.transient import TransientScenario
@@ -146,7 +148,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             except KeyboardInterrupt:
                 status = Status(INTERRUPTED, f"stopped by hand at {1e3 * simulation.time_s:.3f} ms; what is stored is complete.")
             status = status or Status(FINISHED)
-            summary = self._summary(target, status, ledger, transient, compile_s, time.perf_counter() - started)
+            summary = self._summary(target, status, ledger, transient, compile_s, time.perf_counter() - started, writer.last_row)
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
             writer.finish(status.state, status.message, summary)
         return summary
@@ -261,12 +263,11 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         for name, point in self.model.probes.items():
             rows[f"probe_{name}_displacement"] = mesh.at(point, displacement.transpose(1, 0, 2))[0]
             rows[f"probe_{name}_velocity"] = mesh.at(point, velocity.transpose(1, 0, 2))[0]
-        writer.histories(times_s, rows)
         points = {"displacement": displacement} | ({"velocity": velocity} if "velocity" in wanted else {})
         for number, bone in enumerate(self.model.bones):
             points[f"contact_pressure_{bone.name}"] = samples.pressure[some, number]
         cells = {"J": samples.J[some], "hourglass_energy": samples.hourglass[some]}
-        writer.samples(times_s, points, {name: value for name, value in cells.items() if name in wanted})
+        writer.samples(times_s, rows, points, {name: value for name, value in cells.items() if name in wanted})
 
     def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements) -> list[str]:
         """What a user should know before believing the result."""
@@ -311,6 +312,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         transient: Transient,
         compile_s: float,
         wall_s: float,
+        last_row: Mapping[str, np.ndarray],
     ) -> TransientSummary:
         simulation, mesh = transient.simulation, self.model.mesh
         last = simulation.snapshot()
@@ -346,13 +348,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "settled": finite and has_settled(float(speed.max()), float(path_length.max())),
             "largest_displacement_mm": float(1e3 * path_length.max()),
             "largest_speed_mm_s": float(1e3 * speed.max()),
-            "probes": {
-                name: {
-                    "displacement_mm": (1e3 * mesh.at(point, last.displacement)[0]).tolist(),
-                    "speed_mm_s": float(1e3 * np.linalg.norm(mesh.at(point, last.velocity))),
-                }
-                for name, point in self.model.probes.items()
-            },
+            "probes": probes_of({name: np.asarray(value)[None] for name, value in last_row.items()}),
         }
 
 

@@ -69,8 +69,11 @@ def tongue(
     ) as result:
         for time, share in zip(TIMES_S, (0.0, 1.0), strict=True):
             placement = np.concatenate([np.eye(3).ravel(), [0.0, 0.0, -1e-3 * share * jaw_down_mm]])
-            result.history(time, {"bone_jaw_placement": placement})
-            result.sample(time, {"displacement": np.tile(1e-3 * share * np.array(shift_mm), (mesh.node_count, 1))})
+            result.sample(
+                time,
+                {"bone_jaw_placement": placement},
+                {"displacement": np.tile(1e-3 * share * np.array(shift_mm), (mesh.node_count, 1))},
+            )
         return result.finish(FINISHED, "", {})
 
 

@@ -39,8 +39,7 @@ def result_path(tmp_path_factory) -> Path:
     ) as result:
         for share in (0.0, 0.5, 1.0):
             placement = np.concatenate([np.eye(3).ravel(), [0.0, 0.0, -JAW_DOWN_M * share]])
-            result.history(0.1 * share, {"bone_jaw_placement": placement})
-            result.sample(0.1 * share, {"displacement": share * raised})
+            result.sample(0.1 * share, {"bone_jaw_placement": placement}, {"displacement": share * raised})
         return result.finish(FINISHED, "", {})
 
 

@@ -63,8 +63,7 @@ def write(
         for number in range(SAMPLES + 1):
             share = number / SAMPLES
             fields = {f"contact_pressure_{name}": value for name, value in (pressure or {}).items()}
-            result.history(share * DURATION_S, row)
-            result.sample(share * DURATION_S, {"displacement": course(share) * displacement, **fields})
+            result.sample(share * DURATION_S, row, {"displacement": course(share) * displacement, **fields})
         return result.finish(FINISHED, "", {})
 
 

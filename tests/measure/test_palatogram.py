@@ -76,9 +76,12 @@ def write(
             turned, shifted = (turn, shift) if number else (np.eye(3), np.zeros(3))
             place = mesh.points - np.where(top, clearance, 0.0)[:, None] * [0.0, 0.0, 1.0]
             pressure = np.where(top & (clearance < 0.0), PRESSURE_PA, 0.0)
-            result.history(0.01 * number, {"bone_palate_placement": np.concatenate([turned.ravel(), shifted])})
             moved = place @ turned.T + shifted - mesh.points
-            result.sample(0.01 * number, {"displacement": moved, "contact_pressure_palate": pressure})
+            result.sample(
+                0.01 * number,
+                {"bone_palate_placement": np.concatenate([turned.ravel(), shifted])},
+                {"displacement": moved, "contact_pressure_palate": pressure},
+            )
         return result.finish(FINISHED, "", {})
 
 
@@ -207,8 +210,7 @@ def test_a_symmetric_tongue_has_a_symmetric_pattern(tmp_path):
         model={"scenario": {"analysis": {"type": "transient"}}},
         provenance={},
     ) as result:
-        result.history(0.0, {})
-        result.sample(0.0, {"displacement": lifted, "contact_pressure_palate": pressed})
+        result.sample(0.0, {}, {"displacement": lifted, "contact_pressure_palate": pressed})
         path = result.finish(FINISHED, "", {})
     touched = pattern_of(path)
     np.testing.assert_array_equal(touched, touched[:, ::-1])
@@ -317,9 +319,8 @@ def test_without_a_palate_or_its_pressure_there_is_none(tmp_path):
             model={"scenario": {"analysis": {"type": "transient"}}},
             provenance={},
         ) as result:
-            result.history(0.0, {})
             zero = {key: np.zeros(mesh.node_count) for key in fields}
-            result.sample(0.0, {"displacement": np.zeros_like(mesh.points), **zero})
+            result.sample(0.0, {}, {"displacement": np.zeros_like(mesh.points), **zero})
             path = result.finish(FINISHED, "", {})
         assert measure(path).palatogram is None
         with open_result(path) as opened:

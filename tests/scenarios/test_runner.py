@@ -321,7 +321,6 @@ def test_run_that_was_killed_is_inspected(tmp_path: Path, capsys: pytest.Capture
     summary = explicitfe.run(VOWEL, tmp_path, settings=SMALL)
     with h5py.File(summary["result"], "r+") as file:
         file["explicitfe/status/state"][()] = b"running"
-        file["explicitfe/status/summary"][()] = b"{}"
     assert command(["inspect", summary["result"]]) == 0
     assert "running (it was killed)" in capsys.readouterr().out
 

@@ -1,0 +1,194 @@
+"""Checked access to what stands in a result file: a damaged one is told so in a sentence, whatever is wrong with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import h5py
+import numpy as np
+
+from explicitfe.errors import InputError
+from explicitfe.host.files import reason
+from explicitfe.results import layout
+
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+# What h5py raises where HDF5 cannot read something, or reads what h5py has no type or no room for.
+READING_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, OverflowError, MemoryError)
+
+
+class NoResultError(InputError):
+    """A file that is no result of this program: not HDF5, or of another kind."""
+
+
+class StoredFile:
+    """An open result file whose parts are checked when they are read.
+
+    Attributes
+    ----------
+    path : the file.
+    live : whether another process is writing it now.
+    format : of its layout.
+
+    Raises
+    ------
+    InputError : ``path`` is missing, a folder, no HDF5 file, HDF5 but no result, or damaged.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file, self.live = _open_file(path)
+        try:
+            self._size = self._file.id.get_filesize()
+            if "explicitfe" not in self._file or "VTKHDF" not in self._file:
+                raise NoResultError(f"{self.path} is an HDF5 file but no result of explicitfe")
+            self.format = self.whole_number("explicitfe", "format")
+            if self.format > layout.FORMAT_VERSION:
+                raise InputError(f"{self.path} has format {self.format}, newer than this explicitfe; install a newer one")
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def damaged(self, what: str) -> InputError:
+        """What to raise where something is wrong."""
+        return InputError(f"{self.path} is damaged ({what}); run the scenario again")
+
+    def names(self, group: str) -> list[str]:
+        """What stands in a group, sorted."""
+        with self._reading(group):
+            members = self._file[group]
+            if isinstance(members, h5py.Group):
+                return sorted(members)
+        raise self.damaged(f"{group} is no group")
+
+    def has(self, name: str) -> bool:
+        """Whether something stands at a place."""
+        with self._reading(name):
+            return name in self._file
+
+    def text_attribute(self, name: str, key: str) -> str:
+        """An attribute that is a string."""
+        with self._reading(f"{key} of {name}"):
+            value = self._file[name].attrs[key]
+            return value.decode() if isinstance(value, bytes) else str(value)
+
+    def whole_number(self, name: str, key: str) -> int:
+        """An attribute that is a whole number, 0 or more."""
+        with self._reading(f"{key} of {name}"):
+            value = self._file[name].attrs[key]
+            if np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.integer) and value >= 0:
+                return int(value)
+        raise self.damaged(f"{key} of {name} is no count")
+
+    def shape(self, name: str, kind: str = "f", axes: tuple[int, ...] = ()) -> tuple[int, ...]:
+        """Shape of a dataset of numbers.
+
+        Parameters
+        ----------
+        kind : "f" for float64, "i" for whole numbers.
+        axes : how many it may have; any number if empty.
+        """
+        with self._reading(name):
+            dataset = self._file[name]
+            if isinstance(dataset, h5py.Dataset) and dataset.shape is not None:
+                right = dataset.dtype == np.float64 if kind == "f" else np.issubdtype(dataset.dtype, np.integer)
+                if right and (not axes or dataset.ndim in axes):
+                    if dataset.nbytes > self._size:
+                        raise self.damaged(f"{name} would be larger than the file")
+                    return dataset.shape
+        raise self.damaged(f"{name} is not of the type or the shape that it should be")
+
+    def numbers(self, name: str, kind: str = "f", rows: slice | None = None, axes: tuple[int, ...] = ()) -> np.ndarray:
+        """Numbers of a dataset, of some rows or, checked against their sum where there is one, of all."""
+        self.shape(name, kind, axes)
+        with self._reading(name):
+            dataset = self._file[name]
+            array: np.ndarray = dataset[() if rows is None else rows]
+            if rows is None:
+                self._check(name, dataset, np.asarray(array).tobytes())
+            return array
+
+    def all_of(self, group: str) -> dict[str, np.ndarray]:
+        """Everything in a group, as it is."""
+        arrays = {}
+        for name in self.names(group):
+            with self._reading(f"{group}/{name}"):
+                dataset = self._file[group][name]
+                if dataset.nbytes > self._size:
+                    raise self.damaged(f"{group}/{name} would be larger than the file")
+                arrays[name] = np.asarray(dataset[()])
+        return arrays
+
+    def text(self, name: str, in_header: bool = False) -> str:
+        """A string that is a dataset; ``in_header``: HDF5 itself has checked it."""
+        with self._reading(name):
+            dataset = self._file[name]
+            value = dataset[()] if dataset.nbytes <= self._size else None
+            if isinstance(value, np.ndarray) and value.dtype == np.uint8:
+                value = value.tobytes()
+            if isinstance(value, bytes):
+                if not in_header:
+                    self._check(name, dataset, value)
+                return value.decode()
+        raise self.damaged(f"{name} is no text")
+
+    def table(self, name: str) -> dict[str, Any]:
+        """A dictionary that is stored as JSON."""
+        try:
+            value = json.loads(self.text(name))
+        except (json.JSONDecodeError, RecursionError):
+            value = None
+        if isinstance(value, dict):
+            return value
+        raise self.damaged(f"{name} is no JSON")
+
+    def _check(self, name: str, dataset: h5py.Dataset, data: bytes) -> None:
+        if self.format >= layout.FIRST_FORMAT_WITH_CHECKSUMS and crc32(data) != self.whole_number(name, "crc32"):
+            raise self.damaged(f"{name} is not what was stored")
+
+    @contextmanager
+    def _reading(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except InputError:
+            raise
+        except KeyError:
+            raise self.damaged(f"{what} is missing") from None
+        except READING_ERRORS as error:
+            raise self.damaged(f"{what} cannot be read: {_one_line(error)}") from None
+
+
+def _open_file(path: Path) -> tuple[h5py.File, bool]:
+    """The open file, and whether another process is writing it."""
+    if path.is_dir():
+        raise InputError(f"{path} is a folder; name the .vtkhdf file in it")
+    try:
+        with path.open("rb") as file:
+            signature = file.read(len(HDF5_SIGNATURE))
+    except FileNotFoundError as error:
+        left = layout.running_path(path)
+        hint = f"; a run that goes on or was stopped has {left}" if left.exists() else ""
+        raise InputError(f"{path} does not exist{hint}") from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({reason(error)})") from error
+    if signature != HDF5_SIGNATURE:
+        raise NoResultError(f"{path} is no HDF5 file, so it is no result of explicitfe")
+    try:
+        try:
+            return h5py.File(path, "r"), False
+        except BlockingIOError:
+            return h5py.File(path, "r", locking=False), True
+    except READING_ERRORS as error:
+        raise InputError(f"{path} is damaged (HDF5 cannot open it: {_one_line(error)}); run the scenario again") from error
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,181 @@
+"""Which files a run writes, and which it leaves alone."""
+
+from __future__ import annotations
+
+import os
+
+import h5py
+import numpy as np
+import pytest
+from support import ROOT
+from tiny_result import E, add, check_steps, displacement, python, start, write
+
+from explicitfe.errors import InputError
+from explicitfe.results import FINISHED, ResultWriter, open_result
+
+# Which file is written
+
+
+def test_the_file_has_its_final_name_only_when_it_is_whole(tmp_path):
+    path, running = tmp_path / "new" / "a.vtkhdf", tmp_path / "new" / "a.running.vtkhdf"
+    with start(path) as run:
+        add(run, 0)
+        assert running.exists()
+        assert not path.exists()
+        assert run.finish(FINISHED, "", {}) == path
+    assert [*path.parent.iterdir()] == [path]
+
+
+def test_an_existing_result_stays_until_the_new_one_is_whole(tmp_path):
+    path = write(tmp_path / "a.vtkhdf", 2)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="exists; add --overwrite to replace it or choose another --out folder"):
+        start(path)
+    assert [*tmp_path.iterdir()] == [path]
+    with start(path, overwrite=True) as run:
+        add(run, 0)
+        assert path.read_bytes() == before
+        run.finish(FINISHED, "", {})
+    assert [*tmp_path.iterdir()] == [path]
+    with open_result(path) as result:
+        check_steps(result, 1)
+
+
+def test_leaving_early_keeps_samples_and_no_empty_file(tmp_path):
+    with pytest.raises(ZeroDivisionError), start(tmp_path / "a.vtkhdf"):
+        raise ZeroDivisionError
+    assert [*tmp_path.iterdir()] == []
+    with pytest.raises(ZeroDivisionError), start(tmp_path / "a.vtkhdf") as run:
+        add(run, 0)
+        raise ZeroDivisionError
+    assert [*tmp_path.iterdir()] == [tmp_path / "a.running.vtkhdf"]
+    with open_result(tmp_path / "a.running.vtkhdf") as result:
+        check_steps(result, 1)
+        assert result.status == "running"
+    with pytest.raises(AttributeError):
+        start(tmp_path / "b.vtkhdf", model={"not JSON": object()})
+    assert not (tmp_path / "b.running.vtkhdf").exists()
+
+
+def test_what_a_killed_run_left_goes_only_with_overwrite_and_at_the_first_sample(tmp_path):
+    running = tmp_path / "a.running.vtkhdf"
+    with start(tmp_path / "a.vtkhdf") as run:
+        add(run, 7)
+    before = running.read_bytes()
+    with pytest.raises(InputError, match=r"holds 1 samples of a run that was stopped; go on with explicitfe resume .*a\.running"):
+        start(tmp_path / "a.vtkhdf")
+    with start(tmp_path / "a.vtkhdf", overwrite=True) as run:  # refused before its first sample, as for a step that is too long
+        assert running.read_bytes() == before
+    assert [*tmp_path.iterdir()] == [running]
+    assert running.read_bytes() == before
+    with open_result(write(tmp_path / "a.vtkhdf", 2, overwrite=True)) as result:
+        check_steps(result, 2)
+    assert [*tmp_path.iterdir()] == [tmp_path / "a.vtkhdf"]
+
+
+@pytest.mark.parametrize("stem", ["a", "a.running"])
+@pytest.mark.parametrize("foreign", ["text", "empty", "HDF5", "link", "dangling link", "pipe"])
+def test_what_is_no_result_is_never_replaced(tmp_path, stem, foreign):
+    path, elsewhere = tmp_path / f"{stem}.vtkhdf", tmp_path / "elsewhere.vtkhdf"
+    if foreign == "HDF5":
+        with h5py.File(path, "w") as file:
+            file["x"] = 1
+    elif foreign.endswith("link"):
+        if foreign == "link":
+            write(elsewhere, 1)
+        path.symlink_to(elsewhere)
+    elif foreign == "pipe":
+        os.mkfifo(path)
+    else:
+        path.write_text("mine" if foreign == "text" else "")
+    files = {file: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()}
+    with pytest.raises(InputError, match=str(path)) as caught:
+        start(tmp_path / "a.vtkhdf", overwrite=True)
+    assert "\n" not in str(caught.value)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir() if file.is_file()} == files
+    assert path.is_symlink() == foreign.endswith("link")
+
+
+def test_a_name_of_an_unfinished_result_is_refused(tmp_path):
+    """A scenario x.running.toml would take the place in which x.toml writes."""
+    with start(tmp_path / "x.vtkhdf") as run:
+        add(run, 0)
+        with pytest.raises(InputError, match='is what an unfinished result of "x" is called; give the scenario another name'):
+            start(tmp_path / "x.running.vtkhdf", overwrite=True)
+    # One that an older version has finished under such a name is not taken for the rest of x.toml's run.
+    write(tmp_path / "y.vtkhdf", 1).rename(tmp_path / "x.running.vtkhdf")
+    with pytest.raises(InputError, match="holds a whole result that has not got its name"):
+        start(tmp_path / "x.vtkhdf", overwrite=True)
+    with open_result(tmp_path / "x.running.vtkhdf") as result:
+        check_steps(result, 1)
+
+
+def test_a_stopped_run_goes_on(tmp_path):
+    running, path = tmp_path / "a.running.vtkhdf", tmp_path / "a.vtkhdf"
+    with start(path) as run:
+        for step in range(3):
+            add(run, step)
+    with ResultWriter.reopen(running) as run:
+        assert run.path == path
+        np.testing.assert_array_equal(run.last_row["probe_tip_displacement"], displacement(2)[11])
+        for step in range(1, 7):  # from an older restart state: what is there already is passed over
+            add(run, step)
+        run.finish("interrupted", "stopped by hand", {})
+    with open_result(path) as result:
+        assert (result.status, result.message) == ("interrupted", "stopped by hand")
+    with ResultWriter.reopen(path) as run:
+        assert [*tmp_path.iterdir()] == [running]
+        with open_result(running) as result:
+            assert (result.status, result.message, result.summary) == ("running", "", {})
+        add(run, 7)
+        assert run.finish(FINISHED, "", {"steps": 8}) == path
+    assert [*tmp_path.iterdir()] == [path]
+    with open_result(path) as result:
+        np.testing.assert_array_equal(result.times, 1e-3 * np.arange(8))
+        for step in range(8):
+            np.testing.assert_array_equal(result.displacement(step), displacement(step))
+        np.testing.assert_array_equal(result.history("kinetic_energy"), np.arange(8) + 0.5)
+        assert result.restart_state().arrays["step"] == 7
+        assert result.summary == {"steps": 8}
+    with pytest.raises(InputError, match="is finished: there is nothing to go on with"):
+        ResultWriter.reopen(path)
+
+
+def test_a_file_that_a_live_run_writes_is_left_alone(tmp_path):
+    with start(tmp_path / "a.vtkhdf") as run:
+        add(run, 0)
+        code = f"""
+import sys
+sys.path.insert(0, {str(ROOT / "tests")!r})
+from pathlib import Path
+from tiny_result import check_steps, start
+from explicitfe.errors import InputError
+from explicitfe.results import open_result
+try:
+    start(Path({str(tmp_path / "a.vtkhdf")!r}))
+except InputError as error:
+    print(error)
+with open_result({str(run.running_path)!r}) as result:
+    check_steps(result, 1)
+    print(result.status, result.live)
+    print(result.mesh_at().n_cells)
+"""
+        refusal, state, cells = python(code).stdout.splitlines()
+        assert refusal.startswith(f"another run is writing {run.running_path}; wait")
+        assert state == "running True"
+        assert int(cells) == E
+        add(run, 1)
+        run.finish(FINISHED, "", {})
+    with open_result(tmp_path / "a.vtkhdf") as result:
+        check_steps(result, 2)
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"cannot write results in .*file/sub \(Not a directory\); choose another --out"):
+        start(tmp_path / "file" / "sub" / "a.vtkhdf")
+    (tmp_path / "b.vtkhdf").mkdir()
+    with pytest.raises(InputError, match="is a folder"):
+        start(tmp_path / "b.vtkhdf")
+    with pytest.raises(InputError, match=r"must end in \.vtkhdf"):
+        start(tmp_path / "b.h5")

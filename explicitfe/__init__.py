@@ -23,6 +23,7 @@ __version__ = "0.1.0"
 _PLACES = {
     # commands
     "run": "explicitfe.run.run",
+    "resume": "explicitfe.run.resume",
     "check": "explicitfe.run.check",
     "identify": "explicitfe.identify.identify",
     "predict": "explicitfe.predict.predict",
@@ -78,6 +79,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.predict.predict import predict as predict
     from explicitfe.results import open_result as open_result
     from explicitfe.run.check import check as check
+    from explicitfe.run.resume import resume as resume
     from explicitfe.run.run import run as run
     from explicitfe.scenario.indentation import SpecimenTable as SpecimenTable
     from explicitfe.scenario.indentation import ToolTable as ToolTable

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from explicitfe.run.analysis import Analysis
 
 
+PlotsOption = Annotated[bool, typer.Option("--plots", help="Draw the run as PNG beside the result.")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace a result that exists.")]
+
+
 def run(
     context: typer.Context,
     scenario: ScenarioArgument,
@@ -36,8 +40,11 @@ def run(
     settings: SettingsOption = None,
     tissue: TissueOption = None,
     tissue_group: TissueGroupOption = None,
-    plots: Annotated[bool, typer.Option("--plots", help="Draw the run as PNG beside the result.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a result that exists.")] = False,
+    plots: PlotsOption = False,
+    overwrite: OverwriteOption = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with a run of this scenario that was stopped or killed, if there is one.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Run a scenario and store its result as one .vtkhdf file.
@@ -45,13 +52,24 @@ def run(
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
     """
     from explicitfe.run.prepare import prepare
+    from explicitfe.run.resume import begun_at, go_on
     from explicitfe.run.run import result_path
 
     tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
     with following(console) as progress:
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
-        summary = analysis.run(result_path(scenario, out), overwrite=overwrite, progress=progress)
-        stopped = _draw(analysis, summary, progress, context.find_root().params["debug"]) if plots else None
+        target = result_path(scenario, out)
+        begun = begun_at(target) if resume else None
+        if begun is None:
+            summary = analysis.run(target, overwrite=overwrite, progress=progress)
+        else:
+            analysis, summary = go_on(analysis, begun, overwrite=overwrite, progress=progress)
+        stopped = draw_run(analysis, summary, progress, context) if plots else None
+    show_run(analysis, summary, stopped, as_json)
+
+
+def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | None, as_json: bool) -> None:
+    """Print what a run came to, and leave with an exit code if it ended early, or if its drawing was stopped."""
     error: tuple[ErrorKind, str] | None = None
     if summary["status"] != "finished":
         kind: ErrorKind = "stopped" if summary["status"] == "interrupted" else "simulation"
@@ -61,7 +79,7 @@ def run(
     print_answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"], error)
 
 
-def _draw(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progress, debug: bool) -> str | None:
+def draw_run(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progress, context: typer.Context) -> str | None:
     """Draw a result that is stored: whatever goes wrong now, the run is done, and its summary says what is missing.
 
     Returns
@@ -77,7 +95,7 @@ def _draw(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progress,
     except stopping.Stopped as stopped:
         return f"{stopped} while drawing: {again}"
     except Exception as error:
-        if debug:
+        if context.find_root().params["debug"]:
             stderr.write(traceback.format_exc())
         summary["warnings"].append(f"{result} could not be drawn ({short_name(error)}): {again}")
     return None

@@ -69,7 +69,7 @@ CHECKSUMS = "explicitfe/checksums"
 HISTORY_CHECKSUMS = "explicitfe/checksums/history"
 RESTART_SLOTS = ("explicitfe/restart/slot0", "explicitfe/restart/slot1")
 
-RUNNING, FINISHED, FAILED = "running", "finished", "failed"
+RUNNING, FINISHED, FAILED, INTERRUPTED = "running", "finished", "failed", "interrupted"
 VTK_HEXAHEDRON = 12  # the number of this cell type in VTK
 STATE_BYTES = 32
 ENDING_BYTES_PER_CHUNK = 65536  # the first chunk is there from the beginning: a usual run needs no room when it ends

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -14,12 +15,12 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import InputError, MachineError
 from explicitfe.host import files
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import layout, names
 from explicitfe.results.disk import DiskFile
-from explicitfe.results.layout import RUNNING, Quantity
+from explicitfe.results.layout import INTERRUPTED, RUNNING, Quantity
 from explicitfe.results.rows import FieldRows, HistoryRows, Rows
 from explicitfe.results.run_summary import without_history
 
@@ -218,7 +219,7 @@ class ResultWriter:
 
         Raises
         ------
-        RunError : the disk refuses, such as when it is full. If it has room when the run ends, nothing is lost.
+        MachineError : the disk refuses, such as when it is full. If it has room when the run ends, nothing is lost.
         InputError : at the first sample, when another run of the same result has been faster.
         """
         times_s = np.asarray(times_s, dtype=float)
@@ -268,7 +269,7 @@ class ResultWriter:
 
         Raises
         ------
-        RunError : the disk refuses.
+        MachineError : the disk refuses.
         """
         number = self._restarts + 1
         slot = self._slots[number % 2]
@@ -288,6 +289,10 @@ class ResultWriter:
             raise self._stopped_writing(error, self._samples) from error
         self._restarts = number
 
+    def place(self, status: str) -> Path:
+        """Where the result will be when it has ended so: a run that was stopped leaves what stands at ``path`` in its place."""
+        return self.running_path if status == INTERRUPTED and os.path.lexists(self.path) else self.path
+
     def finish(self, status: str, message: str, summary: Mapping[str, object]) -> Path:
         """Store how the run ended, close the file and give it its final name.
 
@@ -299,11 +304,11 @@ class ResultWriter:
 
         Returns
         -------
-        The final path.
+        Where it is: see :meth:`place`.
 
         Raises
         ------
-        RunError : the disk refuses, or something has got the final name; what is stored stays under the running name.
+        MachineError : the disk refuses, or something has got the final name; what is stored stays under the running name.
         """
         if status == RUNNING:
             raise ValueError('a run that ends is not "running"')
@@ -325,10 +330,12 @@ class ResultWriter:
             files.sync(self._disk.fileno(), self.path.parent)
         except HDF5_ERRORS as error:
             raise self._stopped_writing(error, self._samples) from error
-        self._rename(names.to_final, self.path)
+        place = self.place(status)
+        if place == self.path:
+            self._rename(names.to_final, self.path)
         self._disk.close()
         self._ended = True
-        return self.path
+        return place
 
     def close(self) -> None:
         """Close the file; without :meth:`finish` it keeps its running name, or goes if it holds no sample."""
@@ -388,7 +395,7 @@ class ResultWriter:
         try:
             rename(self._name, name, self._overwrite)
         except OSError as error:
-            raise RunError(f"{self._name} cannot be renamed to {name} ({files.reason(error)}); it keeps its name") from error
+            raise MachineError(f"{self._name} cannot be renamed to {name} ({files.reason(error)}); it keeps its name") from error
         self._name, self._private = name, False
 
     def _remove_folders(self) -> None:
@@ -397,9 +404,9 @@ class ResultWriter:
             for folder in self._made:
                 folder.rmdir()
 
-    def _stopped_writing(self, error: Exception, samples: int) -> RunError:
+    def _stopped_writing(self, error: Exception, samples: int) -> MachineError:
         kept = self.running_path if samples else self._name
-        return RunError(
+        return MachineError(
             f"could not go on writing {kept} ({files.reason(error)}); its {samples} samples so far stay "
             f"readable: free space, then go on with explicitfe resume {kept}"
         )

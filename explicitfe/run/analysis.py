@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
+from explicitfe.compiled.simd import WIDTH
 from explicitfe.errors import Progress
 from explicitfe.mesh.quality import assess
 from explicitfe.mesh.validity import certify
 from explicitfe.model.model import Model
+from explicitfe.results import RestartState, ResultWriter
 from explicitfe.results.run_summary import CheckReport, FoldedElements, MeshReport, ModelDescription, RunSummary
 from explicitfe.scenario.read import Scenario
 from explicitfe.solve.body import Body
@@ -28,8 +31,30 @@ HOURGLASS_WARNING_SHARE = 0.05
 BENDING_WARNING_SHARE = 0.10
 TIMED_EVALUATIONS = 5  # of the forces, the best of which predicts the wall time
 
+
+def how_to_go_on(result: Path) -> str:
+    """The end of a sentence on a run that was stopped."""
+    return f"what is stored is complete, and 'explicitfe resume {shlex.quote(str(result))}' goes on."
+
+
+def restart_extras(samples: int, seconds: float) -> dict[str, np.ndarray]:
+    """What a restart state holds beside the body's: samples and seconds of wall time so far, and lanes of a vector."""
+    return {"samples": np.array(samples), "lanes": np.array(WIDTH), "seconds": np.array(seconds)}
+
+
 ScenarioT = TypeVar("ScenarioT", bound=Scenario)
 BodyT = TypeVar("BodyT", bound=Body)
+
+
+class Begun(NamedTuple):
+    """What is stored of a run that goes on: its file, the newest state, and the history of the samples up to there.
+
+    ``state`` is None where the run was killed before it stored one: it then begins again, and passes over what is stored.
+    """
+
+    path: Path
+    state: RestartState | None
+    rows: dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -71,10 +96,12 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
         """The model in words and numbers, as it is stored and shown."""
 
     @abstractmethod
-    def run(self, target: Path, *, overwrite: bool, progress: Progress) -> RunSummary:
+    def run(self, target: Path, *, overwrite: bool, progress: Progress, begun: Begun | None = None) -> RunSummary:
         """Run to the end and store the result in ``target``; the summary is what ``explicitfe run --json`` prints.
 
-        Where the run ends early, ``status`` and ``message`` say why, and what was computed until then is stored.
+        Where the run ends early, ``status`` and ``message`` say why, and what was computed until then is stored. Where a signal
+        asks to stop, while signals are watched, it ends after the sample with what is needed to go on. ``begun``: what an earlier
+        process stored of this run, to go on from.
 
         Raises
         ------
@@ -114,6 +141,20 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
             "fixed_nodes": int(model.held.all(axis=1).sum()),
             "scenario": self.scenario.model_dump(mode="json", exclude_none=True),
         }
+
+    @abstractmethod
+    def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
+        """A new result with room for so many samples."""
+
+    def _opened(self, target: Path, overwrite: bool, expected: int, begun: Begun | None) -> ResultWriter:
+        """A new result, or one that was begun before."""
+        return (
+            self._writer(target, overwrite, expected) if begun is None else ResultWriter.reopen(begun.path, overwrite=overwrite)
+        )
+
+    def _stored_model(self) -> dict[str, object]:
+        """What a result holds of the model: its description, and what is needed to build it again and go on."""
+        return {**self.describe(), "scenario_file": str(self.path.absolute()), "notes": list(self.notes)}
 
     def _mesh_report(self) -> MeshReport:
         quality = assess(self.model.mesh)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, cast
 
@@ -11,6 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from explicitfe.errors import InputError, Progress
+from explicitfe.host import stopping
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Quantity, ResultWriter, provenance
 from explicitfe.results.run_summary import (
@@ -23,7 +25,7 @@ from explicitfe.results.run_summary import (
     IndentationSummary,
     RunSummary,
 )
-from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis
+from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_go_on, restart_extras
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve.contact_points import PENETRATION_SHARE
 from explicitfe.solve.equilibrium import Relaxation
@@ -54,6 +56,8 @@ INDENTATION_HISTORY = {
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
     "smallest_J": Quantity("1", 1, "smallest J of any element"),
 }
+# Number of an equilibrium -> column of the history.
+EQUILIBRIUM_COLUMNS = {name: column for column, name in (CURVE_COLUMNS | LOAD_COLUMNS).items()}
 INDENTATION_FIELDS: dict[str, Quantity] = {
     "J": Quantity("1", 1, "volume over reference volume, det F"),
     "strain_energy_density": Quantity("Pa", 1, "strain energy over reference volume, with that of hourglass control"),
@@ -80,7 +84,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "tool": self.scenario.tool.model_dump(exclude_none=True),
         }
 
-    def run(self, target: Path, *, overwrite: bool, progress: Progress) -> IndentationSummary:
+    def run(self, target: Path, *, overwrite: bool, progress: Progress, begun: Begun | None = None) -> IndentationSummary:
         """Go from load to load; see ``Analysis.run``. Where a load is not reached, ``curve`` ends with the last one that was."""
         begin = time.perf_counter()
         body = self.body
@@ -89,19 +93,25 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         loads = [load if by_force else 1e-3 * load for load in analysis.course]
         times = analysis.times_s or [float(k) for k in range(1, len(loads) + 1)]
 
-        with self._writer(target, overwrite, len(loads) + 1) as writer:
+        state = None if begun is None else begun.state
+        with self._opened(target, overwrite, len(loads) + 1, begun) as writer:
             compile_s = body.compile(lambda share: progress("compile", share))
             started = time.perf_counter()
-            progress("run", 0.0)
             curve: list[Equilibrium] = []
-            state, message = FINISHED, ""
+            if begun is not None and state is not None:
+                curve = _equilibria(begun.rows)
+                body.restore(state.arrays)
+                started -= float(state.arrays["seconds"])
+            progress("run", max(0, len(curve) - 1) / len(loads))
+            status, message = FINISHED, ""
             try:
-                settled = body.settle()
-                if isinstance(settled, Stuck):
-                    raise InputError(self._stuck(settled, "gravity alone"))
-                curve.append(settled)
-                self._store(writer, curve, 0.0)
-                for k, (load, at) in enumerate(zip(loads, times, strict=True)):
+                if not curve:
+                    settled = body.settle()
+                    if isinstance(settled, Stuck):
+                        raise InputError(self._stuck(settled, "gravity alone"))
+                    curve.append(settled)
+                    self._store(writer, curve, 0.0, started)
+                for k, (load, at) in list(enumerate(zip(loads, times, strict=True)))[len(curve) - 1 :]:
                     go = body.press if by_force else body.move
 
                     def report(share: float, k: int = k) -> None:
@@ -110,19 +120,19 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                     reached = go(load, report, at_s=at)
                     if isinstance(reached, Stuck):
                         name = f"{load:g} N" if by_force else f"{1e3 * load:g} mm"
-                        state, message = reached.reason, self._stuck(reached, name)
+                        status, message = reached.reason, self._stuck(reached, name)
                         break
                     curve.append(reached)
-                    self._store(writer, curve, at)
+                    self._store(writer, curve, at, started)
                     progress("run", (k + 1) / len(loads))
-            except KeyboardInterrupt:
-                state, message = (
-                    INTERRUPTED,
-                    f"stopped by hand after load {len(curve) - 1} of {len(loads)}; what is stored is complete.",
-                )
-            summary = self._summary(target, state, message, curve, compile_s, time.perf_counter() - started)
+            except stopping.Stopped as stopped:
+                if not curve:
+                    raise
+                status = INTERRUPTED
+                message = f"{stopped} after load {len(curve) - 1} of {len(loads)}; {how_to_go_on(writer.place(status))}"
+            summary = self._summary(writer.place(status), status, message, curve, compile_s, time.perf_counter() - started)
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
-            writer.finish(state, message, summary)
+            writer.finish(status, message, summary)
         return summary
 
     def check(self, progress: Progress) -> IndentationCheckReport:
@@ -159,7 +169,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
 
     # ---- inside ----
 
-    def _writer(self, target: Path, overwrite: bool, samples: int) -> ResultWriter:
+    def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
         wanted = self.scenario.record.fields
         return ResultWriter(
             target,
@@ -167,18 +177,21 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             cell_fields={name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
             history=INDENTATION_HISTORY,
             scenario_text=self.text,
-            model=self.describe(),
+            model=self._stored_model(),
             provenance=provenance(),
-            expected_samples=samples,
+            restart=self.body.restart_state() | restart_extras(0, 0.0),
+            expected_samples=expected,
             overwrite=overwrite,
         )
 
-    def _store(self, writer: ResultWriter, curve: list[Equilibrium], time_s: float) -> None:
-        last = curve[-1]
-        columns = {column: getattr(last, key) for column, key in (CURVE_COLUMNS | LOAD_COLUMNS).items()}
+    def _store(self, writer: ResultWriter, curve: list[Equilibrium], time_s: float, started: float) -> None:
+        """Store the last equilibrium, and the state to go on from."""
+        row = {column: getattr(curve[-1], name) for name, column in EQUILIBRIUM_COLUMNS.items()}
+        row["external_work"] = external_work(curve)
         fields = self.body.element_fields()
         cells: dict[str, np.ndarray] = {name: fields[name] for name in INDENTATION_FIELDS if name in self.scenario.record.fields}
-        writer.sample(time_s, columns | {"external_work": external_work(curve)}, {"displacement": self.body.displacement}, cells)
+        writer.sample(time_s, row, {"displacement": self.body.displacement}, cells)
+        writer.restart(self.body.restart_state() | restart_extras(len(curve), time.perf_counter() - started))
 
     def _stuck(self, stuck: Stuck, load: str) -> str:
         """What stopped the run, where, and what to do, in one sentence."""
@@ -260,6 +273,13 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         if ratio > PENETRATION_SHARE and self.scenario.tool.shape != "bonded-disc":
             warnings.append(f"the surface is up to {100 * ratio:.2f} % of the indentation inside the tool.")
         return warnings
+
+
+def _equilibria(rows: Mapping[str, np.ndarray]) -> list[Equilibrium]:
+    """The loads of a history."""
+    columns = {name: rows[column].tolist() for name, column in EQUILIBRIUM_COLUMNS.items()}
+    curve = [Equilibrium(**dict(zip(columns, numbers, strict=True))) for numbers in zip(*columns.values(), strict=True)]
+    return [replace(point, iterations=int(point.iterations)) for point in curve]
 
 
 def external_work(curve: list[Equilibrium]) -> float:

@@ -14,7 +14,7 @@ from explicitfe.run.indentation import IndentationAnalysis
 from explicitfe.run.notes import mesh_notes
 from explicitfe.run.transient import TransientAnalysis
 from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.scenario.read import read_scenario
+from explicitfe.scenario.read import Scenario, read_scenario
 from explicitfe.scenario.transient import TransientScenario
 
 # The kinds of analysis: what a scenario says -> how it is computed.
@@ -39,9 +39,13 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
     """
     begin = time.perf_counter()
     path = Path(path)
-    scenario, text = read_scenario(path, settings)
+    analysis = analysis_of(path, *read_scenario(path, settings))
+    return replace(analysis, notes=(*notes, *mesh_notes(analysis.model), *analysis.notes), prepare_s=time.perf_counter() - begin)
+
+
+def analysis_of(path: Path, scenario: Scenario, text: str) -> Analysis[Any, Any]:
+    """Build a scenario that has been read from a file; InputError says what is wrong with it."""
     try:
-        analysis = ANALYSES[type(scenario)].prepare(path, scenario, text)
+        return ANALYSES[type(scenario)].prepare(path, scenario, text)
     except InputError as error:
         raise InputError(str(error) if str(error).startswith(str(path.parent)) else f"{path}: {error}") from None
-    return replace(analysis, notes=(*notes, *mesh_notes(analysis.model), *analysis.notes), prepare_s=time.perf_counter() - begin)

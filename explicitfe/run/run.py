@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from explicitfe.errors import Progress, silent
+from explicitfe.host import stopping
 from explicitfe.results.run_summary import RunSummary
 from explicitfe.run.prepare import prepare
+from explicitfe.run.resume import begun_at, go_on
 
 
 def result_path(scenario_path: Path | str, out: Path | str = "outputs") -> Path:
@@ -22,6 +24,7 @@ def run(
     settings: Sequence[str] = (),
     notes: Sequence[str] = (),
     overwrite: bool = False,
+    resume: bool = False,
     progress: Progress = silent,
 ) -> RunSummary:
     """Run a scenario to its end and store its result.
@@ -33,15 +36,22 @@ def run(
     settings : ``key=value`` pairs that replace what the file says.
     notes : sentences for the user that the summary begins its warnings with.
     overwrite : replace a result that exists.
+    resume : go on with a run of this scenario that was stopped or killed, if there is one; see ``run/resume.py``.
     progress : called with the stage and the share of it that is done.
 
     Returns
     -------
     The summary: what ``explicitfe run --json`` prints. ``status`` is "finished", or says why the run ended early; then
-    ``message`` holds a sentence for the user, and what was computed until then is stored.
+    ``message`` holds a sentence for the user, and what was computed until then is stored. Ctrl-C ends a run after a sample, with
+    the status "interrupted"; a second one raises KeyboardInterrupt at once.
 
     Raises
     ------
     InputError : nothing was run and nothing written.
     """
-    return prepare(path, settings, notes).run(result_path(path, out), overwrite=overwrite, progress=progress)
+    analysis, target = prepare(path, settings, notes), result_path(path, out)
+    begun = begun_at(target) if resume else None
+    if begun is not None:
+        return go_on(analysis, begun, overwrite=overwrite, progress=progress).summary
+    with stopping.watching():
+        return analysis.run(target, overwrite=overwrite, progress=progress)

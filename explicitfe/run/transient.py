@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, cast
@@ -15,6 +16,7 @@ from explicitfe.compiled.arrays import (
     BONE_AREA,
     BONE_FORCE,
     DAMPED,
+    ENERGIES,
     EXTERNAL,
     HOURGLASS,
     IN_CONTACT,
@@ -26,6 +28,7 @@ from explicitfe.compiled.arrays import (
     SMALLEST_J,
 )
 from explicitfe.errors import InputError, Progress
+from explicitfe.host import stopping
 from explicitfe.measure.motion import has_settled
 from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model import catalogue
@@ -42,7 +45,14 @@ from explicitfe.results.run_summary import (
     point_at_rest,
     probes_of,
 )
-from explicitfe.run.analysis import BENDING_WARNING_SHARE, HOURGLASS_WARNING_SHARE, Analysis
+from explicitfe.run.analysis import (
+    BENDING_WARNING_SHARE,
+    HOURGLASS_WARNING_SHARE,
+    Analysis,
+    Begun,
+    how_to_go_on,
+    restart_extras,
+)
 from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.observe import Recording, Snapshot
 from explicitfe.solve.simulation import Simulation
@@ -72,6 +82,20 @@ TRANSIENT_HISTORY = {
     "tied_energy": Quantity("J", 1, "stored in the ties to bones, and in the springs that hold these"),
     "balance_error": Quantity("1", 1, "largest energy balance error so far, relative"),
     "smallest_J": Quantity("1", 1, "smallest J of all elements in all steps so far"),
+}
+
+# Column of the history -> entry of the energies of a sample.
+ENERGY_COLUMNS = {
+    "internal_energy": INTERNAL,
+    "hourglass_energy": HOURGLASS,
+    "barrier_energy": BARRIER,
+    "kinetic_energy": KINETIC,
+    "external_work": EXTERNAL,
+    "damping_loss": DAMPED,
+    "material_loss": LOST,
+    "contact_energy": IN_CONTACT,
+    "contact_loss": RUBBED,
+    "tied_energy": IN_TIES,
 }
 
 
@@ -112,15 +136,16 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "probes": {name: point_at_rest(point) for name, point in self.model.probes.items()},
         }
 
-    def run(self, target: Path, *, overwrite: bool, progress: Progress) -> TransientSummary:
+    def run(self, target: Path, *, overwrite: bool, progress: Progress, begun: Begun | None = None) -> TransientSummary:
         """Advance to the end, with samples as the scenario asks for; see ``Analysis.run``."""
         begin = time.perf_counter()
         scenario, simulation = self.scenario, self.body
         every_s = 1e-3 * scenario.record.every_ms
         duration_s = 1e-3 * scenario.analysis.duration_ms
         step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
+        expected = int(duration_s / every_s) + 2
 
-        with self._writer(target, overwrite, int(duration_s / every_s) + 2) as writer:
+        with self._opened(target, overwrite, expected, begun) as writer:
             compile_s = simulation.compile(lambda share: progress("compile", share))
             try:
                 transient = Transient(simulation, duration_s, step_s)
@@ -129,26 +154,37 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             ledger = Ledger()
             # Fields are stored as the recorder asks; wall time is that of computing and storing, without compiling.
             started = time.perf_counter()
-            stored_at = -np.inf
+            if begun is not None and begun.state is not None:
+                ledger.add_until(_energies(begun.rows), BALANCE_ERROR_LIMIT)
+                transient.restore(begun.state.arrays)
+                started -= float(begun.state.arrays["seconds"])
+            # a run that goes on may have other threads than it was begun with; its file keeps the shape of its states
+            threads = len(simulation.parts) if begun is None or begun.state is None else len(begun.state.arrays["ledgers"])
+            writer.restart(transient.restart_state(threads) | restart_extras(len(ledger.energies), time.perf_counter() - started))
+            stored_at = time.perf_counter()
             status: Status | None = None
-            try:
-                for recording in transient.recordings(every_s):
-                    count, imbalance = ledger.add_until(recording.energies, BALANCE_ERROR_LIMIT)
-                    if count:
-                        self._store(writer, recording, ledger, count)
-                    if not imbalance < BALANCE_ERROR_LIMIT:
-                        status = _diverged(float(recording.time_s[count - 1]), imbalance)
-                        break
-                    status = transient.status
-                    now = time.perf_counter()
-                    if status is None and (now - stored_at > RESTART_EVERY_S or transient.finished):
-                        writer.restart(transient.restart_state())
-                        stored_at = now
+            for recording in transient.recordings(every_s):
+                count, imbalance = ledger.add_until(recording.energies, BALANCE_ERROR_LIMIT)
+                if count:
+                    self._store(writer, recording, ledger, count)
+                if not imbalance < BALANCE_ERROR_LIMIT:
+                    status = _diverged(float(recording.time_s[count - 1]), imbalance)
+                    break
+                status = transient.status
+                now = time.perf_counter()
+                stopped = status is not None and status.state == INTERRUPTED
+                if stopped or (status is None and (now - stored_at > RESTART_EVERY_S or transient.finished)):
+                    state = transient.restart_state(threads) | restart_extras(len(ledger.energies), now - started)
+                    writer.restart(state)
+                    stored_at = now
+                with suppress(stopping.Stopped):  # the next step notices it, where the run can be left
                     progress("run", min(1.0, simulation.time_s / duration_s))
-            except KeyboardInterrupt:
-                status = Status(INTERRUPTED, f"stopped by hand at {1e3 * simulation.time_s:.3f} ms; what is stored is complete.")
             status = status or Status(FINISHED)
-            summary = self._summary(target, status, ledger, transient, compile_s, time.perf_counter() - started, writer.last_row)
+            place = writer.place(status.state)
+            if status.state == INTERRUPTED:
+                status = Status(INTERRUPTED, f"{status.message}; {how_to_go_on(place)}")
+            seconds = time.perf_counter() - started
+            summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row)
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
             writer.finish(status.state, status.message, summary)
         return summary
@@ -216,7 +252,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 history[f"bone_{bone.name}_placement"] = Quantity("1", 12, placed)
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
-        state = simulation.restart_state() | {"clock": np.zeros(3), "counters": np.zeros(2, dtype=np.int64)}
+        state = (
+            simulation.restart_state() | {"clock": np.zeros(3), "counters": np.zeros(2, dtype=np.int64)} | restart_extras(0, 0.0)
+        )
         return ResultWriter(
             target,
             mesh=model.mesh,
@@ -224,7 +262,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             cell_fields={k: q for k, q in (("J", J), ("hourglass_energy", hourglass)) if k in wanted},
             history=history,
             scenario_text=self.text,
-            model=self.describe(),
+            model=self._stored_model(),
             provenance=provenance(),
             restart=state,
             bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
@@ -241,16 +279,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         rows: dict[str, np.ndarray] = {
             "step": recording.steps[some],
             "dt": recording.dt_s[some],
-            "internal_energy": e[:, INTERNAL],
-            "hourglass_energy": e[:, HOURGLASS],
-            "barrier_energy": e[:, BARRIER],
-            "kinetic_energy": e[:, KINETIC],
-            "external_work": e[:, EXTERNAL],
-            "damping_loss": e[:, DAMPED],
-            "material_loss": e[:, LOST],
-            "contact_energy": e[:, IN_CONTACT],
-            "contact_loss": e[:, RUBBED],
-            "tied_energy": e[:, IN_TIES],
+            **{name: e[:, entry] for name, entry in ENERGY_COLUMNS.items()},
             "balance_error": np.array(ledger.balance_errors[-count:]),
             "smallest_J": samples.smallest_J[some],
         }
@@ -350,6 +379,14 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "largest_speed_mm_s": float(1e3 * speed.max()),
             "probes": probes_of({name: np.asarray(value)[None] for name, value in last_row.items()}),
         }
+
+
+def _energies(rows: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Energies of the samples of a history, (k, ENERGIES) J."""
+    energies = np.zeros((len(rows["time"]), ENERGIES))
+    for name, entry in ENERGY_COLUMNS.items():
+        energies[:, entry] = rows[name]
+    return energies
 
 
 def _diverged(time_s: float, error: float) -> Status:

@@ -280,17 +280,23 @@ class Simulation(Body):
 
     # ---- restart ----
 
-    def restart_state(self) -> dict[str, np.ndarray]:
-        """Copies of all that the future depends on, in computing order."""
+    def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
+        """Copies of all that the future depends on, in computing order.
+
+        ``threads``: sums over the parts are stored as so many threads have them; those that compute, if left out.
+        """
+        threads = threads or len(self.parts)
+        ledgers = _shared(self._ledgers, threads).copy()
+        ledgers[:, SMALLEST_J:] = self._ledgers[:, SMALLEST_J:] if threads == len(self.parts) else self.ledger[SMALLEST_J:]
         return {
             "u": self.state.u.copy(),
             "v": self.state.v.copy(),
             "highest_mode": self._looks.vector.copy(),
             "allowed_bound": self._looks.bound[:, 2].copy(),
             "watch": self.lookers[0].watch.copy(),
-            "ledgers": self._ledgers.copy(),
+            "ledgers": ledgers,
             "memory": self.blocks.old.copy(),
-            "lengths": np.array([part.blocks.last_length for part in self.parts]),
+            "lengths": _shared(np.array([part.blocks.last_length for part in self.parts]), threads),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
         }

@@ -245,12 +245,12 @@ class Transient:
 
     # ---- restart ----
 
-    def restart_state(self) -> dict[str, np.ndarray]:
-        """Everything that the future depends on; minus the internal force follows from u, bit by bit."""
+    def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
+        """Everything that the future depends on; minus the internal force follows from u, bit by bit. See ``Simulation``."""
         return {
             "clock": np.array([self._dt, self.smallest_dt_s, self.largest_fraction]),
             "counters": np.array([self._mark, self._left], dtype=np.int64),
-            **self.simulation.restart_state(),
+            **self.simulation.restart_state(threads),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:

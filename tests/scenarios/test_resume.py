@@ -23,13 +23,14 @@ RUNS = {
     "in time": (TONGUE, ("model.cells=[8, 4, 4]", "analysis.duration_ms=30", "record.every_ms=1", "analysis.threads=1")),
     "equilibria": (REAR, ("model.refinement=0.4", "analysis.threads=1")),
 }
+MORE_ROUNDING = 100.0  # of what follows from small differences of displacements: velocities, and forces of stiff contact springs
 NAMED = pytest.mark.parametrize(("scenario", "settings"), RUNS.values(), ids=RUNS)
 
 
 @pytest.fixture(autouse=True)
 def often_back_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     """A short run returns from compiled code many times: it can be stopped on its way."""
-    monkeypatch.setattr("explicitfe.solve.transient.SECONDS_BETWEEN_RETURNS", 0.002)
+    monkeypatch.setattr("explicitfe.solve.transient.SECONDS_BETWEEN_RETURNS", 0.0)
 
 
 def interrupting(share: float, number: signal.Signals = signal.SIGINT) -> Progress:
@@ -68,7 +69,8 @@ def compare(path: str | Path, wanted: str | Path, *, rounding: float = 0.0) -> N
         for name, values in numbers(one):
             # the balance is a difference of energies, relative to these
             largest = 1.0 if name == "history balance_error" else np.abs(theirs[name]).max(initial=0.0)
-            np.testing.assert_allclose(values, theirs.pop(name), rtol=0.0, atol=rounding * largest, err_msg=name)
+            share = rounding * (1.0 if "displacement" in name or name == "times" else MORE_ROUNDING)
+            np.testing.assert_allclose(values, theirs.pop(name), rtol=0.0, atol=share * largest, err_msg=name)
         assert not theirs
         for key in ("steps", "iterations", "curve", "loads", "energy_balance_error", "probes", "warnings", "dt_s"):
             if key in one.summary and not rounding:

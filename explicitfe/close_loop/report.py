@@ -15,7 +15,7 @@ from explicitfe.close_loop.statistics.refit import BestFit, intervals
 from explicitfe.close_loop.thresholds import entries
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
-from explicitfe.results.folder import whole_folder
+from explicitfe.results.folder import drawing, whole_folder
 from explicitfe.results.loop_report import (
     CurveError,
     ErrorsOfModel,
@@ -247,7 +247,10 @@ def write(target: Path, documents: LoopDocuments) -> None:
 
     report = documents.report
     with whole_folder(target) as folder:
-        names = [SUMMARY, *loopreport.write(folder, report, documents.curves), *documents.files]
+        names, warnings = [SUMMARY, *documents.files], list(report.warnings)
+        with drawing(warnings):
+            names += loopreport.write(folder, report, documents.curves)
+        report.warnings = warnings
         for name, text in documents.files.items():
             (folder / name).write_text(text, encoding="utf-8")
         report.files = [str(target / name) for name in names]

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from explicitfe.identify.pictures import GroupPictures
-from explicitfe.results.folder import whole_folder
+from explicitfe.results.folder import drawing, whole_folder
 from explicitfe.results.identification import Identification, IdentifiedGroup
 
 SUMMARY_FILE = "identify.json"
@@ -42,21 +42,23 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
 
     for name, shown in pictures.items():
         title = identification["dataset"] + (f", {name}" if several else "")
-        figures.fit(file("fit", name, ".png"), title, shown.curves, shown.constants)
-        if shown.profiles is not None:
-            figures.profiles(file("profiles", name, ".png"), title, shown.profiles)
-        if shown.paper is not None:
-            figures.convergence(file("convergence", name, ".png"), title, shown.paper)
-        if shown.test is not None:
-            specimen = shown.test.deform()
+        with drawing(identification["warnings"]):
+            figures.fit(file("fit", name, ".png"), title, shown.curves, shown.constants)
+            if shown.profiles is not None:
+                figures.profiles(file("profiles", name, ".png"), title, shown.profiles)
+            if shown.paper is not None:
+                figures.convergence(file("convergence", name, ".png"), title, shown.paper)
+            specimen = None if shown.test is None else shown.test.deform()
             if specimen is not None:
                 figures.deformed(file("deformed", name, ".png"), title, specimen)
+        if shown.test is not None:
             title = f"{identification['title']}: constants {name}, fitted"
             scenario = shown.test.scenario(title, identification["method"])
             file("fitted", name, ".toml").write_text(scenario, encoding="utf-8")
     materials = (_material(name, group, identification["poisson"]) for name, group in groups.items() if "constants" in group)
     (folder / "material.toml").write_text("".join(materials), encoding="utf-8")
     names.append("material.toml")
+    names = [name for name in names if (folder / name).exists()]
     identification["files"] = [str(target / name) for name in [SUMMARY_FILE, *names]]
     text = json.dumps(plain(identification), indent=2, allow_nan=False)
     (folder / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")

@@ -36,6 +36,22 @@ def checked_target(out: Path, overwrite: bool, *, summary: str, what: str) -> Pa
 
 
 @contextmanager
+def drawing(warnings: list[str]) -> Iterator[None]:
+    """Draw pictures in this block: if that fails, a sentence is added to the warnings, and the numbers are not lost for it.
+
+    Raises
+    ------
+    OSError : the pictures cannot be written, and so nothing can.
+    """
+    try:
+        yield
+    except OSError:
+        raise
+    except Exception as error:
+        warnings.append(f"not all pictures could be drawn, a fault of explicitfe ({type(error).__name__}: {error}).")
+
+
+@contextmanager
 def whole_folder(target: Path) -> Iterator[Path]:
     """A folder to fill, beside the target; it takes its place at the end, or nothing of it is left.
 

@@ -10,6 +10,8 @@ from explicitfe.results import Result
 from explicitfe.view.muscles import muscles_of, pull_in_words
 from explicitfe.view.palette import WIDTH_IN, new_figure
 
+LONGEST_TITLE_CHARACTERS = 400  # five lines: more of it would leave no room to the picture
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -42,14 +44,14 @@ def result_figure(result: Result, height_in: float, what: str) -> Figure:
 
 
 def title_of(result: Result) -> str:
-    """The title of a run; where its scenario has none or cannot be read, the name of the file."""
+    """The title of a run; where its scenario has none or cannot be read, the name of the file. A very long one is cut."""
     title = result.summary.get("title")
-    if title:
-        return str(title)
-    try:
-        return str(tomllib.loads(result.scenario_text).get("title", result.path.stem))
-    except tomllib.TOMLDecodeError:
-        return result.path.stem
+    if not title:
+        try:
+            title = tomllib.loads(result.scenario_text).get("title", result.path.stem)
+        except tomllib.TOMLDecodeError:
+            title = result.path.stem
+    return textwrap.shorten(str(title), LONGEST_TITLE_CHARACTERS, placeholder=" …")
 
 
 def rounded(value: float, count: int = 3) -> str:

@@ -73,6 +73,8 @@ def probes_figure(result: Result, step: int) -> Figure | None:
 
 def energies_figure(result: Result, step: int) -> Figure | None:
     """Energies over time, the error of their balance and the share of hourglass energy; None where there is nothing to show."""
+    from matplotlib.ticker import LogFormatter
+
     lines = {
         "external_work": ("external work", "black", "-"),
         "internal_energy": ("elastic", COLOURS[0], "-"),
@@ -100,6 +102,8 @@ def energies_figure(result: Result, step: int) -> Figure | None:
     if np.any(error > 0.0):
         panels[1].plot(times, np.where(error > 0.0, error, np.nan), color="black", lw=1.6)
         panels[1].set_yscale("log")
+        panels[1].yaxis.set_major_formatter(LogFormatter())  # the usual one writes formulas
+        panels[1].yaxis.set_minor_formatter(LogFormatter())
     panels[1].set_title("error of the energy balance, largest so far", fontsize=10)
     panels[1].set_ylabel("relative error (%)")
     share = hourglass_share(result)

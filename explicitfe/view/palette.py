@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,9 @@ if TYPE_CHECKING:
 # 1600 dots wide: a picture fills a page or a screen.
 WIDTH_IN = 10.0
 DOTS_PER_INCH = 160
+# Control characters but the end of a line, and halves of characters: a name of a file may hold them.
+NOT_DRAWABLE = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
+LONGEST_LINE_CHARACTERS = 200  # across the widest picture; more would leave no room to what is drawn
 # Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
 # A model before and after effects were added to it; style.css of the report says the same.
@@ -33,10 +38,26 @@ def new_figure(width_in: float, height_in: float, dots_per_inch: int = DOTS_PER_
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG file. ``Figure.savefig`` would draw it twice, once only for the layout."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    """Write a figure as a PNG file, with every text as it stands: a dollar begins no formula.
 
-    FigureCanvasAgg(figure).print_png(path)
+    ``Figure.savefig`` would draw the figure twice, once only for the layout.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        text.set_parse_math(False)
+        text.set_text("\n".join(_drawable(line) for line in text.get_text().split("\n")))
+    with warnings.catch_warnings():
+        # Nobody chose the font: a letter that it lacks is drawn as a box, which is seen.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        FigureCanvasAgg(figure).print_png(path)
+
+
+def _drawable(line: str) -> str:
+    line = NOT_DRAWABLE.sub("\N{REPLACEMENT CHARACTER}", line)
+    return line if len(line) <= LONGEST_LINE_CHARACTERS else f"{line[: LONGEST_LINE_CHARACTERS - 1]}…"
 
 
 def plain(axes: Axes) -> None:

@@ -48,15 +48,12 @@ class EmbeddedPictures:
 
 def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve]) -> list[str]:
     """Write the page and its pictures into ``folder``, and return the names of the files."""
-    from matplotlib import rc_context
-
     drawn = drawn_curves(curves)
     tested = any(was_scored(candidate) for one in report.steps for candidate in one.candidates)
-    with rc_context({"text.parse_math": False}):  # a dollar in a name is a dollar
-        first = _embedded(folder / "before-after.png", before_after(report, drawn))
-        left = _embedded(folder / "residuals.png", residuals(report, drawn))
-        candidates = _embedded(folder / "ranking.png", ranking(report))
-        assumed = _embedded(folder / "sensitivity.png", sensitivity(report)) if assumed_values(report) else None
+    first = _embedded(folder / "before-after.png", before_after(report, drawn))
+    left = _embedded(folder / "residuals.png", residuals(report, drawn))
+    candidates = _embedded(folder / "ranking.png", ranking(report))
+    assumed = _embedded(folder / "sensitivity.png", sensitivity(report)) if assumed_values(report) else None
     pictures = EmbeddedPictures(
         first if drawn else None,
         left if drawn else None,

@@ -11,7 +11,17 @@ from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.lips import LipsTable
 from explicitfe.scenario.material import Material
 from explicitfe.scenario.surgery import GraftTable, ResectionTable, ScarTable
-from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
+from explicitfe.scenario.table import (
+    MOST_ROWS_OF_A_COURSE,
+    MOST_TABLES_OF_A_KIND,
+    Cells,
+    Name,
+    Pair,
+    Table,
+    Threads,
+    Title,
+    Vector,
+)
 
 # The fields that a transient run can store.
 FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
@@ -48,7 +58,7 @@ class ModelTable(Table):
         default=True, description='whether a barrier keeps the corners of elements from folding; "hex8" alone has one'
     )
     damping: Damping = Damping()
-    fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
+    fixed: list[Name] | None = Field(default=None, description="node sets that are held; the model's own if left out")
     attachment: Literal["nodes", "area"] = Field(
         default="nodes",
         description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches of these '
@@ -75,13 +85,15 @@ class ModelTable(Table):
 class MuscleTable(Table):
     """One muscle's pull."""
 
-    name: str = Field(description="see 'explicitfe list muscles'")
+    name: Name = Field(description="see 'explicitfe list muscles'")
     force_N: float = Field(ge=0.0, description="force summed over all fibres of the sides named [N]")
     profile: Literal["step", "ramp", "table"] = "step"
     start_ms: float = Field(default=0.0, ge=0.0)
     rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
     end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
-    table: list[Pair] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
+    table: list[Pair] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, scale] pairs, linear in between"
+    )
     distribution: Literal["stress", "ends", "along", "volume"] = Field(
         default="ends", description="an active stress along the fibres in the tissue around them, or forces on nodes"
     )
@@ -130,22 +142,26 @@ class RecordTable(Table):
 
     every_ms: float = Field(default=1.0, gt=0.0)
     fields: list[FieldName] = Field(default=list(FIELDS))
-    probes: list[str] | None = Field(default=None, description="named points; all of the model if left out")
+    probes: list[Name] | None = Field(default=None, description="named points; all of the model if left out")
 
 
 class TransientScenario(Table):
     """One run, as its file states it."""
 
-    title: str
+    title: Title
     question: str = ""
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: ModelTable
-    muscle: list[MuscleTable] = Field(default=[])
-    bone: list[BoneTable] = Field(default=[])
+    muscle: list[MuscleTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
+    bone: list[BoneTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     jaw: JawTable | None = None
     hyoid: HyoidTable | None = None
-    resection: list[ResectionTable] = Field(default=[], description="tissue that is taken out")
-    graft: list[GraftTable] = Field(default=[], description="flaps of other tissue, without muscle")
+    resection: list[ResectionTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is taken out"
+    )
+    graft: list[GraftTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="flaps of other tissue, without muscle"
+    )
     scar: ScarTable | None = Field(default=None, description="stiffer tissue beside cuts and grafts")
     lips: LipsTable | None = None
     effects: EffectsTable = EffectsTable()

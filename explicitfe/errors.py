@@ -36,10 +36,9 @@ MOST_NAMES_LISTED = 20
 
 
 def shortened(text: str) -> str:
-    """What a user wrote as a sentence can say it again: its beginning, where it is long."""
-    if len(text) <= LONGEST_ECHO_CHARACTERS:
-        return text
-    return f"{text[:LONGEST_ECHO_CHARACTERS]}... ({len(text)} characters)"
+    """What a user wrote as a sentence can say it again: on one line, and its beginning where it is long."""
+    echo = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:LONGEST_ECHO_CHARACTERS])
+    return echo if len(text) <= LONGEST_ECHO_CHARACTERS else f"{echo}... ({len(text)} characters)"
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:

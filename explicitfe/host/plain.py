@@ -14,13 +14,13 @@ LARGEST_WHOLE_NUMBER = 2**63 - 1  # in 64 bits, as TOML has it
 _NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
-def check_plain(data: object, where: str) -> None:
+def check_plain(data: object, where: object) -> None:
     """Refuse what no key can mean, whatever its schema: see the constants above, and dates.
 
     Parameters
     ----------
     data : parsed TOML or JSON.
-    where : begins the sentence: the file, or the option.
+    where : begins the sentence, as text: the file, or the option.
 
     Raises
     ------
@@ -46,14 +46,14 @@ def check_plain(data: object, where: str) -> None:
             raise _fault(where, path, f"{value} is a date or a time, which no key takes; put it in quotes if it is text")
 
 
-def _check_key(key: str, where: str, path: tuple[str, ...]) -> None:
+def _check_key(key: str, where: object, path: tuple[str, ...]) -> None:
     if len(key) > LONGEST_KEY_CHARACTERS:
         raise _fault(where, path, f'the key "{shortened(key)}" is too long; {LONGEST_KEY_CHARACTERS} characters are possible')
     if _NOT_TEXT.search(key):
         raise _fault(where, path, f"the key {key!a} has a control character; take it out")
 
 
-def _check_text(text: str, where: str, path: tuple[str, ...]) -> None:
+def _check_text(text: str, where: object, path: tuple[str, ...]) -> None:
     if len(text) > LONGEST_TEXT_CHARACTERS:
         raise _fault(where, path, f"a text of {len(text)} characters is too long; {LONGEST_TEXT_CHARACTERS} are possible")
     odd = _NOT_TEXT.search(text)
@@ -61,6 +61,6 @@ def _check_text(text: str, where: str, path: tuple[str, ...]) -> None:
         raise _fault(where, path, f"character {odd.start() + 1} of the text is a control character, {odd[0]!a}; take it out")
 
 
-def _fault(where: str, path: tuple[str, ...], sentence: str) -> InputError:
+def _fault(where: object, path: tuple[str, ...], sentence: str) -> InputError:
     place = f"{shortened('.'.join(path))}: " if path else ""
     return InputError(f"{where}: {place}{sentence}.")

@@ -1,7 +1,7 @@
 """How large and how small a number can be that a user states, by the unit that ends its key.
 
-The bounds are those of any body that fits on a bench: nobody who means what he writes meets them. Beyond them a unit is mistaken or
-a digit slipped, and the arithmetic of a simulation would overflow, or begin a run that no machine ends.
+The bounds are those of any body that fits on a bench: nobody who means what he writes meets them. Beyond them a unit is
+mistaken or a digit slipped, and the arithmetic of a simulation would overflow, or begin a run that no machine ends.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Bounds:
 
 # The first unit that a key ends with counts, so longer ones stand first.
 BOUNDS = {
-    "_kg_m3": Bounds(1.0, 3e4, "densities lie between 1 kg/m^3, lighter than any foam, and 30 000 kg/m^3, heavier than any metal"),
+    "_kg_m3": Bounds(1.0, 3e4, "densities lie between 1 kg/m^3, lighter than foam, and 30 000 kg/m^3, heavier than metal"),
     "_m_s2": Bounds(1e-6, 1e4, "accelerations end at 10 000 m/s^2, a thousand times that of gravity"),
     "_N_per_mm": Bounds(1e-9, 1e6, "springs lie between 1 nN/mm and 1 MN/mm"),
     "_mm_kPa": Bounds(1e-9, 1e4, "compliances end at 10 m/kPa"),
@@ -50,7 +50,7 @@ BOUNDS = {
     "_ms": Bounds(1e-3, 3.6e6, "times in ms lie between 1 microsecond and 1 hour"),
     "_s": Bounds(1e-6, 1e7, "times in s lie between 1 microsecond and four months"),
     "_N": Bounds(1e-9, 1e3, "forces end at 1 kN"),
-    "_Pa": Bounds(1.0, 1e9, "moduli and stresses lie between 1 Pa, softer than any gel, and 1 GPa, stiffer than tendon"),
+    "_Pa": Bounds(1e-2, 1e9, "moduli and stresses lie between 0.01 Pa, softer than any gel, and 1 GPa, stiffer than tendon"),
     "_deg": Bounds(1e-6, 360.0, "angles end at a full turn"),
     "_ratio": Bounds(1e-4, 1e4, "ratios of stiffness lie between 1 : 10 000 and 10 000 : 1"),
     "": Bounds(1e-9, 1e12, "numbers without a unit lie between a billionth and a million millions"),

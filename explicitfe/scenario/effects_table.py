@@ -35,7 +35,10 @@ else:
         "EffectsTable",
         __base__=EffectsBase,
         **{
-            name.replace("-", "_"): (Annotated[kind | None, AfterValidator(check_fields)], Field(default=None, alias=name, description=kind.about.title))
+            name.replace("-", "_"): (
+                Annotated[kind | None, AfterValidator(check_fields)],
+                Field(default=None, alias=name, description=kind.about.title),
+            )
             for name, kind in EFFECTS.items()
         },
     )

@@ -127,7 +127,6 @@ class RelaxationTable(Table):
         default=None,
         max_length=MOST_ROWS_OF_A_COURSE,
         description="of the whole tool, one after the other",
-   
     )
     displacements_mm: list[float] | None = Field(
         default=None,

@@ -27,6 +27,9 @@ from explicitfe.scenario.table import (
 FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
 
 
+# So many pictures in time nobody looks at; of the smallest mesh they fill 10 GB.
+MOST_SAMPLES = 1_000_000
+
 FIELDS: tuple[FieldName, ...] = get_args(FieldName)
 
 
@@ -77,6 +80,8 @@ class ModelTable(Table):
             raise ValueError("give either name (a built-in model) or file (a model file), and not both")
         if self.resolution is not None and self.cells is not None:
             raise ValueError("give either resolution or cells, not both")
+        if self.fixed is not None and len(set(self.fixed)) < len(self.fixed):
+            raise ValueError("fixed names a node set twice; name each once")
         if self.file is not None and (self.resolution is not None or self.cells is not None):
             raise ValueError("resolution and cells are for built-in models: a model file brings its own mesh")
         return self
@@ -140,7 +145,7 @@ class AnalysisTable(Table):
 class RecordTable(Table):
     """What is stored."""
 
-    every_ms: float = Field(default=1.0, gt=0.0)
+    every_ms: float = Field(default=1.0, gt=0.0, description="time between two samples [ms]; a run has at most a million samples")
     fields: list[FieldName] = Field(default=list(FIELDS))
     probes: list[Name] | None = Field(default=None, description="named points; all of the model if left out")
 
@@ -156,9 +161,7 @@ class TransientScenario(Table):
     bone: list[BoneTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     jaw: JawTable | None = None
     hyoid: HyoidTable | None = None
-    resection: list[ResectionTable] = Field(
-        default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is taken out"
-    )
+    resection: list[ResectionTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is taken out")
     graft: list[GraftTable] = Field(
         default=[], max_length=MOST_TABLES_OF_A_KIND, description="flaps of other tissue, without muscle"
     )
@@ -167,6 +170,16 @@ class TransientScenario(Table):
     effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
     record: RecordTable = RecordTable()
+
+    @model_validator(mode="after")
+    def _samples_can_be_stored(self) -> TransientScenario:
+        samples = self.analysis.duration_ms / self.record.every_ms
+        if samples > MOST_SAMPLES:
+            raise ValueError(
+                f"analysis.duration_ms = {self.analysis.duration_ms:g} and record.every_ms = {self.record.every_ms:g} make "
+                f"{samples:.2g} samples; at most {MOST_SAMPLES} are possible, so take a longer every_ms"
+            )
+        return self
 
     @model_validator(mode="after")
     def _bones_that_move_are_tied(self) -> TransientScenario:

@@ -31,11 +31,24 @@ class MachineError(RunError):
     """What the machine or its operating system refuses: a full disk, no permission, too little memory. Exit code 3 as well."""
 
 
+LONGEST_ECHO_CHARACTERS = 60  # of what a user wrote, in a sentence about it
+MOST_NAMES_LISTED = 20
+
+
+def shortened(text: str) -> str:
+    """What a user wrote as a sentence can say it again: on one line, and its beginning where it is long."""
+    echo = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:LONGEST_ECHO_CHARACTERS])
+    return echo if len(text) <= LONGEST_ECHO_CHARACTERS else f"{echo}... ({len(text)} characters)"
+
+
 def nearest(word: str, valid: Iterable[str]) -> str:
     """'did you mean "x"?' for the valid name nearest to ``word``, or 'valid are: a, b.' when none is near: ends a sentence."""
     valid = sorted(valid)
+    if not valid:
+        return "there is none."
     by_lower = {name.lower(): name for name in valid}
-    match = get_close_matches(word.lower(), by_lower, n=1, cutoff=0.5)
+    match = get_close_matches(shortened(word).lower(), by_lower, n=1, cutoff=0.5)
     if match:
         return f'did you mean "{by_lower[match[0]]}"?'
-    return f"valid are: {', '.join(valid)}."
+    more = f" and {len(valid) - MOST_NAMES_LISTED} more" if len(valid) > MOST_NAMES_LISTED else ""
+    return f"valid are: {', '.join(shortened(name) for name in valid[:MOST_NAMES_LISTED])}{more}."

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from explicitfe.errors import InputError
+from explicitfe.host.plain import MOST_LEVELS, check_plain
 
 # Tables are written by people: the largest that come with the program, the fibres of a tongue, have some 100 kB.
 LARGEST_TABLE_BYTES = 4 * 2**20
-# A table in a table in a table ...: no file of this program has more than six.
-MOST_LEVELS_OF_TABLES = 32
 # A key of so many parts; Python's reader takes a time that grows with the square of their number, hours for a file of 4 MiB.
 _LONG_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++\s*+\.\s*+){100}""")
 
@@ -76,9 +75,9 @@ def toml_of(text: str, path: Path | str) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : it is not TOML, or more deeply nested than anything that a person writes.
+    InputError : it is not TOML, or holds what no key can mean: see ``check_plain``.
     """
-    too_deep = InputError(f"{path}: there are tables in tables here, more than {MOST_LEVELS_OF_TABLES} levels; write them flat.")
+    too_deep = InputError(f"{path}: there are tables in tables here, more than {MOST_LEVELS} levels; write them flat.")
     if _LONG_KEY.search(text):
         raise too_deep
     try:
@@ -88,8 +87,7 @@ def toml_of(text: str, path: Path | str) -> dict[str, Any]:
         raise too_deep from None
     except ValueError as error:  # It is no TOML, or has a whole number of thousands of digits.
         raise InputError(f"{path}: this is not valid TOML: {_sentence(error)}.") from None
-    if _levels(data) > MOST_LEVELS_OF_TABLES:
-        raise too_deep
+    check_plain(data, path)
     return data
 
 
@@ -98,28 +96,17 @@ def json_of(text: str, path: Path | str) -> Any:
 
     Raises
     ------
-    InputError : it is not JSON, or more deeply nested than anything that a program writes.
+    InputError : it is not JSON, or holds what no key can mean: see ``check_plain``.
     """
-    too_deep = InputError(f"{path}: there are lists in lists here, more than {MOST_LEVELS_OF_TABLES} levels.")
+    too_deep = InputError(f"{path}: there are lists in lists here, more than {MOST_LEVELS} levels.")
     try:
         data = json.loads(text)
     except RecursionError:
         raise too_deep from None
     except ValueError as error:
         raise InputError(f"{path}: this is not valid JSON: {_sentence(error)}.") from None
-    if _levels(data) > MOST_LEVELS_OF_TABLES:
-        raise too_deep
+    check_plain(data, path)
     return data
-
-
-def _levels(data: object) -> int:
-    """How deep tables and lists stand in each other."""
-    levels, inner = 0, [data]
-    while inner:
-        levels += 1
-        tables = [part for part in inner if isinstance(part, dict | list)]
-        inner = [value for part in tables for value in (part.values() if isinstance(part, dict) else part)]
-    return levels - 1
 
 
 def _sentence(error: ValueError) -> str:

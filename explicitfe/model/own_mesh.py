@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import tomllib
+from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
+from explicitfe.host.text import text_of, toml_of
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, over_mean
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
+from explicitfe.model.mesh_file import read_mesh
 from explicitfe.scenario.sentences import explain
-from explicitfe.scenario.table import Table, Vector, validated
+from explicitfe.scenario.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector, validated
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-_SOLID_CELLS = {"tetra", "pyramid", "wedge", "hexahedron"}
+# Lists of the nodes of a fine mesh are long.
+LARGEST_MODEL_FILE_BYTES = 32 * 2**20
+SMALLEST_EXTENT_M, FARTHEST_POINT_M = 1e-5, 100.0
 # Points of a fibre that lie nearer to each other than this share of the mesh are the same but for rounding.
 _SAME_POINT_SHARE = 1e-9
 
@@ -71,8 +73,8 @@ class FibreTable(Table):
 class FileMuscle(Table):
     """One muscle of a model file."""
 
-    name: str = Field(min_length=1)
-    title: str = ""
+    name: Name
+    title: Title = ""
     max_force_N: float = Field(default=0.0, ge=0.0)
     origin_width_mm: float | None = Field(
         default=None, gt=0.0, description="how wide its stress is spread at the origin, where fibres converge; else 3 mm"
@@ -83,7 +85,7 @@ class FileMuscle(Table):
 class MeshFile(Table):
     """The schema of a model file: the mesh, and what is what in it."""
 
-    title: str = ""
+    title: Title = ""
     source: str = ""
     mesh: str = Field(description="mesh file, relative to this file")
     length_unit: Literal["m", "cm", "mm"]
@@ -91,22 +93,24 @@ class MeshFile(Table):
     node_sets: dict[str, NodeSet] = Field(default={})
     fixed: list[str] = Field(default=[], description="node sets that are held")
     named_points: dict[str, int] = Field(default={})
-    muscle: list[FileMuscle] = Field(default=[])
+    muscle: list[FileMuscle] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
 
     @field_validator("node_sets", "named_points")
     @classmethod
     def _names_can_be_stored(cls, named: dict[str, object]) -> dict[str, object]:
         for name in named:
-            if not name.strip() or name == "." or "/" in name or "\0" in name:
-                raise ValueError(f'"{name}" cannot be a name in a result file: give one of letters and digits, without "/"')
+            if not name.strip() or name == "." or "/" in name or len(name) > LONGEST_NAME_CHARACTERS:
+                raise ValueError(
+                    f'"{shortened(name)}" cannot be a name in a result file: give one of up to '
+                    f'{LONGEST_NAME_CHARACTERS} letters and digits, without "/"'
+                )
         return named
 
     @model_validator(mode="after")
     def _muscles_differ(self) -> MeshFile:
-        names = [muscle.name for muscle in self.muscle]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"{names.count(name)} muscles are called {name}; give each another name, or one all the fibres")
+        for name, count in Counter(muscle.name for muscle in self.muscle).items():
+            if count > 1:
+                raise ValueError(f"{count} muscles are called {name}; give each another name, or one all the fibres")
         return self
 
 
@@ -117,21 +121,18 @@ def read_model_file(path: Path) -> Anatomy:
     ------
     InputError : the file or the mesh cannot be used; one sentence.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: the model file cannot be read ({error.strerror}).") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: this is not valid TOML: {error}.") from None
+    text = text_of(path, "model.file names the model file of a mesh", largest_bytes=LARGEST_MODEL_FILE_BYTES)
+    data = toml_of(text, path)
     try:
         table = validated(MeshFile, data)
     except ValidationError as error:
-        raise InputError(f"{path}: {explain(error, data, MeshFile)}") from None
+        raise InputError(f"{path}: {explain(error, data, MeshFile).replace('the scenario', 'the model file')}") from None
 
     mesh_path = path.parent / table.mesh
-    points, hexes, point_data = _read_mesh(mesh_path)
+    points, hexes, point_data = read_mesh(mesh_path)
     unit = _METRES_PER_UNIT[table.length_unit]
     bare = HexMesh(points * unit, hexes)
+    _check_extent(bare, mesh_path, table.length_unit)
     check(bare, str(mesh_path))
 
     def nodes(numbers: list[int], what: str) -> np.ndarray:
@@ -173,42 +174,27 @@ def read_model_file(path: Path) -> Anatomy:
     return Anatomy(name=path.stem, mesh=mesh, muscles=muscles, fixed=tuple(table.fixed))
 
 
-def _read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    import meshio  # slow to import, and only needed for a mesh of one's own
-
-    if not path.is_file():
-        raise InputError(f"{path}: the mesh file does not exist.")
-    try:
-        with contextlib.redirect_stdout(io.StringIO()):  # meshio prints its warnings
-            mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio raises what its formats raise, and leaves on an unknown ending
-        raise InputError(f"{path}: meshio cannot read this mesh ({error}).") from None
-    solids: dict[str, int] = {}
-    hexes = []
-    for cells in mesh.cells:
-        if cells.type.startswith(tuple(_SOLID_CELLS)):
-            solids[cells.type] = solids.get(cells.type, 0) + len(cells.data)
-        if cells.type == "hexahedron":
-            hexes.append(cells.data)
-    other = {kind: count for kind, count in solids.items() if kind != "hexahedron"}
-    if other:
-        listed = ", ".join(f"{count} {kind}" for kind, count in other.items())
-        raise InputError(f"{path}: the mesh holds {listed} cells; only 8-node hexahedra can be computed, so mesh it with hexes.")
-    if not hexes:
-        raise InputError(f"{path}: the mesh holds no hexahedra.")
-    points = np.asarray(mesh.points, dtype=float)
-    if points.shape[1] != 3:
-        raise InputError(f"{path}: the mesh has {points.shape[1]} coordinates a node; it must have 3.")
-    return points, np.concatenate(hexes).astype(np.int64), mesh.point_data
-
-
 def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where: str) -> np.ndarray:
     if entry.point_data not in point_data:
-        raise InputError(f'{where}: the mesh has no point array "{entry.point_data}"; {nearest(entry.point_data, point_data)}')
-    nodes = np.flatnonzero(np.asarray(point_data[entry.point_data]).ravel() == entry.value)
+        name = shortened(entry.point_data)
+        raise InputError(
+            f'{where}: the mesh has no point array "{name}" of one number a node; {nearest(entry.point_data, point_data)}'
+        )
+    nodes = np.flatnonzero(point_data[entry.point_data] == entry.value)
     if not len(nodes):
         raise InputError(f"{where}: no node has {entry.point_data} = {entry.value:g}.")
     return nodes
+
+
+def _check_extent(mesh: HexMesh, path: Path, unit: str) -> None:
+    """InputError where a body is of no size that a scenario could state."""
+    extent_m = float(np.ptp(mesh.points, axis=0).max())
+    farthest_m = float(np.abs(mesh.points).max())
+    if extent_m < SMALLEST_EXTENT_M or farthest_m > FARTHEST_POINT_M:  # what is not finite is for check
+        raise InputError(
+            f"{path}: the mesh is {extent_m:.3g} m large and reaches {farthest_m:.3g} m away from its origin; a body has "
+            f'10 micrometres at least and lies within 100 m. Is length_unit = "{unit}" right?'
+        )
 
 
 def _check_pieces(chain: MaterialPoints, mesh: HexMesh) -> None:

@@ -6,13 +6,13 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from explicitfe.scenario.table import Pair, Table, Vector
+from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, Name, Pair, Table, Vector
 
 
 class BoneTable(Table):
     """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
 
-    name: str = Field(min_length=1, description="palate or jaw of the built-in tongue; of a file: what to call it")
+    name: Name = Field(description="palate or jaw of the built-in tongue; of a file: what to call it")
     file: str | None = Field(default=None, description="STL, OBJ, PLY or VTP file, relative to this file")
     length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
     friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
@@ -63,7 +63,9 @@ class JawTable(Table):
     down_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
     start_ms: float = Field(default=0.0, ge=0.0)
     rise_ms: float = Field(default=50.0, gt=0.0, description="time that it takes to open [ms]")
-    table: list[Pair] = Field(default=[], description="[time_ms, share] pairs instead, linear in between")
+    table: list[Pair] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, share] pairs instead, linear in between"
+    )
     axis_mm: Vector | None = Field(
         default=None, description="a point of the axis, which runs along y; of the built-in tongue if left out"
     )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
-from pydantic import Field, create_model
+from pydantic import AfterValidator, Field, create_model
 
 from explicitfe.effects import EFFECTS, Effect
+from explicitfe.scenario.bounds import check_fields
 from explicitfe.scenario.table import Table
 
 
@@ -34,7 +35,10 @@ else:
         "EffectsTable",
         __base__=EffectsBase,
         **{
-            name.replace("-", "_"): (kind | None, Field(default=None, alias=name, description=kind.about.title))
+            name.replace("-", "_"): (
+                Annotated[kind | None, AfterValidator(check_fields)],
+                Field(default=None, alias=name, description=kind.about.title),
+            )
             for name, kind in EFFECTS.items()
         },
     )

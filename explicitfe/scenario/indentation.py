@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.material import Material
-from explicitfe.scenario.table import Size, Table, Threads, Vector
+from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, Size, Table, Threads, Title, Vector
 
 
 class SpecimenTable(Table):
@@ -34,7 +34,12 @@ class SpecimenTable(Table):
     edge_size_mm: float | None = Field(
         default=None, gt=0.0, description="size of the elements at the tool's edge; from the tool if left out"
     )
-    refinement: float = Field(default=1.0, gt=0.0, description="divides all element sizes")
+    refinement: float = Field(
+        default=1.0,
+        ge=0.01,
+        le=100.0,
+        description="divides all element sizes; 100 in each direction are a million times as many elements",
+    )
 
     @model_validator(mode="after")
     def _one_shape(self) -> SpecimenTable:
@@ -119,10 +124,14 @@ class RelaxationTable(Table):
 
     type: Literal["relaxation"]
     forces_N: list[Annotated[float, Field(ge=0.0)]] | None = Field(
-        default=None, description="of the whole tool, one after the other"
+        default=None,
+        max_length=MOST_ROWS_OF_A_COURSE,
+        description="of the whole tool, one after the other",
     )
     displacements_mm: list[float] | None = Field(
-        default=None, description="of the tool into the tissue, instead of forces; negative: away from it"
+        default=None,
+        max_length=MOST_ROWS_OF_A_COURSE,
+        description="of the tool into the tissue, instead of forces; negative: away from it",
     )
     times_s: list[float] | None = Field(default=None, description="when; 1 s a load if left out")
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual")
@@ -157,7 +166,7 @@ class SpecimenRecordTable(Table):
 class IndentationScenario(Table):
     """One indentation, as its file states it."""
 
-    title: str
+    title: Title
     question: str = ""
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: SpecimenTable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from explicitfe.scenario.table import Table, Vector
+from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, Table, Vector
 
 
 class LipsTable(Table):
@@ -12,7 +12,9 @@ class LipsTable(Table):
 
     area_mm2: float | None = Field(default=None, ge=0.0, description="area of the opening; 0: closed")
     length_mm: float | None = Field(default=None, gt=0.0, description="from the incisors to the front of the lips")
-    table: list[Vector] = Field(default=[], description="[time_ms, area_mm2, length_mm] rows instead, linear in between")
+    table: list[Vector] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, area_mm2, length_mm] rows instead, linear in between"
+    )
 
     @model_validator(mode="after")
     def _one_of_both(self) -> LipsTable:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Union
 
-from pydantic import Discriminator, Tag
+from pydantic import AfterValidator, Discriminator, Tag
 
 from explicitfe.materials import LAWS, Law
+from explicitfe.scenario.bounds import check_fields
 
 
 def _law_of(value: object) -> str:
     """Which of the alternatives of the key ``material`` a value is meant for: "name", or the name of a law."""
     if isinstance(value, str):
         return "name"
-    return value.get("law", "yeoh") if isinstance(value, dict) else getattr(value, "law", "yeoh")
+    law = value.get("law", "yeoh") if isinstance(value, dict) else getattr(value, "law", "yeoh")
+    return law if isinstance(law, str) else str(type(law))
 
 
 if TYPE_CHECKING:
@@ -21,4 +23,4 @@ if TYPE_CHECKING:
 else:
     # A name, or the constants of any law of the table: a new law is possible in scenarios without a line here.
     _alternatives = [Annotated[str, Tag("name")], *(Annotated[law, Tag(name)] for name, (law, _) in LAWS.items())]
-    Material = Annotated[Union[tuple(_alternatives)], Discriminator(_law_of)]  # noqa: UP007
+    Material = Annotated[Union[tuple(_alternatives)], Discriminator(_law_of), AfterValidator(check_fields)]  # noqa: UP007

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,7 +9,10 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
+from explicitfe.host.plain import MOST_LEVELS, check_plain
+from explicitfe.host.text import json_of, text_of, toml_of
+from explicitfe.scenario.bounds import with_bounds
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import validated
@@ -41,33 +43,22 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     InputError : the file cannot be read, is not TOML, or does not fit the schema; one sentence.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(
-            f"{path}: the scenario cannot be read ({error.strerror}); 'explicitfe list scenarios' names those at hand."
-        ) from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: this is not a text file; a scenario is written in TOML.") from None
-    try:
-        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
-        kind = "JSON" if path.suffix == ".json" else "TOML"
-        raise InputError(f"{path}: this is not valid {kind}: {error}.") from None
+    text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
+    data = json_of(text, path) if path.suffix == ".json" else toml_of(text, path)
     for setting in settings:
         _apply(data, setting)
     try:
         scenario = validated(kind_of(data), data)
     except ValidationError as error:
         raise InputError(f"{path}: {explain(error, data, kind_of(data))}") from None
-    header = "".join(f"# --set {setting}\n" for setting in settings)
+    header = "".join(f"# --set {' '.join(setting.splitlines())}\n" for setting in settings)
     return scenario, header + text
 
 
 def json_schema() -> dict[str, object]:
     """The JSON schema of a scenario, for editors."""
     both = TypeAdapter(Scenario).json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **both}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **with_bounds(both)}
 
 
 # Keys that exclude each other: whoever sets one takes its alternatives, keys of the same table, out.
@@ -84,16 +75,28 @@ _ALTERNATIVES = {
 }
 
 
-def _apply(data: dict[str, object], setting: str) -> None:
+LONGEST_SETTING_CHARACTERS = 20_000  # of one --set: what is longer belongs into a file
+
+
+def _apply(data: object, setting: str) -> None:
     """Set one ``key=value`` in the parsed scenario."""
+    option = f"--set {shortened(setting)}"
     path, equals, text = setting.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        raise InputError(f"--set {setting}: write key=value, for example --set muscle.GGp.force_N=1.5.")
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()  # a bare word is a string
+        raise InputError(f"{option}: write key=value, for example --set muscle.GGp.force_N=1.5.")
+    if len(setting) > LONGEST_SETTING_CHARACTERS or len(keys) > MOST_LEVELS:
+        raise InputError(
+            f"{option}: this is too long; up to {LONGEST_SETTING_CHARACTERS} characters and {MOST_LEVELS} keys are possible, "
+            "so write it into the scenario."
+        )
+    value = _value(text, option)
+    nested: object = value
+    for key in reversed(keys):
+        nested = {key: nested}
+    check_plain(nested, option)
+    if not isinstance(data, dict):
+        return  # the schema refuses it
     table = data.get(keys[0])
     if isinstance(table, dict):
         for other in _ALTERNATIVES.get(".".join(keys), ()):
@@ -105,19 +108,41 @@ def _apply(data: dict[str, object], setting: str) -> None:
             at.append({})
             index: Any = -1
         elif isinstance(at, list):
-            names = [entry.get("name", "") for entry in at if isinstance(entry, dict)]
-            entries = [k for k, name in enumerate(names) if name == key] or ([int(key)] if key.isdigit() else [])
-            if len(entries) > 1:
-                numbers = ", ".join(f"{place}.{k}" for k in entries)
-                raise InputError(f'--set {setting}: "{key}" stands {len(entries)} times in {place}; say which: {numbers}.')
-            if not entries or entries[0] >= len(at):
-                raise InputError(f'--set {setting}: {place} has no entry "{key}"; {nearest(key, names)}')
-            index = entries[0]
+            index = _entry(at, key, place, option)
         elif isinstance(at, dict):
             index = key
         else:
-            raise InputError(f"--set {setting}: {place} is a value, it has no key {key!r}.")
+            raise InputError(f'{option}: {place} is a value, it has no key "{key}".')
         if depth == len(keys) - 1:
             at[index] = value
         else:
             at = at[index] if isinstance(at, list) else at.setdefault(index, [] if keys[depth + 1] == "+" else {})
+
+
+def _value(text: str, option: str) -> object:
+    """What a setting's text says: TOML, or else a bare word, which is text."""
+    try:
+        table = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+    except RecursionError:
+        raise InputError(f"{option}: lists or tables stand too deep inside each other; take some brackets out.") from None
+    except ValueError as error:  # a whole number of thousands of digits
+        raise InputError(f"{option}: this number cannot be read ({shortened(str(error))}).") from None
+    if table.keys() != {"value"}:
+        raise InputError(f"{option}: there is more than one line; give each key with a --set of its own.")
+    return table["value"]
+
+
+def _entry(entries: list[object], key: str, place: str, option: str) -> int:
+    """The place of the entry of a list that has this name, or else this number."""
+    names = {k: str(entry.get("name", "")) for k, entry in enumerate(entries) if isinstance(entry, dict)}
+    chosen = [k for k, name in names.items() if name == key]
+    if not chosen and key.isascii() and key.isdecimal() and len(key) < 10 and int(key) < len(entries):
+        chosen = [int(key)]
+    if len(chosen) > 1:
+        numbers = ", ".join(f"{place}.{k}" for k in chosen)
+        raise InputError(f'{option}: "{key}" stands {len(chosen)} times in {place}; say which: {numbers}.')
+    if not chosen:
+        raise InputError(f'{option}: {place} has no entry "{shortened(key)}"; {nearest(key, filter(None, names.values()))}')
+    return chosen[0]

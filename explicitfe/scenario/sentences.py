@@ -2,38 +2,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
-from explicitfe.errors import nearest
+from explicitfe.errors import nearest, shortened
 from explicitfe.materials import LAWS
+
+# What a value must be, where the words of pydantic are those of Python; other kinds of fault keep its words.
+_KINDS = {
+    "model_type": "it must be a table",
+    "model_attributes_type": "it must be a table",
+    "dict_type": "it must be a table",
+    "list_type": "it must be a list, in brackets",
+    "tuple_type": "it must be a list, in brackets",
+    "string_type": "it must be text, in quotes",
+    "bool_type": "it must be true or false",
+    "finite_number": "it must be a finite number",
+    "int_parsing_size": "it must be a whole number of at most 64 bits",
+}
 
 
 def explain(error: ValidationError, data: object, table: type[BaseModel]) -> str:
     """The first thing that is wrong with ``data`` as a ``table``, as one sentence with the key and what to do."""
     # A misspelt key is named before the key that is missing because of it.
-    problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
+    problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     problem = problems[0]
-    keys = [key for key in problem["loc"] if key not in {"name", *LAWS} or key == problem["loc"][-1]]
+    keys = _keys(problem, data)
     where = _where(keys, data)
-    if problem["type"] == "extra_forbidden":
+    sentence = _sentence(problem, keys, where, table)
+    # A value that none of several kinds fits has a problem of each kind.
+    more = len({tuple(_keys(other, data)) for other in problems}) - 1
+    after = f" ({more} more after this one)" if more else ""
+    return f"{sentence.rstrip('.')}{after}" + ("" if sentence.endswith("?") and not more else ".")
+
+
+def _sentence(problem: ErrorDetails, keys: Sequence[int | str], where: Sequence[str], table: type[BaseModel]) -> str:
+    kind, context = problem["type"], problem.get("ctx", {})
+    place = ".".join(where)
+    if kind == "extra_forbidden":
         valid = _valid_keys(table, problem["loc"][:-1])
-        sentence = f'unknown key "{keys[-1]}"{_inside(where[:-1])}; {nearest(str(keys[-1]), valid)}'
-    elif problem["type"] == "missing":
-        sentence = f'the key "{keys[-1]}" is missing{_inside(where[:-1])}; add it'
-    elif problem["type"] == "union_tag_invalid":
-        sentence = f"unknown law{_inside(where)}; {nearest(str(problem['ctx']['tag']), LAWS)}"
-    elif problem["type"] == "literal_error":
-        sentence = f"{'.'.join(where)} = {problem['input']!r} is not possible; it must be {problem['ctx']['expected']}"
-    elif problem["type"] == "value_error":
-        sentence = f"{'.'.join(where) or 'the scenario'}: {problem['ctx']['error']}"
-    else:
-        message = problem["msg"][0].lower() + problem["msg"][1:]
-        sentence = f"{'.'.join(where) or 'the whole'} = {problem['input']!r} is not possible: {message}"
-    more = f" ({len(problems) - 1} more after this one)" if len(problems) > 1 else ""
-    return f"{sentence.rstrip('.')}{more}" + ("" if sentence.endswith("?") and not more else ".")
+        return f'unknown key "{shortened(str(keys[-1]))}"{_inside(where[:-1])}; {nearest(str(keys[-1]), valid)}'
+    if kind == "missing":
+        return f'the key "{keys[-1]}" is missing{_inside(where[:-1])}; add it'
+    if kind == "union_tag_invalid":
+        return f"unknown law{_inside(where)}; {nearest(str(context['tag']), LAWS)}"
+    if kind == "literal_error":
+        return f"{place} = {written(problem['input'])} is not possible; it must be {context['expected']}"
+    if kind == "value_error":
+        return f"{place or 'the scenario'}: {context['error']}"
+    if kind == "out_of_bounds":
+        place = ".".join([*where, *([context["key"]] if "key" in context else []), *(str(k) for k in context["place"])])
+        return f"{place} = {context['number']:g} is not possible: {context['reason']}"
+    message = _KINDS.get(kind, problem["msg"][0].lower() + problem["msg"][1:])
+    return f"{place or 'the whole'} = {written(problem['input'])} is not possible: {message}"
+
+
+def written(value: object) -> str:
+    """A value about as its text says it, its beginning where it is long."""
+    if value is None or isinstance(value, bool):
+        return "nothing" if value is None else str(value).lower()
+    if isinstance(value, Mapping):
+        return shortened("{" + ", ".join(f"{key} = {written(inner)}" for key, inner in _first(value.items())) + "}")
+    if isinstance(value, list | tuple):
+        return shortened("[" + ", ".join(written(inner) for inner in _first(value)) + "]")
+    return shortened(repr(value))
+
+
+def _first(values: Iterable[Any]) -> list[Any]:
+    """As many as a sentence could show."""
+    return [value for _, value in zip(range(40), values, strict=False)]
+
+
+def _keys(problem: ErrorDetails, data: object) -> list[int | str]:
+    """The keys of a problem as they stand in the data: without the names of the kinds that a value was tried as."""
+    keys: list[int | str] = []
+    at: Any = data
+    named = problem["loc"][:-1] if problem["type"] in ("missing", "extra_forbidden") else problem["loc"]
+    for key in named:
+        try:
+            at = at[key]
+        except (KeyError, IndexError, TypeError):
+            continue
+        keys.append(key)
+    return [*keys, *problem["loc"][len(named) :]]
 
 
 def _where(keys: Iterable[int | str], data: object) -> list[str]:
@@ -48,13 +102,13 @@ def _where(keys: Iterable[int | str], data: object) -> list[str]:
         if isinstance(part, dict) and isinstance(key, int) and path:
             # A table of an array goes by its name, or else by its number, from 1 as a person counts.
             name = part.get("name")
-            path[-1:] = [path[-1], name] if isinstance(name, str) else [f"{path[-1]} {key + 1}"]
+            path[-1:] = [path[-1], shortened(name)] if isinstance(name, str) else [f"{path[-1]} {key + 1}"]
         else:
-            path.append(str(key))
+            path.append(shortened(str(key)))
     return path
 
 
-def _inside(path: list[str]) -> str:
+def _inside(path: Sequence[str]) -> str:
     return f" in [{'.'.join(path)}]" if path else ""
 
 

@@ -5,6 +5,7 @@ Lengths and places are those of the undeformed model, in mm. An element belongs 
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -13,6 +14,9 @@ from explicitfe.scenario.material import Material
 from explicitfe.scenario.table import Table, Vector, row_of
 
 Corners = Annotated[tuple[Vector, Vector], row_of(2, "two corners [[x0, y0, z0], [x1, y1, z1]]")]
+
+
+SHORTEST_NORMAL = 1e-6  # of a plane: below it the direction drowns in rounding
 
 
 class SphereTable(Table):
@@ -26,12 +30,12 @@ class PlaneTable(Table):
     """One side of a plane: the one that its normal points to."""
 
     point_mm: Vector = Field(description="a point of the plane")
-    normal: Vector = Field(description="points to the side that is meant; of any length above 0")
+    normal: Vector = Field(description="points to the side that is meant; of any length above 0.000001")
 
     @model_validator(mode="after")
     def _normal_has_a_length(self) -> PlaneTable:
-        if not any(self.normal):
-            raise ValueError("normal must have a length above 0")
+        if math.hypot(*self.normal) < SHORTEST_NORMAL:
+            raise ValueError("normal must have a length above 0.000001")
         return self
 
 

@@ -1,4 +1,4 @@
-"""What all tables of text files have in common: strictness, and rows of numbers."""
+"""What all tables of text files have in common: strictness, bounds of their numbers, and rows of numbers."""
 
 from __future__ import annotations
 
@@ -6,13 +6,27 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+
+from explicitfe.scenario.bounds import check_bounds
+
+LONGEST_TITLE_CHARACTERS = 300
+LONGEST_NAME_CHARACTERS = 100
+MOST_ROWS_OF_A_COURSE = 10_000
+MOST_TABLES_OF_A_KIND = 1000
 
 
 class Table(BaseModel):
-    """A table of a text file: it cannot be changed, refuses keys that it does not know, and refuses infinite numbers."""
+    """A table of a text file: it cannot be changed, refuses keys that it does not know, and numbers beyond those of any body."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _within_the_bounds_of_its_unit(cls, value: object, info: ValidationInfo) -> object:
+        key = info.field_name or ""
+        check_bounds(key, value, cls.model_fields[key].metadata)
+        return value
 
 
 AnyTable = TypeVar("AnyTable", bound=BaseModel)
@@ -25,7 +39,7 @@ def validated(table: type[AnyTable], data: Mapping[str, object]) -> AnyTable:
     ------
     ValidationError : ``explain`` of ``scenario/sentences.py`` makes a sentence of it.
     """
-    return table.model_validate_json(json.dumps(data, default=str), strict=True)
+    return table.model_validate_json(json.dumps(data), strict=True)
 
 
 def row_of(length: int, what: str) -> BeforeValidator:
@@ -39,6 +53,18 @@ def row_of(length: int, what: str) -> BeforeValidator:
     return BeforeValidator(check)
 
 
+def _one_line(title: str) -> str:
+    if "\n" in title or "\t" in title:
+        raise ValueError("must be one line, without tabs: it heads tables and pictures")
+    return title
+
+
+Title = Annotated[
+    str,
+    Field(max_length=LONGEST_TITLE_CHARACTERS, description="one line, which heads tables and pictures"),
+    AfterValidator(_one_line),
+]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME_CHARACTERS)]
 Vector = Annotated[tuple[float, float, float], row_of(3, "three numbers [x, y, z]")]
 Cells = Annotated[tuple[int, int, int], row_of(3, "three whole numbers, such as [16, 8, 10]")]
 Pair = Annotated[tuple[float, float], row_of(2, "a pair [time_ms, scale]")]

@@ -11,11 +11,24 @@ from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.lips import LipsTable
 from explicitfe.scenario.material import Material
 from explicitfe.scenario.surgery import GraftTable, ResectionTable, ScarTable
-from explicitfe.scenario.table import Cells, Pair, Table, Threads, Vector
+from explicitfe.scenario.table import (
+    MOST_ROWS_OF_A_COURSE,
+    MOST_TABLES_OF_A_KIND,
+    Cells,
+    Name,
+    Pair,
+    Table,
+    Threads,
+    Title,
+    Vector,
+)
 
 # The fields that a transient run can store.
 FieldName = Literal["displacement", "velocity", "J", "hourglass_energy"]
 
+
+# So many pictures in time nobody looks at; of the smallest mesh they fill 10 GB.
+MOST_SAMPLES = 1_000_000
 
 FIELDS: tuple[FieldName, ...] = get_args(FieldName)
 
@@ -48,7 +61,7 @@ class ModelTable(Table):
         default=True, description='whether a barrier keeps the corners of elements from folding; "hex8" alone has one'
     )
     damping: Damping = Damping()
-    fixed: list[str] | None = Field(default=None, description="node sets that are held; the model's own if left out")
+    fixed: list[Name] | None = Field(default=None, description="node sets that are held; the model's own if left out")
     attachment: Literal["nodes", "area"] = Field(
         default="nodes",
         description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches of these '
@@ -67,6 +80,8 @@ class ModelTable(Table):
             raise ValueError("give either name (a built-in model) or file (a model file), and not both")
         if self.resolution is not None and self.cells is not None:
             raise ValueError("give either resolution or cells, not both")
+        if self.fixed is not None and len(set(self.fixed)) < len(self.fixed):
+            raise ValueError("fixed names a node set twice; name each once")
         if self.file is not None and (self.resolution is not None or self.cells is not None):
             raise ValueError("resolution and cells are for built-in models: a model file brings its own mesh")
         return self
@@ -75,13 +90,15 @@ class ModelTable(Table):
 class MuscleTable(Table):
     """One muscle's pull."""
 
-    name: str = Field(description="see 'explicitfe list muscles'")
+    name: Name = Field(description="see 'explicitfe list muscles'")
     force_N: float = Field(ge=0.0, description="force summed over all fibres of the sides named [N]")
     profile: Literal["step", "ramp", "table"] = "step"
     start_ms: float = Field(default=0.0, ge=0.0)
     rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
     end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
-    table: list[Pair] = Field(default=[], description="[time_ms, scale] pairs, linear in between")
+    table: list[Pair] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, scale] pairs, linear in between"
+    )
     distribution: Literal["stress", "ends", "along", "volume"] = Field(
         default="ends", description="an active stress along the fibres in the tissue around them, or forces on nodes"
     )
@@ -128,29 +145,41 @@ class AnalysisTable(Table):
 class RecordTable(Table):
     """What is stored."""
 
-    every_ms: float = Field(default=1.0, gt=0.0)
+    every_ms: float = Field(default=1.0, gt=0.0, description="time between two samples [ms]; a run has at most a million samples")
     fields: list[FieldName] = Field(default=list(FIELDS))
-    probes: list[str] | None = Field(default=None, description="named points; all of the model if left out")
+    probes: list[Name] | None = Field(default=None, description="named points; all of the model if left out")
 
 
 class TransientScenario(Table):
     """One run, as its file states it."""
 
-    title: str
+    title: Title
     question: str = ""
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: ModelTable
-    muscle: list[MuscleTable] = Field(default=[])
-    bone: list[BoneTable] = Field(default=[])
+    muscle: list[MuscleTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
+    bone: list[BoneTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     jaw: JawTable | None = None
     hyoid: HyoidTable | None = None
-    resection: list[ResectionTable] = Field(default=[], description="tissue that is taken out")
-    graft: list[GraftTable] = Field(default=[], description="flaps of other tissue, without muscle")
+    resection: list[ResectionTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is taken out")
+    graft: list[GraftTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="flaps of other tissue, without muscle"
+    )
     scar: ScarTable | None = Field(default=None, description="stiffer tissue beside cuts and grafts")
     lips: LipsTable | None = None
     effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
     record: RecordTable = RecordTable()
+
+    @model_validator(mode="after")
+    def _samples_can_be_stored(self) -> TransientScenario:
+        samples = self.analysis.duration_ms / self.record.every_ms
+        if samples > MOST_SAMPLES:
+            raise ValueError(
+                f"analysis.duration_ms = {self.analysis.duration_ms:g} and record.every_ms = {self.record.every_ms:g} make "
+                f"{samples:.2g} samples; at most {MOST_SAMPLES} are possible, so take a longer every_ms"
+            )
+        return self
 
     @model_validator(mode="after")
     def _bones_that_move_are_tied(self) -> TransientScenario:

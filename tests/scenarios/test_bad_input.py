@@ -309,6 +309,8 @@ def test_material_names_of_two_models_differ(tmp_path: Path, monkeypatch: pytest
 def test_nearest_lists_what_is_valid_when_nothing_is_near() -> None:
     assert nearest("xyz", ["GGa", "SL"]) == "valid are: GGa, SL."
     assert nearest("gga", ["GGa", "SL"]) == 'did you mean "GGa"?'
+    assert nearest("gga", []) == "there is none."
+    assert nearest("x", [f"point {k}" for k in range(30)]).endswith("and 10 more.")
 
 
 def _refused(arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:

@@ -148,7 +148,7 @@ def test_a_finished_result_is_not_replaced_by_a_part(tmp_path: Path) -> None:
 def test_what_cannot_go_on_says_why(tmp_path: Path) -> None:
     """A run that failed; a mesh that is another one now; a file that is no result."""
     _, settings = RUNS["in time"]
-    settings = (*settings, "muscle.GGp.force_N=2000")
+    settings = (*settings, "muscle.GGp.force_N=1000")
     failed = explicitfe.run(ROOT / "scenarios/vowel-i-gerard-2005.toml", tmp_path, settings=settings)
     assert failed["status"] not in ("finished", "interrupted")
     with pytest.raises(explicitfe.InputError, match=f"ended with {failed['status']}, and nothing follows"):

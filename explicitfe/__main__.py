@@ -1,5 +1,5 @@
 """``python -m explicitfe``."""
 
-from explicitfe.cli.main import main
+from explicitfe.cli.main import entry
 
-main()
+entry()

@@ -109,6 +109,12 @@ def watching(
         _Note.asked, _Note.watching = None, False
 
 
+def ignore() -> None:
+    """Let no signal disturb what is left to do: to leave."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
 def leave_signals_to_the_parent() -> None:
     """What a worker process begins with: Ctrl-C reaches it too, and it is its parent that decides."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -196,6 +196,6 @@ def test_no_test_names_a_path_of_one_machine():
 
 def test_the_command_starts_without_numpy():
     """Then the command can still set the number of threads of the linear algebra, and answers ``--help`` at once."""
-    code = "import sys, explicitfe.cli.main; print('numpy' in sys.modules, 'numba' in sys.modules)"
+    code = "import sys, explicitfe.cli.execute; print('numpy' in sys.modules, 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == ["False", "False"]

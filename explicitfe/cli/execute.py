@@ -1,0 +1,60 @@
+"""Runs the command that some words name; whatever happens becomes one sentence and an exit code, which ``ending.py`` names."""
+
+from __future__ import annotations
+
+import traceback
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+
+import typer
+
+from explicitfe.cli.answer import print_error, print_json, print_note
+from explicitfe.cli.app import app
+from explicitfe.cli.ending import DONE_EXIT_CODE, debug_first, error_of, wants_json
+from explicitfe.cli.streams import stderr, stdout
+from explicitfe.errors import MachineError
+
+
+def execute(words: Sequence[str]) -> int:
+    """Run ``explicitfe WORDS``; give its exit code."""
+    for stream in (stdout, stderr):
+        stream.show_what_cannot_be_encoded()
+    with warnings.catch_warnings():
+        return _exit_code_of(debug_first(list(words) or ["--help"]))
+
+
+def _exit_code_of(words: list[str]) -> int:
+    """Run the command that the words name; whatever ends it is told here."""
+    debug = False
+    try:
+        try:
+            # Not by app(), which takes KeyboardInterrupt and broken pipes for itself, without a word.
+            command = typer.main.get_command(app)
+            with command.make_context("explicitfe", words) as context:
+                debug = context.params["debug"]
+                if not debug:
+                    warnings.showwarning = _tell_warning
+                command.invoke(context)
+        finally:
+            stdout.flush()
+    except typer.Exit as end:
+        return end.exit_code
+    except SystemExit:  # so rich ends --help whose reader has left
+        return DONE_EXIT_CODE
+    except (Exception, KeyboardInterrupt) as error:
+        if debug:
+            stderr.write(traceback.format_exc())
+        ending = error_of(error)
+        if wants_json(words):
+            with suppress(MachineError):  # there is no room for it
+                print_json({"error": ending})
+        print_error(ending)
+        return ending["exit_code"]
+    return DONE_EXIT_CODE
+
+
+def _tell_warning(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+    """Say what a room warns of; libraries warn their programmers, who ask for it with --debug."""
+    if category is UserWarning:
+        print_note(str(message))

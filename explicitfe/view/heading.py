@@ -10,7 +10,7 @@ from explicitfe.results import Result
 from explicitfe.view.muscles import muscles_of, pull_in_words
 from explicitfe.view.palette import WIDTH_IN, new_figure
 
-LONGEST_TITLE_CHARACTERS = 400  # five lines: more of it would leave no room to the picture
+LONGEST_HEADING_CHARACTERS = 400  # five lines: more of it would leave no room to the picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,7 +51,7 @@ def title_of(result: Result) -> str:
             title = tomllib.loads(result.scenario_text).get("title", result.path.stem)
         except tomllib.TOMLDecodeError:
             title = result.path.stem
-    return textwrap.shorten(str(title), LONGEST_TITLE_CHARACTERS, placeholder=" …")
+    return textwrap.shorten(str(title), LONGEST_HEADING_CHARACTERS, placeholder=" …")
 
 
 def rounded(value: float, count: int = 3) -> str:

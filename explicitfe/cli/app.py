@@ -26,6 +26,7 @@ from explicitfe.cli.run import run
 from explicitfe.cli.schema import schema
 from explicitfe.cli.streams import stdout
 from explicitfe.cli.warmup import warmup
+from explicitfe.host.code_cache import refuse_foreign_code
 
 Command = Callable[..., None]
 
@@ -74,6 +75,7 @@ def _root(
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml[/bold]
     """
+    refuse_foreign_code()
 
 
 for panel, commands in COMMANDS.items():

@@ -53,7 +53,7 @@ def command_error(kind: ErrorKind, message: str) -> CommandError:
         code = stopping.exit_code(stopping.SIGNALS[0] if stop_signal is None else stop_signal)
     else:
         code = INPUT_EXIT_CODE if kind == "input" else NOT_DONE_EXIT_CODE
-    return {"kind": kind, "message": shortened(message, LONGEST_MESSAGE_CHARACTERS), "exit_code": code}
+    return {"kind": kind, "message": without_middle(message, LONGEST_MESSAGE_CHARACTERS), "exit_code": code}
 
 
 def error_of(error: BaseException) -> CommandError:
@@ -86,7 +86,7 @@ def error_of(error: BaseException) -> CommandError:
     )
 
 
-def shortened(text: str, most_characters: int) -> str:
+def without_middle(text: str, most_characters: int) -> str:
     """A text of at most so many characters: a longer one loses its middle."""
     if len(text) <= most_characters:
         return text
@@ -118,7 +118,7 @@ def _worked_on(error: BaseException) -> str:
 def short_name(error: BaseException) -> str:
     """Kind and message of an exception on one line."""
     message = " ".join(str(error).split())
-    return shortened(f"{type(error).__name__}: {message}" if message else type(error).__name__, LONGEST_FAULT_CHARACTERS)
+    return without_middle(f"{type(error).__name__}: {message}" if message else type(error).__name__, LONGEST_FAULT_CHARACTERS)
 
 
 def _is_lost_worker(error: BaseException) -> bool:

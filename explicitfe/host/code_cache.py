@@ -1,0 +1,41 @@
+"""The folder where machine code is kept: what stands there is executed, so nobody else may write there."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+
+from explicitfe.errors import InputError
+
+VARIABLE = "NUMBA_CACHE_DIR"
+
+
+def refuse_foreign_code(environment: Mapping[str, str] = os.environ) -> None:
+    """Check the folder that the environment names for machine code.
+
+    Numba keeps pickles there, and unpickling runs what they say: whoever can write there can run programs in the name of the
+    user. A group that shares the folder trusts each other; everybody is too many.
+
+    Raises
+    ------
+    InputError : others can write in the folder, or it belongs to another user.
+    """
+    folder = environment.get(VARIABLE, "")
+    if not folder or os.name == "nt":
+        return
+    try:
+        status = Path(folder).stat()
+    except (OSError, ValueError):
+        return  # it is made when it is needed, and then belongs to this user
+    if status.st_mode & stat.S_IWOTH:
+        why = "everybody can write there"
+    elif status.st_uid not in (0, os.getuid()):
+        why = "it belongs to another user"
+    else:
+        return
+    raise InputError(
+        f"{VARIABLE} = {folder}: {why}, and machine code that is kept there is executed in your name; name a folder that only "
+        "you can write (mkdir, chmod 700)."
+    )

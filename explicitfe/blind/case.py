@@ -118,7 +118,7 @@ class Case:
 
 
 def write(case: Case, folder: Path, name: str) -> None:
-    """Write the dataset of a case, without its truth."""
+    """Write the dataset of a case into a folder, without its truth."""
     lines = [
         'format = "explicitfe-dataset/1"',
         f"name = {_value(name)}",
@@ -128,7 +128,7 @@ def write(case: Case, folder: Path, name: str) -> None:
     for head, table in (("specimen", case.specimen), ("tool", case.tool), ("noise", case.noise)):
         if table:
             lines += ["", f"[{head}]", *(f"{key} = {_value(value)}" for key, value in table.items())]
-    folder.mkdir()
+    folder.mkdir(exist_ok=True)
     for curve in case.curves:
         lines += ["", "[[curve]]", f"id = {_value(curve.id)}", f"file = {_value(f'{curve.id}.csv')}"]
         lines += [f"{key} = {_value(value)}" for key, value in (("group", curve.group), ("split", curve.split)) if value]

@@ -1,39 +1,38 @@
 """A set of blind cases: datasets for the tool, and sealed files with the truth for the scorer only.
 
+OUT/made.json                       what was asked for
 OUT/cases/case-0001/dataset.toml, *.csv
 OUT/sealed/case-0001.json
+
+A case is there as a whole or not at all, and its sealed file before it. So a command that was killed goes on with the next case
+when it is given again.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
-import time
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypedDict
+from typing import NamedTuple
 
 import numpy as np
 
 from explicitfe.blind import homogeneous, under_a_tool
 from explicitfe.blind.case import KINDS, LEVELS, CaseRequest, write
-from explicitfe.errors import InputError, Progress, silent
+from explicitfe.blind.folder import MANIFEST, Manifest, alone_in, manifest_of
+from explicitfe.errors import InputError, Progress, nearest, silent
 from explicitfe.host.stopping import leave_signals_to_the_parent
+from explicitfe.results.folder import whole_file, whole_folder
 
 FAMILIES = {"homogeneous": homogeneous, "indentation": under_a_tool}
 KIND_SHARES = {"control": 0.275, "single": 0.55, "double": 0.1, "outside": 0.075}  # where only a number of cases is given
 ORDER_SEED = 1_000_003  # With the seed of the set it seeds the order of the cases, apart from what is drawn for each case.
-MANIFEST = "made.json"
-
-
-class Manifest(TypedDict):
-    """What was asked for, and how long it took: the file ``made.json``, without anything of the truth."""
-
-    seed: int
-    family: str
-    count: int
-    wall_s: float
+MOST_CASES_OF_A_SET = 9999  # their names have four digits
+LARGEST_SEED = 2**63 - 1  # what fits into the whole numbers of other programs that read the manifest
 
 
 def make(
@@ -46,11 +45,11 @@ def make(
     processes: int = 1,
     progress: Progress = silent,
 ) -> Manifest:
-    """Make cases.
+    """Make cases, or go on with those that were asked for before: cases that are there stay as they are.
 
     Parameters
     ----------
-    out : a new or empty folder.
+    out : a new or empty folder, or one where the same cases were begun.
     seed : of all random numbers; case k depends on the seed, on k and on its kind.
     count : number of cases, of all kinds together. Give either this or ``kinds``.
     kinds : number of cases of each kind: control, single, double, outside.
@@ -66,31 +65,50 @@ def make(
     ------
     InputError : an option that cannot be used.
     """
-    begin = time.perf_counter()
     out = Path(out)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: this is not an empty folder; name a new one.")
     if family not in FAMILIES:
-        raise InputError(f'family = "{family}" is unknown; it can be {" or ".join(FAMILIES)}.')
+        raise InputError(f'family = "{family}" is unknown; {nearest(family, FAMILIES)}')
+    if not 0 <= seed <= LARGEST_SEED:
+        raise InputError(f"seed = {seed} is not possible; give a whole number from 0 to {LARGEST_SEED}.")
     requests = plan(seed, numbers(count, kinds, family), family)
-    seeds = np.random.SeedSequence(seed).spawn(len(requests))
-    jobs = [(str(out), k + 1, family, requests[k], seeds[k]) for k in range(len(requests))]
-    for folder in ("cases", "sealed"):
-        (out / folder).mkdir(parents=True)
-    done = 0
-    if processes > 1:
-        with ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=leave_signals_to_the_parent) as pool:
-            for _ in pool.map(_make_one, jobs):
-                done += 1
-                progress("make", done / len(jobs))
-    else:
-        for job in jobs:
-            _make_one(job)
+    order = hashlib.sha256(repr(requests).encode()).hexdigest()
+    wanted: Manifest = {"seed": seed, "family": family, "count": len(requests), "order": order}
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: this is a file; name a folder.")
+    if out.is_dir() and any(out.iterdir()):
+        begun = manifest_of(out)
+        if begun is None:
+            raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
+        if begun != wanted:
+            raise InputError(
+                f"{out}: this folder holds {begun['count']} cases of the family {begun['family']} with seed {begun['seed']}; "
+                "give the same again to go on with them, or name another folder."
+            )
+    try:
+        for folder in (out / "cases", out / "sealed"):
+            folder.mkdir(parents=True, exist_ok=True)
+        with alone_in(out):
+            whole_file(out / MANIFEST, json.dumps(wanted, indent=1) + "\n")
+            _make_missing(out, wanted, requests, processes, progress)
+    except OSError as error:
+        raise InputError(f"{out}: this cannot be written ({error.strerror}).") from None
+    return wanted
+
+
+def _make_missing(out: Path, wanted: Manifest, requests: list[CaseRequest], processes: int, progress: Progress) -> None:
+    """Make the cases that are not there yet."""
+    seeds = np.random.SeedSequence(wanted["seed"]).spawn(len(requests))
+    jobs = [_Job(out, k + 1, wanted["family"], requests[k], seeds[k]) for k in range(len(requests))]
+    missing = [job for job in jobs if not job.dataset.is_dir()]
+    done = len(jobs) - len(missing)
+    progress("make", done / len(jobs))
+    pool = None
+    if processes > 1 and len(missing) > 1:
+        pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=leave_signals_to_the_parent)
+    with pool or nullcontext():
+        for _ in (pool.map if pool else map)(_make_one, missing):
             done += 1
             progress("make", done / len(jobs))
-    summary: Manifest = {"seed": seed, "family": family, "count": len(requests), "wall_s": time.perf_counter() - begin}
-    (out / MANIFEST).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
-    return summary
 
 
 def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> dict[str, int]:
@@ -98,6 +116,9 @@ def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> 
     if (count is None) == (kinds is None):
         raise InputError("give either a count of cases or a number for each kind.")
     possible = KINDS if family == "homogeneous" else KINDS[:2]
+    asked = sum(kinds.values()) if count is None and kinds is not None else count
+    if asked is None or not 1 <= asked <= MOST_CASES_OF_A_SET:
+        raise InputError(f"count = {asked} is not possible; give a number of cases from 1 to {MOST_CASES_OF_A_SET}.")
     if kinds is None:
         shares = {kind: KIND_SHARES[kind] for kind in possible}
         ends = np.round(count * np.cumsum(list(shares.values())) / sum(shares.values())).astype(int)
@@ -122,11 +143,28 @@ def plan(seed: int, kinds: Mapping[str, int], family: str) -> list[CaseRequest]:
     return [requests[k] for k in rng.permutation(len(requests))]
 
 
-def _make_one(job: tuple[str, int, str, CaseRequest, np.random.SeedSequence]) -> None:
-    out, number, family, request, seed = job
-    name = f"case-{number:04d}"
-    begin = time.perf_counter()
-    case = FAMILIES[family].draw(np.random.default_rng(seed), request)
-    write(case, Path(out) / "cases" / name, name)
-    truth = {"case": name, "family": family} | case.truth | {"made_in_s": time.perf_counter() - begin}
-    (Path(out) / "sealed" / f"{name}.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
+class _Job(NamedTuple):
+    """One case that is to be made: its number from 1 on, what it is to be, and the seed of what is drawn for it."""
+
+    out: Path
+    number: int
+    family: str
+    request: CaseRequest
+    seed: np.random.SeedSequence
+
+    @property
+    def name(self) -> str:
+        return f"case-{self.number:04d}"
+
+    @property
+    def dataset(self) -> Path:
+        """The folder of its dataset: it is the last of its files to appear."""
+        return self.out / "cases" / self.name
+
+
+def _make_one(job: _Job) -> None:
+    case = FAMILIES[job.family].draw(np.random.default_rng(job.seed), job.request)
+    truth = {"case": job.name, "family": job.family} | case.truth
+    whole_file(job.out / "sealed" / f"{job.name}.json", json.dumps(truth, indent=1) + "\n")
+    with whole_folder(job.dataset) as folder:
+        write(case, folder, job.name)

@@ -45,6 +45,7 @@ class ToolReport(TypedDict, total=False):
     problem: str
     baseline: ReportedFit
     final: ReportedFit
+    provenance: Mapping[str, Any]
 
 
 class ScoredCase(TypedDict):

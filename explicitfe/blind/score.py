@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-import shutil
+import shlex
 import time
 import traceback
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import TypedDict, cast
 
+from explicitfe.blind.folder import alone_in, manifest_of, table_of
 from explicitfe.blind.outcome import outcome
 from explicitfe.blind.report import ScoredCase, ToolReport
 from explicitfe.blind.tables import Tables, markdown, picture, tables_of
 from explicitfe.blind.truth import Truth
+from explicitfe.close_loop.report import SUMMARY
 from explicitfe.errors import InputError, Progress, silent
+from explicitfe.host import stopping
+from explicitfe.results.folder import whole_file, whole_folder
 
 POLL_INTERVAL_S = 0.2  # between two looks at the processes
 
@@ -50,11 +54,10 @@ class StudyScore(TypedDict):
     cases: list[BriefCase]
 
 
-class CaseRun(TypedDict, total=False):
-    """How the run of a case ended: the file ``case-0001.run.json``."""
+class CaseRun(TypedDict):
+    """How the run of a case ended that left no report: the file ``case-0001.run.json``."""
 
-    status: str
-    wall_s: float | None
+    wall_s: float
     problem: str
 
 
@@ -87,20 +90,47 @@ def score(
     InputError : the folder holds no cases.
     """
     directory = Path(directory)
-    names = sorted(path.name for path in (directory / "cases").glob("case-*") if path.is_dir())
+    names = _cases(directory)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the parallel part
+    try:
+        with alone_in(directory):
+            (directory / "reports").mkdir(exist_ok=True)
+            _run(directory, names, processes, max_effects, limit_s, pages, progress)
+            return _score(directory, names)
+    except OSError as error:
+        raise InputError(f"{directory}: this cannot be written ({error.strerror}).") from None
+
+
+def _cases(directory: Path) -> list[str]:
+    """The names of all cases.
+
+    Raises
+    ------
+    InputError : there are none, or not all that were asked for.
+    """
+    names = sorted(path.name for path in directory.glob("cases/case-*") if path.is_dir())
     if not names:
         raise InputError(f"{directory}: there are no cases here; make some first.")
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the parallel part
-    _run(directory, names, processes, max_effects, limit_s, pages, progress)
+    asked = manifest_of(directory)
+    if asked is not None and len(names) < asked["count"]:
+        again = f"{shlex.quote(str(directory))} --seed {asked['seed']} --count {asked['count']} --family {asked['family']}"
+        raise InputError(
+            f"{directory}: {len(names)} of {asked['count']} cases are there; go on with explicitfe blind make {again}."
+        )
+    return names
+
+
+def _score(directory: Path, names: list[str]) -> StudyScore:
+    """Open what was sealed, and count."""
     rows: list[ScoredCase] = []
     for name in names:
         report, wall_s = _result(directory, name)
-        truth = cast(Truth, json.loads((directory / "sealed" / f"{name}.json").read_text(encoding="utf-8")))
+        truth = cast(Truth, table_of(directory / "sealed" / f"{name}.json", Truth.__required_keys__))
         rows.append({"case": name, "truth": truth, "report": report, "outcome": outcome(report, truth), "wall_s": wall_s})
     result: StudyScore = {"tables": tables_of(rows), "cases": [_brief(row) for row in rows]}
-    (directory / "score.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    (directory / "score.md").write_text(markdown(result["tables"]), encoding="utf-8")
-    picture(result["tables"]["confusion"], directory / "confusion.png")
+    whole_file(directory / "confusion.png", picture(result["tables"]["confusion"]))
+    whole_file(directory / "score.md", markdown(result["tables"]))
+    whole_file(directory / "score.json", json.dumps(result, indent=1) + "\n")
     return result
 
 
@@ -138,38 +168,44 @@ def _run(
 ) -> None:
     """Close the loop on all cases without a report, each in a process of its own: a crash stops nothing else."""
     reports = directory / "reports"
-    reports.mkdir(exist_ok=True)
-    left = [name for name in names if not (reports / name / "report.json").is_file()]
+    left = [name for name in names if not (reports / name / SUMMARY).is_file()]
     context = multiprocessing.get_context("spawn")
     running: dict[str, tuple[SpawnProcess, float]] = {}
     todo = left[::-1]
     done = len(names) - len(left)
     progress("close-loop", done / len(names))
-    while todo or running:
-        while todo and len(running) < processes:
-            name = todo.pop()
-            if (reports / name).is_dir():  # an earlier crash left it behind
-                shutil.rmtree(reports / name)
-            job = context.Process(target=_close, args=(str(directory), name, max_effects, pages))
-            job.start()
-            running[name] = job, time.perf_counter()
-        time.sleep(POLL_INTERVAL_S)
-        for name, (job, begin) in list(running.items()):
-            taken = time.perf_counter() - begin
-            late = limit_s is not None and taken > limit_s
-            if job.is_alive() and not late:
-                continue
-            if job.is_alive():
+    try:
+        while todo or running:
+            while todo and len(running) < processes:
+                name = todo.pop()
+                for old in (f"{name}.traceback", f"{name}.run.json"):
+                    (reports / old).unlink(missing_ok=True)
+                job = context.Process(target=_close, args=(str(directory), name, max_effects, pages))
+                job.start()
+                running[name] = job, time.perf_counter()
+            time.sleep(POLL_INTERVAL_S)
+            stopping.check()  # A case that was stopped with all others has not failed.
+            for name, (job, begin) in list(running.items()):
+                taken = time.perf_counter() - begin
+                late = limit_s is not None and taken > limit_s
+                if job.is_alive() and not late:
+                    continue
                 job.kill()
+                job.join()
+                del running[name]
+                if not (reports / name / SUMMARY).is_file():
+                    _record(reports, name, taken, f"stopped after {taken:.0f} s" if late else f"ended with {job.exitcode}")
+                done += 1
+                progress("close-loop", done / len(names))
+    finally:
+        for job, _ in running.values():
+            job.kill()
             job.join()
-            del running[name]
-            _record(reports, name, taken, f"stopped after {taken:.0f} s" if late else f"ended with {job.exitcode}")
-            done += 1
-            progress("close-loop", done / len(names))
 
 
 def _close(directory: str, name: str, max_effects: int, pages: bool) -> None:
     """One case, in its own process."""
+    stopping.leave_signals_to_the_parent()
     reports = Path(directory) / "reports"
     try:
         from explicitfe.close_loop.close import close_loop
@@ -179,32 +215,28 @@ def _close(directory: str, name: str, max_effects: int, pages: bool) -> None:
             close_loop(case, out=out, max_effects=max_effects, processes=1, overwrite=True)
         else:
             report = close_loop(case, max_effects=max_effects, processes=1)
-            out.mkdir()
-            (out / "report.json").write_text(report.text, encoding="utf-8")
+            with whole_folder(out) as folder:
+                (folder / SUMMARY).write_text(report.text, encoding="utf-8")
     except BaseException:
         (reports / f"{name}.traceback").write_text(traceback.format_exc(), encoding="utf-8")
         raise SystemExit(1) from None
 
 
 def _record(reports: Path, name: str, taken: float, end: str) -> None:
-    """Write down how the run of a case ended."""
+    """Write down how the run of a case without a report ended."""
     trace = reports / f"{name}.traceback"
-    run: CaseRun = {"status": "done", "wall_s": taken}
-    if not (reports / name / "report.json").is_file():
-        text = trace.read_text(encoding="utf-8") if trace.is_file() else end
-        run = {"status": "crashed", "wall_s": taken, "problem": text}
+    run: CaseRun = {"wall_s": taken, "problem": trace.read_text(encoding="utf-8") if trace.is_file() else end}
     trace.unlink(missing_ok=True)
-    (reports / f"{name}.run.json").write_text(json.dumps(run, indent=1) + "\n", encoding="utf-8")
+    whole_file(reports / f"{name}.run.json", json.dumps(run, indent=1) + "\n")
 
 
 def _result(directory: Path, name: str) -> tuple[ToolReport, float | None]:
     """The report of a case, or of its crash, and the seconds that it took, if they are known."""
     reports = directory / "reports"
-    ran = reports / f"{name}.run.json"
-    run: CaseRun = {"wall_s": None, "problem": "never run"}
-    if ran.is_file():
-        run = json.loads(ran.read_text(encoding="utf-8"))
-    path = reports / name / "report.json"
+    path = reports / name / SUMMARY
     if path.is_file():
-        return json.loads(path.read_text(encoding="utf-8")), run["wall_s"]
+        report = cast(ToolReport, table_of(path, {"verdict"}))
+        return report, report.get("provenance", {}).get("wall_s")
+    ran = reports / f"{name}.run.json"
+    run = cast(CaseRun, table_of(ran, CaseRun.__required_keys__))
     return {"verdict": "failed", "effects": [], "problem": run["problem"]}, run["wall_s"]

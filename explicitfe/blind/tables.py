@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
@@ -286,8 +286,8 @@ def _short(p: Proportion) -> str:
     return f"{p['count']} ({100.0 * p['share']:.0f} %, {100.0 * low:.0f} to {100.0 * high:.0f})"
 
 
-def picture(matrix: Mapping[str, Mapping[str, int]], path: Path) -> None:
-    """The confusion matrix, shaded by the share of its row."""
+def picture(matrix: Mapping[str, Mapping[str, int]]) -> bytes:
+    """The confusion matrix, shaded by the share of its row, as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -308,4 +308,6 @@ def picture(matrix: Mapping[str, Mapping[str, int]], path: Path) -> None:
     axes.set_xlabel("found")
     axes.set_ylabel("in the data")
     axes.set_title("Cases by what was in the data and what was found", loc="left", fontsize=10)
-    figure.savefig(path, dpi=150)
+    png = io.BytesIO()
+    figure.savefig(png, dpi=150, format="png")
+    return png.getvalue()

@@ -246,7 +246,7 @@ def write(target: Path, documents: LoopDocuments) -> None:
     from explicitfe.view.report import page as loopreport
 
     report = documents.report
-    with whole_folder(target) as folder:
+    with whole_folder(target, summary=SUMMARY) as folder:
         names, warnings = [SUMMARY, *documents.files], list(report.warnings)
         with drawing(warnings):
             names += loopreport.write(folder, report, documents.curves)

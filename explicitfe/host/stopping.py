@@ -7,6 +7,7 @@ consistent, and store what they have. A second signal ends the program at once.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -116,8 +117,19 @@ def ignore() -> None:
 
 
 def leave_signals_to_the_parent() -> None:
-    """What a worker process begins with: Ctrl-C reaches it too, and it is its parent that decides."""
+    """What a worker process begins with: Ctrl-C reaches it too, and it is its parent that decides; it ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+
+
+def _end_with_the_parent() -> None:
+    """Wait for the end of the process that started this one: nobody asks its workers for an answer any more."""
+    from multiprocessing import parent_process
+
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _end_workers() -> None:

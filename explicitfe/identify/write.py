@@ -25,7 +25,7 @@ def write(target: Path, identification: Identification, pictures: Mapping[str, G
     ------
     InputError : the folder cannot be written.
     """
-    with whole_folder(target) as folder:
+    with whole_folder(target, summary=SUMMARY_FILE) as folder:
         _fill(folder, target, identification, pictures)
 
 

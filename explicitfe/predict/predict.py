@@ -21,7 +21,7 @@ from explicitfe.predict.experiment import CurveAnswer, effects_of, experiments
 from explicitfe.predict.homogeneous import predict_homogeneous
 from explicitfe.predict.tissue import Numerics, Tissue, effect_name, parse_tissue, read_tissue
 from explicitfe.predict.under_a_tool import predict_under_a_tool
-from explicitfe.results.folder import checked_target
+from explicitfe.results.folder import checked_target, whole_folder
 from explicitfe.results.prediction import PredictedCurve, PredictedRows, Prediction, PredictionError
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import validated
@@ -94,7 +94,7 @@ def predict(
         assumed=sorted({text for a in answers.values() if isinstance(a, CurveAnswer) for text in a.assumed}),
         wall_s=time.perf_counter() - begin,
     )
-    return prediction if target is None else _write(target, prediction, tissue, overwrite)
+    return prediction if target is None else _write(target, prediction, tissue)
 
 
 def predict_test(
@@ -232,20 +232,15 @@ def _mean_errors(curves: Sequence[PredictedCurve]) -> dict[str, PredictionError]
 # ---- on disk ----
 
 
-def _write(target: Path, prediction: Prediction, tissue: Tissue, overwrite: bool) -> Prediction:
-    """Write predict.json, model.toml and a CSV a curve; the prediction with the list of these files."""
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-        for old in target.glob("*.csv") if overwrite else ():
-            old.unlink()
-        (target / "model.toml").write_text(tissue.text, encoding="utf-8")
+def _write(target: Path, prediction: Prediction, tissue: Tissue) -> Prediction:
+    """Write predict.json, model.toml and a CSV a curve, all or none; the prediction with the list of these files."""
+    names = ["model.toml", PREDICTION_FILE, *(f"{name}.csv" for name in prediction.curves)]
+    prediction = prediction.model_copy(update={"files": [str(target / name) for name in names]})
+    with whole_folder(target, summary=PREDICTION_FILE) as folder:
+        (folder / "model.toml").write_text(tissue.text, encoding="utf-8")
         for name, curve in prediction.curves.items():
-            (target / f"{name}.csv").write_text(_csv(curve), encoding="utf-8")
-        names = ["model.toml", PREDICTION_FILE, *(f"{name}.csv" for name in prediction.curves)]
-        prediction = prediction.model_copy(update={"files": [str(target / name) for name in names]})
-        (target / PREDICTION_FILE).write_text(prediction.text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({error.strerror}).") from None
+            (folder / f"{name}.csv").write_text(_csv(curve), encoding="utf-8")
+        (folder / PREDICTION_FILE).write_text(prediction.text, encoding="utf-8")
     return prediction
 
 

@@ -139,7 +139,10 @@ class CurvePoint(TypedDict):
 
 
 class IndentationSummary(RunSummary):
-    """What an indentation came to; ``loads`` holds the other numbers of each equilibrium, by their names in ``Equilibrium``."""
+    """What an indentation came to; ``loads`` holds the other numbers of each equilibrium, by their names in ``Equilibrium``.
+
+    ``energy_balance_doubt``: by how much the error may be wrong, as the work is known from the loads alone.
+    """
 
     copies: float
     curve: list[CurvePoint]
@@ -149,6 +152,7 @@ class IndentationSummary(RunSummary):
     touch_mm: float
     penetration_ratio: float
     reaction_error: float
+    energy_balance_doubt: float | None
 
 
 # Column of the history of an indentation -> what a summary calls it: together all of an ``Equilibrium``.
@@ -167,6 +171,7 @@ LOAD_COLUMNS = {
     "friction_loss": "friction_loss_J",
     "material_loss": "material_loss_J",
     "smallest_J": "smallest_J",
+    "folded_elements": "folded",
 }
 
 
@@ -179,7 +184,8 @@ def curve_of(history: Mapping[str, np.ndarray]) -> list[CurvePoint]:
 def loads_of(history: Mapping[str, np.ndarray]) -> list[dict[str, float]]:
     """``loads`` of a summary."""
     columns = {key: history[column][1:].tolist() for column, key in LOAD_COLUMNS.items()}
-    columns["iterations"] = [int(count) for count in columns["iterations"]]
+    for counted in ("iterations", "folded"):
+        columns[counted] = [int(count) for count in columns[counted]]
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from explicitfe.errors import InputError, Progress
 from explicitfe.host import stopping
@@ -26,9 +25,11 @@ from explicitfe.results.run_summary import (
     RunSummary,
 )
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_go_on, restart_extras
+from explicitfe.run.notes import equilibrium_notes
+from explicitfe.run.work import balance_of, external_work
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve.contact_points import PENETRATION_SHARE
-from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.solve.equilibrium import LEAST_SHARE_OF_LARGEST_LOAD, Relaxation
 from explicitfe.solve.load_outcome import Equilibrium, Stuck
 from explicitfe.solve.transient import FINISHED, INTERRUPTED
 
@@ -55,6 +56,7 @@ INDENTATION_HISTORY = {
     "friction_loss": Quantity("J", 1, "energy lost to friction"),
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
     "smallest_J": Quantity("1", 1, "smallest J of any element"),
+    "folded_elements": Quantity("1", 1, "elements that are folded somewhere"),
 }
 # Number of an equilibrium -> column of the history.
 EQUILIBRIUM_COLUMNS = {name: column for column, name in (CURVE_COLUMNS | LOAD_COLUMNS).items()}
@@ -72,6 +74,12 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
     @classmethod
     def prepare(cls, path: Path, scenario: IndentationScenario, text: str) -> Self:
         """Build the specimen and the tool above it."""
+        deepest_mm = max(scenario.analysis.displacements_mm or [0.0])
+        if deepest_mm >= scenario.model.thickness_mm:
+            raise InputError(
+                f"analysis.displacements_mm goes {deepest_mm:g} mm into {scenario.model.thickness_mm:g} mm of tissue, to the "
+                "rigid base below it, where no room is left for any; stay above."
+            )
         model = specimen_model(scenario.model, scenario.tool, scenario.effects.chosen)
         body = Relaxation(model, scenario.analysis.tolerance, scenario.analysis.threads)
         return cls(path, scenario, text, model, scenario.model.name, body)
@@ -187,7 +195,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
     def _store(self, writer: ResultWriter, curve: list[Equilibrium], time_s: float, started: float) -> None:
         """Store the last equilibrium, and the state to go on from."""
         row = {column: getattr(curve[-1], name) for name, column in EQUILIBRIUM_COLUMNS.items()}
-        row["external_work"] = external_work(curve)
+        row["external_work"] = external_work(curve).work_J
         fields = self.body.element_fields()
         cells: dict[str, np.ndarray] = {name: fields[name] for name in INDENTATION_FIELDS if name in self.scenario.record.fields}
         writer.sample(time_s, row, {"displacement": self.body.displacement}, cells)
@@ -199,15 +207,25 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         place = f"near ({x:.1f}, {y:.1f}, {z:.1f}) mm"
         by_force = self.scenario.analysis.forces_N is not None
         reached = f"{stuck.reached:.4g} N" if by_force else f"{1e3 * stuck.reached:.4g} mm"
+        advice = (
+            "The tissue may be too soft for this load, or the elements at the tool's edge too large: lower the load, or give a "
+            "larger edge_radius_mm or a smaller edge_size_mm."
+        )
         if stuck.reason == "inverted":
             why = f"an element {place} turns inside out"
+        elif stuck.residual <= self.body.tolerance:
+            why = f"the tool presses with {stuck.force_N:.3g} N and not with {stuck.goal:.3g} N"
+            advice = (
+                "The way that such a load goes into so stiff a body is lost in the rounding of numbers: give a larger load or a "
+                "softer material, and look at their units."
+            )
         else:
             why = f"the forces do not settle (relative residual {stuck.residual:.2g}, largest {place})"
-        return (
-            f"{load} was not reached: {why}; {reached} is as far as it went. The tissue may be too soft for this load, "
-            "or the elements at the tool's edge too large: lower the load, or give a larger edge_radius_mm or a smaller "
-            "edge_size_mm."
-        )
+            advice += (
+                " What is all but incompressible, has layers of very unlike stiffness or is hardly loaded may never settle: "
+                "lower poisson or the ratio, or give a larger analysis.tolerance."
+            )
+        return f"{load} was not reached: {why}; {reached} is as far as it went. {advice}"
 
     def _summary(
         self, target: Path, state: str, message: str, curve: list[Equilibrium], compile_s: float, wall_s: float
@@ -217,7 +235,10 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         elastic = [point.internal_J + point.hourglass_J for point in curve]
         shares = [point.hourglass_J / e for point, e in zip(curve, elastic, strict=True) if e > 0.0]
         folded = self._folded(self.body.displacement)
-        pressed = [point for point in loaded if point.displacement_m > 0.0 and point.force_N > 0.0]
+        # a load that has all but gone is no measure
+        least_N = LEAST_SHARE_OF_LARGEST_LOAD * max((point.force_N for point in loaded), default=0.0)
+        pressed = [point for point in loaded if point.displacement_m > 0.0 and point.force_N > least_N]
+        balance = balance_of(curve)
         return {
             "status": state,
             "message": message,
@@ -240,7 +261,8 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "touch_mm": 1e3 * self.body.touch_m,
             "penetration_ratio": max((point.penetration_m / point.displacement_m for point in pressed), default=0.0),
             "reaction_error": max((abs(point.reaction_N / point.force_N - 1.0) for point in pressed), default=0.0),
-            "energy_balance_error": balance_error(curve) if curve else None,
+            "energy_balance_error": balance.error if curve else None,
+            "energy_balance_doubt": balance.doubt if curve else None,
             "hourglass_share": max(shares, default=0.0),
             "hourglass_share_end": shares[-1] if shares else 0.0,
             "min_J": min((point.smallest_J for point in curve), default=1.0),
@@ -255,10 +277,12 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                 f"hourglass energy reaches {100 * hourglass:.0f} % of the elastic energy: the mesh is coarse for this "
                 "deformation; compare with model.refinement = 2 before quoting numbers."
             )
-        if folded["elements"]:
+        most = max((point.folded for point in curve), default=0)
+        if folded["elements"] or most:
+            when = "at the end" if folded["elements"] else "at one of the loads, though none at the end"
             warnings.append(
-                f"{folded['elements']} of {self.model.mesh.element_count} elements are folded at the end, which one integration "
-                'point does not resist: compare with model.refinement = 2 and with element = "hex8-full".'
+                f"{folded['elements'] or most} of {self.model.mesh.element_count} elements are folded {when}, which one "
+                'integration point does not resist: compare with model.refinement = 2 and with element = "hex8-full".'
             )
         depth = max((point.displacement_m for point in curve), default=0.0)
         thickness = 1e-3 * self.scenario.model.thickness_mm
@@ -272,41 +296,13 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         ratio = max((p.penetration_m / p.displacement_m for p in curve if p.displacement_m > 0.0), default=0.0)
         if ratio > PENETRATION_SHARE and self.scenario.tool.shape != "bonded-disc":
             warnings.append(f"the surface is up to {100 * ratio:.2f} % of the indentation inside the tool.")
-        return warnings
+        # where the answer depends on the path, a force need not rise all along
+        by_path = self.scenario.tool.friction != 0.0 or any(effect.depends_on_path for effect in self.scenario.effects.chosen)
+        return [*warnings, *equilibrium_notes(curve, elastic=not by_path)]
 
 
 def _equilibria(rows: Mapping[str, np.ndarray]) -> list[Equilibrium]:
     """The loads of a history."""
     columns = {name: rows[column].tolist() for name, column in EQUILIBRIUM_COLUMNS.items()}
     curve = [Equilibrium(**dict(zip(columns, numbers, strict=True))) for numbers in zip(*columns.values(), strict=True)]
-    return [replace(point, iterations=int(point.iterations)) for point in curve]
-
-
-def external_work(curve: list[Equilibrium]) -> float:
-    """Work of tool and dead loads since the first equilibrium [J]: the force along each stretch in one direction, by a spline."""
-    force = np.array([point.force_N for point in curve])
-    displacement = np.array([point.displacement_m for point in curve])
-    work = curve[-1].dead_work_J - curve[0].dead_work_J
-    keep = np.append(True, np.diff(displacement) != 0.0)
-    force, displacement = force[keep], displacement[keep]
-    turns = np.flatnonzero(np.diff(np.sign(np.diff(displacement)))) + 1
-    for start, stop in zip([0, *turns], [*turns, len(displacement) - 1], strict=True):
-        f, d = force[start : stop + 1], displacement[start : stop + 1]
-        if len(d) > 2:
-            order = np.argsort(d)
-            area = CubicSpline(d[order], f[order]).integrate(d[order][0], d[order][-1])
-            work += float(area) if d[-1] > d[0] else -float(area)
-        elif len(d) == 2:
-            work += 0.5 * float((f[0] + f[1]) * (d[1] - d[0]))
-    return work
-
-
-def balance_error(curve: list[Equilibrium]) -> float:
-    """Energy that is missing or too much, relative to the largest of stored energy and work."""
-    first, last = curve[0], curve[-1]
-    stored = sum(
-        getattr(last, name) - getattr(first, name)
-        for name in ("internal_J", "hourglass_J", "contact_J", "friction_loss_J", "material_loss_J")
-    )
-    largest = max(max(point.internal_J for point in curve), abs(external_work(curve)))
-    return abs(stored - external_work(curve)) / largest if largest > 0.0 else 0.0
+    return [replace(point, iterations=int(point.iterations), folded=int(point.folded)) for point in curve]

@@ -1,14 +1,24 @@
-"""Sentences for the user about what is computed: whether the mesh is the body that was meant, and what holds it."""
+"""Sentences for the user: whether the mesh is the body that was meant, what holds it, and what to make of energies and forces."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from explicitfe.mesh.soundness import Soundness, soundness
 from explicitfe.model.model import Model
+from explicitfe.run.work import balance_of
+from explicitfe.solve.load_outcome import Equilibrium
 
 # A specimen, or an organ: what lies outside has most likely another unit of length.
 _SMALLEST_AND_LARGEST_EXTENT_MM = (1.0, 1000.0)
+# Of the largest of work and stored energy: a balance that is off by more is told.
+BALANCE_WARNING_SHARE = 1e-3
+# Of the tool's force: where the base carries so much more or less, no equilibrium was reached.
+_REACTION_WARNING_SHARE = 1e-2
+# Of the force so far: what it may fall by, for rounding, while the tool goes deeper than before.
+_FALL_WARNING_SHARE = 1e-2
 
 
 def mesh_notes(model: Model) -> tuple[str, ...]:
@@ -110,3 +120,69 @@ def _extent(body: Soundness) -> list[str]:
 
 def _mm(place: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * value:.1f}" for value in place) + ")"
+
+
+def equilibrium_notes(curve: Sequence[Equilibrium], *, elastic: bool) -> list[str]:
+    """What a user should know of the equilibria of an indentation, from first touch on.
+
+    ``elastic``: nothing in it depends on the path, so the force has to rise while the tool goes deeper than before.
+    """
+    return [*_energy_of_loads(curve), *_reaction(curve), *(_fall(curve) if elastic else []), *_no_contact(curve)]
+
+
+def _energy_of_loads(curve: Sequence[Equilibrium]) -> list[str]:
+    error, doubt = balance_of(curve)
+    if not error > BALANCE_WARNING_SHARE:
+        return []
+    begin = f"the stored energy and the work of the tool differ by {_percent(error)}"
+    if error <= doubt:
+        return [
+            f"{begin}, where the work itself is not known better than to {_percent(doubt)} from {len(curve) - 1} "
+            f"load{'s' * (len(curve) > 2)}: give more loads on the way, if the balance is to be a check."
+        ]
+    return [
+        f"{begin}, more than the {_percent(doubt)} to which {len(curve) - 1} loads tell the work: something gives way between "
+        "two loads, such as elements that fold at the tool's edge, or a material with a memory changes much in the time between "
+        "them; give more loads on the way, or model.refinement = 2, and compare."
+    ]
+
+
+def _reaction(curve: Sequence[Equilibrium]) -> list[str]:
+    largest_N = max((abs(point.force_N) for point in curve), default=0.0)
+    off_N = max((abs(point.reaction_N - point.force_N) for point in curve), default=0.0)
+    if not off_N > _REACTION_WARNING_SHARE * largest_N:
+        return []
+    return [
+        f"the base carries up to {off_N:.3g} N more or less than the tool presses with, {_percent(off_N / largest_N)} of its "
+        "largest force: the equilibria are rough; give a smaller analysis.tolerance."
+    ]
+
+
+def _fall(curve: Sequence[Equilibrium]) -> list[str]:
+    """Where the force falls, or a tool under a growing force comes back."""
+    deepest = curve[0] if curve else None
+    for point in curve[1:]:
+        assert deepest is not None
+        if point.displacement_m > deepest.displacement_m:
+            if point.force_N < (1.0 - _FALL_WARNING_SHARE) * deepest.force_N:
+                return [
+                    f"the force falls from {deepest.force_N:.3g} to {point.force_N:.3g} N while the tool goes deeper, from "
+                    f"{1e3 * deepest.displacement_m:.3g} to {1e3 * point.displacement_m:.3g} mm, which tissue without a memory "
+                    'does not do: elements give way; compare with model.refinement = 2 and with element = "hex8-full".'
+                ]
+            deepest = point
+    return []
+
+
+def _no_contact(curve: Sequence[Equilibrium]) -> list[str]:
+    missed = [point for point in curve[1:] if point.displacement_m > 0.0 and point.force_N == 0.0]
+    if not missed:
+        return []
+    return [
+        f"the tool touches nothing though it has come down by {1e3 * missed[0].displacement_m:.3g} mm: what it pressed has moved "
+        "away from it, or lies beside it."
+    ]
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"

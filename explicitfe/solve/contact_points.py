@@ -33,6 +33,7 @@ GRIP_SHARE = 0.1
 BEYOND_ANY_SPECIMEN_m = 1e3  # the flat radius of a platen, which is infinite, in numbers that a kernel can subtract
 HEIGHT_OUT_OF_REACH_m = 1.0  # above the surface, where no tool reaches tissue that sags or swells
 MOST_LIFTS = 20  # attempts to lift a tool out of the surface before a load begins: each one leaves at most a few points inside
+MISSED_SHARE_OF_LOAD = 1e-2  # by which the springs under a tool may miss its load; elsewhere they meet it within rounding
 ITERATIONS_TO_GOAL = 200  # in which a tool whose displacement is imposed gets there: a sudden push would tear elements
 
 
@@ -115,6 +116,11 @@ class ToolContact:
     def force(self, u: np.ndarray) -> float:
         """Force of the tool along -z [N], on the part of the body that is computed."""
         return float(self._kernels.press(u, np.zeros_like(u), self.points, self.tool))
+
+    def presses(self, u: np.ndarray) -> bool:
+        """Whether a tool under a force presses with it: on a body that is too stiff its way is lost in the rounding of places."""
+        load = self.tool[LOAD]
+        return not self.tool[FREE] or load == 0.0 or abs(self.force(u) - load) <= MISSED_SHARE_OF_LOAD * load
 
     def driven_m(self, u: np.ndarray) -> float:
         """How far down the tool is, with what the rig gives way by, as a machine reads it [m]."""

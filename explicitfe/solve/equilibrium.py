@@ -34,6 +34,7 @@ from explicitfe.compiled.arrays import (
 from explicitfe.compiled.threads import together
 from explicitfe.errors import InputError
 from explicitfe.host import stopping
+from explicitfe.mesh.validity import certify
 from explicitfe.model.model import Model
 from explicitfe.solve.body import Body
 from explicitfe.solve.contact_points import PENETRATION_SHARE, ToolContact
@@ -163,7 +164,7 @@ class Relaxation(Body):
         self.contact.retreat()
         failure = self._attempt(progress, slowly=True)
         if failure is not None:
-            return Stuck(failure, 0.0, 0.0, float(self._monitor[RESIDUAL]), self._worst(failure))
+            return self._stuck(failure, 0.0, 0.0)
         if not self.contact.tied:
             self.contact.descend_to_first_touch(self.state.u)
         return self._touched(self.contact.depth_m)
@@ -222,6 +223,7 @@ class Relaxation(Body):
             friction_loss_J=copies * self.friction_loss_J,
             material_loss_J=copies * float(lost),
             smallest_J=float(self._monitor[REST_J]),
+            folded=certify(self.model.mesh.points + self.displacement, self.model.mesh.hexes).folded_count,
         )
 
     def contact_pressure(self) -> tuple[np.ndarray, np.ndarray]:
@@ -285,7 +287,7 @@ class Relaxation(Body):
                 self.time_s = since + done * (at_s - since) if done < 1.0 else at_s
                 self._commit(now)
                 continue
-            stuck = Stuck(failure, now, self._known[-1].coordinate, float(self._monitor[RESIDUAL]), self._worst(failure))
+            stuck = self._stuck(failure, now, self._known[-1].coordinate)
             self._restore()
             if share - done <= 0.5**MOST_HALVINGS:
                 self.set_increment(0.0)
@@ -318,6 +320,8 @@ class Relaxation(Body):
         """
         for extrapolated in (True, False):
             failure = self._settle_down(progress, slowly)
+            if failure is None and not self.contact.presses(self.state.u):
+                return "not-converged"
             if failure != "inverted":
                 return failure
             if extrapolated:
@@ -433,6 +437,10 @@ class Relaxation(Body):
         self.kernels.forces(self.state.u, force, self.blocks)
         held = self.model.held[self.node_order][:, 2]  # of the sector both sides: a turn leaves z as it is
         return float(self._external[:, 2].sum() - (force + self._external)[: len(held), 2][held].sum())
+
+    def _stuck(self, failure: str, goal: float, reached: float) -> Stuck:
+        force_N = self.model.copies * self.contact.force(self.state.u)
+        return Stuck(failure, goal, reached, float(self._monitor[RESIDUAL]), force_N, self._worst(failure))
 
     def _worst(self, failure: str) -> np.ndarray:
         """Where the broken element, or the largest unbalanced force is, in the reference shape (3,) m."""

@@ -26,6 +26,7 @@ class Equilibrium:
     friction_loss_J : slip so far, times friction.
     material_loss_J : work of the stress so far, less what is stored.
     smallest_J : smallest volume ratio of any element.
+    folded : elements that are folded somewhere, for certain.
     """
 
     force_N: float
@@ -43,6 +44,7 @@ class Equilibrium:
     friction_loss_J: float
     material_loss_J: float
     smallest_J: float
+    folded: int
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class Stuck:
     goal : the force [N] or displacement [m] aimed at last.
     reached : the last that converged.
     residual : where the attempt was given up.
+    force_N : of the tool there.
     place_m : (3,) where the largest unbalanced force, or the broken element, is.
     """
 
@@ -62,4 +65,5 @@ class Stuck:
     goal: float
     reached: float
     residual: float
+    force_N: float
     place_m: np.ndarray

@@ -25,11 +25,19 @@ class StoredField(StoredQuantity):
     kind: str
 
 
+class StoredRestart(TypedDict):
+    """From where a run can go on: after how many samples, stored when (ISO 8601), and the command that does it."""
+
+    samples: int
+    stored_utc: str | None
+    command: str
+
+
 class ResultContents(TypedDict):
     """What a result file holds: the answer of ``explicitfe inspect --json``.
 
     ``time_s`` has the first and the last stored time, ``every_s`` the mean time between samples, ``last`` the last row of the
-    history; ``node_sets`` says how many nodes each set has. ``summary`` and ``model`` are as :class:`Result` gives them.
+    history; ``node_sets`` says how many nodes each set has; ``restart`` is None where nothing is left to go on with. ``summary`` and ``model`` are as :class:`Result` gives them.
     """
 
     path: str
@@ -51,6 +59,7 @@ class ResultContents(TypedDict):
     scenario_sha256: str
     model: Mapping[str, Any]
     provenance: Provenance
+    restart: StoredRestart | None
 
 
 def stored_quantity(name: str, quantity: Quantity) -> StoredQuantity:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +16,7 @@ import numpy as np
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.results import layout
-from explicitfe.results.contents import ResultContents, stored_field, stored_quantity
+from explicitfe.results.contents import ResultContents, StoredRestart, stored_field, stored_quantity
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
 from explicitfe.results.run_summary import point_at_rest, with_history
@@ -276,6 +278,18 @@ class Result:
                 states.append(RestartState(sequence, stored_at, arrays))
         return max(states, key=lambda state: state.sequence, default=None)
 
+    def _restart(self) -> StoredRestart | None:
+        """From where the run can go on, if it was stopped or killed."""
+        state = None if self.live or self.status not in (layout.RUNNING, layout.INTERRUPTED) else self.restart_state()
+        if state is None or "samples" not in state.arrays:
+            return None
+        moment = None if state.stored_at is None else datetime.fromtimestamp(state.stored_at, UTC).isoformat(timespec="seconds")
+        return {
+            "samples": int(state.arrays["samples"]),
+            "stored_utc": moment,
+            "command": f"explicitfe resume {shlex.quote(str(self.path))}",
+        }
+
     def contents(self) -> ResultContents:
         """What the file holds, ready for JSON."""
         rows = len(self.history("time"))
@@ -299,6 +313,7 @@ class Result:
             "scenario_sha256": self.scenario_sha256,
             "model": self.model,
             "provenance": self.provenance,
+            "restart": self._restart(),
         }
 
     # ---- inside ----

@@ -6,6 +6,7 @@ import json
 import shutil
 import signal
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,9 @@ def compare(path: str | Path, wanted: str | Path, *, rounding: float = 0.0) -> N
 
 
 @NAMED
-def test_a_stopped_run_goes_on_bit_by_bit(tmp_path: Path, scenario: Path, settings: tuple[str, ...]) -> None:
+def test_a_stopped_run_goes_on_bit_by_bit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], scenario: Path, settings: tuple[str, ...]
+) -> None:
     """Stopped twice on its way; what is stored in between is whole, says so, and names the command that goes on."""
     whole = explicitfe.run(scenario, tmp_path / "whole", settings=settings)
     first = interrupted(scenario, tmp_path / "parts", settings)
@@ -86,6 +89,12 @@ def test_a_stopped_run_goes_on_bit_by_bit(tmp_path: Path, scenario: Path, settin
         samples = len(result.times)
         assert result.status == "interrupted" and samples > 1
         assert f"explicitfe resume {first['result']}" in result.message
+        restart = result.contents()["restart"]
+    assert restart is not None and restart["samples"] == samples and restart["command"] == f"explicitfe resume {first['result']}"
+    assert abs(datetime.now(UTC) - datetime.fromisoformat(restart["stored_utc"] or "")) < timedelta(minutes=10)
+    capsys.readouterr()
+    assert command(["inspect", first["result"]]) == 0
+    assert f"after {samples} samples" in capsys.readouterr().out
     second = explicitfe.resume(first["result"], progress=interrupting(0.6))
     assert second["status"] == "interrupted"
     with open_result(second["result"]) as result:

@@ -51,6 +51,10 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> T
     if state == "running":
         state += " (it goes on now)" if held["live"] else " (it was killed)"
     table.add_row("status", escape(f"{state}: {held['message']}" if held["message"] else state))
+    if held["restart"] is not None:
+        restart = held["restart"]
+        moment = f", stored at {restart['stored_utc']}" if restart["stored_utc"] else ""
+        table.add_row("can go on", escape(f"after {restart['samples']} samples{moment}: {restart['command']}"))
     table.add_row("title", escape(held["model"].get("scenario", {}).get("title", "")))
     table.add_row("mesh", f"{held['elements']} hexes, {held['nodes']} nodes")
     table.add_row("node sets", escape(", ".join(f"{name} ({count})" for name, count in held["node_sets"].items())) or "none")

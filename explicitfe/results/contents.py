@@ -37,7 +37,8 @@ class ResultContents(TypedDict):
     """What a result file holds: the answer of ``explicitfe inspect --json``.
 
     ``time_s`` has the first and the last stored time, ``every_s`` the mean time between samples, ``last`` the last row of the
-    history; ``node_sets`` says how many nodes each set has; ``restart`` is None where nothing is left to go on with. ``summary`` and ``model`` are as :class:`Result` gives them.
+    history; ``node_sets`` says how many nodes each set has; ``restart`` is None where nothing is left to go on with. ``summary``
+    and ``model`` are as :class:`Result` gives them.
     """
 
     path: str

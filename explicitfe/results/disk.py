@@ -8,6 +8,7 @@ the run had been killed there.
 from __future__ import annotations
 
 import io
+from io import FileIO
 
 from explicitfe.host import files
 
@@ -21,7 +22,7 @@ class DiskFile:
     """
 
     def __init__(self, number: int) -> None:
-        self._file = io.FileIO(number, "r+b")
+        self._file = FileIO(number, "r+b")
         self._place = 0
         self._end = self._file.seek(0, io.SEEK_END)  # with what is kept
         self._kept: list[tuple[int, bytes | None]] = []  # (place, data), or (length, None) for a truncation

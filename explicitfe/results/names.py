@@ -36,7 +36,8 @@ def check_names(path: Path, overwrite: bool) -> None:
     if os.path.lexists(path):
         if not overwrite:
             raise InputError(f"result {path} exists; add --overwrite to replace it or choose another --out folder")
-        _check_replaceable(path)
+        with _locked(path):
+            _check_replaceable(path)
     if os.path.lexists(running):
         with _dead_run(running, overwrite):
             pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
 from collections.abc import Mapping
 from dataclasses import replace
@@ -119,12 +120,15 @@ class Result:
     @property
     def scenario_text(self) -> str:
         """The scenario file as the user wrote it."""
-        return self._stored.text(layout.SCENARIO)
+        text = self._stored.text(layout.SCENARIO)
+        if hashlib.sha256(text.encode()).hexdigest() != self._stored.text_attribute(layout.SCENARIO, "sha256"):
+            raise self._stored.damaged("its scenario is not what was stored")
+        return text
 
     @property
     def scenario_sha256(self) -> str:
         """SHA-256 of the scenario text, hexadecimal."""
-        return self._stored.text_attribute(layout.SCENARIO, "sha256")
+        return hashlib.sha256(self.scenario_text.encode()).hexdigest()
 
     @property
     def model(self) -> Mapping[str, Any]:
@@ -264,7 +268,11 @@ class Result:
         return grid
 
     def restart_state(self) -> RestartState | None:
-        """The newest whole restart state; None when none was stored. A slot that a kill tore is passed over."""
+        """The newest whole restart state; None when none was stored."""
+        return max(self.restart_states(), key=lambda state: state.sequence, default=None)
+
+    def restart_states(self) -> list[RestartState]:
+        """The restart states that are whole, two at most: a slot that a kill tore is passed over."""
         states = []
         for slot in layout.RESTART_SLOTS:
             try:
@@ -272,11 +280,11 @@ class Result:
             except InputError:
                 continue
             seal = arrays.pop("seal", np.zeros(0))
-            sequence = int(seal[0]) if seal.shape == (2,) else 0
+            sequence = int(seal[0]) if seal.shape == (2,) and seal.dtype == np.uint64 else 0
             if sequence and np.array_equal(seal, layout.seal(sequence, arrays)):
-                stored_at = float(arrays.pop("stored_at")) if self.format > 2 else None
+                stored_at = float(arrays.pop("stored_at")) if "stored_at" in arrays else None
                 states.append(RestartState(sequence, stored_at, arrays))
-        return max(states, key=lambda state: state.sequence, default=None)
+        return states
 
     def _restart(self) -> StoredRestart | None:
         """From where the run can go on, if it was stopped or killed."""

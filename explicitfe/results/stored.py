@@ -44,7 +44,7 @@ class StoredFile:
         self._file, self.live = _open_file(path)
         try:
             self._size = self._file.id.get_filesize()
-            if "explicitfe" not in self._file or "VTKHDF" not in self._file:
+            if not self.has("explicitfe") or not self.has("VTKHDF"):
                 raise NoResultError(f"{self.path} is an HDF5 file but no result of explicitfe")
             self.format = self.whole_number("explicitfe", "format")
             if self.format > layout.FORMAT_VERSION:
@@ -170,6 +170,8 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
     """The open file, and whether another process is writing it."""
     if path.is_dir():
         raise InputError(f"{path} is a folder; name the .vtkhdf file in it")
+    if path.exists() and not path.is_file():
+        raise NoResultError(f"{path} is no file, so it is no result of explicitfe")
     try:
         with path.open("rb") as file:
             signature = file.read(len(HDF5_SIGNATURE))

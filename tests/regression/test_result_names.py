@@ -7,6 +7,7 @@ import os
 import h5py
 import numpy as np
 import pytest
+from abuse import abuse
 from support import ROOT
 from tiny_result import E, add, check_steps, displacement, python, start, write
 
@@ -158,16 +159,85 @@ except InputError as error:
 with open_result({str(run.running_path)!r}) as result:
     check_steps(result, 1)
     print(result.status, result.live)
-    print(result.mesh_at().n_cells)
 """
-        refusal, state, cells = python(code).stdout.splitlines()
+        refusal, state = python(code).stdout.splitlines()
         assert refusal.startswith(f"another run is writing {run.running_path}; wait")
         assert state == "running True"
-        assert int(cells) == E
+        with open_result(run.running_path) as result:
+            assert result.live and result.mesh_at().n_cells == E
         add(run, 1)
         run.finish(FINISHED, "", {})
     with open_result(tmp_path / "a.vtkhdf") as result:
         check_steps(result, 2)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="each attempt is a process of its own")
+def test_many_processes_in_one_folder(tmp_path):
+    """The long study of the same is benchmarks/abused_folder.py."""
+    counts = abuse(tmp_path, attempts=50, at_once=6, seed=18)
+    assert counts["run over", "finished"] and counts["killed run", "killed"]
+    assert sum(counts.values()) == 50
+
+
+def test_what_may_not_be_written_is_refused(tmp_path):
+    """Root may write everything, so another user tries."""
+    write(tmp_path / "a.vtkhdf", 1).chmod(0o444)
+    for folder in (tmp_path, *tmp_path.parents):
+        if folder.name.startswith(("pytest-", "test_")):
+            folder.chmod(0o777)
+    (tmp_path / "closed").mkdir(mode=0o555)
+    before = (tmp_path / "a.vtkhdf").read_bytes()
+    code = f"""
+import os, sys
+sys.path.insert(0, {str(ROOT / "tests")!r})
+from pathlib import Path
+from tiny_result import start
+from explicitfe.errors import InputError
+if os.getuid() == 0:
+    os.setuid(65534)
+for name in ("a.vtkhdf", "closed/b.vtkhdf"):
+    try:
+        start(Path({str(tmp_path)!r}) / name, overwrite=True).sample(0.0, {{}}, {{}})
+    except InputError as error:
+        print(error)
+"""
+    file, closed = python(code).stdout.splitlines()
+    assert file.startswith(f"{tmp_path / 'a.vtkhdf'} cannot be replaced (Permission denied)")
+    assert closed.startswith(f"cannot write results in {tmp_path / 'closed'} (Permission denied)")
+    assert (tmp_path / "a.vtkhdf").read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} == {"a.vtkhdf", "closed"}
+
+
+def test_two_runs_of_a_result_at_once(tmp_path):
+    """Whoever has the first sample goes on; the other is told, and leaves nothing."""
+    path = tmp_path / "a.vtkhdf"
+    with start(path) as one, start(path) as other:
+        add(other, 0)
+        with pytest.raises(InputError, match="another run is writing"):
+            add(one, 0)
+        other.finish(FINISHED, "", {})
+    assert [*tmp_path.iterdir()] == [path]
+    with start(path, overwrite=True) as one, start(tmp_path / "b.vtkhdf") as other:
+        add(one, 0)
+        add(other, 0)
+        one.finish(FINISHED, "", {})
+        write(tmp_path / "c.vtkhdf", 1).rename(tmp_path / "b.vtkhdf")  # without --overwrite it stays
+        with pytest.raises(InputError, match=r"has appeared while the run went on: the whole result stays at .*b\.running"):
+            other.finish(FINISHED, "", {})
+    assert {file.name for file in tmp_path.iterdir()} == {"a.vtkhdf", "b.vtkhdf", "b.running.vtkhdf"}
+
+
+def test_what_dead_processes_left_is_cleared_away(tmp_path):
+    with start(tmp_path / "a.vtkhdf") as run:
+        (going,) = tmp_path.iterdir()
+        old, young, other = (tmp_path / f".{stem}.{number:016x}.part" for stem, number in (("a", 1), ("a", 2), ("b", 3)))
+        for path in (old, young, other):
+            path.write_bytes(b"x")
+        for path in (going, old, other):
+            os.utime(path, (0, 0))
+        with start(tmp_path / "a.vtkhdf"):
+            assert going.exists() and young.exists() and other.exists() and not old.exists()
+        add(run, 0)
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):

@@ -24,7 +24,7 @@ import numpy as np
 from explicitfe.blind import homogeneous, under_a_tool
 from explicitfe.blind.case import KINDS, LEVELS, CaseRequest, write
 from explicitfe.blind.folder import MANIFEST, Manifest, alone_in, manifest_of
-from explicitfe.errors import InputError, Progress, nearest, silent
+from explicitfe.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.host.stopping import leave_signals_to_the_parent
 from explicitfe.results.folder import whole_file, whole_folder
 
@@ -67,28 +67,30 @@ def make(
     """
     out = Path(out)
     if family not in FAMILIES:
-        raise InputError(f'family = "{family}" is unknown; {nearest(family, FAMILIES)}')
+        raise InputError(f'family = "{shortened(family)}" is unknown; {nearest(family, FAMILIES)}')
     if not 0 <= seed <= LARGEST_SEED:
-        raise InputError(f"seed = {seed} is not possible; give a whole number from 0 to {LARGEST_SEED}.")
+        raise InputError(f"seed = {shortened(str(seed))} is not possible; give a whole number from 0 to {LARGEST_SEED}.")
     requests = plan(seed, numbers(count, kinds, family), family)
     order = hashlib.sha256(repr(requests).encode()).hexdigest()
     wanted: Manifest = {"seed": seed, "family": family, "count": len(requests), "order": order}
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: this is a file; name a folder.")
-    if out.is_dir() and any(out.iterdir()):
-        begun = manifest_of(out)
-        if begun is None:
-            raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
-        if begun != wanted:
-            raise InputError(
-                f"{out}: this folder holds {begun['count']} cases of the family {begun['family']} with seed {begun['seed']}; "
-                "give the same again to go on with them, or name another folder."
-            )
     try:
-        for folder in (out / "cases", out / "sealed"):
-            folder.mkdir(parents=True, exist_ok=True)
+        if out.exists() and not out.is_dir():
+            raise InputError(f"{out}: this is a file; name a folder.")
+        if out.is_dir() and any(not path.name.startswith(f".{MANIFEST}.") for path in out.iterdir()):
+            begun = manifest_of(out)
+            if begun is None:
+                raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
+            if begun != wanted:
+                raise InputError(
+                    f"{out}: this folder holds {begun['count']} cases of the family {begun['family']} with seed {begun['seed']}; "
+                    "give the same again to go on with them, or name another folder."
+                )
+        out.mkdir(parents=True, exist_ok=True)
         with alone_in(out):
-            whole_file(out / MANIFEST, json.dumps(wanted, indent=1) + "\n")
+            if not (out / MANIFEST).is_file():
+                whole_file(out / MANIFEST, json.dumps(wanted, indent=1) + "\n")
+            for folder in (out / "cases", out / "sealed"):
+                folder.mkdir(exist_ok=True)
             _make_missing(out, wanted, requests, processes, progress)
     except OSError as error:
         raise InputError(f"{out}: this cannot be written ({error.strerror}).") from None
@@ -118,7 +120,9 @@ def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> 
     possible = KINDS if family == "homogeneous" else KINDS[:2]
     asked = sum(kinds.values()) if count is None and kinds is not None else count
     if asked is None or not 1 <= asked <= MOST_CASES_OF_A_SET:
-        raise InputError(f"count = {asked} is not possible; give a number of cases from 1 to {MOST_CASES_OF_A_SET}.")
+        raise InputError(
+            f"count = {shortened(str(asked))} is not possible; give a number of cases from 1 to {MOST_CASES_OF_A_SET}."
+        )
     if kinds is None:
         shares = {kind: KIND_SHARES[kind] for kind in possible}
         ends = np.round(count * np.cumsum(list(shares.values())) / sum(shares.values())).astype(int)

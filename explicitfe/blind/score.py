@@ -8,6 +8,7 @@ import os
 import shlex
 import time
 import traceback
+from contextlib import suppress
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import TypedDict, cast
@@ -23,6 +24,7 @@ from explicitfe.host import stopping
 from explicitfe.results.folder import whole_file, whole_folder
 
 POLL_INTERVAL_S = 0.2  # between two looks at the processes
+LONGEST_PROBLEM_CHARACTERS = 10_000  # of the reason why a case failed: its end says it
 
 
 # A case in ``score.json``; one of its keys, ``found``, is no name for an attribute.
@@ -108,7 +110,9 @@ def _cases(directory: Path) -> list[str]:
     ------
     InputError : there are none, or not all that were asked for.
     """
-    names = sorted(path.name for path in directory.glob("cases/case-*") if path.is_dir())
+    names: list[str] = []
+    with suppress(OSError, ValueError):  # No folder, or a name that none can have.
+        names = sorted(path.name for path in (directory / "cases").iterdir() if path.name.startswith("case-") and path.is_dir())
     if not names:
         raise InputError(f"{directory}: there are no cases here; make some first.")
     asked = manifest_of(directory)
@@ -225,7 +229,10 @@ def _close(directory: str, name: str, max_effects: int, pages: bool) -> None:
 def _record(reports: Path, name: str, taken: float, end: str) -> None:
     """Write down how the run of a case without a report ended."""
     trace = reports / f"{name}.traceback"
-    run: CaseRun = {"wall_s": taken, "problem": trace.read_text(encoding="utf-8") if trace.is_file() else end}
+    run: CaseRun = {
+        "wall_s": taken,
+        "problem": trace.read_text(encoding="utf-8")[-LONGEST_PROBLEM_CHARACTERS:] if trace.is_file() else end,
+    }
     trace.unlink(missing_ok=True)
     whole_file(reports / f"{name}.run.json", json.dumps(run, indent=1) + "\n")
 

@@ -11,7 +11,7 @@ from explicitfe.close_loop.specimens.close import close_specimens
 from explicitfe.close_loop.split import split
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.effects import EFFECTS
-from explicitfe.errors import InputError, Progress, nearest, silent
+from explicitfe.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.measured.read import read_dataset
 from explicitfe.results.folder import checked_target
 from explicitfe.results.loop_report import LoopReport
@@ -57,7 +57,7 @@ def close_loop(
     dataset = read_dataset(dataset_path)
     for name in effects:
         if dataset.test != "trajectory" and name not in EFFECTS:
-            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, EFFECTS)}")
+            raise InputError(f"--effects {shortened(name)}: there is no such effect; {nearest(name, EFFECTS)}")
     if max_effects < 0:
         raise InputError(f"--max-effects {max_effects}: it must be 0 or more.")
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")

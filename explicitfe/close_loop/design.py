@@ -24,12 +24,13 @@ from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, Progress, RunError, silent
 from explicitfe.host.text import text_of, toml_of
 from explicitfe.measured.curve import COLUMNS, TIME, Dataset, Kind
+from explicitfe.measured.files import LARGEST_CURVE_ROWS
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.tables import RawTable
 from explicitfe.predict.tissue import toml_value
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
 from explicitfe.scenario.sentences import explain
-from explicitfe.scenario.table import Table, validated
+from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, MOST_TABLES_OF_A_KIND, Name, Table, Title, validated
 
 FORMAT = "explicitfe-protocol/1"
 # Share of the progress until the fingerprints begin, and their runs of each test, by which the progress goes on.
@@ -48,9 +49,13 @@ class ConstantsTable(Table):
 class PlannedCurve(Table):
     """A curve that would be measured."""
 
-    id: str = Field(min_length=1)
-    programme: list[tuple[float, float]] = Field(min_length=2, description="time [s] and what is imposed then, in its unit")
-    rows: int | None = Field(default=None, ge=3, description="evenly spaced rows; one a point of the programme if left out")
+    id: Name
+    programme: list[tuple[float, float]] = Field(
+        min_length=2, max_length=MOST_ROWS_OF_A_COURSE, description="time [s] and what is imposed then, in its unit"
+    )
+    rows: int | None = Field(
+        default=None, ge=3, le=LARGEST_CURVE_ROWS, description="evenly spaced rows; one a point of the programme if left out"
+    )
     constants: str = "all"
     group: str | None = None
     specimen: RawTable = Field(default={})
@@ -62,13 +67,13 @@ class ProtocolFile(Table):
     """The schema of a protocol; [specimen], [tool] and [noise] are those of a dataset."""
 
     format: Literal["explicitfe-protocol/1"]
-    title: str
+    title: Title
     test: Literal["indentation", "compression", "tension", "shear"]
     constants: ConstantsTable
     specimen: RawTable
     tool: RawTable | None = None
     noise: RawTable
-    curve: list[PlannedCurve] = Field(min_length=1)
+    curve: list[PlannedCurve] = Field(min_length=1, max_length=MOST_TABLES_OF_A_KIND)
 
 
 def design_test(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> PlannedTest:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement
 from explicitfe.predict.experiment import experiments
 
@@ -62,7 +62,7 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
     known = [c.id for c in dataset.curves]
     for name in holdout:
         if name not in known:
-            raise InputError(f"{dataset.path}: --holdout {name}: there is no such curve; {nearest(name, known)}")
+            raise InputError(f"{dataset.path}: --holdout {shortened(name)}: there is no such curve; {nearest(name, known)}")
         if name in left_out:
             raise InputError(f"{dataset.path}: --holdout {name}: this curve is left out ({left_out[name]}).")
     if holdout:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.errors import InputError, Progress, RunError, nearest, silent
+from explicitfe.errors import InputError, Progress, RunError, nearest, shortened, silent
 from explicitfe.identify.assumptions import alternatives, what_a_fit_hides
 from explicitfe.identify.fit import Fit, Observed, least_squares_fit
 from explicitfe.identify.forward import FIRST_Q, ToolResponse, ratio
@@ -78,7 +78,7 @@ def identify(
     """
     begin = time.perf_counter()
     if method not in METHODS:
-        raise InputError(f"--method {method}: {nearest(method, METHODS)}")
+        raise InputError(f"--method {shortened(method)}: {nearest(method, METHODS)}")
     if not POISSON_LIMITS[0] <= poisson <= POISSON_LIMITS[1]:
         raise InputError(f"--poisson {poisson:g}: it must lie between 0 and 0.4995.")
     if not REFINEMENT_LIMITS[0] <= refinement <= REFINEMENT_LIMITS[1]:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from pydantic import JsonValue
 
 from explicitfe.identify.pictures import GroupPictures
+from explicitfe.predict.tissue import toml_value
 from explicitfe.results.folder import drawing, whole_folder
 from explicitfe.results.identification import Identification, IdentifiedGroup
 
 SUMMARY_FILE = "identify.json"
+LONGEST_SLUG_CHARACTERS = 60  # of a name in a file's name, which has 255 on most systems
+LONGEST_PART_CHARACTERS = 130  # of the two parts of a scenario's title, which has 300
 
 
 def write(target: Path, identification: Identification, pictures: Mapping[str, GroupPictures]) -> None:
@@ -34,10 +37,11 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
 
     groups = identification["groups"]
     several = len(groups) > 1
+    slugs = slugs_of(list(groups))
     names: list[str] = []
 
     def file(stem: str, group: str, ending: str) -> Path:
-        names.append(f"{stem}{f'-{slug(group)}' if several else ''}{ending}")
+        names.append(f"{stem}{f'-{slugs[group]}' if several else ''}{ending}")
         return folder / names[-1]
 
     for name, shown in pictures.items():
@@ -52,7 +56,7 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
             if specimen is not None:
                 figures.deformed(file("deformed", name, ".png"), title, specimen)
         if shown.test is not None:
-            title = f"{identification['title']}: constants {name}, fitted"
+            title = f"{identification['title'][:LONGEST_PART_CHARACTERS]}: constants {name[:LONGEST_PART_CHARACTERS]}, fitted"
             scenario = shown.test.scenario(title, identification["method"])
             file("fitted", name, ".toml").write_text(scenario, encoding="utf-8")
     materials = (_material(name, group, identification["poisson"]) for name, group in groups.items() if "constants" in group)
@@ -64,9 +68,17 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
     (folder / SUMMARY_FILE).write_text(text + "\n", encoding="utf-8")
 
 
-def slug(name: str) -> str:
-    """A name as part of a file's name."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.") or "group"
+def slugs_of(names: Sequence[str]) -> dict[str, str]:
+    """Name -> itself as part of a file's name, of its own even where two differ only in what no such name can have."""
+    slugs: dict[str, str] = {}
+    for name in names:
+        plain_name = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:LONGEST_SLUG_CHARACTERS] or "group"
+        slug, number = plain_name, 1
+        while slug.lower() in map(str.lower, slugs.values()):  # Some systems take capitals for small letters.
+            number += 1
+            slug = f"{plain_name}-{number}"
+        slugs[name] = slug
+    return slugs
 
 
 def plain(value: object) -> JsonValue:
@@ -84,4 +96,4 @@ def plain(value: object) -> JsonValue:
 def _material(name: str, group: IdentifiedGroup, poisson: float) -> str:
     """A table of constants as a scenario's [model] takes it in ``material = { … }``."""
     values = "".join(f"{key} = {entry['value']:.6g}\n" for key, entry in group["constants"].items())
-    return f'[{json.dumps(name)}]\nlaw = "yeoh"\n{values}poisson = {poisson:g}\n\n'
+    return f'[{toml_value(name)}]\nlaw = "yeoh"\n{values}poisson = {poisson:g}\n\n'

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.measured.tables import (
     IDENTITY_CONDITIONS,
     PROGRAMME_CONDITIONS,
@@ -179,7 +179,7 @@ class Dataset:
         if key not in common:
             lacking = next(curve.id for curve in self.curves if key not in curve.conditions)
             raise InputError(
-                f'{self.path}: the constants cannot be grouped by "{key}": curve "{lacking}" has no such condition; '
+                f'{self.path}: the constants cannot be grouped by "{shortened(key)}": curve "{lacking}" has no such condition; '
                 f"{nearest(key, common)}"
             )
         names = [curve.group if key == "group" else _name_of(curve.conditions[key]) for curve in self.curves]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.host.text import text_of, toml_of
 from explicitfe.measured.curve import COLUMNS, TIME, Kind
 from explicitfe.measured.tables import RawTable
@@ -134,12 +134,12 @@ class CurveCsv:
             should = f"a curve {what} has {','.join(valid)}"
         for name in names:
             if name not in valid:
-                raise InputError(f'{where} unknown column "{name}" ({should}); {nearest(name, valid)}')
+                raise InputError(f'{where} unknown column "{shortened(name)}" ({should}); {nearest(name, valid)}')
             if names.count(name) > 1:
-                raise InputError(f'{where} the column "{name}" stands twice; take one of them out.')
+                raise InputError(f'{where} the column "{shortened(name)}" stands twice; take one of them out.')
         for name in valid:
             if name not in names:
-                raise InputError(f'{where} the column "{name}" is missing ({should}); add it.')
+                raise InputError(f'{where} the column "{shortened(name)}" is missing ({should}); add it.')
         if len(valid) == 1:
             raise InputError(f"{where} there is no sensor ({should}); add its columns.")
         return names
@@ -167,7 +167,9 @@ class CurveCsv:
                 raise self.fault(row, f"{len(cells)} cells, but {len(names)} columns; each row needs a number in each column.")
             for cell, name in zip(cells, names, strict=True):
                 if not _CELL.fullmatch(cell) or not math.isfinite(float(cell)):
-                    raise self.fault(row, f'{name} = "{cell}" is no finite number; correct it or leave the row out.')
+                    raise self.fault(
+                        row, f'{shortened(name)} = "{shortened(cell)}" is no finite number; correct it or leave the row out.'
+                    )
         raise InputError(f"{self.path}: this cannot be read as a table of numbers: {reason}.")
 
     def _check_time(self) -> None:

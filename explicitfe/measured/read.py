@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
@@ -32,7 +33,9 @@ def read_dataset(path: Path | str) -> Dataset:
     InputError : a file cannot be read or cannot be right; one sentence that names the file, the line or key, and what to do.
     """
     path = Path(path)
-    source = DatasetToml(path / FILE_NAME if path.is_dir() else path)
+    with suppress(OSError, ValueError):  # The name may be none that a file can have; opening it says so.
+        path = path / FILE_NAME if path.is_dir() else path
+    source = DatasetToml(path)
     try:
         table = validated(DatasetFile, source.data)
     except ValidationError as error:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement, sd_of
 from explicitfe.measured.tables import ConditionValue
 
@@ -96,12 +96,12 @@ def _wanted(dataset: Dataset, fit_where: Sequence[str]) -> dict[str, list[str]]:
     for text in fit_where:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not key or not value:
-            raise InputError(f"--fit {text}: write KEY=VALUE, for example --fit sample=A.")
+            raise InputError(f"--fit {shortened(text)}: write KEY=VALUE, for example --fit sample=A.")
         if key not in known:
-            raise InputError(f'--fit {text}: no curve has the condition "{key}"; {nearest(key, known)}')
+            raise InputError(f'--fit {shortened(text)}: no curve has the condition "{shortened(key)}"; {nearest(key, known)}')
         values = {_text(_of(curve, key)) for curve in dataset.curves} - {""}
         if value not in values:
-            raise InputError(f'--fit {text}: no curve has {key} = "{value}"; {nearest(value, values)}')
+            raise InputError(f'--fit {shortened(text)}: no curve has {key} = "{shortened(value)}"; {nearest(value, values)}')
         wanted.setdefault(key, []).append(value)
     return wanted
 

@@ -15,8 +15,8 @@ from pydantic import (
     model_validator,
 )
 
-from explicitfe.errors import nearest
-from explicitfe.scenario.table import Table, Vector
+from explicitfe.errors import nearest, shortened
+from explicitfe.scenario.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector
 
 TestKind = Literal["indentation", "compression", "tension", "shear", "trajectory"]
 Split = Literal["fit", "holdout"]
@@ -85,7 +85,7 @@ class _Described(Table):
         given = self.model_fields_set - {"assumed"}
         for key in self.assumed:
             if key not in given:
-                raise ValueError(f'assumed names "{key}", which this table does not give; {nearest(key, given)}')
+                raise ValueError(f'assumed names "{shortened(key)}", which this table does not give; {nearest(key, given)}')
         return self
 
     def _only(self, shape: str, needed: Iterable[str], possible: Iterable[str]) -> None:
@@ -217,10 +217,10 @@ def _is_number(value: object) -> TypeGuard[int | float]:
 class CurveTable(Table):
     """One curve, as the file states it; its tables are merged over those of the dataset."""
 
-    id: str
-    file: str
-    constants: str = Field(default="all", min_length=1, description="curves of one name share their constants")
-    group: str | None = Field(default=None, min_length=1, description="what shares one specimen or site; its own id if left out")
+    id: Name
+    file: Name
+    constants: Name = Field(default="all", description="curves of one name share their constants")
+    group: Name | None = Field(default=None, description="what shares one specimen or site; its own id if left out")
     split: Split | None = None
     specimen: RawTable = Field(default={})
     tool: RawTable = Field(default={})
@@ -231,14 +231,14 @@ class CurveTable(Table):
     @classmethod
     def _plain_name(cls, name: str) -> str:
         if not name.strip() or name.startswith(".") or set(name) & set("/\\") or not name.isprintable():
-            raise ValueError(f"{name!r} must be a plain name, without a folder")
+            raise ValueError(f'"{shortened(name)}" must be a plain name, without a folder')
         return name
 
     @field_validator("file")
     @classmethod
     def _is_csv(cls, name: str) -> str:
         if not name.lower().endswith(".csv"):
-            raise ValueError(f'"{name}" must end in .csv')
+            raise ValueError(f'"{shortened(name)}" must end in .csv')
         return name
 
     @field_validator("conditions")
@@ -247,9 +247,9 @@ class CurveTable(Table):
         for key, value in conditions.items():
             for entry in value if isinstance(value, list) else [value]:
                 if not isinstance(entry, str | bool) and not _is_number(entry):
-                    raise ValueError(f"{key} must be a string, a finite number, true or false, or an array of these")
+                    raise ValueError(f"{shortened(key)} must be a string, a finite number, true or false, or an array of these")
             if key in NUMERIC_CONDITIONS and not _is_number(value):
-                raise ValueError(f"{key} = {value!r} must be a number")
+                raise ValueError(f"{key} = {shortened(repr(value))} must be a number")
             if key == "defect" and not (isinstance(value, str) and value.strip()):
                 raise ValueError("defect must say in words what is wrong; leave it out where nothing is")
         return conditions
@@ -259,19 +259,19 @@ class DatasetFile(Table):
     """The schema of ``dataset.toml``."""
 
     format: Literal["explicitfe-dataset/1"]
-    name: str = Field(pattern=r"^[a-z0-9]+([-.][a-z0-9]+)*$", description="kebab-case")
-    title: str
+    name: str = Field(pattern=r"^[a-z0-9]+([-.][a-z0-9]+)*$", max_length=LONGEST_NAME_CHARACTERS, description="kebab-case")
+    title: Title
     test: TestKind
     source: str = ""
     license: str = ""
     notes: str = ""
     scenario: str | None = Field(default=None, min_length=1, description="scenario of a trajectory, relative to this file")
-    sensor: list[SensorTable] = Field(default=[])
+    sensor: list[SensorTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     registration: RegistrationTable | None = None
     specimen: RawTable | None = None
     tool: RawTable | None = None
     noise: RawTable = Field(default={})
-    curve: list[CurveTable] = Field(min_length=1)
+    curve: list[CurveTable] = Field(min_length=1, max_length=MOST_TABLES_OF_A_KIND)
 
 
 class MergedTables(Table):

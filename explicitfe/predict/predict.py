@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from explicitfe.compiled.threads import cores
-from explicitfe.errors import InputError, Progress, RunError, nearest, silent
+from explicitfe.errors import InputError, Progress, RunError, nearest, shortened, silent
 from explicitfe.host import stopping
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.measured.read import read_dataset
@@ -79,7 +79,7 @@ def predict(
     known = [curve.id for curve in dataset.curves]
     for name in curves:
         if name not in known:
-            raise InputError(f'{dataset.path}: there is no curve "{name}"; {nearest(name, known)}')
+            raise InputError(f'{dataset.path}: there is no curve "{shortened(name)}"; {nearest(name, known)}')
     wanted = set(curves or known)
     tests = [test for test in experiments(dataset.curves) if wanted & {curve.id for curve in test}]
     answers = _predict_tests(tests, tissue, processes, progress)

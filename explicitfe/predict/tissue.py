@@ -33,7 +33,7 @@ from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool, RawTable
 from explicitfe.scenario.effects_table import EffectsTable
 from explicitfe.scenario.sentences import explain
-from explicitfe.scenario.table import Table, validated
+from explicitfe.scenario.table import Table, Title, validated
 
 FORMAT: Literal["explicitfe-model/1"] = "explicitfe-model/1"
 EVERY = "*"  # This group of constants stands for all.
@@ -54,10 +54,12 @@ class Constants(Table):
 
 
 class Numerics(Table):
-    """How tests under a tool are computed: a prediction follows from the file alone."""
+    """How tests under a tool are computed: a prediction follows from the file alone.
 
-    refinement: float = Field(default=1.0, gt=0.0, description="divides the element sizes")
-    density: float = Field(default=1.0, gt=0.0, description="multiplies the numbers of instants")
+    Coarser than by 0.1 no element is left under the tool, finer than by 10 a test takes days."""
+
+    refinement: float = Field(default=1.0, ge=0.1, le=10.0, description="divides the element sizes")
+    density: float = Field(default=1.0, ge=0.1, le=100.0, description="multiplies the numbers of instants")
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual of an equilibrium")
 
 
@@ -71,7 +73,7 @@ class Tissue(Table):
     """Constants with effects; the schema of a model file."""
 
     format: Literal["explicitfe-model/1"] = FORMAT
-    title: str = ""
+    title: Title = ""
     poisson: float = Field(default=0.499, ge=0.0, lt=0.5)
     constants_by: str | None = Field(default=None, min_length=1, description='condition, or "group", that names the constants')
     constants: Annotated[dict[str, Constants], BeforeValidator(_grouped)]

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from command import command
+from killing import killed_at
 from support import ROOT
 
 from explicitfe.blind import score as scoring
@@ -85,6 +86,25 @@ def test_a_killed_study_ends_the_same(cases: int, reports: int, whole: Path, tmp
     assert {path: path.stat().st_mtime_ns for path in kept} == kept, "a finished case was computed again"
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_killed_at_every_instant_of_the_making(whole: Path, tmp_path: Path) -> None:
+    """Whenever it is killed, the same command ends with the same bytes, and with nothing else in the folder."""
+    wanted = {name: file for name, file in contents(whole).items() if not name.startswith(("reports", "score", "confusion"))}
+    instant = 0
+    while True:
+        study = tmp_path / f"{instant}"
+        killed = killed_at(instant, lambda study=study: make(study, seed=3, kinds=KINDS))
+        for path in study.rglob(".*.part"):  # What stands empty may be of a process that is just about to lock it.
+            os.utime(path, (0, 0))
+        make(study, seed=3, kinds=KINDS)
+        assert contents(study) == wanted
+        assert not list(study.rglob(".*"))
+        if not killed:
+            break
+        instant += 1
+    assert instant > 20
+
+
 def test_what_is_half_written_is_not_taken_for_a_case(whole: Path, tmp_path: Path) -> None:
     make(tmp_path / "study", seed=3, kinds=KINDS)
     half = tmp_path / "study" / "cases" / ".case-0002.abcdefgh.part"
@@ -155,10 +175,16 @@ def test_options_that_cannot_be(options: list[str], words: str, tmp_path: Path, 
 
 def test_folders_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("x")
-    for folder, words in ((tmp_path / "file", "is a file"), (tmp_path / "file" / "in", "Not a directory"), (tmp_path, "else")):
+    long = tmp_path / ("x" * 300)
+    for folder, words in (
+        (tmp_path / "file", "is a file"),
+        (tmp_path / "file" / "in", "Not a directory"),
+        (tmp_path, "else"),
+        (long, "too long"),
+    ):
         assert command(["blind", "make", str(folder), "--seed", "1"]) == 2
         assert words in capsys.readouterr().err
-    for folder in (tmp_path, tmp_path / "none", tmp_path / "file"):
+    for folder in (tmp_path, tmp_path / "none", tmp_path / "file", long):
         assert command(["blind", "score", str(folder)]) == 2
         assert "there are no cases here" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

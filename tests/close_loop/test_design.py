@@ -148,6 +148,8 @@ BAD = [
     (change("[[0.0, 1.0], [0.5", "[[0.1, 1.0], [0.5"), ['"fast"', "begin at 0 s"]),
     (change("[0.5, 0.7]", "[0.5, 0.7, 1.0]"), ["programme"]),
     (change("rows = 31", "rows = 2"), ["rows"]),
+    (change("rows = 31", "rows = 1000000000"), ["rows", "20000"]),
+    (change('title = "', 'title = "' + "x" * 900), ["title", "300"]),
     (change('id = "slow"', 'id = "fast"'), ["fast"]),
     (change("0.7], [60.0, 0.7]]", "70.0], [60.0, 70.0]]"), ["stretch"]),
     (change("programme = [[0.0, 1.0], [0.5, 0.7], [60.0, 0.7]]", "programme = [[0.0, 1.0], [60.0, 1.0]]"), ["fast"]),
@@ -167,7 +169,7 @@ def test_a_protocol_that_cannot_be_used(changed, words, tmp_path, capsys):
     assert "\n" not in sentence and str(path) in sentence and sentence.endswith((".", "?")), sentence
     assert all(word in sentence for word in words), sentence
     assert command(["design-test", str(path), "--json"]) == 2
-    assert capsys.readouterr().out == ""
+    assert json.loads(capsys.readouterr().out)["error"]["message"] == sentence
 
 
 def test_the_command_prints_one_object(tmp_path, capsys, designed):

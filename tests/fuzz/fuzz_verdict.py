@@ -25,7 +25,7 @@ from numba.core import event
 LIMIT_S = 20.0  # for one input, besides the making of machine code
 CHILD_LIMIT_S = 60.0  # the same with the start of a process, which may have to make machine code
 LARGEST_BALANCE_ERROR = 1e-3
-LONGEST_SENTENCE = 1000
+LONGEST_SENTENCE = 1100  # with "error: " and what says that it was cut
 EXIT_CODES = {0, 1, 2, 3}
 REFUSED = 2
 # What explicitfe calls a fault of its own, on stderr: no input should come to it.

@@ -18,6 +18,7 @@ from explicitfe.identify.assumptions import Alternative, alternatives, what_a_fi
 from explicitfe.identify.fit import Observed, least_squares_fit
 from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse
 from explicitfe.identify.identify import identify
+from explicitfe.identify.write import slugs_of
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.select import loading_rows, select
@@ -82,6 +83,13 @@ def test_what_is_written(identified):
     assert stored["groups"] == json.loads(json.dumps(identification["groups"]))
     material = tomllib.loads((folder / "out" / "material.toml").read_text())["all"]
     assert material["C10_Pa"] == pytest.approx(identification["groups"]["all"]["constants"]["C10_Pa"]["value"], rel=1e-5)
+
+
+def test_names_of_groups_as_names_of_files():
+    """No two groups share a file, also where capitals are small letters; a name of any length is one that a file can have."""
+    slugs = slugs_of(["A/B", "A-B", "a b", "?", "!", "x" * 500, "x" * 501])
+    assert list(slugs.values())[:5] == ["A-B", "A-B-2", "a-b-3", "group", "group-2"]
+    assert max(map(len, slugs.values())) < 70 and len(set(slugs.values())) == len(slugs)
 
 
 def test_written_scenario_repeats_the_test(identified):

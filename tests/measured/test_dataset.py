@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import time
 from collections.abc import Callable
@@ -307,6 +308,13 @@ BAD = [
     ("all rows long", indentation, csv("\n", ",\n"), [ONE, "line 1", 'unknown column ""']),
     ("decimal commas", indentation, file(ONE, "time_s,displacement_mm,force_N\n0,0,0,0,0\n1,0,0,5,1\n2,0,1,0,2\n"),
      [ONE, "line 2", "5 cells"]),
+    ("a column that is a book", indentation, csv("force_N", "x" * 9000), [ONE, "line 1", "(9000 characters)", "valid are"]),
+    ("a cell that is a book", indentation, csv("0.04", "x" * 9000), [ONE, "line 3", "(9000 characters)"]),
+    ("too many rows", indentation,
+     file(ONE, "time_s,displacement_mm,force_N\n" + "".join(f"{t},1,1\n" for t in range(20_001))),
+     [ONE, "20001 rows", "keep one row in 2"]),
+    ("too many bytes", indentation, file(ONE, " " * (16 * 2**20 + 1)), [ONE, "16 MiB"]),
+    ("an id that no file can have", indentation, put("curve", 0, "id", value="x" * 300), [T, "line ", "curve 1.id", "100"]),
     # units
     ("radius in m", indentation, put("specimen", "radius_mm", value=0.035), [T, "line ", "specimen.radius_mm", "0.035", "in mm"]),
     ("radius in micrometres", indentation, put("specimen", "radius_mm", value=35000),
@@ -346,6 +354,22 @@ def test_bad(case: Callable[[], Case], change: Callable[[Tables, Files], None], 
     tables, files = case()
     change(tables, files)
     refused(write(tmp_path, (tables, files)), words)
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    """What never ends, or waits for somebody, is not opened."""
+    folder = write(tmp_path, indentation())
+    (folder / ONE).unlink()
+    (folder / ONE).symlink_to("/dev/zero")
+    refused(folder, [ONE, "missing"])
+    (folder / ONE).unlink()
+    os.mkfifo(folder / ONE)
+    refused(folder, [ONE, "missing"])
+    (folder / T).unlink()
+    os.mkfifo(folder / T)
+    refused(folder, [T, "a pipe"])
+    refused(Path("/dev/zero"), ["/dev/zero", "a device"])
+    refused(tmp_path / ("x" * 300), ["too long"])
 
 
 def refused(path: Path, words: list[str]) -> None:

@@ -12,13 +12,13 @@ import time
 from pathlib import Path
 
 import pytest
+from killing import killed_at
 from support import ROOT
 
 from explicitfe.errors import InputError
 from explicitfe.results.folder import checked_target, whole_file, whole_folder
 
 SUMMARY = "answer.json"
-WRITING = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir"}
 
 
 def answer(target: Path, word: str) -> None:
@@ -41,24 +41,6 @@ def state(target: Path) -> str:
     return document["word"]
 
 
-def killed_at(instant: int, target: Path, word: str) -> bool:
-    """Whether a process that writes an answer was ended at this instant: its n-th change of the disk."""
-    child = os.fork()
-    if child == 0:
-        count = 0
-
-        def end(event: str, arguments: tuple[object, ...]) -> None:
-            nonlocal count
-            count += event in WRITING
-            if count > instant:
-                os._exit(9)
-
-        sys.addaudithook(end)
-        answer(target, word)
-        os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
-
-
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_killed_at_every_instant(tmp_path: Path) -> None:
     """The user's own file is never lost; the next command finds a whole answer and leaves nothing of the killed one."""
@@ -67,7 +49,7 @@ def test_killed_at_every_instant(tmp_path: Path) -> None:
         target = tmp_path / f"{instant}" / "report"
         answer(target, "old")
         (target / "notes.txt").write_text("my own")
-        if not killed_at(instant, target, "new"):
+        if not killed_at(instant, lambda target=target: answer(target, "new")):
             break
         moments.add(state(target))
         for path in target.parent.iterdir():  # What stands empty may be of a process that is just about to lock it.

@@ -34,8 +34,8 @@ SECOND_SIGNAL_SHARE = 0.25  # of the runs that are stopped
 LONGEST_WAIT_S = 0.5  # for the second signal
 PATIENCE_S = 120.0
 RUNS = {
-    "in time": ("vowel-i", ("model.cells=[8,4,4]", "analysis.duration_ms=1500", "record.every_ms=5", "analysis.threads=1")),
-    "equilibria": ("indentation-rear", ("model.refinement=0.8", "analysis.threads=1")),
+    "in time": ("vowel-i", ("model.cells=[8,4,4]", "analysis.duration_ms=800", "record.every_ms=5", "analysis.threads=1")),
+    "equilibria": ("indentation-rear", ("model.refinement=0.5", "analysis.threads=1")),
 }
 STATUSES = ("nothing", "running", "interrupted", "finished")
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)

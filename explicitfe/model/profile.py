@@ -50,7 +50,8 @@ class Profile:
         if self.lag_s > 0.0:
             return self._followed(time_s)
         if not np.any((self.time_s >= time_s[0] - tolerance_s) & (self.time_s <= time_s[-1] + tolerance_s)):
-            return np.interp(time_s, self.time_s, self.scale)  # no edge in sight
+            # No edge in sight. The same operations as below: a value must not round otherwise because of others asked with it.
+            return self._limit(time_s, "right")
         near = np.abs(self.time_s - time_s[:, None])
         time_s = np.where(near.min(axis=1) < tolerance_s, self.time_s[near.argmin(axis=1)], time_s)
         right = self._limit(time_s, "right")

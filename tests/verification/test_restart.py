@@ -11,7 +11,9 @@ import pytest
 from support import ROOT
 
 from explicitfe.host import stopping
+from explicitfe.model.profile import Profile
 from explicitfe.run.prepare import prepare
+from explicitfe.solve.course import AUTOMATIC_STEP
 from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.transient import INTERRUPTED, Transient
 
@@ -127,3 +129,29 @@ def test_signals_are_noted_once_and_handlers_put_back() -> None:
     thread.start()
     thread.join()
     assert heard[-1] == "entered" and signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("scenario", ["vowel-i", "vowel-a", "sequence-iau"])
+def test_a_run_does_not_depend_on_how_it_is_cut(scenario: str) -> None:
+    """How many steps are done at once follows the speed of the machine and what else it does; the numbers must not."""
+    path = ROOT / f"scenarios/{scenario}.toml"
+    ends = []
+    for cuts in ([60], [16, 44], [1] * 60):
+        transient = Transient(prepare(path, ["model.cells=[8, 4, 4]", "analysis.threads=1"]).body, 0.2)
+        simulation = transient.simulation
+        for steps in cuts:
+            assert simulation.go(steps, simulation.dt_s, looking=AUTOMATIC_STEP) == steps
+        ends.append(simulation.restart_state())
+    for end in ends[1:]:
+        for name, values in ends[0].items():
+            np.testing.assert_array_equal(end[name], values, err_msg=name)
+
+
+def test_a_load_at_an_instant_does_not_depend_on_the_instants_asked_with_it() -> None:
+    """To the last bit: near edges, between them, and with a lag."""
+    times = np.linspace(0.0, 0.3, 997)
+    for profile in (Profile.step(0.01, 0.2, 0.05), Profile(np.array([0.0, 0.07, 0.11]), np.array([0.1, 0.7, 0.3]), lag_s=0.02)):
+        together = profile.at(times, tolerance_s=1e-9)
+        for piece in (1, 7, 100):
+            alone = [profile.at(times[k : k + piece], tolerance_s=1e-9) for k in range(0, len(times), piece)]
+            assert np.array_equal(np.concatenate(alone), together)

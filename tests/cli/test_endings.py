@@ -80,7 +80,7 @@ def test_what_ends_a_command(name: str, monkeypatch: pytest.MonkeyPatch, capsys:
     shown = capsys.readouterr()
     assert shown.err.splitlines()[-1] == sentence
     message = sentence.partition(": ")[2]
-    assert json.loads(shown.out) == {"error": {"kind": kind, "message": message, "exit_code": code}}
+    assert json.loads(shown.out) == {"failure": {"kind": kind, "message": message, "exit_code": code}}
 
 
 @pytest.mark.parametrize("debug", ["--debug at the end", "--debug first", "environment"])
@@ -130,7 +130,7 @@ def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pyte
         (line,) = shown.err.splitlines()
         assert line.startswith("error: ") and line.endswith("shows what can be given.")
         if json_option:
-            assert json.loads(shown.out)["error"] == {
+            assert json.loads(shown.out)["failure"] == {
                 "kind": "input",
                 "message": line.removeprefix("error: "),
                 "exit_code": 2,
@@ -169,7 +169,7 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
     assert command(words) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert summary["status"] == "finished" and "error" not in summary and "plots" not in summary
+    assert summary["status"] == "finished" and "failure" not in summary and "plots" not in summary
     (warning,) = [text for text in summary["warnings"] if "could not be drawn" in text]
     assert "ZeroDivisionError" in warning and "the result stands" in warning
     monkeypatch.undo()
@@ -193,8 +193,8 @@ def test_a_signal_while_pictures_are_drawn_loses_nothing(
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
     assert command(words) == 130
     summary = json.loads(capsys.readouterr().out)
-    assert summary["status"] == "finished" and summary["error"]["kind"] == "stopped"
-    assert "while drawing: the result stands" in summary["error"]["message"]
+    assert summary["status"] == "finished" and summary["failure"]["kind"] == "stopped"
+    assert "while drawing: the result stands" in summary["failure"]["message"]
 
 
 def explicitfe(*words: str, **streams: object) -> subprocess.Popen[bytes]:

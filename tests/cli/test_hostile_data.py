@@ -148,7 +148,7 @@ def test_a_cache_that_others_can_write_is_refused(
     cache.chmod(mode)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
     assert command(["list", "models", "--json"]) == 2
-    error = json.loads(capsys.readouterr().out)["error"]
+    error = json.loads(capsys.readouterr().out)["failure"]
     assert error["kind"] == "input"
     assert str(cache) in error["message"] and "chmod" in error["message"] and "NUMBA_CACHE_DIR" in error["message"]
     cache.chmod(0o700)

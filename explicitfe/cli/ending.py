@@ -12,7 +12,7 @@ import typer
 from typing_extensions import TypedDict
 
 from explicitfe.errors import InputError, MachineError, RunError
-from explicitfe.host import stopping
+from explicitfe.host import code_cache, stopping
 
 DONE_EXIT_CODE = 0
 INPUT_EXIT_CODE = 2  # as programs that read options use it
@@ -77,6 +77,12 @@ def failure_of(error: BaseException) -> CommandFailure:
         if stopping.asked() is not None:
             return command_failure("stopped", "stopped; what was stored before is still there")
         return command_failure("machine", f"a process that computed for this command was killed{at}: often memory has run out.")
+    if _is_of_kept_code(error):
+        return command_failure(
+            "machine",
+            f"machine code that is kept on disk cannot be read or written ({short_name(error)}): remove that folder, "
+            f"{_code_folder(error)}, and it is made again; or name another one that only you can write by {code_cache.VARIABLE}.",
+        )
     if isinstance(error, OSError) and error.errno in _REFUSALS:
         name = "" if error.filename is None else f"{error.filename}: "
         return command_failure("machine", f"{name}the operating system refuses this ({error.strerror}){at}.")
@@ -120,6 +126,21 @@ def short_name(error: BaseException) -> str:
     """Kind and message of an exception on one line."""
     message = " ".join(str(error).split())
     return without_middle(f"{type(error).__name__}: {message}" if message else type(error).__name__, LONGEST_FAULT_CHARACTERS)
+
+
+def _is_of_kept_code(error: BaseException) -> bool:
+    """Whether Numba failed at the folder where it keeps machine code."""
+    files = [Path(frame.f_code.co_filename).parts[-3:] for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return ("numba", "core", "caching.py") in files
+
+
+def _code_folder(error: BaseException) -> str:
+    """The folder in which it failed, as far as it is known."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        folder = getattr(frame.f_locals.get("self"), "_cache_path", None)
+        if isinstance(folder, str):
+            return folder
+    return "__pycache__ beside the package"
 
 
 def _is_lost_worker(error: BaseException) -> bool:

@@ -18,7 +18,7 @@ from command import command
 from support import ROOT
 
 from explicitfe.cli.app import COMMANDS, GROUPS
-from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS
+from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS, failure_of
 from explicitfe.errors import InputError, MachineError, RunError
 from explicitfe.host import stopping
 from explicitfe.run import lists, transient
@@ -224,3 +224,39 @@ def test_a_full_disk_under_an_answer() -> None:
         assert error.strip() == "failed: the answer could not be written to stdout: No space left on device."
         process = explicitfe("list", "nothing", stdout=subprocess.PIPE, stderr=full)
         assert process.communicate()[0] == b"" and process.returncode == 2
+
+
+KERNEL = """
+import numba
+@numba.njit(cache=True)
+def twice(x):
+    return 2 * x
+"""
+
+
+def test_damaged_machine_code_is_no_fault_of_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a power cut: the sentence names the folder that can be removed."""
+    (tmp_path / "kernel_of_a_test.py").write_text(KERNEL, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    import importlib
+
+    module = importlib.import_module("kernel_of_a_test")
+    assert module.twice(1) == 2
+    (index,) = (tmp_path / "__pycache__").glob("*.nbi")
+    index.write_bytes(index.read_bytes()[:-20])
+    try:
+        importlib.reload(module).twice(1)
+    except Exception as error:
+        failure = failure_of(error)
+    assert failure["kind"] == "machine" and failure["exit_code"] == 3
+    assert f"remove that folder, {index.parent}," in failure["message"] and "NUMBA_CACHE_DIR" in failure["message"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
+def test_closed_streams_are_opened_on_nothing() -> None:
+    """Else a result file could get the number of stderr, and messages of libraries would go into it."""
+    code = "import os, sys; sys.argv = ['explicitfe', '--version']; from explicitfe.cli.main import main\nmain()\n"
+    code += "os.write(1, os.readlink('/proc/self/fd/2').encode())"
+    words = ["sh", "-c", 'exec "$0" -c "$1" 2>&- <&-', sys.executable, code]
+    done = subprocess.run(words, stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0 and done.stdout.split()[-1] == b"/dev/null"

@@ -11,7 +11,9 @@ import traceback
 from contextlib import suppress
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import cast
+
+from typing_extensions import TypedDict
 
 from explicitfe.blind.folder import alone_in, manifest_of, table_of
 from explicitfe.blind.outcome import outcome

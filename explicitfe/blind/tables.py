@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TypedDict
 
 import numpy as np
 from scipy.stats import binomtest
+from typing_extensions import TypedDict
 
 from explicitfe.blind import outcome as words
 from explicitfe.blind.report import ReportedHoldout, ScoredCase, ToolReport

@@ -8,15 +8,15 @@ import typer
 from rich.console import RenderableType
 from rich.markup import escape
 
-from explicitfe.cli.ending import CommandError, ErrorKind, command_error
+from explicitfe.cli.ending import CommandFailure, FailureKind, command_failure
 from explicitfe.cli.streams import Screen, stderr, stdout
 from explicitfe.view.json_text import json_text
 
 console = Screen(stderr)
 """Where words for people go, and bars of progress."""
 
-# What stands before a sentence on an error.
-_HEADS: dict[ErrorKind, str] = {
+# What stands before the sentence on a failure.
+_HEADS: dict[FailureKind, str] = {
     "input": "error",
     "simulation": "failed",
     "machine": "failed",
@@ -30,28 +30,28 @@ def print_answer(
     as_json: bool,
     table: Callable[[], RenderableType],
     notes: Sequence[str] = (),
-    error: tuple[ErrorKind, str] | None = None,
+    failure: tuple[FailureKind, str] | None = None,
 ) -> None:
     """Print what a command came to: as JSON for programs, or as a table with notes for people.
 
     Parameters
     ----------
-    error : what is to blame that not all was done, and a sentence on it; the command then ends here with its exit code.
+    failure : what is to blame that not all was done, and a sentence on it; the command then ends here with its exit code.
 
     Raises
     ------
-    typer.Exit : ``error`` is given.
+    typer.Exit : ``failure`` is given.
     """
-    failure = None if error is None else command_error(*error)
+    failed = None if failure is None else command_failure(*failure)
     if as_json:
-        print_json(value if failure is None else {**value, "error": failure})
+        print_json(value if failed is None else {**value, "failure": failed})
     else:
         Screen(stdout).print(table())
         for sentence in notes:
             print_note(sentence)
-    if failure is not None:
-        print_error(failure)
-        raise typer.Exit(failure["exit_code"])
+    if failed is not None:
+        print_failure(failed)
+        raise typer.Exit(failed["exit_code"])
 
 
 def print_json(value: object) -> None:
@@ -65,6 +65,6 @@ def print_note(sentence: str) -> None:
     console.print(f"[yellow]note:[/yellow] {escape(sentence)}", soft_wrap=True, highlight=False)
 
 
-def print_error(error: CommandError) -> None:
+def print_failure(failure: CommandFailure) -> None:
     """Tell a person why a command did not do what was asked."""
-    console.print(f"[red]{_HEADS[error['kind']]}:[/red] {escape(error['message'])}", soft_wrap=True, highlight=False)
+    console.print(f"[red]{_HEADS[failure['kind']]}:[/red] {escape(failure['message'])}", soft_wrap=True, highlight=False)

@@ -58,5 +58,5 @@ def close_loop(
         as_json,
         lambda: loop_tables(report),
         report.warnings,
-        error=("simulation", report.message or report.sentence) if report.verdict == "failed" else None,
+        failure=("simulation", report.message or report.sentence) if report.verdict == "failed" else None,
     )

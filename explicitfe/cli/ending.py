@@ -6,18 +6,19 @@ import errno
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, TypedDict
+from typing import Literal
 
 import typer
+from typing_extensions import TypedDict
 
 from explicitfe.errors import InputError, MachineError, RunError
-from explicitfe.host import stopping
+from explicitfe.host import code_cache, stopping
 
 DONE_EXIT_CODE = 0
 INPUT_EXIT_CODE = 2  # as programs that read options use it
 NOT_DONE_EXIT_CODE = 3
 
-ErrorKind = Literal["input", "simulation", "machine", "fault", "stopped"]
+FailureKind = Literal["input", "simulation", "machine", "fault", "stopped"]
 """What is to blame: what the user gave, the simulation that could not go on, the machine (disk, memory), explicitfe itself, or
 nobody: a signal has stopped it."""
 
@@ -32,22 +33,22 @@ _REFUSALS = {
 _USAGE_ERROR = typer.BadParameter.__base__ or typer.BadParameter  # of click, which typer brings along under changing names
 
 
-class CommandError(TypedDict):
+class CommandFailure(TypedDict):
     """Why a command did not do what was asked. ``message`` is a sentence for people, ``kind`` says what is to blame."""
 
-    kind: ErrorKind
+    kind: FailureKind
     message: str
     exit_code: int
 
 
-class ErrorAnswer(TypedDict):
+class FailureAnswer(TypedDict):
     """What a command prints with ``--json`` when it has no other answer."""
 
-    error: CommandError
+    failure: CommandFailure
 
 
-def command_error(kind: ErrorKind, message: str) -> CommandError:
-    """An error, with the exit code that belongs to it."""
+def command_failure(kind: FailureKind, message: str) -> CommandFailure:
+    """A failure, with the exit code that belongs to it."""
     if kind == "stopped":
         stop_signal = stopping.asked()
         code = stopping.exit_code(stopping.SIGNALS[0] if stop_signal is None else stop_signal)
@@ -56,30 +57,36 @@ def command_error(kind: ErrorKind, message: str) -> CommandError:
     return {"kind": kind, "message": without_middle(message, LONGEST_MESSAGE_CHARACTERS), "exit_code": code}
 
 
-def error_of(error: BaseException) -> CommandError:
+def failure_of(error: BaseException) -> CommandFailure:
     """What an exception that has ended a command means to its user."""
     if isinstance(error, InputError):
-        return command_error("input", str(error))
+        return command_failure("input", str(error))
     if isinstance(error, _USAGE_ERROR):
-        return command_error("input", _usage(error))
+        return command_failure("input", _usage(error))
     if isinstance(error, KeyboardInterrupt):
         reason = str(error) or "stopped by hand"
-        return command_error("stopped", f"{reason}; nothing is left half-written, and what was stored before is still there")
+        return command_failure("stopped", f"{reason}; nothing is left half-written, and what was stored before is still there")
     if isinstance(error, MachineError):
-        return command_error("machine", str(error))
+        return command_failure("machine", str(error))
     if isinstance(error, RunError):
-        return command_error("simulation", str(error))
+        return command_failure("simulation", str(error))
     at = _worked_on(error)
     if isinstance(error, MemoryError):
-        return command_error("machine", f"the memory of this machine ran out{at}: a coarser mesh or fewer samples need less.")
+        return command_failure("machine", f"the memory of this machine ran out{at}: a coarser mesh or fewer samples need less.")
     if _is_lost_worker(error):
         if stopping.asked() is not None:
-            return command_error("stopped", "stopped; what was stored before is still there")
-        return command_error("machine", f"a process that computed for this command was killed{at}: often memory has run out.")
+            return command_failure("stopped", "stopped; what was stored before is still there")
+        return command_failure("machine", f"a process that computed for this command was killed{at}: often memory has run out.")
+    if _is_of_kept_code(error):
+        return command_failure(
+            "machine",
+            f"machine code that is kept on disk cannot be read or written ({short_name(error)}): remove that folder, "
+            f"{_code_folder(error)}, and it is made again; or name another one that only you can write by {code_cache.VARIABLE}.",
+        )
     if isinstance(error, OSError) and error.errno in _REFUSALS:
         name = "" if error.filename is None else f"{error.filename}: "
-        return command_error("machine", f"{name}the operating system refuses this ({error.strerror}){at}.")
-    return command_error(
+        return command_failure("machine", f"{name}the operating system refuses this ({error.strerror}){at}.")
+    return command_failure(
         "fault",
         f"a fault of explicitfe{at} ({short_name(error)}). Your input may well be right: please report this with the file, and "
         f"with what the same command says when --debug is added.",
@@ -119,6 +126,21 @@ def short_name(error: BaseException) -> str:
     """Kind and message of an exception on one line."""
     message = " ".join(str(error).split())
     return without_middle(f"{type(error).__name__}: {message}" if message else type(error).__name__, LONGEST_FAULT_CHARACTERS)
+
+
+def _is_of_kept_code(error: BaseException) -> bool:
+    """Whether Numba failed at the folder where it keeps machine code."""
+    files = [Path(frame.f_code.co_filename).parts[-3:] for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return ("numba", "core", "caching.py") in files
+
+
+def _code_folder(error: BaseException) -> str:
+    """The folder in which it failed, as far as it is known."""
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        folder = getattr(frame.f_locals.get("self"), "_cache_path", None)
+        if isinstance(folder, str):
+            return folder
+    return "__pycache__ beside the package"
 
 
 def _is_lost_worker(error: BaseException) -> bool:

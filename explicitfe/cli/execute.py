@@ -9,9 +9,9 @@ from contextlib import suppress
 
 import typer
 
-from explicitfe.cli.answer import print_error, print_json, print_note
+from explicitfe.cli.answer import print_failure, print_json, print_note
 from explicitfe.cli.app import app
-from explicitfe.cli.ending import DONE_EXIT_CODE, debug_first, error_of, wants_json
+from explicitfe.cli.ending import DONE_EXIT_CODE, debug_first, failure_of, wants_json
 from explicitfe.cli.streams import stderr, stdout
 from explicitfe.errors import MachineError
 
@@ -45,11 +45,11 @@ def _exit_code_of(words: list[str]) -> int:
     except (Exception, KeyboardInterrupt) as error:
         if debug:
             stderr.write(traceback.format_exc())
-        ending = error_of(error)
+        ending = failure_of(error)
         if wants_json(words):
             with suppress(MachineError):  # there is no room for it
-                print_json({"error": ending})
-        print_error(ending)
+                print_json({"failure": ending})
+        print_failure(ending)
         return ending["exit_code"]
     return DONE_EXIT_CODE
 

@@ -60,5 +60,5 @@ def identify(
         as_json,
         lambda: identification_tables(identification),
         list(identification_notes(identification)),
-        error=("simulation", f"the constants could not be identified of {', '.join(map(repr, failed))}") if failed else None,
+        failure=("simulation", f"the constants could not be identified of {', '.join(map(repr, failed))}") if failed else None,
     )

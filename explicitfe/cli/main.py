@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 
-from explicitfe.host import stopping
+from explicitfe.host import standard_streams, stopping
 
 STDERR = 2  # the file descriptor
 
@@ -21,6 +21,7 @@ def entry() -> None:
 
 def main() -> None:
     """Run the command of ``sys.argv``; leave with its exit code if that is not 0."""
+    standard_streams.open_all()
     # Products of matrices are small here: more threads would only wait for cores that are busy. In time, for nothing has
     # imported numpy yet, and for the processes that are started too.
     for library in ("OPENBLAS", "MKL", "OMP"):

@@ -42,5 +42,5 @@ def predict(
         as_json,
         lambda: prediction_table(prediction),
         [f"assumed: {text}" for text in prediction.assumed],
-        error=("simulation", f"not all curves could be predicted. {' '.join(failures)}") if failures else None,
+        failure=("simulation", f"not all curves could be predicted. {' '.join(failures)}") if failures else None,
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.ending import ErrorKind, short_name
+from explicitfe.cli.ending import FailureKind, short_name
 from explicitfe.cli.options import (
     JsonOption,
     OutOption,
@@ -70,13 +70,13 @@ def run(
 
 def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | None, as_json: bool) -> None:
     """Print what a run came to, and leave with an exit code if it ended early, or if its drawing was stopped."""
-    error: tuple[ErrorKind, str] | None = None
+    failure: tuple[FailureKind, str] | None = None
     if summary["status"] != "finished":
-        kind: ErrorKind = "stopped" if summary["status"] == "interrupted" else "simulation"
-        error = kind, f"{summary['status']}: {summary['message']}"
+        kind: FailureKind = "stopped" if summary["status"] == "interrupted" else "simulation"
+        failure = kind, f"{summary['status']}: {summary['message']}"
     elif stopped:
-        error = "stopped", stopped
-    print_answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"], error)
+        failure = "stopped", stopped
+    print_answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"], failure)
 
 
 def draw_run(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progress, context: typer.Context) -> str | None:

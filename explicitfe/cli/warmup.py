@@ -23,5 +23,5 @@ def warmup(
     from explicitfe.view.terminal.program import machine_code_table
 
     with following(console) as progress:
-        seconds_of = warm(everything, progress)
-    print_answer({"seconds": seconds_of}, as_json, lambda: machine_code_table(seconds_of))
+        code = warm(everything, progress)
+    print_answer(code, as_json, lambda: machine_code_table(code["seconds"]))

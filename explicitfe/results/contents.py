@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, TypedDict
+from typing_extensions import TypedDict
 
+from explicitfe.results.document import Computed
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
-from explicitfe.results.run_summary import PointAtRest
+from explicitfe.results.run_summary import (
+    IndentationModelDescription,
+    IndentationSummary,
+    PointAtRest,
+    TransientModelDescription,
+    TransientSummary,
+)
 
 
 class StoredQuantity(TypedDict):
@@ -33,19 +39,25 @@ class StoredRestart(TypedDict):
     command: str
 
 
+class NoSummary(TypedDict, total=False):
+    """What stands for the summary of a run that has not ended: nothing."""
+
+    warnings: list[str]
+
+
 class ResultContents(TypedDict):
     """What a result file holds: the answer of ``explicitfe inspect --json``.
 
     ``time_s`` has the first and the last stored time, ``every_s`` the mean time between samples, ``last`` the last row of the
     history; ``node_sets`` says how many nodes each set has; ``restart`` is None where nothing is left to go on with. ``summary``
-    and ``model`` are as :class:`Result` gives them.
+    and ``model`` are as :class:`Result` gives them: those of a result of an earlier version may lack keys.
     """
 
     path: str
     status: str
     live: bool
     message: str
-    summary: Mapping[str, Any]
+    summary: TransientSummary | IndentationSummary | NoSummary
     nodes: int
     elements: int
     steps: int
@@ -54,11 +66,11 @@ class ResultContents(TypedDict):
     fields: list[StoredField]
     history: list[StoredQuantity]
     history_rows: int
-    last: dict[str, float | list[float]]
+    last: dict[str, Computed | list[Computed]]
     node_sets: dict[str, int]
     named_points: dict[str, PointAtRest]
     scenario_sha256: str
-    model: Mapping[str, Any]
+    model: TransientModelDescription | IndentationModelDescription
     provenance: Provenance
     restart: StoredRestart | None
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import KeysView
+from typing import Annotated
 
-from pydantic import BaseModel, JsonValue
+from pydantic import BaseModel, JsonValue, WithJsonSchema
+
+Computed = Annotated[float, WithJsonSchema({"type": ["number", "null"]})]
+"""A number that may come out not finite; JSON has no such numbers, and null stands for them."""
 
 
 class Document(BaseModel):

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal, NotRequired, TypedDict
+from typing import Literal, NotRequired
+
+from typing_extensions import TypedDict
+
+from explicitfe.results.document import Computed
 
 
 class IdentifiedConstant(TypedDict):
@@ -10,8 +14,8 @@ class IdentifiedConstant(TypedDict):
 
     value: float
     sd: NotRequired[float]
-    ci95: NotRequired[list[float]]
-    ci95_curvature: NotRequired[list[float]]
+    ci95: NotRequired[list[Computed]]
+    ci95_curvature: NotRequired[list[Computed]]
 
 
 class IdentifiedCurve(TypedDict):

@@ -8,7 +8,8 @@ import subprocess
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TypedDict
+
+from typing_extensions import TypedDict
 
 
 class Provenance(TypedDict):

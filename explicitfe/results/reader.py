@@ -17,10 +17,10 @@ import numpy as np
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.results import layout
-from explicitfe.results.contents import ResultContents, StoredRestart, stored_field, stored_quantity
+from explicitfe.results.contents import NoSummary, ResultContents, StoredRestart, stored_field, stored_quantity
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
-from explicitfe.results.run_summary import point_at_rest, with_history
+from explicitfe.results.run_summary import TransientModelDescription, point_at_rest, with_history
 from explicitfe.results.stored import StoredFile
 
 if TYPE_CHECKING:
@@ -306,7 +306,7 @@ class Result:
             "status": self.status,
             "live": self.live,
             "message": self.message,
-            "summary": self.summary,
+            "summary": cast(NoSummary, self.summary),
             "nodes": self.mesh.node_count,
             "elements": self.mesh.element_count,
             "steps": len(self.times),
@@ -319,7 +319,7 @@ class Result:
             "node_sets": {name: len(nodes) for name, nodes in self.mesh.node_sets.items()},
             "named_points": {name: point_at_rest(point) for name, point in self.mesh.named_points.items()},
             "scenario_sha256": self.scenario_sha256,
-            "model": self.model,
+            "model": cast(TransientModelDescription, self.model),
             "provenance": self.provenance,
             "restart": self._restart(),
         }

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NotRequired, TypedDict
+from typing import Any, NotRequired
 
 import numpy as np
+from pydantic import JsonValue
+from typing_extensions import TypedDict
 
 from explicitfe.mesh.hexmesh import MaterialPoints
-
-Json = str | int | float | bool | None | list["Json"] | dict[str, "Json"]
+from explicitfe.results.document import Computed
 
 
 class ModelDescription(TypedDict):
-    """A model in words and numbers; ``scenario`` is what was run with ``--set`` and all defaults, ready to be run again."""
+    """A model in words and numbers; ``scenario`` is what was run with ``--set`` and all defaults, ready to be run again.
+
+    A result also holds ``scenario_file``, where that stood, and ``notes``, sentences on what was seen when it was built.
+    """
 
     name: str
     nodes: int
@@ -21,9 +25,11 @@ class ModelDescription(TypedDict):
     volume_mm3: float
     mass_g: float
     element: str
-    material: dict[str, Json]
+    material: dict[str, JsonValue]
     fixed_nodes: int
-    scenario: dict[str, Json]
+    scenario: dict[str, JsonValue]
+    scenario_file: NotRequired[str]
+    notes: NotRequired[list[str]]
 
 
 class PointAtRest(TypedDict):
@@ -57,11 +63,11 @@ class TransientModelDescription(ModelDescription):
 
     alpha_per_s: float
     beta_s: float
-    muscles: list[dict[str, Json]]
+    muscles: list[dict[str, JsonValue]]
     bones: list[str]
     held_area_mm2: dict[str, float]
     surgery: SurgeryReport | None
-    airway: dict[str, Json] | None
+    airway: dict[str, JsonValue] | None
     probes: dict[str, PointAtRest]
 
 
@@ -69,7 +75,7 @@ class IndentationModelDescription(ModelDescription):
     """What else a specimen under a tool has; ``copies`` of what is computed make the whole."""
 
     copies: float
-    tool: dict[str, Json]
+    tool: dict[str, JsonValue]
 
 
 def kind_of(model: Mapping[str, Any]) -> str:
@@ -98,10 +104,10 @@ class RunSummary(TypedDict):
     wall_s: float
     compile_s: float
     total_s: NotRequired[float]
-    energy_balance_error: float | None
-    hourglass_share: float
-    hourglass_share_end: float
-    min_J: float
+    energy_balance_error: Computed | None
+    hourglass_share: Computed
+    hourglass_share_end: Computed
+    min_J: Computed
     folded: FoldedElements
     plots: NotRequired[list[str]]
 
@@ -109,8 +115,8 @@ class RunSummary(TypedDict):
 class ProbeAtEnd(TypedDict):
     """Where a probe is at the end, and how fast."""
 
-    displacement_mm: list[float]
-    speed_mm_s: float
+    displacement_mm: list[Computed]
+    speed_mm_s: Computed
 
 
 class TransientSummary(RunSummary):
@@ -118,16 +124,16 @@ class TransientSummary(RunSummary):
 
     simulated_s: float
     steps: int
-    dt_s: float
-    dt_fraction_of_limit: float
+    dt_s: Computed
+    dt_fraction_of_limit: Computed
     limiting_element: int | None
     loop_s: float
     look_s: float
     sample_s: float
-    real_time_factor: float
+    real_time_factor: Computed
     settled: bool
-    largest_displacement_mm: float
-    largest_speed_mm_s: float
+    largest_displacement_mm: Computed
+    largest_speed_mm_s: Computed
     probes: dict[str, ProbeAtEnd]
 
 
@@ -146,13 +152,13 @@ class IndentationSummary(RunSummary):
 
     copies: float
     curve: list[CurvePoint]
-    loads: list[dict[str, float]]
+    loads: list[dict[str, Computed]]
     tolerance: float
     iterations: int
     touch_mm: float
-    penetration_ratio: float
-    reaction_error: float
-    energy_balance_doubt: float | None
+    penetration_ratio: Computed
+    reaction_error: Computed
+    energy_balance_doubt: Computed | None
 
 
 # Column of the history of an indentation -> what a summary calls it: together all of an ``Equilibrium``.
@@ -244,6 +250,12 @@ class ScenarioSpeed(TypedDict):
     steps: int
     loop_s: float
     real_time_factor: float
+
+
+class MachineCode(TypedDict):
+    """What machine code was made for, and the seconds that it took: what ``explicitfe warmup --json`` prints."""
+
+    seconds: dict[str, float]
 
 
 class SpeedReport(TypedDict):

@@ -2,21 +2,71 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from pydantic import JsonValue
+from typing_extensions import TypedDict
 
 from explicitfe.effects import EFFECTS
 from explicitfe.model import catalogue
-from explicitfe.results.run_summary import Json
 from explicitfe.scenario.read import read_scenario
 
-Row = dict[str, Json]
+Row = Mapping[str, object]
 """One entry; its first key is what a user has to type."""
 
 
-def _models() -> list[Row]:
-    rows: list[Row] = []
+class ListedModel(TypedDict):
+    """A built-in model at one resolution; ``hexes`` is None where the scenario decides."""
+
+    model: str
+    resolution: str
+    cells: list[int]
+    hexes: int | None
+
+
+class ListedMuscle(TypedDict):
+    """A muscle of a model: its full name, what it does, its fibres, and the largest force that it can be given."""
+
+    muscle: str
+    name: str
+    action: str
+    fibres: int
+    max_force_N: float
+    model: str
+
+
+class ListedScenario(TypedDict):
+    """A scenario that comes with the program, the question that it answers, and where its file is."""
+
+    scenario: str
+    title: str
+    question: str
+    file: str
+
+
+class ListedMaterial(TypedDict):
+    """A tissue with its law, the constants of the law and where they are from."""
+
+    material: str
+    law: str
+    constants: dict[str, JsonValue]
+    source: str
+
+
+class ListedEffect(TypedDict):
+    """An effect: where it acts, the keys of its table, what it needs of a scenario, and where it is from."""
+
+    effect: str
+    title: str
+    where: str
+    keys: list[str]
+    needs: str
+    source: str
+
+
+def _models() -> list[ListedModel]:
+    rows: list[ListedModel] = []
     for name in catalogue.model_folders():
         for resolution, cells in catalogue.contour(name).resolutions.items():
             rows.append({"model": name, "resolution": resolution, "cells": list(cells), "hexes": int(np.prod(cells))})
@@ -24,7 +74,7 @@ def _models() -> list[Row]:
     return rows
 
 
-def _muscles() -> list[Row]:
+def _muscles() -> list[ListedMuscle]:
     return [
         {
             "muscle": muscle.name,
@@ -39,15 +89,15 @@ def _muscles() -> list[Row]:
     ]
 
 
-def _scenarios() -> list[Row]:
-    rows: list[Row] = []
+def _scenarios() -> list[ListedScenario]:
+    rows: list[ListedScenario] = []
     for path in catalogue.scenario_files():
         scenario, _ = read_scenario(path)
         rows.append({"scenario": path.name, "title": scenario.title, "question": scenario.question, "file": str(path)})
     return rows
 
 
-def _materials() -> list[Row]:
+def _materials() -> list[ListedMaterial]:
     return [
         {
             "material": name,
@@ -59,7 +109,7 @@ def _materials() -> list[Row]:
     ]
 
 
-def _effects() -> list[Row]:
+def _effects() -> list[ListedEffect]:
     return [
         {
             "effect": name,
@@ -74,7 +124,7 @@ def _effects() -> list[Row]:
 
 
 # Name of a list -> what makes it.
-LISTS: dict[str, Callable[[], list[Row]]] = {
+LISTS: dict[str, Callable[[], Sequence[Row]]] = {
     "models": _models,
     "muscles": _muscles,
     "scenarios": _scenarios,

@@ -16,7 +16,7 @@ from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model
-from explicitfe.results.run_summary import ScenarioSpeed, SpeedReport, SpeedRow
+from explicitfe.results.run_summary import MachineCode, ScenarioSpeed, SpeedReport, SpeedRow
 from explicitfe.run.prepare import prepare
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
@@ -137,7 +137,7 @@ def _scenario_speed() -> ScenarioSpeed:
     return {"name": TIMED_SCENARIO, "hexes": hexes, "steps": steps, "loop_s": seconds, "real_time_factor": factor}
 
 
-def warm(everything: bool = False, progress: Progress = silent) -> dict[str, float]:
+def warm(everything: bool = False, progress: Progress = silent) -> MachineCode:
     """Make the machine code that runs need and keep it on disk, so that no run has to wait for it.
 
     Parameters
@@ -146,7 +146,7 @@ def warm(everything: bool = False, progress: Progress = silent) -> dict[str, flo
 
     Returns
     -------
-    What it was made for -> seconds that it took, next to nothing where it was there.
+    What it was made for, and seconds that it took, next to nothing where it was there.
     """
     wanted = USUAL_RUNS | (FURTHER_RUNS if everything else {})
     seconds_of: dict[str, float] = {}
@@ -162,7 +162,7 @@ def warm(everything: bool = False, progress: Progress = silent) -> dict[str, flo
     point.uniaxial(TIMED_MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
     seconds_of["homogeneous states"] = time.perf_counter() - begin
     progress("warm", 1.0)
-    return seconds_of
+    return {"seconds": seconds_of}
 
 
 def _path(scenario: str) -> Path:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypedDict
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.view.indentation import ENERGY_LABEL, StatedTool, paint_section

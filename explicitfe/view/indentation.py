@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Required, TypedDict
+from typing import TYPE_CHECKING, Required
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.results import Result

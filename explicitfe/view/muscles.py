@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Required, TypedDict
+from typing import Required
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from explicitfe.results import Result
 

@@ -18,7 +18,7 @@ from command import command
 from support import ROOT
 
 from explicitfe.cli.app import COMMANDS, GROUPS
-from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS
+from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS, failure_of
 from explicitfe.errors import InputError, MachineError, RunError
 from explicitfe.host import stopping
 from explicitfe.run import lists, transient
@@ -80,7 +80,7 @@ def test_what_ends_a_command(name: str, monkeypatch: pytest.MonkeyPatch, capsys:
     shown = capsys.readouterr()
     assert shown.err.splitlines()[-1] == sentence
     message = sentence.partition(": ")[2]
-    assert json.loads(shown.out) == {"error": {"kind": kind, "message": message, "exit_code": code}}
+    assert json.loads(shown.out) == {"failure": {"kind": kind, "message": message, "exit_code": code}}
 
 
 @pytest.mark.parametrize("debug", ["--debug at the end", "--debug first", "environment"])
@@ -113,7 +113,7 @@ def test_a_fault_names_the_file_that_was_worked_on(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["lisst"], "No such command 'lisst'. Did you mean 'list'? `explicitfe --help`"),
+        (["lisst"], "No such command 'lisst'"),
         (["run"], "Missing argument"),
         (["run", "a.toml", "--frobnicate"], "No such option: --frobnicate"),
         (["run", "a.toml", "b.toml"], "Got unexpected extra argument"),
@@ -130,7 +130,7 @@ def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pyte
         (line,) = shown.err.splitlines()
         assert line.startswith("error: ") and line.endswith("shows what can be given.")
         if json_option:
-            assert json.loads(shown.out)["error"] == {
+            assert json.loads(shown.out)["failure"] == {
                 "kind": "input",
                 "message": line.removeprefix("error: "),
                 "exit_code": 2,
@@ -169,7 +169,7 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
     assert command(words) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert summary["status"] == "finished" and "error" not in summary and "plots" not in summary
+    assert summary["status"] == "finished" and "failure" not in summary and "plots" not in summary
     (warning,) = [text for text in summary["warnings"] if "could not be drawn" in text]
     assert "ZeroDivisionError" in warning and "the result stands" in warning
     monkeypatch.undo()
@@ -193,8 +193,8 @@ def test_a_signal_while_pictures_are_drawn_loses_nothing(
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
     assert command(words) == 130
     summary = json.loads(capsys.readouterr().out)
-    assert summary["status"] == "finished" and summary["error"]["kind"] == "stopped"
-    assert "while drawing: the result stands" in summary["error"]["message"]
+    assert summary["status"] == "finished" and summary["failure"]["kind"] == "stopped"
+    assert "while drawing: the result stands" in summary["failure"]["message"]
 
 
 def explicitfe(*words: str, **streams: object) -> subprocess.Popen[bytes]:
@@ -224,3 +224,39 @@ def test_a_full_disk_under_an_answer() -> None:
         assert error.strip() == "failed: the answer could not be written to stdout: No space left on device."
         process = explicitfe("list", "nothing", stdout=subprocess.PIPE, stderr=full)
         assert process.communicate()[0] == b"" and process.returncode == 2
+
+
+KERNEL = """
+import numba
+@numba.njit(cache=True)
+def twice(x):
+    return 2 * x
+"""
+
+
+def test_damaged_machine_code_is_no_fault_of_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after a power cut: the sentence names the folder that can be removed."""
+    (tmp_path / "kernel_of_a_test.py").write_text(KERNEL, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    import importlib
+
+    module = importlib.import_module("kernel_of_a_test")
+    assert module.twice(1) == 2
+    (index,) = (tmp_path / "__pycache__").glob("*.nbi")
+    index.write_bytes(index.read_bytes()[:-20])
+    try:
+        importlib.reload(module).twice(1)
+    except Exception as error:
+        failure = failure_of(error)
+    assert failure["kind"] == "machine" and failure["exit_code"] == 3
+    assert f"remove that folder, {index.parent}," in failure["message"] and "NUMBA_CACHE_DIR" in failure["message"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
+def test_closed_streams_are_opened_on_nothing() -> None:
+    """Else a result file could get the number of stderr, and messages of libraries would go into it."""
+    code = "import os, sys; sys.argv = ['explicitfe', '--version']; from explicitfe.cli.main import main\nmain()\n"
+    code += "os.write(1, os.readlink('/proc/self/fd/2').encode())"
+    words = ["sh", "-c", 'exec "$0" -c "$1" 2>&- <&-', sys.executable, code]
+    done = subprocess.run(words, stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0 and done.stdout.split()[-1] == b"/dev/null"

@@ -148,10 +148,40 @@ def test_a_cache_that_others_can_write_is_refused(
     cache.chmod(mode)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(cache))
     assert command(["list", "models", "--json"]) == 2
-    error = json.loads(capsys.readouterr().out)["error"]
+    error = json.loads(capsys.readouterr().out)["failure"]
     assert error["kind"] == "input"
     assert str(cache) in error["message"] and "chmod" in error["message"] and "NUMBA_CACHE_DIR" in error["message"]
     cache.chmod(0o700)
     assert command(["list", "models", "--json"]) == 0
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "not there yet"))
     assert command(["list", "models", "--json"]) == 0
+
+
+def test_marks_of_the_terminal_in_texts_are_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A title that reads like the markup of rich neither colours the tables nor breaks them."""
+    mark = "[/red] [bold]mark \\"
+    stretch = np.linspace(1.0, 0.8, 8)
+    stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
+    data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
+    file = data / "dataset.toml"
+    text = file.read_text(encoding="utf-8").replace('"Made by the simulator"', json.dumps(mark))
+    curve = f"id = {json.dumps(mark.strip(chr(92)).replace('/', ''))}\nconstants = {json.dumps(mark)}\ngroup = {json.dumps(mark)}"
+    file.write_text(text.replace('id = "one"', curve), encoding="utf-8")
+    (tmp_path / "run").mkdir()
+    scenario = tmp_path / "run" / "[bold]punch.toml"
+    scenario.write_bytes((ROOT / "scenarios/indentation-rear.toml").read_bytes())
+    settings = ["--set", "model.edge_size_mm=3", "--set", "analysis.forces_N=[0.05]", "--set", f"title={json.dumps(mark)}"]
+    result = tmp_path / "out" / "[bold]punch.vtkhdf"
+    loop = str(tmp_path / "loop")
+    for words in (
+        ["identify", str(data), "--out", str(tmp_path / "fit[bold]")],
+        ["close-loop", str(data), "--out", loop, "--max-effects", "0"],
+        ["predict", str(data), "--model", f"{loop}/model.toml", "--out", str(tmp_path / "predicted")],
+        ["check", str(scenario), *settings],
+        ["run", str(scenario), *settings, "--out", str(result.parent)],
+        ["inspect", str(result)],
+    ):
+        capsys.readouterr()
+        assert command(words) == 0, capsys.readouterr().err
+        shown = capsys.readouterr().out
+        assert "[bold]" in shown, words

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from answers import check_answer
 from command import command
 
 from explicitfe.close_loop.close import close_loop
@@ -231,7 +232,7 @@ def test_a_curve_that_softens_is_no_third_term(tmp_path):
 def test_the_command_prints_one_object(closed, tmp_path, capsys):
     data, _, report = closed
     assert command(["close-loop", str(data), "--out", str(tmp_path / "out"), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = check_answer("close-loop", capsys.readouterr().out)
     assert (printed["verdict"], printed["effects"]) == (report.verdict, report.effects)
     assert printed["final"] == json.loads(json.dumps(report.document))["final"]
 
@@ -341,7 +342,7 @@ def test_bad_datasets(change, words, tmp_path, capsys):
     said = capsys.readouterr()
     assert said.err.count("error:") == 1
     sentence = said.err.strip()
-    error = json.loads(said.out)["error"]
+    error = json.loads(said.out)["failure"]
     assert error == {"kind": "input", "message": sentence.removeprefix("error: "), "exit_code": 2}
     assert "\n" not in sentence and sentence.endswith((".", "?")) and "Traceback" not in sentence
     assert all(word in sentence for word in words), sentence

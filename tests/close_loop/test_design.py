@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from answers import check_answer
 from command import command
 
 from explicitfe.close_loop.design import design_test
@@ -169,12 +169,13 @@ def test_a_protocol_that_cannot_be_used(changed, words, tmp_path, capsys):
     assert "\n" not in sentence and str(path) in sentence and sentence.endswith((".", "?")), sentence
     assert all(word in sentence for word in words), sentence
     assert command(["design-test", str(path), "--json"]) == 2
-    assert json.loads(capsys.readouterr().out)["error"]["message"] == sentence
+    failure = check_answer("design-test", capsys.readouterr().out)["failure"]
+    assert failure == {"kind": "input", "message": sentence, "exit_code": 2}
 
 
 def test_the_command_prints_one_object(tmp_path, capsys, designed):
     assert command(["design-test", str(written(tmp_path)), "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = check_answer("design-test", capsys.readouterr().out)
     assert [entry["effect"] for entry in printed["effects"]] == [entry.effect for entry in designed.effects]
     assert command(["design-test", str(written(tmp_path))]) == 0
     assert "viscoelastic" in capsys.readouterr().out

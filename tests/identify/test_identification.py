@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from answers import check_answer
 from identify_cases import COARSE, LOADS_N, TRUTH, response, setup, write, write_homogeneous
 from rich.console import Console
 
@@ -26,6 +27,7 @@ from explicitfe.predict.setup import Setup
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import read_scenario
 from explicitfe.solve import point
+from explicitfe.view.json_text import json_text
 from explicitfe.view.terminal.identify import identification_notes, identification_tables
 
 MORE_LOADS_N = np.array([0.1, 0.2, 0.35, 0.5, 0.7])
@@ -118,6 +120,7 @@ def test_same_again(identified):
 
 def test_paper_method(quarter, tmp_path):
     identification = identify(write(tmp_path / "data", {"one": quarter}), method="paper", out=tmp_path / "out", refinement=COARSE)
+    check_answer("identify", json_text(identification))
     group = identification["groups"]["all"]
     assert group["status"] == "converged"
     assert group["constants"]["C10_Pa"]["value"] == pytest.approx(TRUTH[0], rel=0.04)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from answers import check_answer
 from command import command
 from pydantic import ValidationError
 
@@ -277,7 +278,7 @@ def test_what_has_no_airway_is_refused(tmp_path, capsys):
 def test_the_command_prints_and_stores_it(tmp_path, capsys):
     path = tongue(tmp_path / "a.vtkhdf")
     assert command(["measure", str(path), "--formants", "--json"]) == 0
-    (answer,) = json.loads(capsys.readouterr().out)["results"]
+    (answer,) = check_answer("measure", capsys.readouterr().out)["results"]
     expected = airway(path)
     assert answer["airway"] == json.loads(expected.model_dump_json())
     assert command(["measure", str(path), "--formants"]) == 0

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from answers import check_answer
 from command import command
 
 from explicitfe.errors import InputError
@@ -375,7 +376,7 @@ def test_the_document_has_all_keys(tmp_path, capsys):
         pressure={"palate": np.zeros(mesh.node_count)},
     )
     assert command(["measure", str(path), str(path), "--at-ms", "50", "--json"]) == 0
-    answer = json.loads(capsys.readouterr().out)
+    answer = check_answer("measure", capsys.readouterr().out)
     assert len(answer["results"]) == 2
     point = dict.fromkeys(("forward_mm", "up_mm", "right_mm", "time_to_90_ms", "peak_speed_mm_s", "speed_mm_s"))
     part = dict.fromkeys(("area_mm2", "force_N", "mean_kPa"))

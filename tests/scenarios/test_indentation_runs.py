@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from answers import check_answer
 from command import command
 from support import ROOT
 
@@ -122,9 +123,9 @@ def test_unreachable_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     arguments = [*QUICK[:-1], "analysis.forces_N=[0.1, 0.2, 100]"]
     assert command(["run", str(REAR), "--out", str(tmp_path), "--json", *arguments]) == 3
     shown = capsys.readouterr()
-    summary = json.loads(shown.out)
+    summary = check_answer("run", shown.out)
     assert summary["status"] in ("inverted", "not-converged")
-    assert summary["error"]["kind"] == "simulation" and summary["error"]["exit_code"] == 3
+    assert summary["failure"]["kind"] == "simulation" and summary["failure"]["exit_code"] == 3
     for word in ("100 N was not reached", "mm", "as far as it went", "edge_size_mm"):
         assert word in summary["message"] and word in shown.err.replace("\n", " ")
     assert [point["force_N"] for point in summary["curve"]] == pytest.approx([0.1, 0.2], rel=1e-3)

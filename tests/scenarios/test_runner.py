@@ -13,6 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from answers import check_answer
 from command import command
 
 import explicitfe
@@ -171,7 +172,7 @@ def test_inverted_element_stops_the_run_and_is_named(tmp_path: Path, capsys: pyt
     settings = [word for setting in (*SMALL, "muscle.GGp.force_N=1000") for word in ("--set", setting)]
     assert command(["run", str(FORCES_ON_NODES), "--out", str(tmp_path), "--json", *settings]) == 3
     captured = capsys.readouterr()
-    summary = json.loads(captured.out)
+    summary = check_answer("run", captured.out)
     assert summary["status"] in ("inverted", "diverged")
     assert "ms" in summary["message"] and summary["message"] in captured.err.replace("\n", " ")
     if summary["status"] == "inverted":

@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from rich.console import Group
 from rich.table import Table
 
-from explicitfe.results.run_summary import Json, SpeedReport
+from explicitfe.results.run_summary import SpeedReport
 from explicitfe.view.terminal.rows import text_of
 
 
-def list_table(title: str, rows: Sequence[Mapping[str, Json]]) -> Table:
+def list_table(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
     """A list of what comes with the program. The first column, what a user has to type, is never cut."""
     columns = [column for column in (rows[0] if rows else ()) if column != "source"]
     left_out = rows and "source" in rows[0]

@@ -172,6 +172,13 @@ def test_a_protocol_that_cannot_be_used(changed, words, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["error"]["message"] == sentence
 
 
+def test_a_constant_that_is_left_out(tmp_path, designed):
+    """C20 is 0 then, and its changes are shares of C10."""
+    planned = design_test(written(tmp_path, PROTOCOL.replace(f"C20_Pa = {C20}\n", "")), processes=1)
+    hides = [entry.hides_in for entry in planned.effects if entry.hides_in]
+    assert hides and all(np.isfinite(list(changes.values())).all() for changes in hides)
+
+
 def test_the_command_prints_one_object(tmp_path, capsys, designed):
     assert command(["design-test", str(written(tmp_path)), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)

@@ -148,7 +148,7 @@ BAD = [
     (change("[[0.0, 1.0], [0.5", "[[0.1, 1.0], [0.5"), ['"fast"', "begin at 0 s"]),
     (change("[0.5, 0.7]", "[0.5, 0.7, 1.0]"), ["programme"]),
     (change("rows = 31", "rows = 2"), ["rows"]),
-    (change("rows = 31", "rows = 1000000000"), ["rows", "20000"]),
+    (change("rows = 31", "rows = 1000000000"), ["rows", "10000"]),
     (change('title = "', 'title = "' + "x" * 900), ["title", "300"]),
     (change('id = "slow"', 'id = "fast"'), ["fast"]),
     (change("0.7], [60.0, 0.7]]", "70.0], [60.0, 70.0]]"), ["stretch"]),
@@ -169,7 +169,7 @@ def test_a_protocol_that_cannot_be_used(changed, words, tmp_path, capsys):
     assert "\n" not in sentence and str(path) in sentence and sentence.endswith((".", "?")), sentence
     assert all(word in sentence for word in words), sentence
     assert command(["design-test", str(path), "--json"]) == 2
-    assert json.loads(capsys.readouterr().out)["error"]["message"] == sentence
+    assert [part["message"] for part in json.loads(capsys.readouterr().out).values()] == [sentence]
 
 
 def test_a_constant_that_is_left_out(tmp_path, designed):

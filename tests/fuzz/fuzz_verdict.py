@@ -23,7 +23,8 @@ from command import command
 from fuzz_inputs import FuzzInput
 from numba.core import event
 
-LIMIT_S = 20.0  # for one input, besides the making of machine code
+LIMIT_S = 20.0  # for one input, of a processor that works for nobody else, besides the making of machine code
+WAITING_LIMIT_S = 120.0  # for one input on a busy machine
 CHILD_LIMIT_S = 40.0  # the same with the start of a process, on a busy machine
 COMPILE_LIMIT_S = 400.0  # for a process that may have to make machine code: then it is tried once more
 LARGEST_BALANCE_ERROR = 1e-3
@@ -102,15 +103,21 @@ def _call(given: FuzzInput, work: Path, scratch: Path, verdict: Verdict) -> tupl
         _watched_writing(work.parent) as outside,
         _compile_timer() as compiling,
     ):
-        begin = time.perf_counter()
+        begin, begin_cpu = time.perf_counter(), time.process_time()
+
+        def taken() -> float:
+            """Seconds of work, or of the clock where it waits too long, besides those for machine code."""
+            waited = time.perf_counter() - begin - compiling()
+            return waited if waited > WAITING_LIMIT_S else min(time.process_time() - begin_cpu, waited)
+
         try:
-            with _time_limit(lambda: time.perf_counter() - begin - compiling()):
+            with _time_limit(taken):
                 verdict.code = command(list(given.arguments))
         except TooLong:
             verdict.faults.append(f"longer than {LIMIT_S:g} s: {_innermost(sys.exc_info()[2])}")
         except BaseException as error:
             verdict.faults.append(f"traceback: {type(error).__name__} at {_innermost(error.__traceback__)}: {str(error)[:200]}")
-        verdict.seconds = time.perf_counter() - begin - compiling()
+        verdict.seconds = taken()
     verdict.faults += [f"outside: {path}" for path in sorted(outside)]
     return output.getvalue().decode("utf-8", "replace"), errors.getvalue().decode("utf-8", "replace")
 

@@ -25,8 +25,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests"), str(ROOT / "tests" / "fuzz")]
 
 BATCH = 200
-ONE_IN_CHILD = 25  # of so many inputs one is tried in a process of its own
-SILENCE_LIMIT_S = 240.0  # A batch that says nothing for so long hangs in compiled code, which no signal ends.
+ONE_IN_CHILD = 50  # of so many inputs one is tried in a process of its own
+SILENCE_LIMIT_S = 900.0  # A batch that says nothing for so long hangs in compiled code, which no signal ends.
 SECOND_SIGNATURE_WORDS = 12
 
 

@@ -163,14 +163,16 @@ def _effect_in_test(
 def _hides_in(
     fingerprint: Fingerprint, trial: int, times: float, fit: BestFit, system: Specimens, covariance: Covariance
 ) -> dict[str, float]:
-    """Constant -> its relative change that imitates best so many times the strength of a trial."""
+    """Constant -> its relative change (over the other one, where it is 0) that best imitates so many times a trial."""
     (answer,) = system.answers([fit.model.plus(fingerprint.candidate.term, fingerprint.values[trial])])
     hides: dict[str, float] = {}
     if answer is not None:
         moved = np.linalg.lstsq(fit.jacobian, covariance.whiten(stack(answer) - fit.answer), rcond=None)[0]
         moved *= times
-        for p, x, dx in zip(fit.model.parameters, fit.model.x, moved, strict=True):
-            hides[p.name] = p.sought.value(float(np.clip(x + dx, p.low, p.high))) / p.sought.value(float(x)) - 1.0
+        values = [p.sought.value(float(x)) for p, x in zip(fit.model.parameters, fit.model.x, strict=True)]
+        for p, x, dx, value in zip(fit.model.parameters, fit.model.x, moved, values, strict=True):
+            changed = p.sought.value(float(np.clip(x + dx, p.low, p.high)))
+            hides[p.name] = (changed - value) / (value or max(values))
     return hides
 
 

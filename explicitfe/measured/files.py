@@ -19,7 +19,7 @@ from explicitfe.scenario.sentences import explain
 FILE_NAME = "dataset.toml"
 SMALLEST_CURVE_ROWS = 3  # Two rows are a straight line: no curve.
 # A fit takes a time and a memory in proportion to the rows, some thousands of times; more rows than this tell it no more.
-LARGEST_CURVE_ROWS = 20_000
+LARGEST_CURVE_ROWS = 10_000
 LARGEST_CURVE_BYTES = 16 * 2**20
 
 _CELL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)

@@ -16,7 +16,7 @@ class EffectInTest(BaseModel):
     shows : whether its largest plausible strength would show.
     visible : squared distance to the model without it, at that strength, over the covariance.
     smallest : the smallest strength that would show; None if it is beyond the bounds.
-    hides_in : constant -> the relative change that would imitate the effect up to there.
+    hides_in : constant -> the relative change that would imitate the effect up to there; of one that is 0, over the other one.
     reason : why it does not show.
     nearest, separation : the effect that imitates it best, and how far off that one stays.
     cannot_tell_from : effects that the test would not tell from it.

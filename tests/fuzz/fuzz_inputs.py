@@ -104,16 +104,23 @@ KEYS = [
 ]  # fmt: skip
 
 
+POSSIBLE = [
+    "model.cells=[8, 4, 4]", "muscle.GGp.force_N=0.5", "muscle.SL.force_N=2", "analysis.duration_ms=0.5", "record.every_ms=0.25",
+    'muscle.+={name="HG", force_N=1}', "model.damping.alpha_per_s=40", "title=mine", 'record.probes=["tip"]',
+]  # fmt: skip
+
+
 @st.composite
 def settings_of_a_scenario(draw: st.DrawFn) -> FuzzInput:
     arguments = list(draw(runs_or_checks))
     for _ in range(draw(st.integers(1, 3))):
+        if draw(st.booleans()):
+            arguments += ["--set", draw(st.sampled_from(POSSIBLE))]
+            continue
         value = draw(
             st.sampled_from([value_of(v) for v in ABSURD_NUMBERS])
             | st.sampled_from([s.replace("\0", "") for s in ABSURD_STRINGS])
-            | st.sampled_from(
-                ['{name="GGp"}', '[{name="GGp", force_N=1}]', "[1,", "[" * 5000, "1979-05-27", '"', "'", "1 # no", "\ud800"[:0]]
-            )
+            | st.sampled_from(['{name="GGp"}', '[{name="GGp", force_N=1}]', "[1,", "[" * 5000, "1979-05-27", '"', "'", "1 # no"])
             | st.floats().map(repr)
             | st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=20)
         )

@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,8 +23,10 @@ from command import command
 from fuzz_inputs import FuzzInput
 from numba.core import event
 
-LIMIT_S = 20.0  # for one input, besides the making of machine code
-CHILD_LIMIT_S = 60.0  # the same with the start of a process, which may have to make machine code
+LIMIT_S = 20.0  # for one input, of a processor that works for nobody else, besides the making of machine code
+WAITING_LIMIT_S = 120.0  # for one input on a busy machine
+CHILD_LIMIT_S = 40.0  # the same with the start of a process, on a busy machine
+COMPILE_LIMIT_S = 400.0  # for a process that may have to make machine code: then it is tried once more
 LARGEST_BALANCE_ERROR = 1e-3
 LONGEST_SENTENCE = 1100  # with "error: " and what says that it was cut
 EXIT_CODES = {0, 1, 2, 3}
@@ -100,32 +103,41 @@ def _call(given: FuzzInput, work: Path, scratch: Path, verdict: Verdict) -> tupl
         _watched_writing(work.parent) as outside,
         _compile_timer() as compiling,
     ):
-        begin = time.perf_counter()
+        begin, begin_cpu = time.perf_counter(), time.process_time()
+
+        def taken() -> float:
+            """Seconds of work, or of the clock where it waits too long, besides those for machine code."""
+            waited = time.perf_counter() - begin - compiling()
+            return waited if waited > WAITING_LIMIT_S else min(time.process_time() - begin_cpu, waited)
+
         try:
-            with _time_limit(lambda: time.perf_counter() - begin - compiling()):
+            with _time_limit(taken):
                 verdict.code = command(list(given.arguments))
         except TooLong:
             verdict.faults.append(f"longer than {LIMIT_S:g} s: {_innermost(sys.exc_info()[2])}")
         except BaseException as error:
             verdict.faults.append(f"traceback: {type(error).__name__} at {_innermost(error.__traceback__)}: {str(error)[:200]}")
-        verdict.seconds = time.perf_counter() - begin - compiling()
+        verdict.seconds = taken()
     verdict.faults += [f"outside: {path}" for path in sorted(outside)]
     return output.getvalue().decode("utf-8", "replace"), errors.getvalue().decode("utf-8", "replace")
 
 
 def _call_in_child(given: FuzzInput, work: Path, scratch: Path, verdict: Verdict) -> tuple[str, str]:
     """Call the command as a shell would; what it printed on stdout and on stderr."""
-    package = Path(__file__).parents[2]
-    environment = os.environ | {"PYTHONPATH": str(package), "TMPDIR": str(scratch)}
-    begin = time.perf_counter()
-    try:
-        call = [sys.executable, "-m", "explicitfe", *given.arguments]
-        ended = subprocess.run(call, cwd=work, env=environment, capture_output=True, timeout=CHILD_LIMIT_S, check=False)
-    except subprocess.TimeoutExpired as late:
-        verdict.faults.append(f"longer than {CHILD_LIMIT_S:g} s in a process of its own")
-        return (late.stdout or b"").decode("utf-8", "replace"), (late.stderr or b"").decode("utf-8", "replace")
-    finally:
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "TMPDIR": str(scratch)}
+    call = [sys.executable, "-m", "explicitfe", *given.arguments]
+    for limit_s in (COMPILE_LIMIT_S, CHILD_LIMIT_S):
+        begin = time.perf_counter()
+        try:
+            ended = subprocess.run(call, cwd=work, env=environment, capture_output=True, timeout=limit_s, check=False)
+        except subprocess.TimeoutExpired:
+            verdict.faults.append(f"longer than {limit_s:g} s in a process of its own")
+            return "", "stopped by the harness"
         verdict.seconds = time.perf_counter() - begin
+        if verdict.seconds < CHILD_LIMIT_S:
+            break
+        for name in ("out", "outputs"):  # It was slow; now it has its machine code.
+            shutil.rmtree(work / name, ignore_errors=True)
     verdict.code = ended.returncode
     return ended.stdout.decode("utf-8", "replace"), ended.stderr.decode("utf-8", "replace")
 
@@ -243,17 +255,32 @@ def _captured(output: io.BytesIO, errors: io.BytesIO) -> Iterator[None]:
     err.detach()
 
 
+class _Compiling(event.Listener):
+    """Seconds spent on machine code so far: that is made once on a machine, and says nothing about an input."""
+
+    def __init__(self) -> None:
+        self._spent, self._since, self._depth = 0.0, 0.0, 0
+
+    def on_start(self, event: object) -> None:
+        if self._depth == 0:
+            self._since = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: object) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._spent += time.perf_counter() - self._since
+
+    def seconds(self) -> float:
+        return self._spent + (time.perf_counter() - self._since if self._depth else 0.0)
+
+
 @contextlib.contextmanager
 def _compile_timer() -> Iterator[Callable[[], float]]:
-    """Seconds spent on machine code so far: that is made once on a machine, and says nothing about an input."""
-    watch = event.TimingListener()
+    watch = _Compiling()
     event.register("numba:compile", watch)
-
-    def taken() -> float:
-        return watch.duration if watch.done else 0.0
-
     try:
-        yield taken
+        yield watch.seconds
     finally:
         event.unregister("numba:compile", watch)
 
@@ -266,9 +293,9 @@ def _time_limit(taken: Callable[[], float]) -> Iterator[None]:
         return
 
     def look(number: int, frame: FrameType | None) -> None:
+        signal.alarm(2)  # Once more, where somebody swallows it.
         if taken() > LIMIT_S:
             raise TooLong
-        signal.alarm(2)
 
     old = signal.signal(signal.SIGALRM, look)
     signal.alarm(int(LIMIT_S))

@@ -41,8 +41,9 @@ def read_in_child(reader: Reader, path: Path, damaged: str) -> dict[str, np.ndar
     """
     limit_s = SECONDS_TO_BEGIN + SECONDS_PER_MB * path.stat().st_size / 1e6
     # The package is found as it is found here, whatever the folder is called from which the command runs.
-    code = f"import sys; sys.path[:] = {sys.path!r}; from explicitfe.host.child import answer; answer(*sys.argv[1:])"
-    command = [sys.executable, "-c", code, reader.__module__, reader.__qualname__, str(path)]
+    code = f"import sys; sys.path[:] = {sys.path!r}; from {reader.__module__} import {reader.__qualname__} as reader; "
+    code += f"from {__name__} import answer; answer(reader, sys.argv[1])"
+    command = [sys.executable, "-c", code, str(path)]
     one_thread = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     try:
         child = subprocess.run(
@@ -58,12 +59,9 @@ def read_in_child(reader: Reader, path: Path, damaged: str) -> dict[str, np.ndar
     return {name: np.load(stream, allow_pickle=False) for name in document["names"]}
 
 
-def answer(module: str, name: str, path: str) -> None:
+def answer(reader: Reader, path: str) -> None:
     """The child: it writes a line of JSON and then arrays to stdout, or a line that says what is wrong."""
-    from importlib import import_module
-
     out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    reader: Reader = getattr(import_module(module), name)
     _limit_memory(MEMORY_TO_BEGIN_BYTES + MEMORY_PER_FILE_BYTE * Path(path).stat().st_size)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is no answer
     try:

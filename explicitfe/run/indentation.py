@@ -26,8 +26,8 @@ from explicitfe.results.run_summary import (
 )
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_go_on, restart_extras
 from explicitfe.run.notes import equilibrium_notes
-from explicitfe.run.work import balance_of, external_work
 from explicitfe.run.outlook import check_room, warn_of_long_run
+from explicitfe.run.work import balance_of, external_work
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve.contact_points import PENETRATION_SHARE
 from explicitfe.solve.equilibrium import LEAST_SHARE_OF_LARGEST_LOAD, Relaxation

@@ -267,14 +267,15 @@ def test_the_number_of_problems_is_right(tmp_path: Path) -> None:
 # ---- sizes ----
 
 BALL = ROOT / "scenarios" / "indentation-ball.toml"
+THIN = "analysis.displacements_mm=[0.0001]"
 SIZES = {
     "cells": (VOWEL, ["model.cells=[2000, 2000, 2000]"]),
     "cells of 64 bits": (VOWEL, ["model.cells=[4000000000, 4, 4]"]),
     "refinement": (BALL, ["model.refinement=100", "model.edge_size_mm=0.1"]),
     "edges of a micrometre": (BALL, ["model.edge_size_mm=0.001", "model.symmetry=whole"]),
-    "a film": (BALL, ["model.radius_mm=10000", "model.height_mm=0.001", "model.edge_size_mm=0.001"]),
+    "a film": (BALL, ["model.radius_mm=10000", "model.height_mm=0.001", "model.edge_size_mm=0.001", THIN]),
     "a wire": (BALL, ["model.radius_mm=0.001", "model.height_mm=10000", "model.edge_size_mm=0.001"]),
-    "a film that is a block": (BALL, ["model.size_mm=[10000, 10000, 0.001]", "model.symmetry=whole"]),
+    "a film that is a block": (BALL, ["model.size_mm=[10000, 10000, 0.001]", "model.symmetry=whole", THIN]),
 }
 
 

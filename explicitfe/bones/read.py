@@ -7,12 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.bones.surface import TriangleSurface
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, shortened
+from explicitfe.host.child import read_in_child
+from explicitfe.host.regular import size_of
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _FORMATS = (".stl", ".obj", ".ply", ".vtp")
 # Corners nearer to each other than this share of the surface are one point: STL gives every triangle its own.
 _SAME_CORNER_SHARE = 1e-7
+LARGEST_SURFACE_FILE_BYTES = 2**30  # ten million triangles
 
 
 def read_surface(path: Path | str, length_unit: str) -> TriangleSurface:
@@ -31,27 +34,27 @@ def read_surface(path: Path | str, length_unit: str) -> TriangleSurface:
     path = Path(path)
     if path.suffix.lower() not in _FORMATS:
         raise InputError(f"{path}: is no surface that can be read; give a file that ends in {', '.join(_FORMATS)}.")
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file.")
+    size_of(path, "give a surface", largest_bytes=LARGEST_SURFACE_FILE_BYTES)
     if length_unit not in _METRES_PER_UNIT:
         raise InputError(f'{path}: unknown length_unit "{length_unit}"; give one of {", ".join(_METRES_PER_UNIT)}.')
+    kind = path.suffix[1:].upper()
+    arrays = read_in_child(surface_arrays, path, f"cannot be read as {kind}: it is damaged, or a file of another format.")
+    if not len(arrays["triangles"]):
+        raise InputError(f"{path}: holds no triangles; is it a surface in the format {kind}?")
+    return TriangleSurface(_METRES_PER_UNIT[length_unit] * arrays["points"], arrays["triangles"])
 
+
+def surface_arrays(path: str) -> dict[str, np.ndarray]:
+    """Points and triangles of a file. VTK crashes on some damaged files, so a process of its own is meant to call it."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkObject
 
-    reported = vtkObject.GetGlobalWarningDisplay()
     vtkObject.SetGlobalWarningDisplay(0)  # It prints errors and goes on; an empty surface tells as much.
     try:
         mesh = pyvista.read(path)
         mesh = mesh.extract_surface() if not isinstance(mesh, pyvista.PolyData) else mesh
         mesh = mesh.triangulate().clean(tolerance=_SAME_CORNER_SHARE)
     except Exception as error:  # pyvista raises many kinds for a file that is not what its name says
-        raise InputError(f"{path}: cannot be read as {path.suffix[1:].upper()}: {error}.") from error
-    finally:
-        vtkObject.SetGlobalWarningDisplay(reported)
-    if not mesh.n_points or not len(mesh.faces):
-        raise InputError(f"{path}: holds no triangles; is it a surface in the format {path.suffix[1:].upper()}?")
-    return TriangleSurface(
-        points=_METRES_PER_UNIT[length_unit] * np.asarray(mesh.points, dtype=float),
-        triangles=mesh.faces.reshape(-1, 4)[:, 1:].astype(np.int64),
-    )
+        words = shortened(" ".join(str(error).split()).rstrip("."))
+        raise InputError(f"cannot be read as {Path(path).suffix[1:].upper()}: {words}.") from error
+    return {"points": np.asarray(mesh.points, dtype=float), "triangles": mesh.faces.reshape(-1, 4)[:, 1:].astype(np.int64)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -18,6 +19,7 @@ from explicitfe.mesh.bent_block import ContourMap
 from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
+from explicitfe.model.size import check_size
 from explicitfe.results.airway_table import AirwayTable
 
 _Shared = TypeVar("_Shared")
@@ -114,7 +116,9 @@ def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | No
 
 def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, int] | None = None) -> Anatomy:
     """A built-in model at a resolution ('medium' if neither it nor cells is given); the arrays are shared, so read-only."""
-    return _built_in(name, tuple(cells_of(name, resolution, cells)))
+    grid = tuple(cells_of(name, resolution, cells))
+    check_size(math.prod(grid), "model: this mesh", "take fewer cells, or a coarser resolution")
+    return _built_in(name, grid)
 
 
 @lru_cache(maxsize=_KEPT_MESHES)

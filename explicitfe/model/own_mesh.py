@@ -16,6 +16,7 @@ from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, over_mea
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.mesh_file import read_mesh
+from explicitfe.model.size import check_size
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector, validated
 
@@ -130,6 +131,7 @@ def read_model_file(path: Path) -> Anatomy:
 
     mesh_path = path.parent / table.mesh
     points, hexes, point_data = read_mesh(mesh_path)
+    check_size(len(hexes), f"{mesh_path}: the mesh", "mesh it coarser")
     unit = _METRES_PER_UNIT[table.length_unit]
     bare = HexMesh(points * unit, hexes)
     _check_extent(bare, mesh_path, table.length_unit)

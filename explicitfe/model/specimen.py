@@ -20,6 +20,7 @@ from explicitfe.model import catalogue
 from explicitfe.model.effects import check_effects
 from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import Model, RotationalSymmetry, Tool
+from explicitfe.model.size import check_size
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 
 # One degree: a polygon of so many sides has 5e-5 less area than its circle.
@@ -30,8 +31,6 @@ COPIES = {"sector": 2.0 * np.pi / SECTOR_RAD, "quarter": 4.0, "half": 2.0, "whol
 CELL_GROWTH_RATIO = 1.3
 # Size of the largest elements, relative to the smaller of radius and height: ten across it.
 LARGEST_CELL_SHARE = 0.1
-# Nobody would wait for a larger mesh.
-MOST_ELEMENTS = 5e6
 ELEMENTS_AROUND_A_QUARTER = 8
 # Along each edge of a face: two Gauss points integrate a pressure exactly that is cubic along it.
 CONTACT_POINTS_PER_EDGE = 2
@@ -95,15 +94,14 @@ def _edge_size(specimen: SpecimenTable, tool: ToolTable) -> float:
         size = EDGE_CELL_SHARE_OF_DISC * tool.outer_radius_mm
     else:
         size = LARGEST_CELL_SHARE * min(specimen.thickness_mm, specimen.smallest_radius_mm)
-    size *= 1e-3 / specimen.refinement
-    # A rough lower bound of the number of elements, before anything is cut that fine.
-    _affordable((1e-3 * specimen.thickness_mm / size) ** 2 / 100.0)
-    return size
+    return size * 1e-3 / specimen.refinement
 
 
 def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
     height = 1e-3 * specimen.thickness_mm
     largest = max(size, 1e-3 * LARGEST_CELL_SHARE * min(specimen.thickness_mm, specimen.smallest_radius_mm) / specimen.refinement)
+    # Lower bounds of the number of elements, before anything is cut that fine.
+    _affordable(max(1.0, 1e-3 * specimen.smallest_radius_mm / largest) * max(1.0, height / largest))
     layer = 1e-3 * specimen.layer_mm
     top = min(size, 0.5 * layer) if layer > 0.0 else size
     zones = [(height - 2.0 * top, height, top)]
@@ -122,6 +120,7 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
     if specimen.bonded_radius_mm is not None:
         breaks = [*breaks, 1e-3 * specimen.bonded_radius_mm]
 
+    _affordable(_fewest_cells(1e-3 * specimen.smallest_radius_mm, zones, largest) * len(heights))
     if specimen.size_mm is None:
         radius = 1e-3 * specimen.smallest_radius_mm
         radii = stations(
@@ -134,6 +133,7 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
         return cylinder_mesh(radii, heights, _around(specimen), specimen.symmetry, core_m=FINE_ZONE_START_SHARE * reach or np.inf)
     quarters = COPIES["quarter"] / COPIES[specimen.symmetry]
     half = 0.5e-3 * specimen.size_mm[0], 0.5e-3 * specimen.size_mm[1]
+    _affordable(half[0] / largest * half[1] / largest * len(heights) * quarters)
     circle = zones[0][1] + 2.0 * size if zones else np.inf
     if circle < 0.95 * min(half):
         radii = stations(circle, zones, largest_m=largest, growth=CELL_GROWTH_RATIO, breaks_m=breaks)
@@ -147,13 +147,14 @@ def _mesh(specimen: SpecimenTable, tool: ToolTable, size: float) -> HexMesh:
     return gridded_block(x, y, heights, specimen.symmetry)
 
 
+def _fewest_cells(length: float, zones: Sequence[tuple[float, float, float]], largest: float) -> float:
+    """Along a length with zones (start, stop, size) of small cells, all in m; what grows in between is not counted."""
+    within = [max(0.0, min(stop, length) - max(start, 0.0)) / size for start, stop, size in zones]
+    return max(1.0, length / largest, *within)
+
+
 def _affordable(count: float) -> None:
-    """Refuse a mesh that nobody would wait for."""
-    if count > MOST_ELEMENTS:
-        raise InputError(
-            f"model: this specimen would have about {count:.2g} elements; give a larger edge_size_mm or a smaller refinement "
-            f"(at most {MOST_ELEMENTS:.0e})."
-        )
+    check_size(count, "model: this specimen", "give a larger edge_size_mm, a smaller refinement or a thicker specimen")
 
 
 def _around(specimen: SpecimenTable) -> int:

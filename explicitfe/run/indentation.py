@@ -26,6 +26,7 @@ from explicitfe.results.run_summary import (
 )
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_go_on, restart_extras
 from explicitfe.run.notes import equilibrium_notes
+from explicitfe.run.outlook import check_room, warn_of_long_run
 from explicitfe.run.work import balance_of, external_work
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.solve.contact_points import PENETRATION_SHARE
@@ -102,6 +103,8 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         times = analysis.times_s or [float(k) for k in range(1, len(loads) + 1)]
 
         state = None if begun is None else begun.state
+        if begun is None:
+            check_room(target, self._result_bytes(), "take fewer loads, fewer record.fields or another --out")
         with self._opened(target, overwrite, len(loads) + 1, begun) as writer:
             compile_s = body.compile(lambda share: progress("compile", share))
             started = time.perf_counter()
@@ -119,7 +122,8 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                         raise InputError(self._stuck(settled, "gravity alone"))
                     curve.append(settled)
                     self._store(writer, curve, 0.0, started)
-                for k, (load, at) in list(enumerate(zip(loads, times, strict=True)))[len(curve) - 1 :]:
+                first, paced = len(curve) - 1, time.perf_counter()
+                for k, (load, at) in list(enumerate(zip(loads, times, strict=True)))[first:]:
                     go = body.press if by_force else body.move
 
                     def report(share: float, k: int = k) -> None:
@@ -132,6 +136,8 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                         break
                     curve.append(reached)
                     self._store(writer, curve, at, started)
+                    if k == first:
+                        warn_of_long_run((time.perf_counter() - paced) * (len(loads) - first), f"{len(loads)} loads")
                     progress("run", (k + 1) / len(loads))
             except stopping.Stopped as stopped:
                 if not curve:
@@ -145,12 +151,11 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
 
     def check(self, progress: Progress) -> IndentationCheckReport:
         """How long an indentation will take, from a few iterations and from what loads have taken so far."""
-        body, scenario, mesh = self.body, self.scenario, self.model.mesh
+        body, scenario = self.body, self.scenario
         mesh_report = self._mesh_report()
         progress("compile", 0.0)
         body.compile(lambda share: progress("compile", share))
         loads = len(scenario.analysis.course)
-        cells = len({"J", "hourglass_energy", "strain_energy_density"} & set(scenario.record.fields))
         iterations = loads * ITERATIONS_PER_LOAD
         return {
             **self.describe(),
@@ -160,7 +165,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "predicted_iterations": iterations,
             "predicted_wall_s": iterations * self._seconds_per_step(),
             "kernel_memory_MB": self._kernel_memory_MB(),
-            "result_size_MB": (loads + 1) * 8 * (3 * mesh.node_count + cells * mesh.element_count) / 1e6,
+            "result_size_MB": self._result_bytes() / 1e6,
         }
 
     def table(self, summary: RunSummary) -> Table:
@@ -176,6 +181,12 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         return check_table(str(self.path), cast(IndentationCheckReport, report))
 
     # ---- inside ----
+
+    def _result_bytes(self) -> float:
+        """Size of the fields in the result."""
+        mesh, fields = self.model.mesh, {"J", "hourglass_energy", "strain_energy_density"} & set(self.scenario.record.fields)
+        samples = len(self.scenario.analysis.course) + 1
+        return float(samples * 8 * (3 * mesh.node_count + len(fields) * mesh.element_count))
 
     def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
         wanted = self.scenario.record.fields

@@ -53,6 +53,7 @@ from explicitfe.run.analysis import (
     how_to_go_on,
     restart_extras,
 )
+from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.observe import Recording, Snapshot
 from explicitfe.solve.simulation import Simulation
@@ -144,11 +145,14 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         duration_s = 1e-3 * scenario.analysis.duration_ms
         step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
         expected = int(duration_s / every_s) + 2
+        if begun is None:
+            check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another --out")
 
         with self._opened(target, overwrite, expected, begun) as writer:
             compile_s = simulation.compile(lambda share: progress("compile", share))
             try:
                 transient = Transient(simulation, duration_s, step_s)
+                check_steps(duration_s / transient.smallest_dt_s, transient.smallest_dt_s)
             except InputError as error:
                 raise InputError(f"{self.path}: {error}") from None
             ledger = Ledger()
@@ -163,7 +167,15 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             writer.restart(transient.restart_state(threads) | restart_extras(len(ledger.energies), time.perf_counter() - started))
             stored_at = time.perf_counter()
             status: Status | None = None
+            begun_at_s, paced = simulation.time_s, False
             for recording in transient.recordings(every_s):
+                if not paced and simulation.time_s > begun_at_s:
+                    pace = simulation.course_s / (simulation.time_s - begun_at_s)
+                    steps = (duration_s - begun_at_s) / transient.smallest_dt_s
+                    warn_of_long_run(
+                        pace * (duration_s - begun_at_s), f"{steps:.2g} steps of {1e6 * simulation.dt_s:.3g} microseconds"
+                    )
+                    paced = True
                 count, imbalance = ledger.add_until(recording.energies, BALANCE_ERROR_LIMIT)
                 if count:
                     self._store(writer, recording, ledger, count)
@@ -200,10 +212,6 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         fixed = scenario.analysis.step_us
         dt_s = STEP_SHARE_OF_LIMIT * limit_s if fixed is None else 1e-6 * fixed
         steps = int(np.ceil(1e-3 * scenario.analysis.duration_ms / dt_s))
-        samples = int(scenario.analysis.duration_ms / scenario.record.every_ms) + 1
-        per_node = 8 * 3 * (1 + ("velocity" in scenario.record.fields))
-        per_element = 8 * len({"J", "hourglass_energy"} & set(scenario.record.fields))
-        mesh = self.model.mesh
         return {
             **self.describe(),
             **mesh_report,
@@ -215,7 +223,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "predicted_steps": steps,
             "predicted_wall_s": steps * self._seconds_per_step(),
             "kernel_memory_MB": self._kernel_memory_MB(),
-            "result_size_MB": samples * (per_node * mesh.node_count + per_element * mesh.element_count) / 1e6,
+            "result_size_MB": self._result_bytes() / 1e6,
         }
 
     def table(self, summary: RunSummary) -> Table:
@@ -231,6 +239,14 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         return check_table(str(self.path), cast(TransientCheckReport, report))
 
     # ---- inside ----
+
+    def _result_bytes(self) -> float:
+        """Size of the fields in the result."""
+        record, mesh = self.scenario.record, self.model.mesh
+        samples = int(self.scenario.analysis.duration_ms / record.every_ms) + 1
+        per_node = 8 * 3 * (1 + ("velocity" in record.fields))
+        per_element = 8 * len({"J", "hourglass_energy"} & set(record.fields))
+        return float(samples * (per_node * mesh.node_count + per_element * mesh.element_count))
 
     def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
         scenario, model, simulation = self.scenario, self.model, self.body

@@ -29,9 +29,9 @@ NEVER_CALLED_OF_A_MODULE = {
     "importlib": {"import_module"},
 }
 NEVER_GIVEN = {"allow_pickle": True, "shell": True}
-# git describes the checkout; VTK crashes where it cannot render, and readers of meshes do on damaged files: they get processes of
-# their own, which are this package.
-MAY_START_PROGRAMS = {"results.provenance", "view.render", "model.mesh_file"}
+# git describes the checkout; VTK crashes where it cannot render, and readers of meshes and surfaces on damaged files: these get
+# processes of their own, which are this package.
+MAY_START_PROGRAMS = {"results.provenance", "view.render", "host.child"}
 # `explicitfe.run` is imported when it is first used; the names stand in a table.
 MAY_IMPORT_BY_NAME = {"__init__"}
 

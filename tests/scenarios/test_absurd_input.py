@@ -5,16 +5,22 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from support import ROOT
 
 from explicitfe.errors import InputError
+from explicitfe.host import memory, stopping
+from explicitfe.model import size
+from explicitfe.run import outlook
 from explicitfe.run.prepare import prepare
+from explicitfe.run.run import run
 from explicitfe.scenario.bounds import BOUNDS, bounds_of
 from explicitfe.scenario.read import json_schema, read_scenario
 
@@ -256,3 +262,76 @@ def test_the_number_of_problems_is_right(tmp_path: Path) -> None:
     path = tmp_path / "two.toml"
     path.write_text('title = 1\nquestion = 2\n[model]\nname = "tongue"\n[analysis]\nduration_ms = 1.0\n')
     assert "(1 more after this one)" in (refusal(path) or "")
+
+
+# ---- sizes ----
+
+BALL = ROOT / "scenarios" / "indentation-ball.toml"
+THIN = "analysis.displacements_mm=[0.0001]"
+SIZES = {
+    "cells": (VOWEL, ["model.cells=[2000, 2000, 2000]"]),
+    "cells of 64 bits": (VOWEL, ["model.cells=[4000000000, 4, 4]"]),
+    "refinement": (BALL, ["model.refinement=100", "model.edge_size_mm=0.1"]),
+    "edges of a micrometre": (BALL, ["model.edge_size_mm=0.001", "model.symmetry=whole"]),
+    "a film": (BALL, ["model.radius_mm=10000", "model.height_mm=0.001", "model.edge_size_mm=0.001", THIN]),
+    "a wire": (BALL, ["model.radius_mm=0.001", "model.height_mm=10000", "model.edge_size_mm=0.001"]),
+    "a film that is a block": (BALL, ["model.size_mm=[10000, 10000, 0.001]", "model.symmetry=whole", THIN]),
+}
+
+
+@pytest.mark.parametrize(("scenario", "settings"), SIZES.values(), ids=SIZES)
+def test_meshes_that_no_machine_holds_are_refused_before_they_are_built(scenario: Path, settings: list[str]) -> None:
+    sentence = refusal(scenario, prepare, settings)
+    assert sentence and "elements" in sentence, sentence
+
+
+def test_memory_and_disk_are_asked_for_before_they_are_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(size, "available_bytes", lambda: 1e6)
+    sentence = refusal(VOWEL, prepare, ["model.cells=[20, 10, 10]"])
+    assert sentence and "2e+03 elements, which need 10 MB of memory, and 1 MB are free here; take fewer cells" in sentence
+    monkeypatch.undo()
+    monkeypatch.setattr(outlook.shutil, "disk_usage", lambda folder: SimpleNamespace(free=1e3))
+    for scenario, settings in [(VOWEL, ["model.cells=[8, 4, 4]"]), (BALL, [])]:
+        with pytest.raises(InputError, match=r"the result would have about .* MB, and 0\.001 MB are free in .*; take"):
+            run(scenario, tmp_path / "a" / "b", settings=settings)
+    assert not list(tmp_path.iterdir())
+
+
+def test_memory_of_a_control_group_counts(tmp_path: Path) -> None:
+    """The smallest limit on the way up; "max" is none; files in its cache can be had."""
+    membership = tmp_path / "membership"
+    membership.write_text("0::/user/session\n")
+    inner = tmp_path / "user" / "session"
+    inner.mkdir(parents=True)
+    for folder, most, used in [(inner, "max", 1), (inner.parent, "9000", 4000)]:
+        (folder / "memory.max").write_text(f"{most}\n")
+        (folder / "memory.current").write_text(f"{used}\n")
+    (inner.parent / "memory.stat").write_text("anon 3000\ninactive_file 500\n")
+    assert list(memory._of_groups(tmp_path, membership)) == [5500.0]
+    assert list(memory._of_groups(tmp_path, tmp_path / "none")) == []
+    assert 1e8 < memory.available_bytes() <= math.inf
+
+
+# ---- runs without end ----
+
+
+def test_runs_that_no_machine_ends_are_refused(tmp_path: Path) -> None:
+    settings = ["model.cells=[8, 4, 4]", "analysis.duration_ms=3.6e6", "record.every_ms=1e4", "analysis.step_us=1e-6"]
+    with pytest.raises(InputError, match=r"vowel-i.toml: the run would take 3.6e\+15 steps of 1e-06 microseconds"):
+        run(VOWEL, tmp_path, settings=settings)
+    assert not list(tmp_path.iterdir())
+
+
+def test_runs_of_more_than_a_day_say_so_at_their_start(tmp_path: Path) -> None:
+    settings = ["model.cells=[8, 4, 4]", "analysis.duration_ms=3.6e6", "record.every_ms=1e4", "analysis.step_us=0.01"]
+
+    def stop(stage: str, share: float) -> None:
+        if stage == "run" and stopping.asked() is None:
+            signal.raise_signal(signal.SIGINT)
+
+    with (
+        pytest.warns(UserWarning, match=r"this run takes .* (days|years) \(3.6e\+11 steps of 0.01 microseconds\)"),
+        stopping.watching(),
+    ):
+        summary = run(VOWEL, tmp_path, settings=settings, progress=stop)
+    assert summary["status"] == "interrupted"

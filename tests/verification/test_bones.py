@@ -374,7 +374,7 @@ def test_files_that_hold_no_surface(tmp_path):
         ("a.vtp", "hello", "mm", "holds no triangles|cannot be read as VTP"),
         ("a.txt", "hello", "mm", "give a file that ends in"),
         ("a.obj", "v 0 0 0\n", "mm", "holds no triangles"),
-        ("b.stl", None, "mm", "no such file"),
+        ("b.stl", None, "mm", "No such file"),
         ("a.ply", "hello", "inch", 'unknown length_unit "inch"'),
     ):
         if text is not None:

@@ -21,7 +21,7 @@ _HEADS: dict[FailureKind, str] = {
     "simulation": "failed",
     "machine": "failed",
     "fault": "fault",
-    "stopped": "stopped",
+    "stopped": "ended",
 }
 
 

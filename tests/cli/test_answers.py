@@ -6,6 +6,7 @@ Answers that take long are checked where they are made: ``check_answer`` in the 
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,10 @@ from support import ROOT
 from explicitfe.cli.answers import ANSWERS, answer_schema
 from explicitfe.cli.app import COMMANDS, GROUPS
 from explicitfe.materials.yeoh import Yeoh
-from explicitfe.run import speed
+from explicitfe.run import speed, transient
 from explicitfe.run.lists import LISTS
 from explicitfe.solve import point
+from explicitfe.solve.transient import Ledger
 from explicitfe.view.json_text import json_text
 
 TONGUE = [str(ROOT / "scenarios/vowel-i.toml"), "--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=2"]
@@ -72,6 +74,26 @@ def test_scenarios_and_results(scenario: list[str], tmp_path: Path, capsys: pyte
     if scenario is TONGUE:
         assert len(answered(capsys, "measure", summary["result"], summary["result"], "--formants")["results"]) == 2
         assert inspected["measures"] is not None
+
+
+def test_a_run_that_is_stopped_and_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ledger_of_a_stopped_run() -> Ledger:  # it is made when the first step is about to be done
+        signal.raise_signal(signal.SIGTERM)
+        return Ledger()
+
+    monkeypatch.setattr(transient, "Ledger", ledger_of_a_stopped_run)
+    stopped = answered(capsys, "run", *TONGUE, "--out", str(tmp_path), code=143)
+    assert stopped["status"] == "interrupted"
+    assert stopped["failure"] == {
+        "kind": "stopped",
+        "message": f"interrupted: {stopped['message']}",
+        "exit_code": 143,
+    }
+    monkeypatch.undo()
+    assert answered(capsys, "inspect", stopped["result"])["restart"] is not None
+    assert answered(capsys, "resume", stopped["result"])["status"] == "finished"
 
 
 @pytest.mark.parametrize("what", LISTS)

@@ -61,7 +61,7 @@ ENDS = {
     "pipe": (raising(BrokenPipeError(errno.EPIPE, "Broken pipe")), "fault", 3, "fault of explicitfe.*Broken pipe"),
     "missing file": (raising(FileNotFoundError(errno.ENOENT, "No such file", "a.toml")), "fault", 3, "fault of explicitfe"),
     "assertion": (raising(AssertionError()), "fault", 3, r"fault of explicitfe \(AssertionError\)"),
-    "Ctrl-C": (raising(KeyboardInterrupt()), "stopped", 130, "stopped: stopped by hand; nothing is left half-written"),
+    "Ctrl-C": (raising(KeyboardInterrupt()), "stopped", 130, "ended: stopped by hand; nothing is left half-written"),
     "SIGTERM": (signalled, "stopped", 143, "stopped by SIGTERM; nothing is left half-written"),
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shlex
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -21,10 +22,15 @@ from explicitfe.results.contents import NoSummary, ResultContents, StoredRestart
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
 from explicitfe.results.run_summary import TransientModelDescription, point_at_rest, with_history
-from explicitfe.results.stored import StoredFile
+from explicitfe.results.stored import BusyError, StoredFile
 
 if TYPE_CHECKING:
     import pyvista
+
+
+# A run changes its file for a few milliseconds at a time.
+ATTEMPTS_AT_A_LIVE_FILE = 10
+BETWEEN_ATTEMPTS_S = 0.02
 
 
 class FieldInfo(NamedTuple):
@@ -63,6 +69,11 @@ def open_result(path: Path | str) -> Result:
     ------
     InputError : ``path`` is missing, a folder, no HDF5 file, HDF5 but no result, or damaged.
     """
+    for _ in range(ATTEMPTS_AT_A_LIVE_FILE - 1):
+        try:
+            return Result(path)
+        except BusyError:
+            time.sleep(BETWEEN_ATTEMPTS_S)
     return Result(path)
 
 

@@ -25,6 +25,10 @@ class NoResultError(InputError):
     """A file that is no result of this program: not HDF5, or of another kind."""
 
 
+class BusyError(InputError):
+    """A file that another process was just changing."""
+
+
 class StoredFile:
     """An open result file whose parts are checked when they are read.
 
@@ -42,6 +46,7 @@ class StoredFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file, self.live = _open_file(path)
+        self._datasets: dict[tuple[str, str, tuple[int, ...]], h5py.Dataset] = {}
         try:
             self._size = self._file.id.get_filesize()
             if not self.has("explicitfe") or not self.has("VTKHDF"):
@@ -59,6 +64,8 @@ class StoredFile:
 
     def damaged(self, what: str) -> InputError:
         """What to raise where something is wrong."""
+        if self.live:
+            return BusyError(f"{self.path} is being written and was not whole just now ({what}); try again")
         return InputError(f"{self.path} is damaged ({what}); run the scenario again")
 
     def names(self, group: str) -> list[str]:
@@ -96,21 +103,13 @@ class StoredFile:
         kind : "f" for float64, "i" for whole numbers.
         axes : how many it may have; any number if empty.
         """
-        with self._reading(name):
-            dataset = self._file[name]
-            if isinstance(dataset, h5py.Dataset) and dataset.shape is not None:
-                right = dataset.dtype == np.float64 if kind == "f" else np.issubdtype(dataset.dtype, np.integer)
-                if right and (not axes or dataset.ndim in axes):
-                    if dataset.nbytes > self._size:
-                        raise self.damaged(f"{name} would be larger than the file")
-                    return dataset.shape
-        raise self.damaged(f"{name} is not of the type or the shape that it should be")
+        shape: tuple[int, ...] = self._dataset(name, kind, axes).shape
+        return shape
 
     def numbers(self, name: str, kind: str = "f", rows: slice | None = None, axes: tuple[int, ...] = ()) -> np.ndarray:
         """Numbers of a dataset, of some rows or, checked against their sum where there is one, of all."""
-        self.shape(name, kind, axes)
+        dataset = self._dataset(name, kind, axes)
         with self._reading(name):
-            dataset = self._file[name]
             array: np.ndarray = dataset[() if rows is None else rows]
             if rows is None:
                 self._check(name, dataset, np.asarray(array).tobytes())
@@ -122,8 +121,7 @@ class StoredFile:
         for name in self.names(group):
             with self._reading(f"{group}/{name}"):
                 dataset = self._file[group][name]
-                if dataset.nbytes > self._size:
-                    raise self.damaged(f"{group}/{name} would be larger than the file")
+                self._check_size(f"{group}/{name}", dataset)
                 arrays[name] = np.asarray(dataset[()])
         return arrays
 
@@ -131,7 +129,8 @@ class StoredFile:
         """A string that is a dataset; ``in_header``: HDF5 itself has checked it."""
         with self._reading(name):
             dataset = self._file[name]
-            value = dataset[()] if dataset.nbytes <= self._size else None
+            self._check_size(name, dataset)
+            value = dataset[()]
             if isinstance(value, np.ndarray) and value.dtype == np.uint8:
                 value = value.tobytes()
             if isinstance(value, bytes):
@@ -149,6 +148,24 @@ class StoredFile:
         if isinstance(value, dict):
             return value
         raise self.damaged(f"{name} is no JSON")
+
+    def _dataset(self, name: str, kind: str, axes: tuple[int, ...]) -> h5py.Dataset:
+        if (name, kind, axes) in self._datasets:
+            return self._datasets[name, kind, axes]
+        with self._reading(name):
+            dataset = self._file[name]
+            if isinstance(dataset, h5py.Dataset) and dataset.shape is not None:
+                right = dataset.dtype == np.float64 if kind == "f" else np.issubdtype(dataset.dtype, np.integer)
+                if right and (not axes or dataset.ndim in axes):
+                    self._check_size(name, dataset)
+                    self._datasets[name, kind, axes] = dataset
+                    return dataset
+        raise self.damaged(f"{name} is not of the type or the shape that it should be")
+
+    def _check_size(self, name: str, dataset: h5py.Dataset) -> None:
+        size = max(self._size, self.path.stat().st_size) if self.live else self._size
+        if dataset.nbytes > size:
+            raise self.damaged(f"{name} would be larger than the file")
 
     def _check(self, name: str, dataset: h5py.Dataset, data: bytes) -> None:
         if self.format >= layout.FIRST_FORMAT_WITH_CHECKSUMS and crc32(data) != self.whole_number(name, "crc32"):
@@ -183,12 +200,16 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
         raise InputError(f"{path} cannot be read ({reason(error)})") from error
     if signature != HDF5_SIGNATURE:
         raise NoResultError(f"{path} is no HDF5 file, so it is no result of explicitfe")
+    live = False
     try:
         try:
             return h5py.File(path, "r"), False
         except BlockingIOError:
+            live = True
             return h5py.File(path, "r", locking=False), True
     except READING_ERRORS as error:
+        if live:
+            raise BusyError(f"{path} is being written and was not whole just now ({_one_line(error)}); try again") from error
         raise InputError(f"{path} is damaged (HDF5 cannot open it: {_one_line(error)}); run the scenario again") from error
 
 

@@ -26,7 +26,7 @@ from tiny_result import (
     write,
 )
 
-from explicitfe.results import FINISHED, open_result, stored
+from explicitfe.results import FINISHED, ResultWriter, open_result, stored
 from explicitfe.results.disk import DiskFile
 
 # A kill at any time
@@ -44,7 +44,7 @@ with start({path!r}) as result:
 """
 
 
-@pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("delay_s", [0.0, 0.05, 0.2])
 def test_a_killed_run_is_readable_to_its_last_sample(tmp_path, delay_s):
     side = tmp_path / "side"
     code = CHILD.format(here=str(ROOT / "tests"), side=str(side), path=str(tmp_path / "a.vtkhdf"))
@@ -79,22 +79,33 @@ def replay(content: bytearray, change: tuple[int, bytes | None]) -> None:
         content[place:end] = data
 
 
-# The last: the room for 64 steps is used up and doubled, which splits HDF5's index if its chunks are too many.
-@pytest.mark.parametrize(("expected", "steps", "first"), [(30, 5, 0), (5, 5, 0), (1, 5, 0), (1, 66, 63)])
-def test_the_file_is_readable_after_every_single_write(tmp_path, monkeypatch, expected, steps, first):
+# The third: the room for 64 steps is used up and doubled, which splits HDF5's index if its chunks are too many. The last: stopped
+# after 3 steps, once by an ending and once without, and gone on with.
+@pytest.mark.parametrize(
+    ("expected", "steps", "first", "stop"),
+    [(30, 4, 0, None), (1, 5, 0, None), (1, 66, 64, None), (2, 5, 3, "interrupted"), (2, 5, 3, "killed")],
+)
+def test_the_file_is_readable_after_every_single_write(tmp_path, monkeypatch, expected, steps, first, stop):
     """A kill falls between two writes to the file: try them all from step ``first`` on, lengthening and trimming too."""
     recorder: list[tuple[int, bytes | None]] = []
-    change = DiskFile._change
+    change_of_disk = DiskFile._change
 
     def recorded(disk: DiskFile, place: int, data: bytes | memoryview | None) -> None:
         recorder.append((place, None if data is None else bytes(data)))
-        change(disk, place, data)
+        change_of_disk(disk, place, data)
 
     monkeypatch.setattr(DiskFile, "_change", recorded)
     run = start(tmp_path / "a.vtkhdf", expected_samples=expected)
     created = len(recorder)
     done = [0] * created
     for step in range(steps):
+        if stop and step == 3:
+            if stop == "interrupted":
+                run.finish(stop, "", {"steps": 3})
+            else:
+                run.close()
+            run = ResultWriter.reopen(tmp_path / ("a.vtkhdf" if stop == "interrupted" else "a.running.vtkhdf"))
+            done += [step] * (len(recorder) - len(done))
         add(run, step)
         done += [step] * (len(recorder) - len(done))
     run.finish(FINISHED, "", {"steps": steps})
@@ -103,6 +114,7 @@ def test_the_file_is_readable_after_every_single_write(tmp_path, monkeypatch, ex
     u = np.concatenate([displacement(step) for step in range(steps)])
     J = np.concatenate([jacobian(step) for step in range(steps)])
     content = bytearray()
+    monkeypatch.setattr(DiskFile, "_change", change_of_disk)
     monkeypatch.setattr(stored, "_open_file", lambda _: (h5py.File(io.BytesIO(content), "r"), False))
     seen = set()
     for number, change in enumerate(recorder):
@@ -124,6 +136,7 @@ def test_the_file_is_readable_after_every_single_write(tmp_path, monkeypatch, ex
         check_steps(result, steps)
     assert ("running", False) in seen
     assert ("finished", True) in seen
+    assert (("interrupted", True) in seen) == (stop == "interrupted")
 
 
 def test_a_torn_restart_slot_is_passed_over(tmp_path):

@@ -197,10 +197,16 @@ def test_a_summary_says_of_the_history_what_it_said_at_first(tmp_path):
     columns = list(run_summary.CURVE_COLUMNS | run_summary.LOAD_COLUMNS)
     with start(tmp_path / "a.vtkhdf", history={name: Quantity("1") for name in columns}, restart=None) as run:
         for step in range(count):
-            row = {name: np.float64(np.sin(step + k)) for k, name in enumerate(columns)} | {"iterations": step}
+            row = {name: np.float64(np.sin(step + k)) for k, name in enumerate(columns)} | {
+                "iterations": step,
+                "folded_elements": 0,
+            }
             fields = {"displacement": displacement(0), "velocity": displacement(0)}
             run.sample(step, row, fields, {"J": jacobian(0), "hourglass_energy": jacobian(0)})
-            loads[step] = {key: float(row[column]) for column, key in run_summary.LOAD_COLUMNS.items()} | {"iterations": step}
+            loads[step] = {key: float(row[column]) for column, key in run_summary.LOAD_COLUMNS.items()} | {
+                "iterations": step,
+                "folded": 0,
+            }
             loads[step]["curve"] = {"force_N": float(row["force"]), "displacement_mm": 1e3 * float(row["indentation"])}
         curve = [loads[step].pop("curve") for step in range(count)][1:]
         summary = {"status": "finished", "curve": curve, "loads": [*loads.values()][1:], "touch_mm": 0.1}

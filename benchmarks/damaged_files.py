@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests"))
 
 import numpy as np  # noqa: E402
-import pyvista  # noqa: E402, F401: once, and not in each process
+import pyvista  # noqa: E402, F401
 from damage import OUTCOMES, damages, outcome, read_all, readings  # noqa: E402
 from tiny_result import add, start  # noqa: E402
 

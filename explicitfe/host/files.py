@@ -80,7 +80,10 @@ def open_plain(path: Path) -> int:
 
 def is_plain(path: Path) -> bool:
     """Whether there is a file itself: not a link to one, not a folder, pipe or device."""
-    return os.path.lexists(path) and stat.S_ISREG(path.lstat().st_mode)
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except OSError:
+        return False
 
 
 def is_at(path: Path, number: int) -> bool:

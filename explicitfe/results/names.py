@@ -104,10 +104,6 @@ def to_final(running: Path, path: Path, overwrite: bool) -> None:
 
 def _check_replaceable(path: Path) -> None:
     """InputError unless a file is a result of this program, be it a damaged one."""
-    if path.is_symlink():
-        raise InputError(f"{path} is a link, which is never replaced; remove it or choose another --out folder")
-    if not files.is_plain(path):
-        raise InputError(f"{path} is no plain file; choose another --out folder")
     try:
         open_result(path).close()
     except NoResultError as error:
@@ -122,13 +118,15 @@ def _locked(path: Path) -> Iterator[None]:
 
     Raises
     ------
-    InputError : another process holds it, or it is no plain file, or may not be written.
+    InputError : another process holds it, or it is a link or no plain file, or may not be written.
     """
+    if path.is_symlink():
+        raise InputError(f"{path} is a link, which is never replaced; remove it or choose another --out folder")
+    if not files.is_plain(path):
+        raise InputError(f"{path} is no plain file, and is not replaced; choose another --out folder")
     try:
         number = files.open_plain(path)
     except OSError as error:
-        if path.is_symlink():
-            raise InputError(f"{path} is a link, which is never replaced; remove it or choose another --out folder") from None
         raise InputError(f"{path} cannot be replaced ({files.reason(error)}); choose another --out folder") from None
     try:
         if not files.lock(number) or not files.is_at(path, number):

@@ -208,6 +208,8 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
             live = True
             return h5py.File(path, "r", locking=False), True
     except READING_ERRORS as error:
+        if not path.exists():
+            raise InputError(f"{path} does not exist any more") from error
         if live:
             raise BusyError(f"{path} is being written and was not whole just now ({_one_line(error)}); try again") from error
         raise InputError(f"{path} is damaged (HDF5 cannot open it: {_one_line(error)}); run the scenario again") from error

@@ -1,8 +1,9 @@
 """Result files: one ``.vtkhdf`` a run, written as it goes, read by this package, h5py, ParaView and pyvista."""
 
+from explicitfe.results.contents import FieldInfo, RestartState, StoredBone
 from explicitfe.results.layout import FAILED, FINISHED, RUNNING, Quantity
 from explicitfe.results.provenance import provenance
-from explicitfe.results.reader import FieldInfo, RestartState, Result, StoredBone, open_result
+from explicitfe.results.reader import Result, open_result
 from explicitfe.results.writer import ResultWriter
 
 __all__ = [

@@ -1,7 +1,10 @@
-"""What a result file holds, as ``explicitfe inspect --json`` answers it."""
+"""What a result file holds: its parts as the reader gives them, and as ``explicitfe inspect --json`` answers."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
 from typing_extensions import TypedDict
 
 from explicitfe.results.document import Computed
@@ -14,6 +17,35 @@ from explicitfe.results.run_summary import (
     TransientModelDescription,
     TransientSummary,
 )
+
+
+class FieldInfo(NamedTuple):
+    """A stored field: ``kind`` is ``"point"`` or ``"cell"``; ``quantity`` has unit, components and description."""
+
+    kind: str
+    quantity: Quantity
+
+
+class RestartState(NamedTuple):
+    """The state to go on from.
+
+    Attributes
+    ----------
+    sequence : counts the states that the run stored.
+    stored_at : when, unix time in s; None in files of format 2 and before.
+    arrays : name -> array.
+    """
+
+    sequence: int
+    stored_at: float | None
+    arrays: dict[str, np.ndarray]
+
+
+class StoredBone(NamedTuple):
+    """The surface of a bone: ``points`` (k, 3) m, ``triangles`` (m, 3), counter-clockwise seen from outside the bone."""
+
+    points: np.ndarray
+    triangles: np.ndarray
 
 
 class StoredQuantity(TypedDict):

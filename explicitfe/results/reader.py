@@ -11,14 +11,23 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.results import layout
-from explicitfe.results.contents import NoSummary, ResultContents, StoredRestart, stored_field, stored_quantity
+from explicitfe.results.contents import (
+    FieldInfo,
+    NoSummary,
+    RestartState,
+    ResultContents,
+    StoredBone,
+    StoredRestart,
+    stored_field,
+    stored_quantity,
+)
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
 from explicitfe.results.run_summary import TransientModelDescription, point_at_rest, with_history
@@ -31,35 +40,6 @@ if TYPE_CHECKING:
 # A run changes its file for a few milliseconds at a time.
 ATTEMPTS_AT_A_LIVE_FILE = 10
 BETWEEN_ATTEMPTS_S = 0.02
-
-
-class FieldInfo(NamedTuple):
-    """A stored field: ``kind`` is ``"point"`` or ``"cell"``; ``quantity`` has unit, components and description."""
-
-    kind: str
-    quantity: Quantity
-
-
-class RestartState(NamedTuple):
-    """The state to go on from.
-
-    Attributes
-    ----------
-    sequence : counts the states that the run stored.
-    stored_at : when, unix time in s; None in files of format 2 and before.
-    arrays : name -> array.
-    """
-
-    sequence: int
-    stored_at: float | None
-    arrays: dict[str, np.ndarray]
-
-
-class StoredBone(NamedTuple):
-    """The surface of a bone: ``points`` (k, 3) m, ``triangles`` (m, 3), counter-clockwise seen from outside the bone."""
-
-    points: np.ndarray
-    triangles: np.ndarray
 
 
 def open_result(path: Path | str) -> Result:

@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests"))
 
-from full_disk import FullDisk, questions, run_on  # noqa: E402
+from failing_disk import FullDisk, questions, run_on  # noqa: E402
 
 
 def main() -> None:

@@ -80,6 +80,9 @@ LIBRARY_VERSIONS = ("v108", "v108")
 # steps that were foreseen when the file was made.
 STEPS_PER_CHUNK = 16
 NUMBERS_PER_CHUNK = 1024
+# Thousands of probes have thousands of columns: a chunk of each is not to fill the disk.
+HISTORY_ROOM_BYTES = 2**21
+FEWEST_ROWS_PER_CHUNK = 64
 VALUES_PER_CHUNK = 16384  # the times cannot be lengthened ahead of their count: one chunk for all that are likely
 INDEX_NODE_BYTES = 4096
 
@@ -167,8 +170,10 @@ def create(
             _growing(file, offsets_of(f"{data}/{name}"), (), np.int64, NUMBERS_PER_CHUNK)
             _growing(file, checksums_of(f"{data}/{name}"), (), np.uint32, NUMBERS_PER_CHUNK)
     file.create_group(HISTORY)
+    row_bytes = 8 * sum(quantity.components for quantity in history.values())
+    rows = min(NUMBERS_PER_CHUNK, max(FEWEST_ROWS_PER_CHUNK, HISTORY_ROOM_BYTES // row_bytes))
     for name, quantity in history.items():
-        _describe(_growing(file, f"{HISTORY}/{name}", quantity.shape, "<f8", NUMBERS_PER_CHUNK), quantity)
+        _describe(_growing(file, f"{HISTORY}/{name}", quantity.shape, "<f8", rows), quantity)
     _growing(file, HISTORY_CHECKSUMS, (), np.uint32, NUMBERS_PER_CHUNK)
     make_room(file, 0, capacity, reserve)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from full_disk import SAMPLES, FullDisk, questions, run_on
+from failing_disk import SAMPLES, FullDisk, questions, run_on
 from support import ROOT
 from tiny_result import add, check_steps, displacement, python, start, write
 

@@ -26,7 +26,7 @@ class DiskFile:
         self._place = 0
         self._end = self._file.seek(0, io.SEEK_END)  # with what is kept
         self._kept: list[tuple[int, bytes | None]] = []  # (place, data), or (length, None) for a truncation
-        self._refusal: OSError | None = None
+        self._refusal: OSError | KeyboardInterrupt | None = None
 
     def settle(self) -> None:
         """Write what the disk has refused so far.
@@ -34,15 +34,14 @@ class DiskFile:
         Raises
         ------
         OSError : it still does; nothing is lost as long as the process lives.
+        KeyboardInterrupt : Ctrl-C has come while HDF5 was writing.
         """
         while self._kept:
             self._change(*self._kept[0])
             del self._kept[0]
-        self._refusal = None
-
-    def refused(self) -> OSError | None:
-        """Why the disk has not all that was written; None where it has."""
-        return self._refusal
+        refusal, self._refusal = self._refusal, None
+        if isinstance(refusal, KeyboardInterrupt):
+            raise refusal
 
     def reserve(self, size: int) -> None:
         """Have room for ``size`` bytes more, all or nothing; OSError if the disk has none."""
@@ -125,7 +124,7 @@ class DiskFile:
         if self._refusal is None:
             try:
                 self._change(place, data)
-            except OSError as error:
+            except (OSError, KeyboardInterrupt) as error:  # HDF5 bears neither
                 self._refusal = error
             else:
                 return

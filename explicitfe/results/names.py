@@ -31,7 +31,11 @@ def check_names(path: Path, overwrite: bool) -> None:
     if path.stem.endswith(".running"):
         owner = path.name.removesuffix(".running.vtkhdf")
         raise InputError(f'{path} is what an unfinished result of "{owner}" is called; give the scenario another name')
-    if path.is_dir():
+    try:
+        is_folder = path.is_dir()
+    except OSError as error:  # a name that is too long
+        raise InputError(f"result {path} cannot be written ({files.reason(error)}); choose another name") from None
+    if is_folder:
         raise InputError(f"result {path} is a folder; choose another --out folder")
     if os.path.lexists(path):
         if not overwrite:

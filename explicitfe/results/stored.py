@@ -185,19 +185,21 @@ class StoredFile:
 
 def _open_file(path: Path) -> tuple[h5py.File, bool]:
     """The open file, and whether another process is writing it."""
-    if path.is_dir():
-        raise InputError(f"{path} is a folder; name the .vtkhdf file in it")
-    if path.exists() and not path.is_file():
-        raise NoResultError(f"{path} is no file, so it is no result of explicitfe")
     try:
+        if path.is_dir():
+            raise InputError(f"{path} is a folder; name the .vtkhdf file in it")
+        if path.exists() and not path.is_file():
+            raise NoResultError(f"{path} is no file, so it is no result of explicitfe")
         with path.open("rb") as file:
             signature = file.read(len(HDF5_SIGNATURE))
     except FileNotFoundError as error:
         left = layout.running_path(path)
         hint = f"; a run that goes on or was stopped has {left}" if left.exists() else ""
         raise InputError(f"{path} does not exist{hint}") from error
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({reason(error)})") from error
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:  # a name that is too long, or has a character of code 0
+        raise InputError(f"{str(path)!r} cannot be read ({reason(error)})") from error
     if signature != HDF5_SIGNATURE:
         raise NoResultError(f"{path} is no HDF5 file, so it is no result of explicitfe")
     live = False

@@ -342,14 +342,16 @@ class ResultWriter:
         if self._ended:
             return
         self._ended = True
-        with suppress(*HDF5_ERRORS):
-            self._file.close()
-            self._disk.settle()
-        self._disk.close()
-        if self._private:
-            with suppress(OSError):
-                self._name.unlink()
-            self._remove_folders()
+        try:
+            with suppress(*HDF5_ERRORS):
+                self._file.close()
+                self._disk.settle()
+        finally:
+            self._disk.close()
+            if self._private:
+                with suppress(OSError):
+                    self._name.unlink()
+                self._remove_folders()
 
     # ---- inside ----
 

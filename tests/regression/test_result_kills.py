@@ -156,3 +156,24 @@ def test_a_torn_restart_slot_is_passed_over(tmp_path):
         file[slots[0]]["seal"][0] += 2  # newer than it is
     with open_result(path) as result:
         assert result.restart_state() is None
+
+
+@pytest.mark.parametrize("moment", range(3, 330, 29))
+def test_an_interrupt_in_the_midst_of_a_write_leaves_a_whole_file(tmp_path, monkeypatch, moment):
+    """Python raises KeyboardInterrupt wherever it is, also where HDF5 calls it: HDF5 is not told, but whoever runs."""
+    change, asked = DiskFile._change, []
+
+    def interrupted(*args: object) -> None:
+        asked.append(args)
+        if len(asked) == moment:
+            raise KeyboardInterrupt
+        change(*args)
+
+    monkeypatch.setattr(DiskFile, "_change", interrupted)
+    with pytest.raises(KeyboardInterrupt), start(tmp_path / "a.vtkhdf", expected_samples=1) as run:
+        for step in range(5):
+            add(run, step)
+        run.finish(FINISHED, "", {})
+    for path in tmp_path.iterdir():
+        with open_result(path) as result:
+            check_steps(result, len(result.times))

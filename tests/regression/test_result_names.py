@@ -249,3 +249,7 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path):
         start(tmp_path / "b.vtkhdf")
     with pytest.raises(InputError, match=r"must end in \.vtkhdf"):
         start(tmp_path / "b.h5")
+    with pytest.raises(InputError, match="File name too long"):
+        start(tmp_path / f"{250 * 'x'}.vtkhdf")
+    with pytest.raises(InputError, match="File name too long"):
+        start(tmp_path / f"{240 * 'x'}.vtkhdf")  # the result's own would do, but not what it is called until then

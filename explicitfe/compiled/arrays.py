@@ -18,8 +18,8 @@ from explicitfe.compiled.simd import ROW, WIDTH
 
 # Entries of ``Blocks.corner``: the smallest volume ratio of a corner, relative to that at which the barrier begins, and the
 # largest stiffness of the barrier over mass [1/s^2]; and what they are where it acts nowhere.
-CORNER, STIFFEST = 0, 1
-NO_CORNER = (1.0, 0.0)
+CORNER, STIFFEST, FALL = 0, 1, 2
+NO_CORNER = (1.0, 0.0, 0.0)
 BARRIER_WORK = 96  # vectors that the barrier works with
 
 
@@ -49,7 +49,7 @@ class Blocks(NamedTuple):
     last_length: np.ndarray  # the same, summed, of the last accepted instant [J], (M,)
     suspect: np.ndarray  # blocks in which a corner may be folding: work array, int64, (B,)
     work: np.ndarray  # work array of the barrier for one block, (BARRIER_WORK, W)
-    corner: np.ndarray  # CORNER and STIFFEST of the state evaluated last, (2,)
+    corner: np.ndarray  # CORNER and STIFFEST of the state evaluated last, and FALL of the corner over the last step, (3,)
     position: np.ndarray  # node rows: reference positions [m], (N, 4), of an element at rest on the idle rows
 
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Blocks:

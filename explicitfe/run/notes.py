@@ -122,6 +122,28 @@ def _mm(place: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * value:.1f}" for value in place) + ")"
 
 
+def balance_notes(error: float, barrier_share: float) -> list[str]:
+    """What a user should know of the energy balance of a run in time.
+
+    Parameters
+    ----------
+    error : the largest so far, as the ledger has it.
+    barrier_share : the largest energy of the barrier against folding, as a share of the elastic energy then.
+    """
+    if not error > BALANCE_WARNING_SHARE:
+        return []
+    where = ""
+    if barrier_share > BALANCE_WARNING_SHARE:
+        where = (
+            f", and the barrier against folding stored up to {_percent(barrier_share)} of the elastic energy: where a body that "
+            "swings freely meets it as a wall, energy is made or lost"
+        )
+    return [
+        f"the energy balance is off by up to {_percent(error)}: the step is long for how fast things change{where}; give "
+        "model.damping or a smaller analysis.step_us and compare before quoting numbers."
+    ]
+
+
 def equilibrium_notes(curve: Sequence[Equilibrium], *, elastic: bool) -> list[str]:
     """What a user should know of the equilibria of an indentation, from first touch on.
 

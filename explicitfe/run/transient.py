@@ -53,12 +53,22 @@ from explicitfe.run.analysis import (
     how_to_go_on,
     restart_extras,
 )
+from explicitfe.run.notes import balance_notes
 from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.observe import Recording, Snapshot
 from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
-from explicitfe.solve.transient import DIVERGED, FINISHED, INTERRUPTED, TURNS_AT_THE_START, Ledger, Status, Transient
+from explicitfe.solve.transient import (
+    DIVERGED,
+    FINISHED,
+    INTERRUPTED,
+    TURNS_AT_THE_START,
+    Ledger,
+    Status,
+    Transient,
+    rounding_of,
+    step_share,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -155,7 +165,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 check_steps(duration_s / transient.smallest_dt_s, transient.smallest_dt_s)
             except InputError as error:
                 raise InputError(f"{self.path}: {error}") from None
-            ledger = Ledger()
+            ledger = Ledger(rounding_J=rounding_of(simulation))
             # Fields are stored as the recorder asks; wall time is that of computing and storing, without compiling.
             started = time.perf_counter()
             if begun is not None and begun.state is not None:
@@ -210,7 +220,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         bound_s, element = simulation.stable_bound()
         limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         fixed = scenario.analysis.step_us
-        dt_s = STEP_SHARE_OF_LIMIT * limit_s if fixed is None else 1e-6 * fixed
+        dt_s = step_share(self.model) * limit_s if fixed is None else 1e-6 * fixed
         steps = int(np.ceil(1e-3 * scenario.analysis.duration_ms / dt_s))
         return {
             **self.describe(),
@@ -347,7 +357,10 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 f"a node has moved by {1e3 * moved:.0f} mm, more than half the model's largest extent ({1e3 * extent:.0f} mm): "
                 "the forces are large for this tissue."
             )
-        return warnings
+        energies = np.array(ledger.energies)
+        elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
+        barrier_share = np.max(energies[:, BARRIER] / np.where(elastic > 0.0, elastic, np.inf), initial=0.0)
+        return [*warnings, *balance_notes(ledger.balance_error, float(barrier_share))]
 
     def _summary(
         self,

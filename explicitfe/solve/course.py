@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from explicitfe.compiled.arrays import CEILING, IN_ALL, IN_LOOKS, IN_SAMPLES, PERIOD, SINCE, SMALLEST_J, STIFFEST, WAIT
+from explicitfe.compiled.arrays import CEILING, CORNER, IN_ALL, IN_LOOKS, IN_SAMPLES, PERIOD, SINCE, SMALLEST_J, STIFFEST, WAIT
 from explicitfe.compiled.threads import asked_to_stop, ticks, wait
 from explicitfe.solve.look import (
-    BARRIER_MARGIN,
     MAXIMUM,
     MOST_STEPS_BETWEEN_LOOKS,
     allow_growth,
     calls_for_another_step,
     is_due,
     limit_of,
+    margins_of,
     note_limit,
     plan_next_scan,
     smallest,
@@ -27,7 +27,7 @@ snapshot: Any = None
 highest_frequency: Any = None
 scan: Any = None
 
-NO_LOOKS, AUTOMATIC_STEP, FIXED_STEP, LIMIT_ALONE = range(4)  # what ``looking`` can be
+NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP, FIXED_STEP, LIMIT_ALONE = range(5)  # what ``looking`` can be
 # There are no more turns once the square of the highest frequency rises by less than this share in one; but it may pause for some
 # turns before it rises on, and so at the start of a run all turns are made.
 SETTLED_SHARE, NEVER_SETTLED = -1.0, -1.0
@@ -78,12 +78,13 @@ def course(
     whole : Blocks of the whole mesh.
     samples : Samples; the instants are counted from the first one here.
     instant : 0, where it begins: no literal, for which the compiler would make machine code of its own.
-    looking : NO_LOOKS, AUTOMATIC_STEP, FIXED_STEP or LIMIT_ALONE.
+    looking : NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP (the same, for a body that nothing calms), FIXED_STEP or LIMIT_ALONE.
     turns, length : see ``highest_frequency``.
     contact_frequency : see ``limit_of``.
     ledgers : (parts, LEDGER). That of each part, changed in place.
     """
     watch = looker.watch
+    margins = margins_of(looking == UNDAMPED_STEP)
     ledger = ledgers[part.number]
     taken = instant
     begin = ticks()
@@ -127,6 +128,7 @@ def course(
                 sought = is_due(watch, ahead)
                 if sought:
                     barrier = -smallest(looks.sums, part, MAXIMUM, -part.blocks.corner[STIFFEST])
+                    nearest = part.blocks.corner[CORNER]  # a look evaluates forces beside the present state
                     highest = highest_frequency(
                         state,
                         part,
@@ -145,14 +147,15 @@ def course(
                     note_limit(watch, limit)
                     if looking == LIMIT_ALONE:
                         break
-                    watch[CEILING] = barrier + BARRIER_MARGIN * highest * highest
-                    allow_growth(part, looks, highest * highest, dt / limit)
+                    part.blocks.corner[CORNER] = nearest
+                    watch[CEILING] = barrier + margins.barrier * highest * highest
+                    allow_growth(part, looks, highest * highest, dt / limit, margins)
                     wait(part.gate, part.parts)
                     ahead = steps_ahead(part, looks)
                 plan_next_scan(watch, ahead)
                 if part.number == 0:
                     looks.spent[IN_LOOKS] += ticks() - now
-                if sought and calls_for_another_step(watch, dt, looking == FIXED_STEP):
+                if sought and calls_for_another_step(watch, dt, looking == FIXED_STEP, margins):
                     break
             end = min(end, instant + int(watch[WAIT]))
         if taken < len(samples.instant):
@@ -177,6 +180,7 @@ def course(
             dt_before,
             dt,
             math.inf if looking == NO_LOOKS else watch[CEILING],
+            margins.fall,
             instant,
             end,
             ledger,

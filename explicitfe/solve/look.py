@@ -17,7 +17,7 @@ All threads of a run call these functions together; what they return is the same
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from explicitfe.compiled.arrays import INTERVAL, LIMIT, LOWEST_LIMIT, PERIOD, SINCE, WAIT
 from explicitfe.compiled.jit import leaf
@@ -50,11 +50,55 @@ SHORT_WAIT_STEPS = 4  # instead of scanning again so soon, the frequency is soug
 # By how much of the square of the highest frequency the barrier against folding may stiffen before a look: 0.9 of the limit is
 # then 0.96 of the new one at most.
 BARRIER_MARGIN = 0.15
+# Where nothing calms a body, the fastest vibrations take their part of its energy and keep it. Then shares near the limit are not
+# stable for long: the limit swings by a third within some steps, and each change of the step pumps them. At these shares looks
+# are needed less often, and the energy stays (docs/step.md).
+UNDAMPED_LONGEST_STEP_SHARE, UNDAMPED_SHORTEST_STEP_SHARE = 0.75, 0.45
+UNDAMPED_SHARE_THAT_CALLS_FOR_A_LOOK = 0.8
+UNDAMPED_LARGEST_GROWTH = 0.3
+UNDAMPED_BARRIER_MARGIN = 0.4
+# There a corner that folds comes back from the barrier as from a wall. In a step it may fall by this share of what is left of it.
+UNDAMPED_FALL_SHARE = 0.1
 NOISE_SHARE = 0.3  # of the length of a start vector
 LOUDNESS_POWER = 8  # of a bound over what it may grow to: how loud the noise is at a node
 FEWEST_TURNS = 3  # of the iteration
 BREAKDOWN_SHARE = 1e-12  # of the first eigenvalue: below it the basis spans an invariant space
 MAXIMUM, ALONG, SQUARE = 0, 1, 2  # places of the sums of threads
+
+
+class Margins(NamedTuple):
+    """How near to the limit of its stability a step may come.
+
+    Attributes
+    ----------
+    longest, shortest : shares of the limit between which a step is kept.
+    calling : the share before which the limit is looked for again.
+    growth : the most that the highest frequency may grow by before, as a share of it.
+    barrier : the same for the barrier against folding, as a share of its square.
+    fall : the most that the corner nearest to folding may fall in a step, as a share of what is left of it.
+    """
+
+    longest: float
+    shortest: float
+    calling: float
+    growth: float
+    barrier: float
+    fall: float
+
+
+@leaf
+def margins_of(undamped):
+    """Those of a body that is damped, or of one that nothing calms."""
+    if undamped:
+        return Margins(
+            UNDAMPED_LONGEST_STEP_SHARE,
+            UNDAMPED_SHORTEST_STEP_SHARE,
+            UNDAMPED_SHARE_THAT_CALLS_FOR_A_LOOK,
+            UNDAMPED_LARGEST_GROWTH,
+            UNDAMPED_BARRIER_MARGIN,
+            UNDAMPED_FALL_SHARE,
+        )
+    return Margins(LONGEST_STEP_SHARE, SHORTEST_STEP_SHARE, SHARE_THAT_CALLS_FOR_A_LOOK, LARGEST_GROWTH, BARRIER_MARGIN, math.inf)
 
 
 @leaf
@@ -342,12 +386,12 @@ def steps_ahead(part, looks):
 
 
 @leaf
-def allow_growth(part, looks, square, share):
+def allow_growth(part, looks, square, share, margins):
     """From now on a look is due where a bound may have grown by as much as the step has left: it is this share of the limit.
 
     Bounds below the square of the highest frequency may grow to it before.
     """
-    growth = min(max(SHARE_THAT_CALLS_FOR_A_LOOK / share, 1.0 + SMALLEST_GROWTH), 1.0 + LARGEST_GROWTH) ** 2
+    growth = min(max(margins.calling / share, 1.0 + SMALLEST_GROWTH), 1.0 + margins.growth) ** 2
     for node in range(part.first, part.first + part.own):
         looks.bound[node, 2] = growth * max(looks.bound[node, 0], square)
 
@@ -364,18 +408,18 @@ def limit_of(highest, contact_frequency):
 
 
 @leaf
-def calls_for_another_step(watch, dt, fixed):
+def calls_for_another_step(watch, dt, fixed, margins):
     """Whether the step is too long for the limit, or too short for what that has been for a period.
 
     A period that has ended otherwise is followed by the next.
     """
     if fixed:
         return not dt <= watch[LIMIT]
-    if not dt <= LONGEST_STEP_SHARE * watch[LIMIT]:
+    if not dt <= margins.longest * watch[LIMIT]:
         return True
     if watch[PERIOD] < STEPS_IN_A_PERIOD:
         return False
-    if dt < SHORTEST_STEP_SHARE * watch[LOWEST_LIMIT]:
+    if dt < margins.shortest * watch[LOWEST_LIMIT]:
         return True
     watch[PERIOD], watch[LOWEST_LIMIT] = 0.0, watch[LIMIT]
     return False

@@ -18,6 +18,7 @@ from explicitfe.compiled.arrays import (
     CORNER,
     DAMPING_LOSS,
     EXTERNAL_WORK,
+    FALL,
     SMALLEST_CORNER,
     SMALLEST_J,
     STIFFEST,
@@ -63,6 +64,7 @@ def advance(
     dt_before,
     dt,
     stiffest,
+    most_fall,
     first,
     last,
     ledger,
@@ -85,10 +87,11 @@ def advance(
     alpha : 1/s. Mass-proportional damping.
     dt_before : s. The step that led to the first instant; it differs from dt where the step has just been changed.
     stiffest : 1/s^2. How stiff the barrier against folding may become, over mass, before the stable step must be looked at again.
+    most_fall : of the nearest corner in a step, as a share of what is left of it: where it falls faster, the step is too long.
     ledger : (LEDGER,). Sums of work [J], the smallest J and the smallest corner of this part, changed in place.
 
     The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number) or has folded at a
-    corner, or in which the barrier has become too stiff. Prescribed motion is for one part only.
+    corner, in which the barrier has become too stiff or a corner has fallen too far. Prescribed motion is for one part only.
     """
     u, v, whole = state
     force, shift, own = part.force, part.first * ROW, part.own * ROW
@@ -99,6 +102,7 @@ def advance(
     if part.number == 0:
         external[:] = 0.0
     done = last
+    nearest = part.blocks.corner[CORNER]
     for step in range(first, last):
         h = 0.5 * (dt_before + dt)
         keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
@@ -172,11 +176,15 @@ def advance(
         smallest = internal_force(part.u, force, part.blocks)
         ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
         corner = part.blocks.corner[CORNER]
+        fall = nearest - corner
+        nearest = corner
+        part.blocks.corner[FALL] = fall
         if not (smallest >= ledger[SMALLEST_J]):
             ledger[SMALLEST_J] = smallest
         if not (corner >= ledger[SMALLEST_CORNER]):
             ledger[SMALLEST_CORNER] = corner
-        if not (smallest > 0.0 and corner > 0.0 and part.blocks.corner[STIFFEST] <= stiffest):
+        sound = smallest > 0.0 and corner > 0.0
+        if not (sound and part.blocks.corner[STIFFEST] <= stiffest and fall <= most_fall * corner):
             ask_to_stop(part.gate)
             if part.parts == 1:
                 done = step + 1

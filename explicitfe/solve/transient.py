@@ -9,7 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from explicitfe.compiled.arrays import (
+    CORNER,
     EXTERNAL,
+    FALL,
     HOURGLASS,
     INTERNAL,
     INTERVAL,
@@ -23,8 +25,14 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
-from explicitfe.solve.course import AUTOMATIC_STEP, FIXED_STEP
-from explicitfe.solve.look import FEWEST_STEPS_BETWEEN_SCANS, LONGEST_STEP_SHARE
+from explicitfe.model.model import Model
+from explicitfe.solve.course import AUTOMATIC_STEP, FIXED_STEP, UNDAMPED_STEP
+from explicitfe.solve.look import (
+    FEWEST_STEPS_BETWEEN_SCANS,
+    LONGEST_STEP_SHARE,
+    UNDAMPED_FALL_SHARE,
+    UNDAMPED_LONGEST_STEP_SHARE,
+)
 from explicitfe.solve.observe import Recording, Snapshot
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
@@ -35,9 +43,15 @@ TURNS_AT_THE_START = 40  # of the iteration that finds the limit
 SHORTENED_STEP_SHARE = (
     0.89  # of the limit: a step that has become too long is shortened a little further, as the limit may fall on
 )
+# The same for a body that nothing calms: see ``look.py``.
+UNDAMPED_STEP_SHARE = 0.6
+# Mass-proportional damping [1/s] that keeps the fastest vibrations of a tongue calm: seen with 20, not with 5.
+CALMING_ALPHA_PER_S = 20.0
 # Compiled code returns after about so long, for the progress and for whoever stops the run.
 SECONDS_BETWEEN_RETURNS = 0.2
 STEPS_BEFORE_TIMED = 16  # after which it is known how long a step takes
+ROUNDINGS_IN_ENERGY = 100.0
+AIMED_SHARE_OF_FALL = 0.5  # of the fall of a corner that is allowed in a step: what the step is shortened to
 ROOM_BYTES = 16e6  # of samples that are kept before they are handed on
 # Hourglass energy means something where the elastic energy is at least this share of its largest.
 ELASTIC_FLOOR_SHARE = 0.01
@@ -53,14 +67,25 @@ class Status:
     message: str = ""
 
 
+def undamped(model: Model) -> bool:
+    """Whether nothing calms the fastest vibrations of a body: hardly any damping, and no material that forgets its stress."""
+    return model.alpha_per_s < CALMING_ALPHA_PER_S and not any(effect.remembers for effect in model.effects)
+
+
+def step_share(model: Model) -> float:
+    """The share of the stable limit that an automatic step begins with."""
+    return UNDAMPED_STEP_SHARE if undamped(model) else STEP_SHARE_OF_LIMIT
+
+
 class Transient:
     """Advances a simulation to its end with the largest stable step.
 
     The step is 0.9 of the limit that a Lanczos iteration gives, and divides the time to the next load edge into equal parts. It
     is kept for as long as it can be: central differences keep the energy at a constant step, and each change moves some of it
     between the highest vibrations. So it is shortened where a look finds it to be more than 0.91 of the limit, and lengthened
-    where it has been less than 0.82 of the smallest limit for 500 steps. Samples are taken at the first instant at or after the
-    time asked for, and never change the step.
+    where it has been less than 0.82 of the smallest limit for 500 steps. Where nothing calms the body it is 0.6 of the limit, and
+    is kept between 0.45 and 0.75. Samples are taken at the first instant at or after the time asked for, and never change the
+    step.
 
     Parameters
     ----------
@@ -88,6 +113,11 @@ class Transient:
         self._left = 0  # steps to the next mark
         self._timed_steps = 0  # done here
         self._resumed = False
+        calm = not undamped(simulation.model)
+        self._share = step_share(simulation.model)
+        self._longest = LONGEST_STEP_SHARE if calm else UNDAMPED_LONGEST_STEP_SHARE
+        self._shortened = SHORTENED_STEP_SHARE if calm else UNDAMPED_STEP_SHARE
+        self._looking = (AUTOMATIC_STEP if calm else UNDAMPED_STEP) if step_s is None else FIXED_STEP
         limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         self._watch = simulation.lookers[0].watch
         self._watch[LIMIT] = self._watch[LOWEST_LIMIT] = limit_s
@@ -102,7 +132,7 @@ class Transient:
                 f"{1e6 * limit_s:.4g} microseconds (set by element {number}); take a smaller one or leave the key out."
             )
         self._dt = 0.0
-        self._divide(step_s or STEP_SHARE_OF_LIMIT * limit_s)
+        self._divide(step_s or self._share * limit_s)
         simulation.start(self._dt)
 
     @property
@@ -187,7 +217,7 @@ class Transient:
             steps,
             self._dt,
             end_s=float(self._marks[self._mark]) if steps == self._left else None,
-            looking=AUTOMATIC_STEP if self.step_s is None else FIXED_STEP,
+            looking=self._looking,
             recording=recording,
             instants=np.zeros(0, dtype=np.int64) if instants is None else instants[instants <= steps],
         )
@@ -199,9 +229,16 @@ class Transient:
             self._mark += 1  # a load changes here, and nothing is known of what follows
             self._watch[[WAIT, INTERVAL]] = FEWEST_STEPS_BETWEEN_SCANS
             if not self.finished:
-                self._divide(self.step_s or STEP_SHARE_OF_LIMIT * self.limit_s)
+                self._divide(self.step_s or self._share * self.limit_s)
+        elif done < steps and self._looking == UNDAMPED_STEP and (fall := self._fall()) > UNDAMPED_FALL_SHARE:
+            self._divide(self._dt * AIMED_SHARE_OF_FALL * UNDAMPED_FALL_SHARE / fall)
         elif done < steps and self._watch[WAIT] > 0.0:  # otherwise the barrier against folding calls for a look first
             self._change_step()
+
+    def _fall(self) -> float:
+        """How far the corner nearest to folding fell in the last step, as a share of what is left of it."""
+        corners = [part.blocks.corner for part in self.simulation.parts]
+        return max(float(corner[FALL] / corner[CORNER]) for corner in corners)
 
     def _change_step(self) -> None:
         """Take another step, as the last look has called for it."""
@@ -214,10 +251,10 @@ class Transient:
                 "leave analysis.step_us out or make it smaller.",
             )
             return
-        if self._dt > LONGEST_STEP_SHARE * self.limit_s:
-            self._divide(SHORTENED_STEP_SHARE * self.limit_s)
+        if self._dt > self._longest * self.limit_s:
+            self._divide(self._shortened * self.limit_s)
         else:
-            self._divide(STEP_SHARE_OF_LIMIT * self._watch[LOWEST_LIMIT])
+            self._divide(self._share * self._watch[LOWEST_LIMIT])
 
     def _divide(self, longest_s: float) -> None:
         """Equal steps, no longer than this, from here to the next mark."""
@@ -239,9 +276,22 @@ class Transient:
         return Status(
             INVERTED,
             f"at {1e3 * simulation.time_s:.3f} ms (step {simulation.steps}) element {worst} near "
-            f"({x:.1f}, {y:.1f}, {z:.1f}) mm {how}: the forces there are too large for the "
-            "tissue or the elements too coarse; lower force_N, choose another distribution or refine the mesh.",
+            f"({x:.1f}, {y:.1f}, {z:.1f}) mm {how}: {self._why_inverted()}.",
         )
+
+    def _why_inverted(self) -> str:
+        """What is known of the cause, and what to do."""
+        remedy = "lower force_N, choose another distribution or refine the mesh"
+        if self.step_s is not None:
+            return (
+                f"the fixed step is too long for what happens there, or the forces too large; give a smaller step_us, or {remedy}"
+            )
+        if undamped(self.simulation.model):
+            return (
+                "hardly anything damps this body, so that its fastest vibrations keep what they get until elements fold; give "
+                f"model.damping (alpha_per_s = 40 is usual), or {remedy}"
+            )
+        return f"the forces there are too large for the tissue or the elements too coarse; {remedy}"
 
     # ---- restart ----
 
@@ -266,6 +316,12 @@ def balance(energies: np.ndarray) -> float:
     return float(energies[:EXTERNAL].sum() + energies[EXTERNAL + 1 :].sum() - energies[EXTERNAL])
 
 
+def rounding_of(simulation: Simulation) -> float:
+    """Energy [J] below which that of a body is rounding: volume ratios near 1 times its bulk modulus."""
+    stiffness = simulation.model.in_elements(lambda law: law.constants()[-1]).max()
+    return float(ROUNDINGS_IN_ENERGY * np.finfo(float).eps * stiffness * simulation.volumes.sum())
+
+
 @dataclass
 class Ledger:
     """Energies over the samples of a run, and what they say about it.
@@ -275,10 +331,12 @@ class Ledger:
     energies : of each sample, (ENERGIES,) J.
     balance_errors : at each sample, the largest error of the energy balance so far, relative to the largest of external work,
         internal and kinetic energy.
+    rounding_J : energies below it are rounding, and no measure of an error.
     """
 
     energies: list[np.ndarray] = field(default_factory=list)
     balance_errors: list[float] = field(default_factory=list)
+    rounding_J: float = 0.0
     _scale: float = 0.0
 
     @property
@@ -296,7 +354,8 @@ class Ledger:
         for count, e in enumerate(np.array(energies), 1):
             self.energies.append(e)
             self._scale = max(self._scale, abs(e[EXTERNAL]), e[INTERNAL] + e[HOURGLASS], e[KINETIC])
-            error = abs(balance(e) - balance(self.energies[0])) / self._scale if self._scale > 0.0 else 0.0
+            scale = max(self._scale, self.rounding_J)
+            error = abs(balance(e) - balance(self.energies[0])) / scale if scale > 0.0 else 0.0
             self.balance_errors.append(max(self.balance_error, error) if np.isfinite(error) else np.inf)
             if not error < limit:
                 return count, error

@@ -12,7 +12,7 @@ from support import ROOT
 from explicitfe.host import stopping
 from explicitfe.model.profile import Profile
 from explicitfe.run.prepare import prepare
-from explicitfe.solve.course import AUTOMATIC_STEP
+from explicitfe.solve.course import AUTOMATIC_STEP, UNDAMPED_STEP
 from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.transient import INTERRUPTED, Transient
 
@@ -72,9 +72,10 @@ def test_a_signal_gives_up_the_load_that_is_under_way() -> None:
     assert body.press(0.3).displacement_m == untouched.press(0.3).displacement_m
 
 
-def test_a_signal_ends_a_run_in_time_between_two_steps() -> None:
+@pytest.mark.parametrize("damping", [(), ("model.damping.alpha_per_s=0.0", "model.damping.beta_s=0.0")])
+def test_a_signal_ends_a_run_in_time_between_two_steps(damping: tuple[str, ...]) -> None:
     """The state is then that of a whole step, from which the run goes on bit by bit."""
-    settings = ("model.cells=[8, 4, 4]", "analysis.duration_ms=20", "analysis.threads=1")
+    settings = ("model.cells=[8, 4, 4]", "analysis.duration_ms=20", "analysis.threads=1", *damping)
     whole = Transient(prepare(TONGUE, settings).body, 0.020)
     for _ in whole.recordings(0.002):
         pass
@@ -133,16 +134,20 @@ def test_signals_are_noted_once_and_handlers_put_back() -> None:
     assert heard[-1] == "entered" and signal.getsignal(signal.SIGTERM) is before
 
 
-@pytest.mark.parametrize("scenario", ["vowel-i", "vowel-a", "sequence-iau"])
-def test_a_run_does_not_depend_on_how_it_is_cut(scenario: str) -> None:
+UNDAMPED = ("model.damping.alpha_per_s=0.0", "model.damping.beta_s=0.0")
+
+
+@pytest.mark.parametrize(("scenario", "damping"), [("vowel-i", ()), ("vowel-i", UNDAMPED), ("vowel-a", ()), ("sequence-iau", ())])
+def test_a_run_does_not_depend_on_how_it_is_cut(scenario: str, damping: tuple[str, ...]) -> None:
     """How many steps are done at once follows the speed of the machine and what else it does; the numbers must not."""
     path = ROOT / f"scenarios/{scenario}.toml"
+    looking = UNDAMPED_STEP if damping else AUTOMATIC_STEP
     ends = []
     for cuts in ([60], [16, 44], [1] * 60):
-        transient = Transient(prepare(path, ["model.cells=[8, 4, 4]", "analysis.threads=1"]).body, 0.2)
+        transient = Transient(prepare(path, ["model.cells=[8, 4, 4]", "analysis.threads=1", *damping]).body, 0.2)
         simulation = transient.simulation
         for steps in cuts:
-            assert simulation.go(steps, simulation.dt_s, looking=AUTOMATIC_STEP) == steps
+            assert simulation.go(steps, simulation.dt_s, looking=looking) == steps
         ends.append(simulation.restart_state())
     for end in ends[1:]:
         for name, values in ends[0].items():

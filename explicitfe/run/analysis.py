@@ -128,6 +128,11 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
 
     # ---- what all kinds have in common ----
 
+    @property
+    def built_in(self) -> bool:
+        """Whether the program has made the mesh, and not the user."""
+        return self.scenario.model.name is not None
+
     def _description(self) -> ModelDescription:
         model, volumes = self.model, self.body.volumes
         return {

@@ -21,9 +21,12 @@ _REACTION_WARNING_SHARE = 1e-2
 _FALL_WARNING_SHARE = 1e-2
 
 
-def mesh_notes(model: Model) -> tuple[str, ...]:
-    """What a user should know of the mesh and of what holds it before believing any result; nothing where all is as usual."""
-    body = soundness(model.mesh)
+def mesh_notes(model: Model, *, built_in: bool = False) -> tuple[str, ...]:
+    """What a user should know of the mesh and of what holds it before believing any result; nothing where all is as usual.
+
+    ``built_in``: the program has made the mesh, so that no element lies in another one; they are not compared.
+    """
+    body = soundness(model.mesh, overlap=not built_in)
     return tuple(
         note for note in (*_same_place(model, body), *_parts(model, body), *_overlap(model, body), *_extent(body)) if note
     )

@@ -40,7 +40,8 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
     begin = time.perf_counter()
     path = Path(path)
     analysis = analysis_of(path, *read_scenario(path, settings))
-    return replace(analysis, notes=(*notes, *mesh_notes(analysis.model), *analysis.notes), prepare_s=time.perf_counter() - begin)
+    said = (*notes, *mesh_notes(analysis.model, built_in=analysis.built_in), *analysis.notes)
+    return replace(analysis, notes=said, prepare_s=time.perf_counter() - begin)
 
 
 def analysis_of(path: Path, scenario: Scenario, text: str) -> Analysis[Any, Any]:

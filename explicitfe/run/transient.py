@@ -168,7 +168,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             ledger = Ledger(rounding_J=rounding_of(simulation))
             # Fields are stored as the recorder asks; wall time is that of computing and storing, without compiling.
             started = time.perf_counter()
-            if begun is not None and begun.state is not None:
+            # The first state is stored before the first sample: from there a run begins again, that sample included.
+            if begun is not None and begun.state is not None and begun.state.arrays["samples"] > 0:
                 ledger.add_until(_energies(begun.rows), BALANCE_ERROR_LIMIT)
                 transient.restore(begun.state.arrays)
                 started -= float(begun.state.arrays["seconds"])

@@ -109,9 +109,7 @@ def tried_in_a_process(kind: str, seed: int, count: int, folder: Path) -> list[d
         if not place.exists():
             shutil.copytree(folder / "faults" / "last", place)
             (place / "fault.txt").write_text(fault, encoding="utf-8")
-        verdicts.append(
-            {"kind": kind, "code": None, "seconds": 0.0, "ran": False, "noted": False, "faults": [fault], "in_child": False}
-        )
+        verdicts.append({"kind": kind, "code": None, "seconds": 0.0, "ran": False, "faults": [fault], "in_child": False})
     return verdicts
 
 
@@ -120,18 +118,16 @@ def table(verdicts: list[dict[str, object]]) -> str:
     kinds = list(dict.fromkeys(str(v["kind"]) for v in verdicts))
     heads = [
         "kind", "inputs", "in a process of its own", "refused (2)", "answered (0)", "stopped (3)", "left a result",
-        "of these with a note", "longest", "broken promises",
+        "longest", "broken promises",
     ]  # fmt: skip
     lines = [f"| {' | '.join(heads)} |", "|" + "---|" * len(heads)]
     for kind in [*kinds, "all"]:
         of = [v for v in verdicts if kind in (v["kind"], "all")]
         codes = Counter(v["code"] for v in of)
-        ran = [v for v in of if v["ran"]]
+        longest = max((float(v["seconds"]) for v in of if not v["in_child"]), default=0.0)
         cells = [
-            kind, len(of), sum(bool(v["in_child"]) for v in of), codes[2], codes[0], codes[3] + codes[1], len(ran),
-            sum(bool(v["noted"]) for v in ran),
-            f"{max((float(v['seconds']) for v in of if not v['in_child']), default=0.0):.1f} s",
-            sum(bool(v["faults"]) for v in of),
+            kind, len(of), sum(bool(v["in_child"]) for v in of), codes[2], codes[0], codes[3], sum(bool(v["ran"]) for v in of),
+            f"{longest:.1f} s", sum(bool(v["faults"]) for v in of),
         ]  # fmt: skip
         lines.append("| " + " | ".join(map(str, cells)) + " |")
     return "\n".join(lines) + "\n"

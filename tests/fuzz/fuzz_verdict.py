@@ -48,8 +48,7 @@ class Verdict:
     Attributes
     ----------
     code : exit code; None where the command raised.
-    ran : whether a run was finished or stopped, and left a result.
-    noted : whether that run says something about its own quality.
+    ran : whether a result, or an answer in a folder, was left.
     faults : promises that were broken, with what is needed to see why.
     """
 
@@ -57,7 +56,6 @@ class Verdict:
     code: int | None = None
     seconds: float = 0.0
     ran: bool = False
-    noted: bool = False
     faults: list[str] = field(default_factory=list)
 
 
@@ -182,9 +180,8 @@ def _judge_result(path: Path, verdict: Verdict) -> None:
         verdict.faults.append(f"half-written: {path.name} is finished, exit code {verdict.code}")
     if verdict.code == 0 and (status != "finished" or path.name.endswith(".running.vtkhdf")):
         verdict.faults.append(f"half-written: {path.name} is {status}, exit code 0")
-    verdict.noted = bool(summary.get("warnings")) or status != "finished"
     error = summary.get("energy_balance_error")
-    if status == "finished" and not verdict.noted and (error is None or not abs(error) < LARGEST_BALANCE_ERROR):
+    if status == "finished" and not summary.get("warnings") and (error is None or not abs(error) < LARGEST_BALANCE_ERROR):
         verdict.faults.append(f"balance of {error} without a note")
 
 
@@ -195,7 +192,6 @@ def _judge_document(path: Path, work: Path, verdict: Verdict) -> None:
         verdict.faults.append(f"half-written: {path.name}: {error}")
         return
     verdict.ran = True
-    verdict.noted = True
     missing = [name for name in document.get("files") or () if not (work / name).is_file()]
     verdict.faults += [f"half-written: {path.name} names {name}, which is not there" for name in missing]
 

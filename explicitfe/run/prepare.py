@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from explicitfe.errors import InputError
+from explicitfe.host import stopping
 from explicitfe.run.analysis import Analysis
 from explicitfe.run.indentation import IndentationAnalysis
 from explicitfe.run.notes import mesh_notes
@@ -36,11 +37,14 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
     Raises
     ------
     InputError : what is wrong with it, in one sentence.
+    Stopped : a signal has asked to stop meanwhile.
     """
     begin = time.perf_counter()
     path = Path(path)
     analysis = analysis_of(path, *read_scenario(path, settings))
+    stopping.check()
     said = (*notes, *mesh_notes(analysis.model, built_in=analysis.built_in), *analysis.notes)
+    stopping.check()
     return replace(analysis, notes=said, prepare_s=time.perf_counter() - begin)
 
 

@@ -34,8 +34,8 @@ SECOND_SIGNAL_SHARE = 0.25  # of the runs that are stopped
 LONGEST_WAIT_S = 0.5  # for the second signal
 PATIENCE_S = 120.0
 RUNS = {
-    "in time": ("vowel-i", ("model.cells=[8,4,4]", "analysis.duration_ms=800", "record.every_ms=5", "analysis.threads=1")),
-    "equilibria": ("indentation-rear", ("model.refinement=0.5", "analysis.threads=1")),
+    "in time": ("vowel-i", ("model.cells=[8,4,4]", "analysis.duration_ms=15000", "record.every_ms=25", "analysis.threads=1")),
+    "equilibria": ("indentation-rear", ("model.refinement=0.6", "analysis.threads=1")),
 }
 STATUSES = ("nothing", "running", "interrupted", "finished")
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
@@ -73,7 +73,7 @@ def trial(name: str, whole: Path, lasts_s: float, number: signal.Signals, rng: n
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         process = subprocess.Popen(arguments_of(name, out), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        time.sleep(rng.uniform(0.0, lasts_s))
+        time.sleep(rng.uniform(0.1, 1.0) * lasts_s)
         process.send_signal(number)
         twice = number != signal.SIGKILL and rng.uniform() < SECOND_SIGNAL_SHARE
         if twice:

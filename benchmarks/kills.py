@@ -139,7 +139,11 @@ def main() -> None:
     """Print a table of all trials, and each that went wrong."""
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--each", type=int, default=40, help="trials of each signal")
-    each = options.parse_args().each
+    options.add_argument("--signals", nargs="+", default=[number.name for number in SIGNALS], help="which of them")
+    chosen = options.parse_args()
+    each = chosen.each
+    # Started in the background of a script this program ignores Ctrl-C, and what it starts would, too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     rng = np.random.default_rng(SEED)
     os.environ["OMP_NUM_THREADS"] = "1"
     with tempfile.TemporaryDirectory() as folder:
@@ -155,7 +159,7 @@ def main() -> None:
         print("run lasts", {name: round(s, 1) for name, s in lasts_s.items()}, "s", flush=True)
         row = "{:8} {:12} {:>6} {:>8} {:>8} {:>11} {:>8} {:>6}"
         print(row.format("signal", "run", "trials", *STATUSES, "right"))
-        for number in SIGNALS:
+        for number in (one for one in SIGNALS if one.name in chosen.signals):
             for name in RUNS:
                 trials = [trial(name, whole[name], lasts_s[name], number, rng) for _ in range(each // len(RUNS))]
                 left = Counter(one.left for one in trials)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,10 @@ HERE = Path(__file__).resolve().parent
 for folder in (HERE, HERE.parent / "benchmarks", HERE.parent):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
+
+# Whoever starts the tests in the background of a script has them ignore Ctrl-C, and the runs that tests stop by it would go on.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

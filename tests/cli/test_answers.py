@@ -79,9 +79,9 @@ def test_scenarios_and_results(scenario: list[str], tmp_path: Path, capsys: pyte
 def test_a_run_that_is_stopped_and_goes_on(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def ledger_of_a_stopped_run() -> Ledger:  # it is made when the first step is about to be done
+    def ledger_of_a_stopped_run(**given: float) -> Ledger:  # it is made when the first step is about to be done
         signal.raise_signal(signal.SIGTERM)
-        return Ledger()
+        return Ledger(**given)
 
     monkeypatch.setattr(transient, "Ledger", ledger_of_a_stopped_run)
     stopped = answered(capsys, "run", *TONGUE, "--out", str(tmp_path), code=143)

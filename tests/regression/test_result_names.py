@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import h5py
 import numpy as np
@@ -179,15 +181,15 @@ def test_many_processes_in_one_folder(tmp_path):
     assert sum(counts.values()) == 50
 
 
-def test_what_may_not_be_written_is_refused(tmp_path):
-    """Root may write everything, so another user tries."""
-    write(tmp_path / "a.vtkhdf", 1).chmod(0o444)
-    for folder in (tmp_path, *tmp_path.parents):
-        if folder.name.startswith(("pytest-", "test_")):
-            folder.chmod(0o777)
-    (tmp_path / "closed").mkdir(mode=0o555)
-    before = (tmp_path / "a.vtkhdf").read_bytes()
-    code = f"""
+def test_what_may_not_be_written_is_refused():
+    """Root may write everything, so another user tries, in a folder of its own: pytest closes its folders to other users."""
+    with TemporaryDirectory(prefix="explicitfe-") as name:
+        folder = Path(name)
+        folder.chmod(0o777)
+        write(folder / "a.vtkhdf", 1).chmod(0o444)
+        (folder / "closed").mkdir(mode=0o555)
+        before = (folder / "a.vtkhdf").read_bytes()
+        code = f"""
 import os, sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from pathlib import Path
@@ -197,15 +199,15 @@ if os.getuid() == 0:
     os.setuid(65534)
 for name in ("a.vtkhdf", "closed/b.vtkhdf"):
     try:
-        start(Path({str(tmp_path)!r}) / name, overwrite=True).sample(0.0, {{}}, {{}})
+        start(Path({name!r}) / name, overwrite=True).sample(0.0, {{}}, {{}})
     except InputError as error:
         print(error)
 """
-    file, closed = python(code).stdout.splitlines()
-    assert file.startswith(f"{tmp_path / 'a.vtkhdf'} cannot be replaced (Permission denied)")
-    assert closed.startswith(f"cannot write results in {tmp_path / 'closed'} (Permission denied)")
-    assert (tmp_path / "a.vtkhdf").read_bytes() == before
-    assert {path.name for path in tmp_path.iterdir()} == {"a.vtkhdf", "closed"}
+        file, closed = python(code).stdout.splitlines()
+        assert file.startswith(f"{folder / 'a.vtkhdf'} cannot be replaced (Permission denied)")
+        assert closed.startswith(f"cannot write results in {folder / 'closed'} (Permission denied)")
+        assert (folder / "a.vtkhdf").read_bytes() == before
+        assert {path.name for path in folder.iterdir()} == {"a.vtkhdf", "closed"}
 
 
 def test_two_runs_of_a_result_at_once(tmp_path):

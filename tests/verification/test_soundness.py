@@ -179,7 +179,7 @@ def test_check_and_run_tell_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
     meshio.write(tmp_path / "block.vtu", meshio.Mesh(BLOCK.points, [("hexahedron", BLOCK.hexes)]))
     (tmp_path / "block.toml").write_text('mesh = "block.vtu"\nlength_unit = "mm"\n')
     scenario = tmp_path / "own.toml"
-    scenario.write_text('title = "own"\n[model]\nfile = "block.toml"\n[analysis]\nduration_ms = 0.0001\n')
+    scenario.write_text('title = "own"\n[model]\nfile = "block.toml"\n[analysis]\nduration_ms = 0.001\n')
     assert command(["check", str(scenario), "--json"]) == 0
     warnings = json.loads(capsys.readouterr().out)["warnings"]
     assert [note.split(",")[0] for note in warnings] == ["nothing holds the body", "the mesh is 0.03 mm long"]

@@ -178,7 +178,7 @@ with open_result({str(run.running_path)!r}) as result:
 def test_many_processes_in_one_folder(tmp_path):
     """The long study of the same is benchmarks/abused_folder.py."""
     counts: Counter[tuple[str, str]] = Counter()
-    for seed in range(18, 28):  # who comes first is the machine's choice: go on until runs were replaced and killed among the others
+    for seed in range(18, 28):  # who comes first is the machine's choice: on until runs were replaced and killed
         (tmp_path / str(seed)).mkdir()
         counts += abuse(tmp_path / str(seed), attempts=50, at_once=6, seed=seed)
         if counts["run over", "finished"] and counts["killed run", "killed"]:

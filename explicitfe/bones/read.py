@@ -9,6 +9,7 @@ import numpy as np
 from explicitfe.bones.surface import TriangleSurface
 from explicitfe.errors import InputError, shortened
 from explicitfe.host.child import read_in_child
+from explicitfe.host.extras import require
 from explicitfe.host.regular import size_of
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -37,6 +38,7 @@ def read_surface(path: Path | str, length_unit: str) -> TriangleSurface:
     size_of(path, "give a surface", largest_bytes=LARGEST_SURFACE_FILE_BYTES)
     if length_unit not in _METRES_PER_UNIT:
         raise InputError(f'{path}: unknown length_unit "{length_unit}"; give one of {", ".join(_METRES_PER_UNIT)}.')
+    require("view", f"{path}: reading a surface")
     kind = path.suffix[1:].upper()
     arrays = read_in_child(surface_arrays, path, f"cannot be read as {kind}: it is damaged, or a file of another format.")
     if not len(arrays["triangles"]):

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from explicitfe.cli.answer import console, print_answer
 from explicitfe.cli.options import JsonOption
+from explicitfe.host.extras import require
 from explicitfe.view.progress import following
 
 CasesArgument = Annotated[Path, typer.Argument(help="Folder of the cases.", show_default=False)]
@@ -40,6 +41,7 @@ def blind_score(folder: CasesArgument, as_json: JsonOption = False) -> None:
     """
     from explicitfe.blind.score import score
 
+    require("plots", "the picture of the scores")
     with following(console) as progress:
         scores = score(folder, progress=progress)
     print_answer(scores, as_json, lambda: Text((folder / "score.md").read_text(encoding="utf-8")))

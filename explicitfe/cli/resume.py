@@ -10,6 +10,7 @@ import typer
 from explicitfe.cli.answer import console
 from explicitfe.cli.options import JsonOption
 from explicitfe.cli.run import OverwriteOption, PlotsOption, draw_run, show_run
+from explicitfe.host.extras import require
 from explicitfe.view.progress import following
 
 
@@ -29,6 +30,8 @@ def resume(
     """
     from explicitfe.run.resume import resumed
 
+    if plots:
+        require("plots", "drawing pictures")
     with following(console) as progress:
         run = resumed(result, overwrite=overwrite, threads=threads, progress=progress)
         stopped = draw_run(run.analysis, run.summary, progress, context) if plots else None

@@ -22,6 +22,7 @@ from explicitfe.cli.options import (
 from explicitfe.cli.streams import stderr
 from explicitfe.errors import Progress
 from explicitfe.host import stopping
+from explicitfe.host.extras import require
 from explicitfe.view.progress import following
 
 if TYPE_CHECKING:
@@ -55,6 +56,8 @@ def run(
     from explicitfe.run.resume import begun_at, go_on
     from explicitfe.run.run import result_path
 
+    if plots:
+        require("plots", "drawing pictures")
     tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
     with following(console) as progress:
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)

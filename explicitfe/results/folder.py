@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from explicitfe.errors import InputError
+from explicitfe.host.extras import PACKAGES, has_extra, how_to_install
 from explicitfe.host.files import create_private, lock
 
 # A folder that is as young as this and empty may belong to a command that is just about to lock it.
@@ -66,6 +67,8 @@ def checked_target(out: Path, overwrite: bool, *, summary: str, what: str) -> Pa
 def drawing(warnings: list[str]) -> Iterator[None]:
     """Draw pictures in this block: if that fails, a sentence is added to the warnings, and the numbers are not lost for it.
 
+    Without the packages that draw, the sentence says how to install them.
+
     Raises
     ------
     OSError : the pictures cannot be written, and so nothing can.
@@ -74,6 +77,10 @@ def drawing(warnings: list[str]) -> Iterator[None]:
         yield
     except OSError:
         raise
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != PACKAGES["plots"] or has_extra("plots"):
+            raise
+        warnings.append(f"no pictures were drawn: that needs {how_to_install('plots')}")
     except Exception as error:
         warnings.append(f"not all pictures could be drawn, a fault of explicitfe ({type(error).__name__}: {error}).")
 

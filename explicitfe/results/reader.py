@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.extras import require
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.results import layout
 from explicitfe.results.contents import (
@@ -249,6 +250,7 @@ class Result:
         warped : whether the points are the deformed positions instead of the reference positions.
         """
         step = self._step(step, time_s)
+        require("view", "a mesh for pyvista")
         import pyvista  # takes a second: only those who draw pay for it
 
         points = self.mesh.points + self.displacement(step) if warped else self.mesh.points

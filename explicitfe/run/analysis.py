@@ -18,6 +18,7 @@ from explicitfe.mesh.validity import certify
 from explicitfe.model.model import Model
 from explicitfe.results import RestartState, ResultWriter
 from explicitfe.results.run_summary import CheckReport, FoldedElements, MeshReport, ModelDescription, RunSummary
+from explicitfe.run.inputs import sums_of
 from explicitfe.scenario.read import Scenario
 from explicitfe.solve.body import Body
 
@@ -159,7 +160,12 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
 
     def _stored_model(self) -> dict[str, object]:
         """What a result holds of the model: its description, and what is needed to build it again and go on."""
-        return {**self.describe(), "scenario_file": str(self.path.absolute()), "notes": list(self.notes)}
+        return {
+            **self.describe(),
+            "scenario_file": str(self.path.absolute()),
+            "file_sums": sums_of(self.path, self.scenario),
+            "notes": list(self.notes),
+        }
 
     def _mesh_report(self) -> MeshReport:
         quality = assess(self.model.mesh)

@@ -16,9 +16,11 @@ from explicitfe.errors import InputError, Progress, silent
 from explicitfe.host import stopping
 from explicitfe.results import RUNNING, RestartState, Result, open_result
 from explicitfe.results.layout import running_path
+from explicitfe.results.names import to_final
 from explicitfe.results.provenance import provenance
 from explicitfe.results.run_summary import RunSummary
 from explicitfe.run.analysis import Analysis, Begun
+from explicitfe.run.inputs import sums_of
 from explicitfe.run.prepare import analysis_of
 from explicitfe.scenario.read import kind_of
 from explicitfe.scenario.sentences import explain
@@ -101,7 +103,11 @@ def _resumed(analysis: Analysis[Any, Any], result: Result, target: Path, overwri
     if result.live:
         raise InputError(f"{path} is being written by another run; wait until that ends.")
     if result.status == FINISHED:
-        return Resumed(analysis, result.summary)  # type: ignore[arg-type]
+        summary: RunSummary = result.summary  # type: ignore[assignment]
+        result.close()
+        if path != target:  # killed after the last sample, before it got its name
+            to_final(path, target, overwrite)
+        return Resumed(analysis, summary)
     if result.status not in (RUNNING, INTERRUPTED):
         raise InputError(
             f"{path} ended with {result.status}, and nothing follows from there: {result.message or 'it says no more'} "
@@ -144,6 +150,13 @@ def _check_sameness(analysis: Analysis[Any, Any], result: Result) -> None:
     same = np.array_equal(mesh.points, result.mesh.points) and np.array_equal(mesh.hexes, result.mesh.hexes)
     if not same:
         raise InputError(f"{result.path} was begun on another mesh than {analysis.path} has now; run the scenario again.")
+    sums = sums_of(analysis.path, analysis.scenario)
+    changed = next((name for name, before in result.model.get("file_sums", {}).items() if sums.get(name) != before), None)
+    if changed is not None:
+        raise InputError(
+            f"{changed}, which {analysis.path} names, is not what it was when {result.path} was begun; put it back, or "
+            "run the scenario again."
+        )
     state = result.restart_state()
     if state is not None and state.arrays["lanes"] != WIDTH:
         lanes = int(state.arrays["lanes"])

@@ -9,14 +9,19 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
+import pyvista
 from command import command
 from support import ROOT
 
 import explicitfe
 from explicitfe.errors import Progress
+from explicitfe.host import stopping
+from explicitfe.mesh.box import box
 from explicitfe.results import Result, open_result
+from explicitfe.results.layout import running_path
 
 TONGUE = ROOT / "scenarios/vowel-i.toml"
 REAR = ROOT / "scenarios/indentation-rear.toml"
@@ -155,7 +160,7 @@ def test_a_finished_result_is_not_replaced_by_a_part(tmp_path: Path) -> None:
 
 
 def test_what_cannot_go_on_says_why(tmp_path: Path) -> None:
-    """A run that failed; a mesh that is another one now; a file that is no result."""
+    """A run that failed; a file that is no result."""
     _, settings = RUNS["in time"]
     settings = (*settings, "muscle.GGp.force_N=1000")
     failed = explicitfe.run(ROOT / "scenarios/vowel-i-gerard-2005.toml", tmp_path, settings=settings)
@@ -166,10 +171,59 @@ def test_what_cannot_go_on_says_why(tmp_path: Path) -> None:
         explicitfe.resume(tmp_path / "other.vtkhdf")
 
 
+def test_changed_files_are_noticed(tmp_path: Path) -> None:
+    """Fibres, mesh or bone of one's own that are others now: the run that goes on would not be the one that was begun."""
+    mesh = box((3, 3, 3), (0.01, 0.01, 0.01))
+    pyvista.Box((0.0, 0.01, 0.0, 0.01, 0.011, 0.02)).triangulate().save(tmp_path / "plate.stl")
+    nodes = np.flatnonzero(mesh.points[:, 2] == 0.0)
+    model = f"""mesh = "block.vtu"
+length_unit = "m"
+fixed = ["base"]
+node_sets = {{ base = {nodes.tolist()} }}
+[[muscle]]
+name = "M"
+max_force_N = 1.0
+fibre = [{{ side = "left", points = [[0.005, 0.005, 0.0], [0.005, 0.005, 0.01]] }}]
+"""
+    meshio.write(tmp_path / "block.vtu", meshio.Mesh(mesh.points, [("hexahedron", mesh.hexes)]))
+    (tmp_path / "block.toml").write_text(model)
+    scenario = tmp_path / "own.toml"
+    scenario.write_text(
+        'title = "own"\n[model]\nfile = "block.toml"\n[[bone]]\nname = "plate"\nfile = "plate.stl"\nlength_unit = "m"\n'
+        '[[muscle]]\nname = "M"\nforce_N = 0.01\n[analysis]\nduration_ms = 20\nthreads = 1\n[record]\nevery_ms = 1\n'
+    )
+    path = Path(interrupted(scenario, tmp_path / "out", ())["result"])
+    changes = {
+        "block.toml": ("[0.005, 0.005, 0.0]", "[0.005, 0.006, 0.0]", "block.toml, which .* names, is not what it was"),
+        "block.vtu": (None, meshio.Mesh(1.001 * mesh.points, [("hexahedron", mesh.hexes)]), "was begun on another mesh"),
+        "plate.stl": (None, pyvista.Box((0.0, 0.01, 0.0, 0.01, 0.0115, 0.02)).triangulate(), "plate.stl, which .* names, is not"),
+    }
+    for name, (old, new, sentence) in changes.items():
+        before = (tmp_path / name).read_bytes()
+        if old is not None:
+            (tmp_path / name).write_text(model.replace(old, new))
+        elif name.endswith("vtu"):
+            meshio.write(tmp_path / name, new)
+        else:
+            new.save(tmp_path / name)
+        with pytest.raises(explicitfe.InputError, match=sentence):
+            explicitfe.resume(path)
+        (tmp_path / name).write_bytes(before)
+    assert explicitfe.resume(path)["status"] == "finished"
+
+
+def test_a_whole_result_gets_its_name(tmp_path: Path) -> None:
+    """A run that was killed after its last sample, before its file was renamed."""
+    scenario, settings = RUNS["in time"]
+    whole = Path(explicitfe.run(scenario, tmp_path, settings=settings)["result"])
+    running = running_path(whole)
+    whole.rename(running)
+    assert explicitfe.resume(running)["result"] == str(whole)
+    assert [*tmp_path.iterdir()] == [whole]
+
+
 def test_a_run_that_is_stopped_before_its_first_sample_leaves_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """And says so."""
-    from explicitfe.host import stopping
-
     scenario, settings = RUNS["in time"]
     with stopping.watching(), pytest.raises(stopping.Stopped):
         explicitfe.run(scenario, tmp_path, settings=settings, progress=_at_once)
@@ -177,7 +231,5 @@ def test_a_run_that_is_stopped_before_its_first_sample_leaves_nothing(tmp_path: 
 
 
 def _at_once(stage: str, share: float) -> None:
-    from explicitfe.host import stopping
-
     signal.raise_signal(signal.SIGTERM)
     stopping.check()

@@ -1,4 +1,4 @@
-"""Many processes in one folder, for one result: nothing of anybody else is touched (docs/results.md).
+"""Many processes in one folder, for one result: nothing of anybody else is touched (docs/reference/results.md).
 
     python benchmarks/abused_folder.py --attempts 200 --at-once 16 --rounds 5
 

@@ -1,6 +1,6 @@
-"""What the barrier against folding costs, and how its two numbers were chosen: tables of docs/elements.md.
+"""What the barrier against folding costs, and how its two numbers were chosen: tables of docs/studies/elements.md.
 
-    python benchmarks/barrier.py [--only cost choice] [--out docs/elements.md]
+    python benchmarks/barrier.py [--only cost choice] [--out docs/studies/elements.md]
 
 *cost*: the whole step of a block of distorted hexes, with the barrier and with an element that differs by nothing else, in turns
 in one process: at rest, and with a twentieth of the elements pressed against the barrier, scattered or side by side. *choice*:
@@ -174,7 +174,7 @@ SECTIONS = {"cost": cost, "choice": choice}
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), default=list(SECTIONS))
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "elements.md")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "studies" / "elements.md")
     arguments = parser.parse_args()
     for name in arguments.only:
         text = arguments.out.read_text(encoding="utf-8")

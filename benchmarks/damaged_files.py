@@ -1,4 +1,4 @@
-"""Result files cut at random lengths and with random bytes changed: a sentence, or a right answer (docs/results.md).
+"""Result files cut at random lengths and with random bytes changed: a sentence, or a right answer (docs/reference/results.md).
 
     python benchmarks/damaged_files.py --each 300 --seed 18
 

@@ -1,6 +1,6 @@
-"""How good the three elements are, and what they cost: the tables of docs/elements.md.
+"""How good the three elements are, and what they cost: the tables of docs/studies/elements.md.
 
-    python benchmarks/elements.py [--only bending panel blocks cantilever cost] [--out docs/elements.md]
+    python benchmarks/elements.py [--only bending panel blocks cantilever cost] [--out docs/studies/elements.md]
 
 Static solutions come from tests/statics.py. About ten minutes on one core, most of it for the fine reference solutions.
 """
@@ -238,7 +238,7 @@ SECTIONS = {"bending": bending, "panel": panel, "blocks": blocks, "cantilever": 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--only", nargs="*", choices=list(SECTIONS), default=list(SECTIONS))
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "elements.md")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "studies" / "elements.md")
     arguments = parser.parse_args()
     text = arguments.out.read_text(encoding="utf-8")
     for name in arguments.only:

@@ -1,6 +1,6 @@
-"""A one-point hex that is held by energy sampling, beside the elements of the package: a table of docs/elements.md.
+"""A one-point hex that is held by energy sampling, beside the elements of the package: a table of docs/studies/elements.md.
 
-    python benchmarks/energy_sampling.py [--out docs/elements.md]
+    python benchmarks/energy_sampling.py [--out docs/studies/elements.md]
 
 Mean-strain hex with energy-sampling stabilisation (Krysl 2015, Int. J. Numer. Meth. Engng, doi:10.1002/nme.4721; with an
 optimised share: Krysl 2016, Finite Elem. Anal. Des. 108):
@@ -221,7 +221,7 @@ def check() -> None:
 
 
 def converged(text: str) -> dict[str, float]:
-    """The converged values that docs/elements.md states, in its units."""
+    """The converged values that docs/studies/elements.md states, in its units."""
     values = {f"{nu} bending": float(re.search(rf"\| 3 \| {nu} \| ([\d.]+) ", text)[1]) for nu in ("0.499", "0.4999")}  # type: ignore[index]
     values["panel"] = float(re.search(r"Converged: ([\d.]+) ±", text)[1])  # type: ignore[index]
     values["peak"] = float(re.search(r"\| 0.02 \| full \| 12 \| [^|]* \| ([\d.]+) ", text)[1])  # type: ignore[index]
@@ -283,7 +283,7 @@ def costs() -> list[list[str]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--out", type=Path, default=elements.ROOT / "docs" / "elements.md")
+    parser.add_argument("--out", type=Path, default=elements.ROOT / "docs" / "studies" / "elements.md")
     arguments = parser.parse_args()
     check()
     text = arguments.out.read_text(encoding="utf-8")

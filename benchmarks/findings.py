@@ -1,4 +1,4 @@
-"""What the model says to what is known of a tongue, one effect at a time: the tables and pictures of docs/findings.md.
+"""What the model says to what is known of a tongue, one effect at a time: the tables and pictures of docs/studies/findings.md.
 
     python benchmarks/findings.py OUT [--only gestures-cadaver ...] [--no-runs] [--page docs]
 
@@ -418,8 +418,8 @@ def draw_pictures(laboratory: Laboratory, folder: Path) -> None:
 
 
 def write_page(laboratory: Laboratory, folder: Path, names: Iterable[str]) -> None:
-    """Put tables into docs/findings.md, between their marks."""
-    page = folder / "findings.md"
+    """Put tables into docs/studies/findings.md, between their marks."""
+    page = folder / "studies" / "findings.md"
     text = page.read_text(encoding="utf-8")
     for name in names:
         try:
@@ -443,7 +443,7 @@ def main() -> None:
     parser.add_argument("out", type=Path, help="folder in which what came of the runs is kept")
     parser.add_argument("--only", nargs="*", choices=list(TABLES), default=list(TABLES), help="run what these tables need")
     parser.add_argument("--no-runs", action="store_true", help="run nothing: use what is kept")
-    parser.add_argument("--page", type=Path, help="folder with findings.md: put in the tables, draw the pictures")
+    parser.add_argument("--page", type=Path, help="folder of the pages: put in the tables, draw the pictures")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     laboratory = Laboratory(arguments.out, computes=not arguments.no_runs)

@@ -1,4 +1,4 @@
-"""The pictures of docs/findings.md, from runs that benchmarks/findings.py has kept."""
+"""The pictures of docs/studies/findings.md, from runs that benchmarks/findings.py has kept."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A disk that is full from the n-th question on, for every n: what a run leaves, and whether it goes on (docs/results.md).
+"""A disk that is full from the n-th question on, for every n: what a run leaves, and whether it goes on.
 
     python benchmarks/full_disk.py
 

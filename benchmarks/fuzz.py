@@ -1,4 +1,4 @@
-"""Thousands of spoilt inputs of eight kinds over the real command line, and what became of them: the table of docs/robustness.md.
+"""Thousands of spoilt inputs of eight kinds over the real command line: the table of docs/explanation/robustness.md.
 
     python benchmarks/fuzz.py --inputs 6000 --seed 1 --out outputs/fuzz
 

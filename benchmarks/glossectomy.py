@@ -5,8 +5,8 @@
     python benchmarks/glossectomy.py search [--out outputs/glossectomy]
     python benchmarks/glossectomy.py picture [--out outputs/glossectomy]
 
-``table`` runs every resection and reconstruction in every gesture, and prints the tables of docs/surgery.md; ``picture`` draws
-them beside shapes of two runs. ``search`` looks for forces that bring a gesture back: what it moves, and how, stands at
+``table`` runs every resection and reconstruction in every gesture, and prints the tables of docs/studies/surgery.md; ``picture``
+draws them beside shapes of two runs. ``search`` looks for forces that bring a gesture back: what it moves, and how, stands at
 ``SEARCHES``.
 
 Mobility is that of the tissue that is left in every reconstruction of a resection: with u and u0 the displacements after surgery

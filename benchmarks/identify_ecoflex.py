@@ -2,7 +2,7 @@
 
     python benchmarks/identify_ecoflex.py DATASET [--picture docs/pictures/ecoflex.png]
 
-DATASET is the folder of the compression tests of Dawood et al. (2026), in the format of docs/identify.md.
+DATASET is the folder of the compression tests of Dawood et al. (2026), in the format of docs/reference/identify.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How good the indentations are, and what they cost: the tables of docs/indentation.md.
+"""How good the indentations are, and what they cost: the tables of docs/reference/indentation.md.
 
     python benchmarks/indentation.py [--refinements 1 1.5 2 3] [--out tables.md]
 

@@ -1,4 +1,4 @@
-"""How far, how long and how fast simulated and measured tongues move: the tables and the picture of docs/kinematics.md.
+"""How far, how long and how fast simulated and measured tongues move: the tables and the picture of docs/studies/kinematics.md.
 
     python benchmarks/kinematics.py [--out DIR] [--picture docs/pictures/kinematics.png] [SCENARIO ...]
 

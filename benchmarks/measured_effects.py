@@ -1,11 +1,11 @@
-"""What effects explain in measured data: tables, and pictures of docs/effects.md.
+"""What effects explain in measured data: tables, and pictures of docs/reference/effects.md.
 
     python benchmarks/measured_effects.py muscle DATASET [--picture docs/pictures/muscle.png]
     python benchmarks/measured_effects.py silicone DATASET [--picture docs/pictures/silicone.png] [--radii 4.5 5.5]
     python benchmarks/measured_effects.py cycles [--picture docs/pictures/cycles.png]
 
-DATASET is the folder muscle-compression or silicone-indentation, in the format of docs/identify.md. Constants are fitted to some
-curves and judged on others.
+DATASET is the folder muscle-compression or silicone-indentation, in the format of docs/reference/identify.md. Constants are
+fitted to some curves and judged on others.
 """
 
 from __future__ import annotations

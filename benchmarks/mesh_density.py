@@ -1,4 +1,4 @@
-"""How mesh density changes the answer: the tables and pictures of docs/mesh-density.md.
+"""How mesh density changes the answer: the tables and pictures of docs/studies/mesh-density.md.
 
     python benchmarks/mesh_density.py OUT [--only sl-alone ...] [--largest HEXES] [--page docs]
 
@@ -554,7 +554,7 @@ def draw_indentation(answers: Answers, path: Path) -> None:
 
 def write_page(answers: Answers, folder: Path) -> None:
     """Tables between the marks of mesh-density.md, and the pictures; those whose runs are missing stay as they are."""
-    page = folder / "mesh-density.md"
+    page = folder / "studies" / "mesh-density.md"
     text = page.read_text(encoding="utf-8")
     missing = {run.gesture for run in study() if run not in answers}
     tongue, specimen = missing.isdisjoint(GESTURES), INDENTATION not in missing
@@ -579,7 +579,7 @@ def main() -> None:
     names = [*GESTURES, INDENTATION]
     parser.add_argument("--only", nargs="+", choices=names, default=names, help="what to run")
     parser.add_argument("--largest", type=int, default=10**9, help="run no mesh with more hexes")
-    parser.add_argument("--page", type=Path, help="folder with mesh-density.md: put in the tables, draw the pictures")
+    parser.add_argument("--page", type=Path, help="folder of the pages: put in the tables, draw the pictures")
     arguments = parser.parse_args()
     compute_all(arguments.out, arguments.only, arguments.largest)
     if arguments.page:

@@ -1,4 +1,4 @@
-"""Random postures with the sides of the tongue on the palate: which muscles are on, beside Liu et al. (2022); docs/speech.md.
+"""Random postures with the sides of the tongue on the palate: which muscles are on (docs/studies/speech.md).
 
     python benchmarks/postures.py [--count 500] [--seed 2022] [--opening 5] [--force-length] [--out outputs/postures.md]
 

@@ -1,6 +1,6 @@
 """The verdicts of the loop on simulated sensors of a tongue, by hidden effect and noise.
 
-Prints the table of docs/close-loop-trajectories.md.
+Prints the table of docs/studies/close-loop-trajectories.md.
 
     OMP_NUM_THREADS=1 python benchmarks/sensor_study.py [--noise 0.05 0.2 0.5] [--hidden "lag 15 ms"] [--processes 2]
 

@@ -1,4 +1,4 @@
-"""Vowels, stops and the sequence of scenarios/ on a mesh of choice: the tables of docs/speech.md.
+"""Vowels, stops and the sequence of scenarios/ on a mesh of choice: the tables of docs/studies/speech.md.
 
     python benchmarks/speech_runs.py [vowels sounds stops sequence jaw hyoid] [--mesh coarse | medium | fine | measured]
 

@@ -1,6 +1,6 @@
-"""The step that explicitfe takes against the true limit of a run: the table of docs/step.md.
+"""The step that explicitfe takes against the true limit of a run: the table of docs/studies/step.md.
 
-    python benchmarks/step_limit.py [--real FOLDER] [--out docs/step.md]
+    python benchmarks/step_limit.py [--real FOLDER] [--out docs/studies/step.md]
 
 The true limit is measured, not computed: the longest fixed step with which a body at rest, given a small random velocity, does
 not blow up within 2000 steps, by bisection. ``--real FOLDER`` adds the measured tongue (see real_tongue.py).
@@ -211,7 +211,7 @@ def run_ratios(scenario: Path, settings: list[str]) -> tuple[str, float, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--real", type=Path, help="folder of the measured mesh")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "step.md")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "studies" / "step.md")
     arguments = parser.parse_args()
     rows, deformed, runs, all_taken = [], [], [], []
     with tempfile.TemporaryDirectory() as folder:

@@ -6,7 +6,7 @@
 
 ``make`` draws scenarios, gestures and effects, and writes datasets; what is hidden goes to a file beside them that ``close`` does
 not read. ``close`` asks the loop for a verdict on each dataset and appends it to a file, so that it goes on where it was stopped.
-``score`` alone opens both, and prints the tables of docs/close-loop-trajectories.md.
+``score`` alone opens both, and prints the tables of docs/studies/close-loop-trajectories.md.
 
 The data come from a mesh that is finer than any that the loop checks itself with, another element ("hex8-full" knows no beta)
 and a smaller step. A case with an effect is drawn again until the effect moves the sensors, beyond what a turn and a shift of

@@ -1,6 +1,6 @@
-"""Every scenario of the tongue on both tissues, and the [i] of Gérard et al. (2005): the tables of docs/tongue-runs.md.
+"""Every scenario of the tongue on both tissues, and the [i] of Gérard et al. (2005): the tables of docs/studies/tongue-runs.md.
 
-    python benchmarks/tongue_runs.py [--real FOLDER] [--out docs/tongue-runs.md]
+    python benchmarks/tongue_runs.py [--real FOLDER] [--out docs/studies/tongue-runs.md]
 
 Runs the scenarios as they are and on the tissue of the cadaver; and ``vowel-i-gerard-2005`` on the coarse and the medium mesh,
 with three distributions of force and both tissues; with ``--real FOLDER`` (see real_tongue.py) also on the measured mesh.
@@ -93,7 +93,7 @@ def row_of_the_paper(mesh: str, tissue: str, distribution: str, summary: dict[st
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--real", type=Path, help="folder of the measured mesh")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "tongue-runs.md")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "studies" / "tongue-runs.md")
     arguments = parser.parse_args()
     end = ["fastest", "settled", "hourglass", "folded", "balance", "steps"]
     rows = [head(["run", "tissue", *POINTS, "groove", "palate", "jaw", *end])]

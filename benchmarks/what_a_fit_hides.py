@@ -1,6 +1,6 @@
 """What a fit hides: full refits of exact data that were made with one assumption broken, beside the table that `identify` gives.
 
-    python benchmarks/what_a_fit_hides.py [--out docs/identify-hides.md]
+    python benchmarks/what_a_fit_hides.py [--out FILE]
 
 The constants are those of Gerard et al. (2005), 191.5 and 90.6 Pa; a flat cylinder presses a specimen of 35 x 20 mm.
 """

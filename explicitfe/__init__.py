@@ -6,7 +6,7 @@
 ...     u = result.displacement(time_s=0.060)       # (n, 3) m
 ...     mesh = result.mesh_at(time_s=0.060)         # pyvista mesh
 
-The commands are functions here; so are the parts that a model is built from in Python (docs/python.md).
+The commands are functions here; so are the parts that a model is built from in Python (docs/tutorials/python.md).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from explicitfe.view.progress import following
 
 
 def design_test(
-    protocol: Annotated[Path, typer.Argument(help="Protocol file (TOML), see docs/close-loop.md.", show_default=False)],
+    protocol: Annotated[Path, typer.Argument(help="Protocol file (TOML), see docs/reference/close-loop.md.", show_default=False)],
     as_json: JsonOption = False,
 ) -> None:
     """Say which effects a planned test can find and tell apart, before anything is measured.

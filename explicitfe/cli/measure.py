@@ -14,10 +14,10 @@ from explicitfe.cli.options import JsonOption
 def measure(
     results: Annotated[list[Path], typer.Argument(help="Result files (.vtkhdf).", show_default=False)],
     at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="When; at the end if left out.")] = None,
-    formants: Annotated[bool, typer.Option("--formants", help="Also the airway, and F1 to F3 (docs/airway.md).")] = False,
+    formants: Annotated[bool, typer.Option("--formants", help="The airway and F1 to F3 too (docs/reference/airway.md).")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure what a tongue did: its points, grooves, constriction, contact, speeds (docs/measures.md).
+    """Measure what a tongue did: its points, grooves, constriction, contact, speeds (docs/reference/measures.md).
 
     Example: [bold]explicitfe measure outputs/vowel-i.vtkhdf outputs/sl-alone.vtkhdf --at-ms 100[/bold]
     """

@@ -81,7 +81,7 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
 
     Parameters
     ----------
-    path : a protocol file; its format is in docs/close-loop.md.
+    path : a protocol file; its format is in docs/reference/close-loop.md.
 
     Returns
     -------

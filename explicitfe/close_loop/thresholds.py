@@ -1,7 +1,7 @@
 """All numbers that decide a verdict, or what is said about it, each with its unit and the reason for its value.
 
-They are stored in ``report.json``, and docs/close-loop.md prints them. Numbers that only steer a computation, such as steps of
-derivatives, stay beside the code that uses them.
+They are stored in ``report.json``, and docs/reference/close-loop.md prints them. Numbers that only steer a computation, such as
+steps of derivatives, stay beside the code that uses them.
 """
 
 from __future__ import annotations
@@ -191,6 +191,6 @@ def entries() -> list[tuple[str, float, str, str]]:
 
 
 def markdown_table() -> str:
-    """The table of docs/close-loop.md."""
+    """The table of docs/reference/close-loop.md."""
     rows = [f"| `{name}` | {value:.3g} | {unit} | {reason} |" for name, value, unit, reason in entries()]
     return "\n".join(["| threshold | value | unit | why |", "|---|---|---|---|", *rows]) + "\n"

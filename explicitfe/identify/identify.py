@@ -69,7 +69,7 @@ def identify(
 
     Returns
     -------
-    What ``explicitfe identify --json`` prints; see docs/identify.md.
+    What ``explicitfe identify --json`` prints; see docs/reference/identify.md.
 
     Raises
     ------

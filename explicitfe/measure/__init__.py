@@ -1,1 +1,1 @@
-"""What a tongue did, as numbers from its result file: docs/measures.md defines them."""
+"""What a tongue did, as numbers from its result file: docs/reference/measures.md defines them."""

@@ -1,4 +1,4 @@
-"""What ``explicitfe measure`` answers; docs/measures.md defines each number.
+"""What ``explicitfe measure`` answers; docs/reference/measures.md defines each number.
 
 Lengths in mm, areas in mm2, times in ms, speeds in mm/s, pressures in kPa, forces in N, frequencies in Hz. Forward is towards the
 lips, up towards the palate, right that of the speaker. All keys are always there; None: there is nothing to measure.

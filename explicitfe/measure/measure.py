@@ -20,7 +20,7 @@ from explicitfe.results.run_summary import kind_of
 
 
 def measure(path: Path, time_s: float | None = None, formants: bool = False) -> Measures:
-    """Measure a result of a run in time; docs/measures.md defines what.
+    """Measure a result of a run in time; docs/reference/measures.md defines what.
 
     Parameters
     ----------

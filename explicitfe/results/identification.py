@@ -1,4 +1,4 @@
-"""``identify.json``: what ``explicitfe identify`` writes, group of constants after group; see docs/identify.md."""
+"""``identify.json``: what ``explicitfe identify`` writes, group of constants after group; see docs/reference/identify.md."""
 
 from __future__ import annotations
 

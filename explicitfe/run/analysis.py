@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 # Of the elastic energy: above it the mesh is too coarse to quote numbers without a comparison. In "hex8" it is the energy of
 # bending, of an assumed strain, and no artefact: at 6 % points of the tongue lie within 0.2 mm of those of a mesh of twice as
-# many hexes and of the fully integrated element (docs/findings.md), so that more of it is borne there.
+# many hexes and of the fully integrated element (docs/studies/findings.md), so that more of it is borne there.
 HOURGLASS_WARNING_SHARE = 0.05
 BENDING_WARNING_SHARE = 0.10
 TIMED_EVALUATIONS = 5  # of the forces, the best of which predicts the wall time

@@ -26,7 +26,7 @@ from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 TIMED_SIZES: dict[int, tuple[int, int, int]] = {1000: (10, 10, 10), 30_000: (30, 40, 25), 250_000: (50, 100, 50)}
 TIMED_ELEMENTS = ("hex8", "hex8-stiffness")
 
-# Nanoseconds per element and step, one thread: docs/performance.md says where and when.
+# Nanoseconds per element and step, one thread: docs/reference/performance.md says where and when.
 DOCUMENTED_NS: dict[str, dict[str, dict[int, float]]] = {
     "AVX2, 4 lanes": {
         "hex8": {1000: 48.0, 30_000: 52.0, 250_000: 56.0},

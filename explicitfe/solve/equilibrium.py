@@ -78,7 +78,7 @@ class Relaxation(Body):
     """
 
     # At the edge of a bonded disc the stress has no bound and elements fold; kept from that they are 2 % too stiff
-    # (docs/elements.md).
+    # (docs/studies/elements.md).
     guarded = False
 
     def __init__(self, model: Model, tolerance: float = RESIDUAL_TOLERANCE, threads: int | None = None) -> None:

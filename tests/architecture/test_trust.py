@@ -1,7 +1,7 @@
 """What the package must never do with what others give it: run it, unpickle it, hand it to a shell, or talk to a network.
 
 Read from the source with ``ast``; nothing is imported. Machine code that Numba keeps on disk holds pickles, which only Numba
-reads (docs/performance.md says where, and who may write there).
+reads (docs/reference/performance.md says where, and who may write there).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from explicitfe.close_loop.thresholds import THRESHOLDS, entries, markdown_table
 from explicitfe.measured.read import read_dataset
 from explicitfe.results.loop_report import LoopReport
 
-PAGE = ROOT / "docs" / "close-loop.md"
+PAGE = ROOT / "docs" / "reference" / "close-loop.md"
 
 
 def test_the_page_prints_the_table():

@@ -4,7 +4,7 @@ Trilinear shape functions leave |u_h - u| = O(h^2) in the mean square and, by Ga
 O(h^2); the lumped mass is a quadrature of second order. One-point integration keeps this if the patch test passes and if the
 hourglass deformation of a smooth field, O(h^2), is held by a stiffness of order G h. Problems with a closed form are used whose
 solution keeps the volume, so that they hold at any Poisson's ratio and the bulk modulus only has to stay out of the way; a body
-with a clamped edge has a singularity there and does not reach this order (docs/elements.md).
+with a clamped edge has a singularity there and does not reach this order (docs/studies/elements.md).
 """
 
 from __future__ import annotations

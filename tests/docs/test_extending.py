@@ -1,4 +1,4 @@
-"""docs/extending.md: what the page says to add is added to a copy of the package, and computes what its equations say.
+"""docs/reference/extending.md: what the page says to add is added to a copy of the package, and computes what its equations say.
 
 Files that the page shows are written where it says, and its diffs applied, in the order of the page; then each test runs a
 program in the copy. Laws and effects that are added so are right without a line changed elsewhere. References are energies in
@@ -22,7 +22,7 @@ from docs_blocks import blocks_of
 from energies import derivative, series_energy
 from support import ROOT
 
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "extending.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 PLACE = re.compile(r"`(explicitfe/[\w/]+\.py)`")
 
@@ -79,13 +79,13 @@ def in_package(package: Path, code: str) -> str:
 
 def test_every_block_is_used():
     """Blocks are files, diffs, tables of a scenario, and one program: of each as many as the tests here run."""
-    kinds = [block.language for block in blocks_of("extending.md")]
+    kinds = [block.language for block in blocks_of("reference/extending.md")]
     assert {kind: kinds.count(kind) for kind in set(kinds)} == {"python": 5, "diff": 4, "toml": 2}
 
 
 def test_the_program_runs(package):
     """The block that looks at the law: P = 2 w (l - l^-2), w = mu / 2 exp(b (I1 - 3)), but for what J - 1 = p / K leaves: 1 %."""
-    (program,) = [block.text for block in blocks_of("extending.md") if "point.uniaxial" in block.text]
+    (program,) = [block.text for block in blocks_of("reference/extending.md") if "point.uniaxial" in block.text]
     printed = np.array(in_package(package, program).strip("[] \n").split(), dtype=float)
     stretch = np.linspace(1.0, 1.5, 6)
     slope = 0.5 * 2074.0 * np.exp(stretch**2 + 2.0 / stretch - 3.0)
@@ -101,7 +101,7 @@ print(scenario.model.material.law, [type(effect).__name__ for effect in scenario
 
 def test_scenarios_take_the_law_and_the_effect(package):
     """The TOML blocks are settings of a scenario; a wrong constant is refused with a sentence that names the law's own."""
-    law, effect = (block.text.strip() for block in blocks_of("extending.md") if block.language == "toml")
+    law, effect = (block.text.strip() for block in blocks_of("reference/extending.md") if block.language == "toml")
     material = law.partition("=")[2].strip()
     printed = in_package(package, SCENARIO.format(material=material, effect=effect))
     assert printed.split() == ["demiray", "['FourthYeoh']"]

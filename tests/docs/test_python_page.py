@@ -1,4 +1,4 @@
-"""docs/python.md: every example runs in a process of its own, is short, and prints what the page says that it prints."""
+"""docs/tutorials/python.md: every example runs in a process of its own, is short, and prints what the page says."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from support import ROOT
 
 import explicitfe
 
-EXAMPLES = [(code, printed) for code, printed in pairwise(blocks_of("python.md")) if code.language == "python"]
+EXAMPLES = [(code, printed) for code, printed in pairwise(blocks_of("tutorials/python.md")) if code.language == "python"]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 

@@ -1,4 +1,4 @@
-"""Spoilt input of every kind, a short and fixed choice; benchmarks/fuzz.py is the long run, docs/robustness.md its counts."""
+"""Spoilt input of every kind, a short and fixed choice; the long run is benchmarks/fuzz.py (docs/explanation/robustness.md)."""
 
 from __future__ import annotations
 

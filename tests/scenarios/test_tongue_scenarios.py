@@ -289,7 +289,7 @@ def test_mylohyoid_lifts(ran):
     assert done.up("dorsum") > 0.2 and done.up("tip") > 0.5
 
 
-# ---- speech: docs/speech.md ----
+# ---- speech: docs/studies/speech.md ----
 
 HELD_S = 0.14  # both stops are closed or not until 150 ms
 
@@ -379,7 +379,7 @@ def test_a_sequence_comes_to_rest_in_each_vowel(ran):
 
 
 def test_half_a_tongue_leans_to_the_operated_side(ran):
-    """On its own mesh it comes to the numbers of its file; the intact one stays in the middle (docs/surgery.md)."""
+    """On its own mesh it comes to the numbers of its file; the intact one stays in the middle (docs/studies/surgery.md)."""
     done, intact = ran("glossectomy-half", "medium"), ran("vowel-i", "medium")
     for point, stated in expected(done.scenario).items():
         assert (done.forward(point), done.up(point)) == pytest.approx(stated, abs=0.05 + TOLERANCE_MM)
@@ -401,7 +401,7 @@ def test_the_first_run_ends_without_a_warning(ran):
 
 
 def test_without_bones_the_tip_of_the_papers_tongue_falls(ran):
-    """Forces on nodes of cadaver tissue: the figures of docs/tongue-runs.md, over the chin and through it."""
+    """Forces on nodes of cadaver tissue: the figures of docs/studies/tongue-runs.md, over the chin and through it."""
     done = ran(OF_THE_PAPER)
     assert not done.model.bones and not done.model.stresses
     assert (done.forward("tip"), done.up("tip")) == pytest.approx((8.5, -28.2), abs=0.3)

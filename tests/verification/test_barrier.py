@@ -253,7 +253,7 @@ def test_a_block_that_used_to_fold_does_not(kind, n):
 
 
 def test_the_cantilever_that_folded_swings_as_with_full_integration():
-    """60 x 20 x 20 mm, 0.02 N, 8 elements across: the first peak within 2 % of hex8-full's 64.20 mm (docs/elements.md).
+    """60 x 20 x 20 mm, 0.02 N, 8 elements across: the first peak within 2 % of hex8-full's 64.20 mm (docs/studies/elements.md).
 
     Without a barrier a row of elements folds near the clamp and the peak is 5.7 % low.
     """

@@ -126,7 +126,7 @@ MEASURED = ["1 cube", "4³ hexes, 15 % distorted", "4³ plates 10 : 10 : 1", "4�
 @EVERY_ELEMENT
 @pytest.mark.parametrize("name", MEASURED)
 def test_step_against_the_measured_limit(name, element, record_property):
-    """The step taken against where a run just blows up, found by bisection of runs of 2000 steps: a part of docs/step.md.
+    """The step taken against where a run just blows up, found by bisection of runs of 2000 steps: a part of docs/studies/step.md.
 
     FRACTION of an estimate that is high by 1.3 % at the very most (see above), of a limit measured to
     step_limit.RESOLUTION, cut into equal parts of a run of 1000 steps or more: between 0.9 x 0.998 and 0.9 x 1.013, so it is

@@ -216,7 +216,7 @@ def test_vowels_of_fant_as_praat_computes_them(vowel, monkeypatch):
 
 # F1 to F3, Hz, that Fant calculated himself (table 2.31-1, column BESK, as notes on the book in the public repository ctoth/Qlatt
 # repeat it). Those of [u], and F1 and F3 of [i], agree with what Praat computes of its areas. The others do not, by up to 8 %, as
-# docs/airway.md shows.
+# docs/reference/airway.md shows.
 FANT_PRINTED_HZ = {"u": {1: 231.0, 2: 615.0, 3: 2375.0}, "i": {1: 222.0, 3: 3140.0}}
 
 

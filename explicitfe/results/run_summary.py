@@ -16,7 +16,8 @@ from explicitfe.results.document import Computed
 class ModelDescription(TypedDict):
     """A model in words and numbers; ``scenario`` is what was run with ``--set`` and all defaults, ready to be run again.
 
-    A result also holds ``scenario_file``, where that stood, and ``notes``, sentences on what was seen when it was built.
+    A result also holds ``scenario_file``, where that stood; ``file_sums``, the SHA-256 of each file that the scenario names; and
+    ``notes``, sentences on what was seen when it was built.
     """
 
     name: str
@@ -29,6 +30,7 @@ class ModelDescription(TypedDict):
     fixed_nodes: int
     scenario: dict[str, JsonValue]
     scenario_file: NotRequired[str]
+    file_sums: NotRequired[dict[str, str]]
     notes: NotRequired[list[str]]
 
 

@@ -6,9 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import interp1d
-from scipy.ndimage import gaussian_filter
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.bones.surface import TriangleSurface, check_surface, in_mm, shifted
 from explicitfe.errors import InputError
@@ -111,7 +109,7 @@ def distance_field(
     if mirrored:
         values = np.concatenate([values[:, ::-1], values], axis=1)
     if smoothing_m > 0.0:
-        values = gaussian_filter(values, smoothing_m / spacing_m, mode="nearest")
+        values = scipy.ndimage.gaussian_filter(values, smoothing_m / spacing_m, mode="nearest")
     if mirrored:
         # The filter adds up in one direction.
         values = 0.5 * (values + values[:, ::-1])
@@ -217,7 +215,7 @@ def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spa
     if not len(samples):
         return np.full(last - first + 1, _FARTHEST_SPACINGS * spacing)
     # Built like this, it answers a grid of far points three times as fast.
-    tree, corners = cKDTree(samples, balanced_tree=False, compact_nodes=False), surface.corners[triangle]
+    tree, corners = scipy.spatial.cKDTree(samples, balanced_tree=False, compact_nodes=False), surface.corners[triangle]
 
     def distance_of(nodes: np.ndarray, tried: int) -> np.ndarray:
         tried = min(tried, len(samples))
@@ -230,7 +228,7 @@ def _unsigned(surface: TriangleSurface, first: np.ndarray, last: np.ndarray, spa
     nodes = spacing * np.stack(np.meshgrid(*coarse, indexing="ij"), axis=-1)
     length = distance_of(nodes.reshape(-1, 3), 1).reshape(nodes.shape[:3])
     for axis, (fine, nodes_of) in enumerate(zip(axes, coarse, strict=True)):
-        length = interp1d(nodes_of, length, axis=axis, assume_sorted=True)(fine)
+        length = scipy.interpolate.interp1d(nodes_of, length, axis=axis, assume_sorted=True)(fine)
     near = np.nonzero(length < _NEAR_SPACINGS * spacing)
     length[near] = distance_of(spacing * (np.column_stack(near) + first), _NEAREST_SAMPLES_TRIED)
     return length

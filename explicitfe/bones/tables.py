@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy
 
 from explicitfe.bones.surface import TriangleSurface
 from explicitfe.errors import InputError
@@ -79,12 +79,13 @@ def plate(table: Mapping[str, Any]) -> TriangleSurface:
     x_mm, y_mm = _row(table, "x_mm"), _row(table, "y_mm")
     underside = _table(table, "underside_mm", (len(x_mm), len(y_mm)))
     x = _refined(x_mm, _MESH_MM)
-    width = PchipInterpolator(x_mm, _table(table, "half_width_mm", x_mm.shape))(x)
+    width = scipy.interpolate.PchipInterpolator(x_mm, _table(table, "half_width_mm", x_mm.shape))(x)
     share = np.linspace(0.0, 1.0, int(np.ceil(width.max() / _MESH_MM)) + 1)
     side = width[:, None] * share
     # Mirrored first, so that the interpolant is flat across the midsagittal plane; beyond the last |y| it stays level.
-    even = PchipInterpolator(np.concatenate([-y_mm[:0:-1], y_mm]), np.hstack([underside[:, :0:-1], underside]), axis=1)
-    along = PchipInterpolator(x_mm, even(np.minimum(side, y_mm[-1]).ravel()), axis=0)
+    across_mm, mirrored = np.concatenate([-y_mm[:0:-1], y_mm]), np.hstack([underside[:, :0:-1], underside])
+    even = scipy.interpolate.PchipInterpolator(across_mm, mirrored, axis=1)
+    along = scipy.interpolate.PchipInterpolator(x_mm, even(np.minimum(side, y_mm[-1]).ravel()), axis=0)
     columns = along(x).reshape(len(x), len(x), len(share))
     z = columns[np.arange(len(x)), np.arange(len(x))]
     lower = np.stack([np.broadcast_to(x[:, None], z.shape), side, z], axis=-1)
@@ -105,8 +106,8 @@ def arch(table: Mapping[str, Any]) -> TriangleSurface:
 
     def over_angle(name: str, *shape: int) -> np.ndarray:
         values = _table(table, name, (len(angle_deg), *shape))
-        even = PchipInterpolator(np.concatenate([-angle_deg[:0:-1], angle_deg]), np.concatenate([values[:0:-1], values]))
-        return even(angle)
+        mirrored = np.concatenate([values[:0:-1], values])
+        return scipy.interpolate.PchipInterpolator(np.concatenate([-angle_deg[:0:-1], angle_deg]), mirrored)(angle)
 
     bottom, top = over_angle("bottom_mm"), over_angle("top_mm")
     share = np.linspace(0.0, 1.0, int(np.ceil((top - bottom).max() / _MESH_MM)) + 1)
@@ -114,7 +115,8 @@ def arch(table: Mapping[str, Any]) -> TriangleSurface:
     radii = []
     for name in ("lingual_mm", "labial_mm"):
         rows = over_angle(name, len(level))
-        radii.append([PchipInterpolator(level, row)(np.clip(at, level[0], level[-1])) for row, at in zip(rows, z, strict=True)])
+        lines = (scipy.interpolate.PchipInterpolator(level, row) for row in rows)
+        radii.append([line(np.clip(at, level[0], level[-1])) for line, at in zip(lines, z, strict=True)])
     lingual, labial = np.array(radii)
     section = np.stack([np.hstack([lingual, labial[:, ::-1]]), np.hstack([z, z[:, ::-1]])], axis=-1)
     turn = np.radians(angle)

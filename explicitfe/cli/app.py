@@ -16,6 +16,7 @@ from explicitfe.cli.blind import blind_make, blind_score
 from explicitfe.cli.check import check
 from explicitfe.cli.close_loop import close_loop
 from explicitfe.cli.design_test import design_test
+from explicitfe.cli.help import PlainCommand, PlainGroup
 from explicitfe.cli.identify import identify
 from explicitfe.cli.inspect import inspect
 from explicitfe.cli.list import list_
@@ -45,6 +46,7 @@ GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
 }
 
 app = typer.Typer(
+    cls=PlainGroup,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
@@ -80,10 +82,10 @@ def _root(
 
 for panel, commands in COMMANDS.items():
     for name, function in commands.items():
-        app.command(name, rich_help_panel=panel)(function)
+        app.command(name, cls=PlainCommand, rich_help_panel=panel)(function)
 for panel, groups in GROUPS.items():
     for name, (words, commands) in groups.items():
-        group = typer.Typer(help=words)
+        group = typer.Typer(cls=PlainGroup, help=words)
         for inner, function in commands.items():
-            group.command(inner)(function)
+            group.command(inner, cls=PlainCommand)(function)
         app.add_typer(group, name=name, rich_help_panel=panel)

@@ -13,7 +13,8 @@ from explicitfe.view.progress import following
 
 def bench(
     sizes: Annotated[
-        list[int] | None, typer.Option("--elements", help="Size of the block: 1000 | 30000 | 250000; repeat for more.")
+        list[int] | None,
+        typer.Option("--elements", metavar="N", help="Size of the block: 1000 | 30000 | 250000; repeat for more."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -21,10 +22,10 @@ def bench(
 
     Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
     """
-    from explicitfe.run.speed import TIMED_SIZES
-    from explicitfe.run.speed import bench as time_it
-    from explicitfe.view.terminal.program import speed_tables
+    with following(console, "starting") as progress:
+        from explicitfe.run.speed import TIMED_SIZES
+        from explicitfe.run.speed import bench as time_it
+        from explicitfe.view.terminal.program import speed_tables
 
-    with following(console) as progress:
         speed = time_it(sizes or tuple(TIMED_SIZES), progress)
     print_answer(speed, as_json, lambda: speed_tables(speed))

@@ -27,9 +27,9 @@ def blind_make(
 
     Example: [bold]explicitfe blind make blind --seed 7 --count 20[/bold]
     """
-    from explicitfe.blind.make import make
+    with following(console, "starting") as progress:
+        from explicitfe.blind.make import make
 
-    with following(console) as progress:
         cases = make(folder, seed=seed, count=count, family=family, progress=progress)
     print_answer(cases, as_json, lambda: Text(f"{cases['count']} cases in {folder}"))
 
@@ -39,9 +39,9 @@ def blind_score(folder: CasesArgument, as_json: JsonOption = False) -> None:
 
     Example: [bold]explicitfe blind score blind[/bold]
     """
-    from explicitfe.blind.score import score
-
     require("plots", "the picture of the scores")
-    with following(console) as progress:
+    with following(console, f"reading {folder}") as progress:
+        from explicitfe.blind.score import score
+
         scores = score(folder, progress=progress)
     print_answer(scores, as_json, lambda: Text((folder / "score.md").read_text(encoding="utf-8")))

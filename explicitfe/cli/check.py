@@ -25,10 +25,10 @@ def check(
 
     Example: [bold]explicitfe check scenarios/vowel-i.toml --set model.resolution=fine[/bold]
     """
-    from explicitfe.run.prepare import prepare
+    with following(console, f"reading {scenario}") as progress:
+        from explicitfe.run.prepare import prepare
 
-    tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
-    with following(console) as progress:
+        tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
         report = analysis.check(progress)
     print_answer(report, as_json, lambda: analysis.check_table(report), report["warnings"])

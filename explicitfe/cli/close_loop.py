@@ -38,11 +38,11 @@ def close_loop(
 
     Example: [bold]explicitfe close-loop my-dataset --out report[/bold]
     """
-    from explicitfe.close_loop.close import close_loop as close
-    from explicitfe.measured.files import folder_name
-    from explicitfe.view.terminal.close_loop import loop_tables
+    with following(console, f"reading {dataset}") as progress:
+        from explicitfe.close_loop.close import close_loop as close
+        from explicitfe.measured.files import folder_name
+        from explicitfe.view.terminal.close_loop import loop_tables
 
-    with following(console) as progress:
         report = close(
             dataset,
             out=out or Path("outputs") / f"close-loop-{folder_name(dataset)}",

@@ -20,9 +20,9 @@ def design_test(
 
     Example: [bold]explicitfe design-test scenarios/protocols/gerard-2005.toml[/bold]
     """
-    from explicitfe.close_loop.design import design_test as design
-    from explicitfe.view.terminal.close_loop import design_table
+    with following(console, f"reading {protocol}") as progress:
+        from explicitfe.close_loop.design import design_test as design
+        from explicitfe.view.terminal.close_loop import design_table
 
-    with following(console) as progress:
         planned = design(protocol, progress=progress)
     print_answer(planned.document, as_json, lambda: design_table(planned))

@@ -39,10 +39,10 @@ def identify(
 
     Example: [bold]explicitfe identify my-dataset --out fit[/bold]
     """
-    from explicitfe.identify.identify import identify as identify_constants
-    from explicitfe.view.terminal.identify import identification_notes, identification_tables
+    with following(console, f"reading {dataset}") as progress:
+        from explicitfe.identify.identify import identify as identify_constants
+        from explicitfe.view.terminal.identify import identification_notes, identification_tables
 
-    with following(console) as progress:
         identification = identify_constants(
             dataset,
             method=method,

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from explicitfe.cli.answer import print_answer
+from explicitfe.cli.answer import console, print_answer
 from explicitfe.cli.options import JsonOption
+from explicitfe.view.progress import following
 
 
 def measure(
@@ -21,8 +22,9 @@ def measure(
 
     Example: [bold]explicitfe measure outputs/vowel-i.vtkhdf outputs/sl-alone.vtkhdf --at-ms 100[/bold]
     """
-    from explicitfe.measure.measure import measure as measures_of_file
-    from explicitfe.view.terminal.measures import measures_table
+    with following(console, f"measuring {', '.join(map(str, results))}"):
+        from explicitfe.measure.measure import measure as measures_of_file
+        from explicitfe.view.terminal.measures import measures_table
 
-    measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants) for path in results]
+        measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants) for path in results]
     print_answer({"results": [measures.document for measures in measured]}, as_json, lambda: measures_table(measured))

@@ -29,10 +29,10 @@ def predict(
 
     Example: [bold]explicitfe predict my-dataset --model model.toml[/bold]
     """
-    from explicitfe.predict.predict import predict as predict_dataset
-    from explicitfe.view.terminal.predict import prediction_table
+    with following(console, f"reading {dataset}") as progress:
+        from explicitfe.predict.predict import predict as predict_dataset
+        from explicitfe.view.terminal.predict import prediction_table
 
-    with following(console) as progress:
         prediction = predict_dataset(
             dataset, model, out=out, curves=curves or (), refinement=refinement, overwrite=overwrite, progress=progress
         )

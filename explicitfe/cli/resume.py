@@ -28,11 +28,11 @@ def resume(
 
     Example: [bold]explicitfe resume outputs/vowel-i.running.vtkhdf[/bold]
     """
-    from explicitfe.run.resume import resumed
-
     if plots:
         require("plots", "drawing pictures")
-    with following(console) as progress:
+    with following(console, f"reading {result}") as progress:
+        from explicitfe.run.resume import resumed
+
         run = resumed(result, overwrite=overwrite, threads=threads, progress=progress)
         stopped = draw_run(run.analysis, run.summary, progress, context) if plots else None
     show_run(run.analysis, run.summary, stopped, as_json)

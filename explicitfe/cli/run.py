@@ -52,14 +52,14 @@ def run(
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
     """
-    from explicitfe.run.prepare import prepare
-    from explicitfe.run.resume import begun_at, go_on
-    from explicitfe.run.run import result_path
-
     if plots:
         require("plots", "drawing pictures")
-    tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
-    with following(console) as progress:
+    with following(console, f"reading {scenario}") as progress:
+        from explicitfe.run.prepare import prepare
+        from explicitfe.run.resume import begun_at, go_on
+        from explicitfe.run.run import result_path
+
+        tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
         target = result_path(scenario, out)
         begun = begun_at(target) if resume else None

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from explicitfe.cli.answer import print_json
+from explicitfe.cli.answer import console, print_json
+from explicitfe.view.progress import following
 
 
 def schema(
@@ -29,6 +30,8 @@ def schema(
 
         print_json(json_schema())
     else:
-        from explicitfe.cli.answers import answer_schema
+        with following(console, f"making the schema of {answer}"):
+            from explicitfe.cli.answers import answer_schema
 
-        print_json(answer_schema(answer.replace(" ", "-")))
+            schema_of_answer = answer_schema(answer.replace(" ", "-"))
+        print_json(schema_of_answer)

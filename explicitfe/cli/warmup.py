@@ -19,9 +19,9 @@ def warmup(
 
     Example: [bold]explicitfe warmup[/bold]
     """
-    from explicitfe.run.speed import warm
-    from explicitfe.view.terminal.program import machine_code_table
+    with following(console, "starting") as progress:
+        from explicitfe.run.speed import warm
+        from explicitfe.view.terminal.program import machine_code_table
 
-    with following(console) as progress:
         code = warm(everything, progress)
     print_answer(code, as_json, lambda: machine_code_table(code["seconds"]))

@@ -1,10 +1,11 @@
-"""The folder where machine code is kept: what stands there is executed, so nobody else may write there."""
+"""Machine code that is kept on disk: who may write it, for it is executed, and whether it is compiled now or was there."""
 
 from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from explicitfe.errors import InputError
@@ -39,3 +40,19 @@ def refuse_foreign_code(environment: Mapping[str, str] = os.environ) -> None:
         f"{VARIABLE} = {folder}: {why}, and machine code that is kept there is executed in your name; name a folder that only "
         "you can write (mkdir, chmod 700)."
     )
+
+
+@contextmanager
+def compiler_watched(compiles: Callable[[], None]) -> Iterator[None]:
+    """Call ``compiles`` each time that Numba begins to compile a function in this block; loading one from the disk is none."""
+    from numba.core import event
+
+    class Compilations(event.Listener):
+        def on_start(self, event: object) -> None:
+            compiles()
+
+        def on_end(self, event: object) -> None:
+            """Of a single function; what it calls was compiled before."""
+
+    with event.install_listener("numba:compile", Compilations()):
+        yield

@@ -9,8 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from explicitfe.errors import InputError
 from explicitfe.measure.document import AirwayRegion
@@ -121,11 +120,11 @@ def wall_surface(table: WallTable) -> tuple[np.ndarray, np.ndarray]:
     """
     height, y = np.array(table.height_mm), np.array(table.y_mm)
     rows = np.linspace(height[0], height[-1], int(np.ceil(np.ptp(height) / (1e3 * WALL_ROW_M))) + 1)
-    half_width = PchipInterpolator(height, table.half_width_mm)(rows)
+    half_width = scipy.interpolate.PchipInterpolator(height, table.half_width_mm)(rows)
     share = np.linspace(-1.0, 1.0, 2 * WALL_COLUMNS + 1)
-    back = PchipInterpolator(height, np.array(table.back_mm), axis=0)(rows)
+    back = scipy.interpolate.PchipInterpolator(height, np.array(table.back_mm), axis=0)(rows)
     side = half_width[:, None] * share
-    even = PchipInterpolator(np.concatenate([-y[:0:-1], y]), np.hstack([back[:, :0:-1], back]), axis=1)
+    even = scipy.interpolate.PchipInterpolator(np.concatenate([-y[:0:-1], y]), np.hstack([back[:, :0:-1], back]), axis=1)
     x = np.stack([even(at)[number] for number, at in enumerate(np.clip(side, -y[-1], y[-1]))])
     points = 1e-3 * np.stack([x, side, np.broadcast_to(rows[:, None], x.shape)], axis=-1)
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
@@ -265,7 +264,7 @@ def _smoothed(line: np.ndarray) -> np.ndarray:
     width = MIDLINE_SMOOTHING_M / POINT_SPACING_M
     beyond = min(len(line) - 1, int(np.ceil(4.0 * width)))
     before, after = 2.0 * line[0] - line[beyond:0:-1], 2.0 * line[-1] - line[-2 : -2 - beyond : -1]
-    return gaussian_filter1d(np.concatenate([before, line, after]), width, axis=0)[beyond : beyond + len(line)]
+    return scipy.ndimage.gaussian_filter1d(np.concatenate([before, line, after]), width, axis=0)[beyond : beyond + len(line)]
 
 
 def _directions(line: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.measure.sections import Y, Z
 from explicitfe.measure.tract import (
@@ -53,7 +53,7 @@ class Underside:
         faces_down = normal[:, Z] < -FACING_SHARE * area
         self.points, triangle = triangle_samples(palate[faces_down], SAMPLE_SPACING_M, box)
         self.normal = (normal[faces_down] / area[faces_down, None])[triangle]
-        self._tree = cKDTree(self.points)
+        self._tree = scipy.spatial.cKDTree(self.points)
 
     def clearance(self, points: np.ndarray) -> np.ndarray:
         """Distance (k,) m of points (k, 3) from the palate, along the normal at the nearest sample; negative inside."""

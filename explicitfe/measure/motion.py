@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.measure.document import BodyMotion, MaterialPlace, PointMotion, SelfPenetrationFigures
 from explicitfe.measure.sections import X, Y, Z, middle
@@ -82,7 +82,7 @@ def left_right_difference(mesh: HexMesh, displacement: np.ndarray) -> float | No
     """Largest |u(mirror image) - mirror image of u| of all nodes, m; None where the mesh is not its own mirror image."""
     mirrored = mesh.points.copy()
     mirrored[:, Y] = 2.0 * middle(mesh) - mirrored[:, Y]
-    distance, partner = cKDTree(mesh.points).query(mirrored)
+    distance, partner = scipy.spatial.cKDTree(mesh.points).query(mirrored)
     if distance.max() > MIRROR_SHARE_OF_EXTENT * np.ptp(mesh.points, axis=0).max():
         return None
     return float(np.linalg.norm(displacement[partner] - displacement * [1.0, -1.0, 1.0], axis=1).max())

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import butter, find_peaks, sosfiltfilt
+import scipy
 
 # Positions are filtered by a Butterworth filter of this order, forwards and backwards, so that nothing is delayed.
 FILTER_ORDER = 4
@@ -70,11 +70,11 @@ def strokes(
     """
     step_s = float(np.mean(np.diff(times_s)))
     if cutoff_hz is not None:
-        low_pass = butter(FILTER_ORDER, cutoff_hz, fs=1.0 / step_s, output="sos")
-        positions_m = sosfiltfilt(low_pass, positions_m, axis=0)
+        low_pass = scipy.signal.butter(FILTER_ORDER, cutoff_hz, fs=1.0 / step_s, output="sos")
+        positions_m = scipy.signal.sosfiltfilt(low_pass, positions_m, axis=0)
     speed = np.linalg.norm(np.gradient(positions_m, step_s, axis=0), axis=1)
     # A point may start or stop at full speed: both ends of the record count as minima, whatever the speed is there.
-    peaks = find_peaks(speed, prominence=SMALLEST_RISE_M_S)[0]
+    peaks = scipy.signal.find_peaks(speed, prominence=SMALLEST_RISE_M_S)[0]
     if not len(peaks):
         return []
     inner = [int(a + np.argmin(speed[a : b + 1])) for a, b in pairwise(peaks)]

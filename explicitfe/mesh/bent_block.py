@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, RectBivariateSpline
+import scipy
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.box import grid_hexes
@@ -136,13 +136,13 @@ class ContourMap:
         )
 
     @cached_property
-    def _contour_spline(self) -> CubicSpline:
+    def _contour_spline(self) -> scipy.interpolate.CubicSpline:
         """s -> lower x, z, upper x, z, bow, drop, keel."""
-        return CubicSpline(self.s, np.column_stack([self.lower, self.upper, self.bow, self.drop, self.keel]))
+        return scipy.interpolate.CubicSpline(self.s, np.column_stack([self.lower, self.upper, self.bow, self.drop, self.keel]))
 
     @cached_property
-    def _width_spline(self) -> RectBivariateSpline:
-        return RectBivariateSpline(self.s, self.t, self.half_width, kx=3, ky=3, s=0)
+    def _width_spline(self) -> scipy.interpolate.RectBivariateSpline:
+        return scipy.interpolate.RectBivariateSpline(self.s, self.t, self.half_width, kx=3, ky=3, s=0)
 
     def _place(self, s: np.ndarray, t: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Positions (..., 3), m, for arrays that broadcast. x and z depend on |w| only, bit for bit, and y is odd."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
@@ -249,7 +249,7 @@ def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5)
     if len(not_finite):
         raise InputError(f"the position of point {not_finite[0]} is not finite.")
     corners = mesh.points[mesh.hexes]
-    tree = cKDTree(corners.mean(axis=1))
+    tree = scipy.spatial.cKDTree(corners.mean(axis=1))
 
     element = np.full(len(positions), -1)
     natural = np.zeros((len(positions), 3))

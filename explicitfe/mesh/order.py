@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+import scipy
 
 
 def compute_order(hexes: np.ndarray, node_count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -15,8 +14,8 @@ def compute_order(hexes: np.ndarray, node_count: int) -> tuple[np.ndarray, np.nd
     """
     edges = np.array([[0, 1], [1, 2], [2, 3], [3, 0], [4, 5], [5, 6], [6, 7], [7, 4], [0, 4], [1, 5], [2, 6], [3, 7]])
     pairs = hexes[:, edges].reshape(-1, 2)
-    graph = coo_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(node_count, node_count)).tocsr()
-    nodes = reverse_cuthill_mckee(graph + graph.T, symmetric_mode=True).astype(np.int64)
+    graph = scipy.sparse.coo_array((np.ones(len(pairs), dtype=np.int8), pairs.T), shape=(node_count, node_count)).tocsr()
+    nodes = scipy.sparse.csgraph.reverse_cuthill_mckee(graph + graph.T, symmetric_mode=True).astype(np.int64)
     place = np.empty(node_count, dtype=np.int64)
     place[nodes] = np.arange(node_count)
     elements = np.argsort(place[hexes].min(axis=1), kind="stable")

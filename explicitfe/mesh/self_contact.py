@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.muscle_lines import natural_coordinates
@@ -55,7 +54,7 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
     element, row = _in_boxes(x, mesh.hexes, x[surface])
     node = surface[row]
 
-    incidence = csr_array(
+    incidence = scipy.sparse.csr_array(
         (np.ones(mesh.hexes.size, dtype=np.int32), mesh.hexes.ravel(), 8 * np.arange(mesh.element_count + 1)),
         shape=(mesh.element_count, mesh.node_count),
     )
@@ -71,7 +70,7 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
         return nobody
 
     tried = min(_TRIANGLES_TRIED, len(triangles))
-    near = cKDTree(triangles.mean(axis=1)).query(x[nodes], k=np.arange(1, tried + 1))[1]
+    near = scipy.spatial.cKDTree(triangles.mean(axis=1)).query(x[nodes], k=np.arange(1, tried + 1))[1]
     rows = np.repeat(np.searchsorted(surface, nodes), tried)
     own = _entries(neighbours, rows, quads[near.ravel() // 4]).max(axis=1).reshape(near.shape) > 0
     distance = triangle_distance(np.repeat(x[nodes], tried, axis=0), triangles[near.ravel()]).reshape(near.shape)
@@ -105,14 +104,14 @@ def _in_boxes(x: np.ndarray, hexes: np.ndarray, points: np.ndarray) -> tuple[np.
     corners = x[hexes]
     low, high = corners.min(axis=1), corners.max(axis=1)
     reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    near = cKDTree(points).query_ball_point(0.5 * (low + high), reach)
+    near = scipy.spatial.cKDTree(points).query_ball_point(0.5 * (low + high), reach)
     element = np.repeat(np.arange(len(hexes)), [len(numbers) for numbers in near])
     point = np.concatenate(near).astype(np.int64)
     inside = ((points[point] >= low[element]) & (points[point] <= high[element])).all(axis=1)
     return element[inside], point[inside]
 
 
-def _entries(matrix: csr_array, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+def _entries(matrix: scipy.sparse.csr_array, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Entries (k, c) of a sparse matrix in rows (k,) and columns (k, c)."""
     if not columns.size:
         return np.zeros(columns.shape, dtype=np.int32)

@@ -9,9 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.mesh.hexmesh import FACES, HexMesh, face_groups
 from explicitfe.mesh.quality import edge_lengths
@@ -61,12 +59,12 @@ def soundness(mesh: HexMesh, *, overlap: bool = True) -> Soundness:
     elements = np.repeat(np.arange(mesh.element_count), 8)
     first = mesh.hexes[:, :1].repeat(8, axis=1).ravel()
     size = mesh.node_count
-    graph = coo_array((np.ones(len(elements), dtype=np.int8), (first, mesh.hexes.ravel())), shape=(size, size))
-    label = connected_components(graph, directed=False)[1]
+    graph = scipy.sparse.coo_array((np.ones(len(elements), dtype=np.int8), (first, mesh.hexes.ravel())), shape=(size, size))
+    label = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
     return Soundness(
         part=np.unique(label[mesh.hexes[:, 0]], return_inverse=True)[1].ravel(),
         piece=_pieces(mesh.hexes),
-        same_place=cKDTree(mesh.points).query_pairs(_ONE_PLACE_SHARE * shortest_m, output_type="ndarray"),
+        same_place=scipy.spatial.cKDTree(mesh.points).query_pairs(_ONE_PLACE_SHARE * shortest_m, output_type="ndarray"),
         overlapping=_overlapping(mesh, shortest_m) if overlap else np.zeros(0, dtype=np.int64),
         extent_m=float(np.ptp(mesh.points, axis=0).max()),
     )
@@ -76,8 +74,10 @@ def _pieces(hexes: np.ndarray) -> np.ndarray:
     """The piece (m,) of each element; faces join the elements of a piece."""
     order, begins = face_groups(hexes)
     joined = np.delete(np.stack([order[:-1], order[1:]], axis=1), begins[1:] - 1, axis=0) // len(FACES)
-    graph = coo_array((np.ones(len(joined), dtype=np.int8), (joined[:, 0], joined[:, 1])), shape=(len(hexes), len(hexes)))
-    return connected_components(graph, directed=False)[1]
+    graph = scipy.sparse.coo_array(
+        (np.ones(len(joined), dtype=np.int8), (joined[:, 0], joined[:, 1])), shape=(len(hexes), len(hexes))
+    )
+    return scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
 
 
 def _overlapping(mesh: HexMesh, shortest_m: float) -> np.ndarray:

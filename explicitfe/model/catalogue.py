@@ -1,4 +1,7 @@
-"""The built-in models, materials and scenarios: data folders, read here."""
+"""The built-in models, materials and scenarios: data folders, read here.
+
+Laws and result files are imported where they are needed: whoever asks for the names of models waits for no compiler.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +11,21 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from explicitfe.bones.tables import BoneShape, read_bones
 from explicitfe.errors import InputError, nearest
-from explicitfe.materials import LAWS, Law
 from explicitfe.mesh.bent_block import ContourMap
 from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.size import check_size
-from explicitfe.results.airway_table import AirwayTable
+
+if TYPE_CHECKING:
+    from explicitfe.materials import Law
+    from explicitfe.results.airway_table import AirwayTable
 
 _Shared = TypeVar("_Shared")
 _PACKAGE = Path(__file__).resolve().parent.parent
@@ -53,6 +58,8 @@ def materials() -> dict[str, Law]:
     ------
     InputError : two models give the same name.
     """
+    from explicitfe.materials import LAWS
+
     laws: dict[str, Law] = {}
     places: dict[str, Path] = {}
     for path in sorted(_data("models").glob("*/materials.toml")):
@@ -71,7 +78,7 @@ def material(choice: str | Law) -> Law:
     ------
     InputError : no material has that name.
     """
-    if isinstance(choice, Law):
+    if not isinstance(choice, str):
         return choice
     if choice not in materials():
         raise InputError(f'unknown material "{choice}"; {nearest(choice, materials())}')
@@ -97,6 +104,8 @@ def bones(name: str) -> dict[str, BoneShape]:
 
 def airway(name: str) -> AirwayTable | None:
     """The airway around a built-in model by name; None for a mesh of one's own, and where its folder has no airway.toml."""
+    from explicitfe.results.airway_table import AirwayTable
+
     folder = model_folders().get(name)
     if folder is None or not (folder / "airway.toml").is_file():
         return None

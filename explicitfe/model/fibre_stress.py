@@ -30,8 +30,7 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.spatial.distance import cdist
+import scipy
 
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions
@@ -240,7 +239,7 @@ def _spread(mesh: HexMesh, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray]:
     corners = mesh.points[mesh.hexes]
     centre = corners.mean(axis=1)
     radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1)
-    distance, nearest = cKDTree(pieces.middle).query(centre, distance_upper_bound=reach.max() + radius.max())
+    distance, nearest = scipy.spatial.cKDTree(pieces.middle).query(centre, distance_upper_bound=reach.max() + radius.max())
     longest = edge_lengths(mesh.points, mesh.hexes).max(axis=1)
     order = np.ceil(longest / (_POINT_SPACING_WIDTHS * pieces.width.min())).astype(int).clip(*_FEWEST_AND_MOST_POINTS)
     near = np.flatnonzero(distance <= reach.max() + radius)
@@ -255,7 +254,7 @@ def _spread(mesh: HexMesh, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray]:
             gap = np.linalg.norm(pieces.middle - pieces.middle.clip(low, high), axis=1)
             of = np.flatnonzero(gap <= reach)
             h = pieces.width[of]
-            squared = cdist(places, pieces.middle[of], "sqeuclidean")
+            squared = scipy.spatial.distance.cdist(places, pieces.middle[of], "sqeuclidean")
             value = np.exp(squared * (-0.5 / h**2))
             value[squared > reach[of] ** 2] = 0.0
             volume = (rule * _jacobians(natural, corners[elements])).ravel()

@@ -25,9 +25,7 @@ from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy
 
 from explicitfe.errors import InputError
 from explicitfe.materials import Law
@@ -216,8 +214,8 @@ def _pieces(kept: np.ndarray, pairs: np.ndarray) -> tuple[int, np.ndarray]:
     number = np.cumsum(kept) - 1
     joined = number[pairs[kept[pairs].all(axis=1)]]
     size = int(kept.sum())
-    graph = coo_array((np.ones(len(joined), dtype=bool), (joined[:, 0], joined[:, 1])), shape=(size, size))
-    count, label = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array((np.ones(len(joined), dtype=bool), (joined[:, 0], joined[:, 1])), shape=(size, size))
+    count, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     return int(count), label
 
 
@@ -239,7 +237,7 @@ def _scar_shares(mesh: HexMesh, native: np.ndarray, wound: np.ndarray, scar: Sca
         x = mesh.points[wound]
         middle = np.broadcast_to(x.mean(axis=1, keepdims=True), x.shape)
         triangles = np.stack([x, np.roll(x, -1, axis=1), middle], axis=2).reshape(-1, 3, 3)
-        tree, tried = cKDTree(triangles.mean(axis=1)), min(_NEAREST_TRIANGLES_TRIED, len(triangles))
+        tree, tried = scipy.spatial.cKDTree(triangles.mean(axis=1)), min(_NEAREST_TRIANGLES_TRIED, len(triangles))
         reach = thickness + np.linalg.norm(np.ptp(triangles, axis=1), axis=1).max()
         corners = mesh.points[mesh.hexes]
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)

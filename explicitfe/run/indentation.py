@@ -25,6 +25,7 @@ from explicitfe.results.run_summary import (
     RunSummary,
 )
 from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_go_on, restart_extras
+from explicitfe.run.machine_code import make_ready
 from explicitfe.run.notes import equilibrium_notes
 from explicitfe.run.outlook import check_room, warn_of_long_run
 from explicitfe.run.work import balance_of, external_work
@@ -106,7 +107,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         if begun is None:
             check_room(target, self._result_bytes(), "take fewer loads, fewer record.fields or another --out")
         with self._opened(target, overwrite, len(loads) + 1, begun) as writer:
-            compile_s = body.compile(lambda share: progress("compile", share))
+            compile_s = make_ready(body, progress)
             started = time.perf_counter()
             curve: list[Equilibrium] = []
             if begun is not None and state is not None:
@@ -153,8 +154,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         """How long an indentation will take, from a few iterations and from what loads have taken so far."""
         body, scenario = self.body, self.scenario
         mesh_report = self._mesh_report()
-        progress("compile", 0.0)
-        body.compile(lambda share: progress("compile", share))
+        make_ready(body, progress)
         loads = len(scenario.analysis.course)
         iterations = loads * ITERATIONS_PER_LOAD
         return {

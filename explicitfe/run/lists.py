@@ -1,4 +1,7 @@
-"""Lists of what comes with the program: models, muscles, scenarios, materials, effects."""
+"""Lists of what comes with the program: models, muscles, scenarios, materials, effects.
+
+What needs the compiler, which takes a second to import, is imported by the list that needs it.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,7 @@ import numpy as np
 from pydantic import JsonValue
 from typing_extensions import TypedDict
 
-from explicitfe.effects import EFFECTS
 from explicitfe.model import catalogue
-from explicitfe.scenario.read import read_scenario
 
 Row = Mapping[str, object]
 """One entry; its first key is what a user has to type."""
@@ -90,6 +91,8 @@ def _muscles() -> list[ListedMuscle]:
 
 
 def _scenarios() -> list[ListedScenario]:
+    from explicitfe.scenario.read import read_scenario
+
     rows: list[ListedScenario] = []
     for path in catalogue.scenario_files():
         scenario, _ = read_scenario(path)
@@ -110,6 +113,8 @@ def _materials() -> list[ListedMaterial]:
 
 
 def _effects() -> list[ListedEffect]:
+    from explicitfe.effects import EFFECTS
+
     return [
         {
             "effect": name,

@@ -17,6 +17,7 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model import catalogue
 from explicitfe.model.model import Model
 from explicitfe.results.run_summary import MachineCode, ScenarioSpeed, SpeedReport, SpeedRow
+from explicitfe.run.machine_code import make_ready
 from explicitfe.run.prepare import prepare
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
@@ -107,7 +108,7 @@ def bench(sizes: Sequence[int] = tuple(TIMED_SIZES), progress: Progress = silent
     for done, (size, element) in enumerate([(size, element) for size in sizes for element in TIMED_ELEMENTS]):
         progress("bench", done / (len(sizes) * len(TIMED_ELEMENTS) + 1))
         alone = problem(size, element, threads=1)
-        alone.compile(lambda share: progress("compile", share))
+        make_ready(alone, progress)
         row: SpeedRow = {
             "elements": size,
             "element": element,

@@ -53,6 +53,7 @@ from explicitfe.run.analysis import (
     how_to_go_on,
     restart_extras,
 )
+from explicitfe.run.machine_code import make_ready
 from explicitfe.run.notes import balance_notes
 from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.scenario.transient import TransientScenario
@@ -159,7 +160,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another --out")
 
         with self._opened(target, overwrite, expected, begun) as writer:
-            compile_s = simulation.compile(lambda share: progress("compile", share))
+            compile_s = make_ready(simulation, progress)
             try:
                 transient = Transient(simulation, duration_s, step_s)
                 check_steps(duration_s / transient.smallest_dt_s, transient.smallest_dt_s)
@@ -216,8 +217,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         """Mesh, stable step, steps and wall time; see ``Analysis.check``."""
         simulation, scenario = self.body, self.scenario
         mesh_report = self._mesh_report()
-        progress("compile", 0.0)
-        simulation.compile(lambda share: progress("compile", share))
+        make_ready(simulation, progress)
         bound_s, element = simulation.stable_bound()
         limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         fixed = scenario.analysis.step_us

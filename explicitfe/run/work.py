@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from explicitfe.solve.load_outcome import Equilibrium
 
@@ -65,7 +65,7 @@ def _under_spline(d: np.ndarray, f: np.ndarray) -> float:
     if len(d) == 2:
         return 0.5 * float((f[0] + f[1]) * abs(d[1] - d[0]))
     order = np.argsort(d)
-    return float(CubicSpline(d[order], f[order]).integrate(d[order][0], d[order][-1]))
+    return float(scipy.interpolate.CubicSpline(d[order], f[order]).integrate(d[order][0], d[order][-1]))
 
 
 def balance_of(curve: Sequence[Equilibrium]) -> Balance:

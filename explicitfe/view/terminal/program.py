@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Group
 from rich.table import Table
 
-from explicitfe.results.run_summary import SpeedReport
 from explicitfe.view.terminal.rows import text_of
+
+if TYPE_CHECKING:
+    from explicitfe.results.run_summary import SpeedReport
 
 
 def list_table(title: str, rows: Sequence[Mapping[str, object]]) -> Table:

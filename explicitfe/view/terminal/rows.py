@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.results.run_summary import CheckReport, RunSummary
+if TYPE_CHECKING:
+    from explicitfe.results.run_summary import CheckReport, RunSummary
 
 
 class StoredTimes(NamedTuple):

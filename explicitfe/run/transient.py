@@ -33,7 +33,7 @@ from explicitfe.measure.motion import has_settled
 from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model import catalogue
 from explicitfe.model.tongue import assemble
-from explicitfe.results import Quantity, ResultWriter, provenance
+from explicitfe.results import ResultWriter, provenance
 from explicitfe.results.run_summary import (
     CheckReport,
     FoldedElements,
@@ -56,6 +56,7 @@ from explicitfe.run.analysis import (
 from explicitfe.run.machine_code import make_ready
 from explicitfe.run.notes import balance_notes
 from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
+from explicitfe.run.quantities import cell_fields, history_columns, point_fields
 from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.observe import Recording, Snapshot
 from explicitfe.solve.simulation import Simulation
@@ -78,24 +79,6 @@ BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere,
 DISPLACEMENT_WARNING_SHARE = 0.5  # of the model's largest extent: above it the forces are large for the tissue
 FIRST_ROOM_BYTES = 64e6  # of samples that a result file is made for at first; it grows when they are full
 RESTART_EVERY_S = 1.0  # wall time between two restart states
-# Columns of the history that every run in time has.
-TRANSIENT_HISTORY = {
-    "step": Quantity("1", 1, "steps done"),
-    "dt": Quantity("s", 1, "time step"),
-    "internal_energy": Quantity("J", 1, "strain energy of the law, without hourglass energy"),
-    "hourglass_energy": Quantity("J", 1, "energy of hourglass control"),
-    "barrier_energy": Quantity("J", 1, "energy of the barrier against folding"),
-    "kinetic_energy": Quantity("J", 1, "1/2 v(-).M v(+) of the half steps before and after"),
-    "external_work": Quantity("J", 1, "work of muscles, loads and gravity"),
-    "damping_loss": Quantity("J", 1, "energy lost to mass-proportional damping"),
-    "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
-    "contact_energy": Quantity("J", 1, "stored in the contact with bones"),
-    "contact_loss": Quantity("J", 1, "energy lost in the contact with bones: its dampers, and friction"),
-    "tied_energy": Quantity("J", 1, "stored in the ties to bones, and in the springs that hold these"),
-    "balance_error": Quantity("1", 1, "largest energy balance error so far, relative"),
-    "smallest_J": Quantity("1", 1, "smallest J of all elements in all steps so far"),
-}
-
 # Column of the history -> entry of the energies of a sample.
 ENERGY_COLUMNS = {
     "internal_energy": INTERNAL,
@@ -262,21 +245,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
     def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
         scenario, model, simulation = self.scenario, self.model, self.body
         wanted = set(scenario.record.fields)
-        velocity = Quantity("m/s", 3, "velocity of the nodes")
-        J = Quantity("1", 1, "volume over reference volume, det F")
-        hourglass = Quantity("J", 1, "hourglass energy of the element")
-        history = dict(TRANSIENT_HISTORY)
-        for name in model.probes:
-            history[f"probe_{name}_displacement"] = Quantity("m", 3, f"displacement of {name}")
-            history[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")
-        points = {"velocity": velocity} if "velocity" in wanted else {}
-        for bone in model.bones:
-            points[f"contact_pressure_{bone.name}"] = Quantity("Pa", 1, f"pressure of {bone.name} on the surface")
-            history[f"contact_{bone.name}_force"] = Quantity("N", 3, f"force of {bone.name} on the body")
-            history[f"contact_{bone.name}_area"] = Quantity("m^2", 1, f"area of the surface that {bone.name} touches")
-            if bone.motion is not None:
-                placed = f"where {bone.name} is: rotation R by rows, and shift s [m]; a point X of it at rest is at R X + s"
-                history[f"bone_{bone.name}_placement"] = Quantity("1", 12, placed)
+        bones = [bone.name for bone in model.bones]
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
         state = (
@@ -285,9 +254,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         return ResultWriter(
             target,
             mesh=model.mesh,
-            point_fields=points,
-            cell_fields={k: q for k, q in (("J", J), ("hourglass_energy", hourglass)) if k in wanted},
-            history=history,
+            point_fields=point_fields(wanted, bones),
+            cell_fields=cell_fields(wanted),
+            history=history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
             scenario_text=self.text,
             model=self._stored_model(),
             provenance=provenance(),

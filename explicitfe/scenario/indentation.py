@@ -15,7 +15,7 @@ from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, Size, Table, Thread
 class SpecimenTable(Table):
     """A cylinder or a block of tissue, base at z = 0, under a tool that comes down the z axis."""
 
-    name: Literal["specimen"] = "specimen"
+    name: Literal["specimen"] = Field(default="specimen", description="a block or a cylinder of tissue")
     symmetry: Literal["sector", "quarter", "half", "whole"] = Field(
         default="sector", description="the part that is computed; a sector stands for a body of revolution"
     )
@@ -24,12 +24,17 @@ class SpecimenTable(Table):
     size_mm: Size | None = Field(default=None, description="of a block, instead of radius and height: [x, y, z]")
     layer_mm: float = Field(default=0.0, ge=0.0, description="thickness of a surface layer, such as the mucosa")
     layer_stiffness_ratio: float = Field(default=1.0, gt=0.0, description="its moduli relative to the tissue below")
-    base: Literal["bonded", "sliding"] = "bonded"
+    base: Literal["bonded", "sliding"] = Field(
+        default="bonded", description="whether the lower face is glued to the table or slides"
+    )
     bonded_radius_mm: float | None = Field(
         default=None, gt=0.0, description="a bonded base is so only within this distance of the axis, and slides beyond"
     )
     material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
-    element: Literal["hex8", "hex8-stiffness", "hex8-full"] = "hex8"
+    element: Literal["hex8", "hex8-stiffness", "hex8-full"] = Field(
+        default="hex8",
+        description="one point with assumed-strain hourglass control, one point with plain stiffness, or eight points",
+    )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity; it acts before the tool touches")
     edge_size_mm: float | None = Field(
         default=None, gt=0.0, description="size of the elements at the tool's edge; from the tool if left out"
@@ -91,7 +96,9 @@ Friction = Annotated[float | Literal["stick"], BeforeValidator(_coefficient)]
 class ToolTable(Table):
     """A rigid tool that comes down the z axis."""
 
-    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
+    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"] = Field(
+        description="of what presses; a platen is wider than the specimen, a bonded disc is glued to it"
+    )
     radius_mm: float | None = Field(default=None, gt=0.0, description="of all but a platen, which is wider than the specimen")
     edge_radius_mm: float | None = Field(default=None, gt=0.0, description="of a flat cylinder; 1 if left out")
     friction: Friction = Field(default=0.0, description='a coefficient from 0 to 1, or "stick"')
@@ -122,7 +129,7 @@ class ToolTable(Table):
 class RelaxationTable(Table):
     """One equilibrium after the other, by dynamic relaxation."""
 
-    type: Literal["relaxation"]
+    type: Literal["relaxation"] = Field(description="one equilibrium after the other")
     forces_N: list[Annotated[float, Field(ge=0.0)]] | None = Field(
         default=None,
         max_length=MOST_ROWS_OF_A_COURSE,
@@ -159,7 +166,8 @@ class SpecimenRecordTable(Table):
     """What is stored."""
 
     fields: list[Literal["displacement", "J", "strain_energy_density", "hourglass_energy"]] = Field(
-        default=["displacement", "J", "strain_energy_density", "hourglass_energy"]
+        default=["displacement", "J", "strain_energy_density", "hourglass_energy"],
+        description="what is stored of every node or element at each equilibrium",
     )
 
 
@@ -167,7 +175,7 @@ class IndentationScenario(Table):
     """One indentation, as its file states it."""
 
     title: Title
-    question: str = ""
+    question: str = Field(default="", description="what the run is to answer")
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: SpecimenTable
     tool: ToolTable

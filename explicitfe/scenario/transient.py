@@ -92,8 +92,10 @@ class MuscleTable(Table):
 
     name: Name = Field(description="see 'explicitfe list muscles'")
     force_N: float = Field(ge=0.0, description="force summed over all fibres of the sides named [N]")
-    profile: Literal["step", "ramp", "table"] = "step"
-    start_ms: float = Field(default=0.0, ge=0.0)
+    profile: Literal["step", "ramp", "table"] = Field(
+        default="step", description="course in time: at once, rising evenly within rise_ms, or along the pairs of table"
+    )
+    start_ms: float = Field(default=0.0, ge=0.0, description="time at which a step or a ramp begins [ms]")
     rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
     end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
     table: list[Pair] = Field(
@@ -103,8 +105,10 @@ class MuscleTable(Table):
         default="ends", description="an active stress along the fibres in the tissue around them, or forces on nodes"
     )
     force_length: bool = Field(default=False, description='with "stress": whether it falls off in a shortened fibre')
-    direction: Literal["reference", "following"] = "reference"
-    side: Literal["both", "left", "right"] = "both"
+    direction: Literal["reference", "following"] = Field(
+        default="reference", description="of forces on nodes: as at rest, or along the fibres as they turn"
+    )
+    side: Literal["both", "left", "right"] = Field(default="both", description="which fibres pull")
     fibres: list[Annotated[int, Field(ge=1)]] | None = Field(
         default=None, min_length=1, description="numbers of the fibres that pull, counted from 1 on each side; all if left out"
     )
@@ -134,7 +138,7 @@ class MuscleTable(Table):
 class AnalysisTable(Table):
     """How it is computed."""
 
-    type: Literal["transient"] = "transient"
+    type: Literal["transient"] = Field(default="transient", description="a run in time")
     duration_ms: float = Field(gt=0.0, description="simulated time [ms]")
     step_us: float | None = Field(
         default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable one if left out"
@@ -146,7 +150,7 @@ class RecordTable(Table):
     """What is stored."""
 
     every_ms: float = Field(default=1.0, gt=0.0, description="time between two samples [ms]; a run has at most a million samples")
-    fields: list[FieldName] = Field(default=list(FIELDS))
+    fields: list[FieldName] = Field(default=list(FIELDS), description="what is stored of every node or element at each sample")
     probes: list[Name] | None = Field(default=None, description="named points; all of the model if left out")
 
 
@@ -154,11 +158,17 @@ class TransientScenario(Table):
     """One run, as its file states it."""
 
     title: Title
-    question: str = ""
+    question: str = Field(default="", description="what the run is to answer")
     expect: str = Field(default="", description="what the run should show, with the number to expect")
     model: ModelTable
-    muscle: list[MuscleTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
-    bone: list[BoneTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
+    muscle: list[MuscleTable] = Field(
+        default=[],
+        max_length=MOST_TABLES_OF_A_KIND,
+        description="pulls; a muscle may stand here several times, and its pulls add up",
+    )
+    bone: list[BoneTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="rigid surfaces that the body can rest on"
+    )
     jaw: JawTable | None = None
     hyoid: HyoidTable | None = None
     resection: list[ResectionTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is taken out")

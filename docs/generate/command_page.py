@@ -1,0 +1,30 @@
+"""The page of the command line: what ``explicitfe COMMAND --help`` says of every command."""
+
+from __future__ import annotations
+
+import re
+
+HEAD = """# The command line
+
+This page is made from `--help` of every command. How commands end, what they print for programs, and what `--json` gives:
+[Commands: how they end](commands.md).
+
+"""
+_BOLD = re.compile(r"\[bold\](.*?)\[/bold\]", re.S)
+_LIST_OF_COMMANDS = re.compile(r"^\*\*Commands\*\*:\n\n(?:\* .*\n)+\n", re.M)
+_HEADING = re.compile(r"^(#+) `explicitfe ?(.*?)`$", re.M)
+
+
+def command_page() -> str:
+    """Markdown of all commands, each under a heading of its name."""
+    import typer
+    from typer.cli import get_docs_for_click
+
+    from explicitfe.cli.app import app
+
+    command = typer.main.get_command(app)
+    text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="explicitfe"), name="explicitfe")
+    text = _BOLD.sub(lambda match: f"`{' '.join(match[1].split())}`", text)
+    text = _LIST_OF_COMMANDS.sub("", text)  # its words are cut short, and the sections follow
+    text = _HEADING.sub(lambda match: f"{match[1]} {match[2] or 'explicitfe'}", text)
+    return HEAD + text.partition("\n")[2].replace("```console\n$ ", "```text\n").replace("](docs/reference/", "](")

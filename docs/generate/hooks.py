@@ -1,0 +1,58 @@
+"""What the site has beside the files of docs/: called by mkdocs when it is built (see mkdocs.yml), never by hand.
+
+- Pages made from the program itself: the command line, all keys, the Python names.
+- ``models/*/SOURCES.md``, ``CHANGELOG.md`` and what else a reader of the sources looks for at the top of the repository.
+- A link to the glossary where a page first uses one of its words.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from pathlib import Path
+
+from command_page import command_page
+from glossary import Glossary
+from key_pages import dataset_page, result_page, scenario_page
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+from python_page import python_page
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATED = {
+    "reference/cli.md": command_page,
+    "reference/scenario-keys.md": scenario_page,
+    "reference/dataset-keys.md": dataset_page,
+    "reference/result-keys.md": result_page,
+    "reference/python.md": python_page,
+}
+FROM_THE_TOP = ("models/tongue/SOURCES.md", "models/specimen/SOURCES.md", "CHANGELOG.md")
+GLOSSARY = "explanation/glossary.md"
+_LINK_TO_THE_TOP = re.compile(rf"\]\((?:\.\./)+({'|'.join(map(re.escape, FROM_THE_TOP))})\)")
+_LINK_TO_DOCS = re.compile(r"\]\((?:\.\./)*docs/")
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made here."""
+    for name, make in GENERATED.items():
+        files.append(File.generated(config, name, content=make()))
+    for name in FROM_THE_TOP:
+        text = (ROOT / name).read_text(encoding="utf-8")
+        files.append(File.generated(config, name, content=_LINK_TO_DOCS.sub(f"]({'../' * name.count('/')}", text)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Links that leave docs/ in the repository stay inside the site."""
+    up = posixpath.relpath(".", posixpath.dirname(page.file.src_uri) or ".")
+    return _LINK_TO_THE_TOP.sub(lambda match: f"]({posixpath.join(up, match[1])})", markdown)
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """The first use of a word of the glossary leads there."""
+    if page.file.src_uri in {GLOSSARY, *GENERATED, *FROM_THE_TOP}:
+        return html
+    target = files.get_file_from_path(GLOSSARY)
+    assert target is not None
+    return Glossary(ROOT / "docs" / GLOSSARY).linked(html, target.url_relative_to(page.file))

@@ -129,8 +129,8 @@ def test_what_is_significant_and_not_added_has_its_reason():
 
 
 def test_an_effect_that_left_out_tests_speak_against_is_not_added():
-    """A wave in the last of four tests alone. What explains it has the opposite wave in the first, so that of either test one would
-    foretell the other wrongly.
+    """A wave in the last of four tests alone. What explains it has the opposite wave in the first, so that either of these tests
+    foretells the other wrongly.
     """
     first, last = np.where(TEST < -1.0, WAVE, 0.0), np.where(TEST > 1.0, WAVE, 0.0)
     one = outcome_of(effects={"odd": Planted(lambda: last - first)}, extra=0.3 * last).rounds[0]

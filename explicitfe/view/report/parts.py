@@ -217,7 +217,9 @@ def _facts(report: LoopReport, side: Side, floor: float | None) -> list[Fact]:
         if changed and "." in key and len(facts) < MOST_FACTS:
             words, unit = name_and_unit(report, key)
             doubt = ", not determined" if key in report.undetermined else ""
-            facts.append(Fact(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + f"{doubt}."))
+            facts.append(
+                Fact(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + f"{doubt}.")
+            )
     if report.split.left_out:
         facts.append(Fact(f"{plural(len(report.split.left_out), 'curve')} left out", "split"))
     if warnings := list(filter(None, report.warnings)):

@@ -11,7 +11,7 @@ import numpy as np
 from explicitfe.close_loop import words
 from explicitfe.close_loop.search import Outcome, Round, numerical_shares
 from explicitfe.close_loop.split import Split
-from explicitfe.close_loop.statistics.refit import BestFit, intervals
+from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit, intervals
 from explicitfe.close_loop.thresholds import entries
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
@@ -39,6 +39,9 @@ from explicitfe.results.loop_report import (
 
 SUMMARY = "report.json"
 SIDES: tuple[Side, Side] = ("fit", "holdout")
+# Why a parameter is not determined, as the report says it.
+WITHOUT_EFFECT = "its interval includes no effect at all"
+WHOLE_RANGE = "its interval is its whole range"
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,6 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     report.verdict = outcome.verdict
     report.remainder = outcome.remainder
     report.remainder_where = words.where(last)
-    report.sentence = words.sentence(outcome)
     report.message = outcome.message
     report.effects = effects
     report.effect_titles = {name: words.title(name) for name in named}
@@ -122,6 +124,10 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     )
     report.baseline = ReportedModel(parameters=parameters(before, first))
     report.final = ReportedModel(parameters=parameters(after, last))
+    report.undetermined = undetermined(after, report.final.parameters)
+    unsure = {name.partition(".")[0] for name, why in report.undetermined.items() if why == WITHOUT_EFFECT}
+    report.strength_undetermined = [effect for effect in effects if effect in unsure]
+    report.sentence = words.sentence(outcome, report.strength_undetermined)
     report.steps = [_reported(one) for one in outcome.rounds]
     report.ambiguous_with = list(ambiguous)
     report.separations = [
@@ -163,6 +169,22 @@ def parameters(fit: BestFit, judged: Round) -> Parameters:
     return reported
 
 
+def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
+    """Parameter of an effect that the data do not determine -> why: with its strength at none, or anywhere in its range."""
+    why: dict[str, str] = {}
+    for term in fit.model.terms:
+        for number, p in enumerate(term.parameters):
+            estimate = reported[p.name]
+            assert isinstance(estimate, Estimate)
+            low, high = estimate.ci95
+            edge = BOUND_SHARE * (p.sought.high - p.sought.low)
+            if number == 0 and low - edge <= p.sought.none <= high + edge:
+                why[p.name] = WITHOUT_EFFECT
+            elif low <= p.sought.low + edge and high >= p.sought.high - edge:
+                why[p.name] = WHOLE_RANGE
+    return why
+
+
 def add_failure(report: LoopReport, message: str) -> None:
     """Put into a report that nothing could be fitted, and why."""
     report.verdict = "failed"
@@ -172,6 +194,8 @@ def add_failure(report: LoopReport, message: str) -> None:
     report.message = message
     report.effects = []
     report.effect_titles = {}
+    report.undetermined = {}
+    report.strength_undetermined = []
     report.n_eff = 0.0
     report.baseline = ReportedModel(parameters={}, error=ErrorsOfModel())
     report.final = ReportedModel(parameters={}, error=ErrorsOfModel())
@@ -199,14 +223,16 @@ def _reported(judged: Round) -> ReportedRound:
                 chi2_drop=score.drop,
                 chi2_drop_refitted=None if fit is None else judged.fit.chi2 - fit.chi2,
                 p_holm=score.p_holm,
+                p_is_bound=score.p_is_bound,
                 cv_nrmse=float(np.mean(list(errors.values()))) if errors else None,
                 parameters=dict(zip(names, values, strict=False)),
-                reason=judged.failures.get(name, score.reason),
+                reason=judged.failures.get(name) or judged.why_not.get(name, score.reason),
             )
         )
     without = judged.cv.get("")
     return ReportedRound(
         p_residual=judged.p,
+        p_is_bound=judged.p_is_bound,
         chi2=judged.fit.chi2,
         lack_of_fit=ReportedLackOfFit(chi2=judged.lack.chi2, free=judged.lack.free, p=judged.lack.p),
         cv_nrmse=float(np.mean(list(without.values()))) if without else None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from explicitfe.close_loop.selection import CrossValidation, select, why_not_fitted
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.fingerprints import (
     NOT_SIGNIFICANT,
@@ -19,7 +20,7 @@ from explicitfe.close_loop.statistics.fingerprints import (
     scores,
 )
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, scatter
-from explicitfe.close_loop.statistics.refit import BestFit, cross_validation_errors, refit
+from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
@@ -29,6 +30,8 @@ from explicitfe.results.loop_report import Remainder, Verdict
 ASSUMED = "assumed "
 # Shares of the whole search that are done when each stage begins; the rounds take what lies between the last two.
 BASELINE_PROGRESS, FLOORS_PROGRESS, ROUNDS_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.06, 0.1, 0.8
+
+NO_MORE_EFFECTS = "not added: the model has as many effects as may be added (--max-effects)"
 
 Watch = Callable[[str, float], None]
 
@@ -42,11 +45,13 @@ class Round:
     fit, covariance : the model of this round at its best, and the covariance that it was judged with.
     lack : its lack of fit.
     p : p-value of the residual, from the lack of fit and from the best candidate together.
+    p_is_bound : p is an upper bound, because no draw of the bootstrap reached the best candidate's drop.
     scores : of all candidates.
     refits : effect -> the model with it, at its best.
     failures : effect -> why that could not be computed.
     cv : effect -> cross-validated error of each test; "" is the model without a further effect.
     chosen : the effect that was added; None if none was.
+    why_not : significant effect -> why it was not added here.
     best : the effect that was chosen, or that cannot be told from others.
     ambiguous_with : effects that these data cannot tell from the best.
     separations : (a, b, |y_a - y_b|^2).
@@ -57,10 +62,12 @@ class Round:
     lack: LackOfFit
     p: float
     scores: list[Score]
+    p_is_bound: bool = False
     refits: dict[str, BestFit] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
-    cv: dict[str, dict[str, float]] = field(default_factory=dict)
+    cv: CrossValidation = field(default_factory=dict)
     chosen: str | None = None
+    why_not: dict[str, str] = field(default_factory=dict)
     best: str | None = None
     ambiguous_with: tuple[str, ...] = ()
     separations: tuple[tuple[str, str, float], ...] = ()
@@ -207,26 +214,39 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
     prints = fingerprints(system, fit, covariance, candidates)
     scored = scores(fit, prints, candidates, seed)
     # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
-    p = min(1.0, 2.0 * min([lack.p, *(s.p_holm for s in scored)]))
-    seen = Round(fit, covariance, lack, p, scored)
+    least, is_bound = min([(lack.p, False), *((s.p_holm, s.p_is_bound) for s in scored)])
+    seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound)
     significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
     if seen.at_floor or not significant or last:
-        return seen
+        why = "not added: what is left is no more than noise" if seen.at_floor else NO_MORE_EFFECTS
+        return replace(seen, why_not={s.candidate.effect: why for s in significant})
     promising, near = _worth_a_refit(system, fit, significant, scored)
     refits, failures = _refits(system, fit, covariance, promising, near)
-    best, cv = _select(system, fit, refits, {s.candidate.effect for s in significant}, covariance)
-    if best is not None and fit.chi2 - refits[best].chi2 <= _numerical_chi2(covariance, fit):
-        best = None  # numerics may change as much
-    seen = replace(seen, refits=refits, failures=failures, cv=cv)
+    selection = select(
+        system, fit, refits, {s.candidate.effect for s in significant}, covariance, _numerical_chi2(covariance, fit)
+    )
+    fitted = [s for s in significant if s.candidate.effect in refits]
+    why_not = {s.candidate.effect: why_not_fitted(s, fitted) for s in significant if s not in fitted} | selection.why_not
+    best = selection.best
+    seen = replace(seen, refits=refits, failures=failures, cv=selection.cv, why_not=why_not)
     if best is None:
         return seen
     separations = _separations(system, best, refits, covariance)
     unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
     # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
-    least = fit.whitened - refits[best].whitened - THRESHOLDS.told_apart_separation
-    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > least]
-    chosen = None if unsure else best
-    return replace(seen, chosen=chosen, best=best, ambiguous_with=tuple(unsure), separations=tuple(separations))
+    likely_drop = fit.whitened - refits[best].whitened - THRESHOLDS.told_apart_separation
+    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > likely_drop]
+    if unsure:
+        alike = {rival: f"not added: these data cannot tell it from {best}" for rival in unsure}
+        why_not = why_not | alike | {best: f"not added: these data cannot tell it from {' and '.join(unsure)}"}
+    return replace(
+        seen,
+        chosen=None if unsure else best,
+        why_not=why_not,
+        best=best,
+        ambiguous_with=tuple(unsure),
+        separations=tuple(separations),
+    )
 
 
 def _worth_a_refit(
@@ -285,43 +305,3 @@ def _separations(system: System, best: str, refits: dict[str, BestFit], covarian
             apart = refit(system, rival.model, covariance, chosen.answer, rival.slopes).chi2
         separations.append((best, name, apart))
     return separations
-
-
-def _select(
-    system: System, fit: BestFit, refits: dict[str, BestFit], allowed: set[str], covariance: Covariance
-) -> tuple[str | None, dict[str, dict[str, float]]]:
-    """The effect to add, and effect -> cross-validated error of each test.
-
-    Of the models that are about as good in cross-validation as the best one, it is that with the least chi2 for its size. It is
-    None where the tests that are left out speak against all of them.
-    """
-    cv = {"": cross_validation_errors(system, fit, covariance)}
-    cv |= {name: cross_validation_errors(system, other, covariance) for name, other in refits.items()}
-    size = np.log(max(covariance.effective, 2.0))  # what a parameter more must gain (BIC)
-    cost = {name: refits[name].chi2 + size * len(refits[name].model.x) for name in refits if name in allowed}
-    if not cost:
-        return None, cv
-    if not cv[""]:
-        return min(cost, key=cost.__getitem__), cv
-    mean = {name: float(np.mean(list(cv[name].values()))) for name in cost}
-    first = min(mean, key=mean.__getitem__)
-    near = [name for name in cost if _standard_errors_worse(cv[name], cv[first]) <= 1.0]
-    best = min(near, key=cost.__getitem__)
-    helps = cost[best] < fit.chi2 + size * len(fit.model.x)
-    if fit.model.terms and len(cv[""]) >= THRESHOLDS.cross_validated_tests:
-        # A further effect must not harm the tests that it was not fitted to. Far above the noise, where everything is
-        # significant, it must help them.
-        most = 1.0 if fit.by_rows is None else 1.0 - THRESHOLDS.cross_validation_gain_share
-        helps = helps and mean[best] < most * float(np.mean(list(cv[""].values())))
-    return (best if helps and _standard_errors_worse(cv[best], cv[""]) <= 1.0 else None), cv
-
-
-def _standard_errors_worse(one: dict[str, float], other: dict[str, float]) -> float:
-    """By how many standard errors the errors of one model exceed those of another, test by test."""
-    gap = np.array([one[test] - other[test] for test in one if test in other])
-    if len(gap) < THRESHOLDS.cross_validated_tests:
-        return 0.0  # too few tests speak neither for a model nor against it
-    error = float(np.std(gap, ddof=1) / np.sqrt(len(gap)))
-    if error == 0.0:
-        return 0.0 if gap.mean() <= 0.0 else np.inf
-    return float(gap.mean()) / error

@@ -36,8 +36,8 @@ def failure(message: str) -> str:
     return f"The fit failed: {message} This says nothing about what the model lacks."
 
 
-def sentence(outcome: Outcome) -> str:
-    """The verdict in one sentence."""
+def sentence(outcome: Outcome, undetermined: Sequence[str] = ()) -> str:
+    """The verdict in one sentence; ``undetermined`` are effects that were found, but whose strength is not determined."""
     if outcome.verdict == "failed":
         return failure(outcome.message)
     if outcome.verdict == "no-missing-effect":
@@ -55,7 +55,8 @@ def sentence(outcome: Outcome) -> str:
         "unexplained": "something else is left that none of the effects considered explains",
         "ambiguous": "something else is left that could be more than one effect",
     }[outcome.remainder]
-    return f"The model lacks {list_of(outcome.effects)}; {remainder}."
+    strength = f", the strength of {list_of(undetermined)} is not determined" if undetermined else ""
+    return f"The model lacks {list_of(outcome.effects)}{strength}; {remainder}."
 
 
 def where(last: Round) -> str:

@@ -175,10 +175,10 @@ class ReportedCandidate(ReportPart):
     Attributes
     ----------
     chi2_drop, chi2_drop_refitted : by how much it lowers chi2, by the best trial and after a fit.
-    p_holm : p-value of such a drop by chance, among all candidates.
+    p_holm : p-value of such a drop by chance, among all candidates; an upper bound of it where ``p_is_bound``.
     cv_nrmse : error on tests left out in turn.
     parameters : the values that explain most.
-    reason : for its status, in words.
+    reason : for its status, in words; of a significant one that was not added, why.
     """
 
     effect: str | None = None
@@ -186,6 +186,7 @@ class ReportedCandidate(ReportPart):
     chi2_drop: float | None = None
     chi2_drop_refitted: float | None = None
     p_holm: float | None = None
+    p_is_bound: bool | None = None
     cv_nrmse: float | None = None
     parameters: Parameters = {}
     reason: _Text = ""
@@ -204,11 +205,12 @@ class ReportedRound(ReportPart):
 
     Attributes
     ----------
-    p_residual : p-value of what the round's model leaves.
+    p_residual : p-value of what the round's model leaves; an upper bound of it where ``p_is_bound``.
     chosen : the effect that was added; None if none was.
     """
 
     p_residual: float | None = None
+    p_is_bound: bool | None = None
     chi2: float | None = None
     lack_of_fit: ReportedLackOfFit | None = None
     cv_nrmse: float | None = None
@@ -268,6 +270,8 @@ class LoopReport(Document, ReportPart):
     sentence : the verdict in words; ``message`` says why a fit failed.
     effects : those of the final model; ``nearest`` are those that help without explaining what is missing.
     effect_titles : effect -> its name in words.
+    undetermined : parameter of the final model's effects that the data do not determine -> why.
+    strength_undetermined : effects that were found, but whose interval of the strength includes none at all.
     n_eff : number of independent data.
     baseline, final : the models before and after.
     steps : the rounds of the search.
@@ -289,6 +293,8 @@ class LoopReport(Document, ReportPart):
     message: _Text = ""
     effects: _Entries[str] = []
     effect_titles: _Table[str] = {}
+    undetermined: _Table[str] = {}
+    strength_undetermined: _Entries[str] = []
     nearest: _Entries[str] = []
     n_eff: float | None = None
     noise: _Part[NoiseAndFloors] = NoiseAndFloors()

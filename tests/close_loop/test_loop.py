@@ -9,10 +9,12 @@ import pytest
 from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme
 
 from explicitfe.close_loop import words
+from explicitfe.close_loop.report import WHOLE_RANGE, WITHOUT_EFFECT, parameters, undetermined
 from explicitfe.close_loop.search import Outcome, numerical_shares, search
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
+from explicitfe.results.loop_report import Estimate
 
 TESTS = 4
 D = programme(TESTS)
@@ -110,6 +112,53 @@ def test_a_separation_is_the_least_misfit_of_the_rival():
     left = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)[0]
     assert row[2] == pytest.approx(float(left @ left), abs=0.05, rel=1e-3)
     assert (first.chosen is None) == (row[2] < THRESHOLDS.told_apart_separation)
+
+
+def test_what_is_significant_and_not_added_has_its_reason():
+    """No step is left out without a word: the most effects, noise, another that explains more, or one that is too like it."""
+    both = {"rate": 0.2, "bump": 0.02}
+    outcomes = {
+        "--max-effects": outcome_of(hidden=both, max_effects=1).rounds[-1],
+        "cannot tell": outcome_of(effects={**EFFECTS, "twin": TWIN}, hidden={"rate": 0.05}).rounds[0],
+        "with wave by": outcome_of(hidden={"wave": 0.5, "bump": 0.02}).rounds[0],
+    }
+    for words_of_reason, one in outcomes.items():
+        significant = {s.candidate.effect for s in one.scores if s.status == "significant"}
+        assert significant and set(one.why_not) | ({one.chosen} if one.chosen else set()) == significant
+        assert any(words_of_reason in why for why in one.why_not.values()), (words_of_reason, one.why_not)
+
+
+def test_an_effect_that_left_out_tests_speak_against_is_not_added():
+    """A wave in the last of four tests alone. What explains it has the opposite wave in the first, so that either of these tests
+    foretells the other wrongly.
+    """
+    first, last = np.where(TEST < -1.0, WAVE, 0.0), np.where(TEST > 1.0, WAVE, 0.0)
+    one = outcome_of(effects={"odd": Planted(lambda: last - first)}, extra=0.3 * last).rounds[0]
+    assert [s.status for s in one.scores] == ["significant"]
+    assert one.best is None and "left-out tests are missed by" in one.why_not["odd"]
+
+
+def test_a_strength_whose_interval_includes_none_is_not_determined():
+    """A bump of 0.05 is known to a tenth of itself; with an interval down to its bound 0 it is not."""
+    outcome = outcome_of(hidden={"bump": 0.05})
+    last = outcome.rounds[-1]
+    reported = parameters(last.fit, last)
+    assert isinstance(reported["bump.size"], Estimate)
+    assert undetermined(last.fit, reported) == {}
+    reported["bump.size"].ci95 = [0.0, 0.2]
+    assert undetermined(last.fit, reported) == {"bump.size": WITHOUT_EFFECT}
+    assert "The model lacks bump, the strength of bump is not determined; what is left" in words.sentence(outcome, ["bump"])
+
+
+def test_a_shape_that_may_be_anything_is_not_determined():
+    """The width of a hump, with an interval from one end of its range to the other."""
+    sought = {"size": UPWARD, "width": Sought((0.1, 0.3), 0.01, 1.0, kind="log")}
+    hump = Planted(lambda width=0.1: np.exp(-(((D - 0.3) / width) ** 2)), sought)
+    last = outcome_of(effects={"hump": hump}, hidden={"hump": 0.05}).rounds[-1]
+    reported = parameters(last.fit, last)
+    assert isinstance(reported["hump.width"], Estimate) and undetermined(last.fit, reported) == {}
+    reported["hump.width"].ci95 = [0.01, 1.0]
+    assert undetermined(last.fit, reported) == {"hump.width": WHOLE_RANGE}
 
 
 def test_what_none_of_them_explains():

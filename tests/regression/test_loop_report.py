@@ -7,21 +7,25 @@ steps. The models before and after are closed forms; what is measured is one of 
 from __future__ import annotations
 
 import copy
+import io
 import json
 import re
 from collections.abc import Iterator
+from html import unescape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from explicitfe.results.loop_report import Estimate, LoopReport, ReportCurve
 from explicitfe.view.report import pictures
 from explicitfe.view.report.axis import goes_one_way
 from explicitfe.view.report.page import EmbeddedPictures, html, write
 from explicitfe.view.report.reading import DrawnCurve, drawn_curves
-from explicitfe.view.report.words import headline, with_interval
+from explicitfe.view.report.words import chance, headline, with_interval
+from explicitfe.view.terminal.close_loop import loop_tables
 
 TITLES = {
     "viscoelastic": "viscoelastic relaxation",
@@ -503,6 +507,50 @@ def test_an_axis_is_the_imposed_quantity_unless_it_turns_back_or_is_held():
     assert goes_one_way(time, up)
     assert not goes_one_way(time, np.concatenate([up[:30], up[29::-1]]))
     assert not goes_one_way(time, np.maximum(up, 0.8))
+
+
+def test_an_effect_whose_strength_is_not_determined_is_named_with_this_remark():
+    report, curves = one_effect()
+    report["undetermined"] = {"viscoelastic.g": "its interval includes no effect at all"}
+    report["strength_undetermined"] = ["viscoelastic"]
+    text = words(page_of(report, curves))
+    assert "Missing: viscoelastic relaxation (strength not determined)" in text
+    assert "not determined: its interval includes no effect at all" in text
+    assert "not determined" not in words(page_of(*one_effect()))
+
+
+@pytest.mark.parametrize(
+    ("p", "is_bound", "text"),
+    [
+        (3.0 / 20001.0, True, "< 0.00015"),
+        (3.0 / 20001.0, False, "1.5·10⁻⁴"),
+        (1.0 / 20001.0, True, "< 0.0001"),
+        (7.01e-4, True, "< 0.00071"),
+        (1.0, True, "1.0"),
+        (None, True, "–"),
+    ],
+)
+def test_a_bound_of_a_p_value_is_no_value(p, is_bound, text):
+    """Of 20 000 draws none reached the drop: p is then no larger than one in 20 001, times the number of candidates."""
+    assert chance(p, is_bound) == text
+
+
+def test_the_terminal_and_the_page_say_the_same_of_a_candidate():
+    """The drops of the best trial and of the fit, each under its own name, p, and why it was not added."""
+    report, curves = one_effect()
+    (row, *_) = report["steps"][1]["candidates"]
+    why = "not added: left-out tests are missed by 3 % with it, by 2 % without"
+    row.update(chi2_drop=4714.53, chi2_drop_refitted=5021.6, p_holm=0.0003, p_is_bound=True, status="significant", reason=why)
+    page = unescape(words(page_of(report, curves))).replace("\u00a0", " ")
+    terminal = printed(loop_tables(LoopReport.model_validate(report)))
+    for text in ("χ² drop, best trial", "χ² drop, fitted", "4 710", "5 020", "< 0.00030", why):
+        assert text in page and text in terminal.replace("\u00a0", " ")
+
+
+def printed(table: Any) -> str:
+    console = Console(width=240, file=io.StringIO())
+    console.print(table)
+    return console.file.getvalue()
 
 
 def test_intervals_are_rounded_to_their_width():

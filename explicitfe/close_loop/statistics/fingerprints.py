@@ -66,6 +66,7 @@ class Score:
     ----------
     drop : by how much the best trial lowers chi2.
     p, p_holm : p-value of such a drop by chance, for this candidate alone and among all of them.
+    p_is_bound : both are upper bounds, because no draw of the bootstrap reached the drop.
     values : parameters that explain most, with the strength that explains most.
     reason : for the status, in words.
     """
@@ -77,6 +78,7 @@ class Score:
     p_holm: float
     values: tuple[float, ...]
     reason: str
+    p_is_bound: bool = False
 
 
 def outside(J: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -162,7 +164,7 @@ def scores(
     """
     residual = outside(fit.movable, fit.residual)
     testable = [p for p in prints if p.visible >= THRESHOLDS.visible_separation]
-    drops, best, chance = [], [], []
+    drops, best, chance, bounded = [], [], [], []
     if testable:
         every = np.concatenate([p.secants for p in testable], axis=1)
         size = (every**2).sum(axis=0)
@@ -182,9 +184,11 @@ def scores(
             growth = float(tested.secants[:, number] @ residual) / max(float(size[part][number]), 1e-300)
             times = float(np.clip(growth, SMALLEST_GROWTH, tested.limits[number]))
             best.append(_grow(tested.candidate, tested.values[number], times))
-            chance.append((1.0 + float((by_chance[:, part].max(axis=1) >= drops[-1]).sum())) / (draws + 1.0))
+            reached = int((by_chance[:, part].max(axis=1) >= drops[-1]).sum())
+            chance.append((1.0 + reached) / (draws + 1.0))
+            bounded.append(reached == 0)
     adjusted = holm(chance)
-    entries = zip(drops, best, chance, adjusted, strict=True)
+    entries = zip(drops, best, chance, adjusted, bounded, strict=True)
     by_candidate = dict(zip([id(tested.candidate) for tested in testable], entries, strict=True))
     scored = []
     for candidate in candidates:
@@ -192,10 +196,10 @@ def scores(
         if own is None:
             scored.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), candidate.reason))
         elif id(candidate) in by_candidate:
-            drop, values, p, p_holm = by_candidate[id(candidate)]
+            drop, values, p, p_holm, is_bound = by_candidate[id(candidate)]
             status = SIGNIFICANT if p_holm < THRESHOLDS.significance_p else NOT_SIGNIFICANT
             reason = "explains more than chance would" if status == SIGNIFICANT else "explains no more than chance may"
-            scored.append(Score(candidate, status, drop, p, p_holm, values, reason))
+            scored.append(Score(candidate, status, drop, p, p_holm, values, reason, is_bound))
         elif not own.values:
             scored.append(Score(candidate, FAILED, 0.0, 1.0, 1.0, (), "the model cannot be computed with it"))
         else:

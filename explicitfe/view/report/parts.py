@@ -22,8 +22,10 @@ from explicitfe.view.report.reading import (
 from explicitfe.view.report.tables import Bars, PageTable, bars, table
 from explicitfe.view.report.words import (
     DASH,
+    FITTED_DROP,
     REMAINDERS,
     STATUSES,
+    TRIAL_DROP,
     VERDICTS,
     bare,
     baseline_name,
@@ -214,7 +216,10 @@ def _facts(report: LoopReport, side: Side, floor: float | None) -> list[Fact]:
     for (key, group), estimate in estimates(report.final.parameters).items():
         if changed and "." in key and len(facts) < MOST_FACTS:
             words, unit = name_and_unit(report, key)
-            facts.append(Fact(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + "."))
+            doubt = ", not determined" if key in report.undetermined else ""
+            facts.append(
+                Fact(f"{words}{f' of {group}' if group else ''} {with_interval(estimate)} {unit}".rstrip() + f"{doubt}.")
+            )
     if report.split.left_out:
         facts.append(Fact(f"{plural(len(report.split.left_out), 'curve')} left out", "split"))
     if warnings := list(filter(None, report.warnings)):
@@ -250,7 +255,8 @@ def search_rounds(report: LoopReport) -> list[SearchRound]:
     for one in report.steps:
         model = f"the {baseline_name(report)}{f' with {joined(added)}' if added else ''}"
         p = one.p_residual
-        start = f"What {model} leaves would come from noise alone with p {chance(p, '= ')}. " if finite(p) else f"To {model}: "
+        by_chance = f"What {model} leaves would come from noise alone with p {chance(p, one.p_is_bound, '= ')}. "
+        start = by_chance if finite(p) else f"To {model}: "
         unscored = [
             (effect_title(report, row.effect), STATUSES.get(row.status or "", ""), row.reason)
             for row in one.candidates
@@ -284,15 +290,16 @@ def _candidates(report: LoopReport, one: ReportedRound) -> PageTable | None:
             effect_title(report, row.effect),
             STATUSES.get(row.status or "", ""),
             number(row.chi2_drop),
-            chance(row.p_holm),
+            number(row.chi2_drop_refitted),
+            chance(row.p_holm, row.p_is_bound),
             percent(row.cv_nrmse),
             values_in_words(report, row.parameters),
             row.reason,
         )
 
-    head = ("effect", "status", "drop of χ²", "p (Holm)", "cross-validated error", "its parameters", "why")
+    head = ("effect", "status", TRIAL_DROP, FITTED_DROP, "p (Holm)", "error of left-out tests", "its parameters", "why")
     shown = sorted(filter(was_scored, one.candidates), key=by_drop)
-    return table(head, map(cells, shown), "ttnnnww", [one.chosen is not None and row.effect == one.chosen for row in shown])
+    return table(head, map(cells, shown), "ttnnnnww", [one.chosen is not None and row.effect == one.chosen for row in shown])
 
 
 def separability(report: LoopReport) -> Separability | None:
@@ -366,11 +373,12 @@ def constants(report: LoopReport) -> PageTable | None:
             group,
             with_interval(before.get((key, group))),
             with_interval(after.get((key, group))) if changed else None,
+            f"not determined: {report.undetermined[key]}" if key in report.undetermined else None,
         )
         for key, group in dict.fromkeys([*before, *after])
     ]
-    head = ("", "of", "before (95 % interval)" if changed else "value (95 % interval)", "after (95 % interval)")
-    return table(head, rows, "ttnn")
+    head = ("", "of", "before (95 % interval)" if changed else "value (95 % interval)", "after (95 % interval)", "")
+    return table(head, rows, "ttnnw")
 
 
 def noise(report: LoopReport) -> NoiseOnPage:

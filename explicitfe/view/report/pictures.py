@@ -14,6 +14,7 @@ from explicitfe.view.report.axis import place_rows, spread_rows
 from explicitfe.view.report.reading import DrawnCurve, assumed_values, by_drop, has_changed, noise_is_known, was_scored
 from explicitfe.view.report.words import (
     SUPERSCRIPTS,
+    TRIAL_DROP,
     bare,
     chance,
     effect_title,
@@ -190,7 +191,7 @@ def ranking(report: LoopReport) -> Figure:
             axes.plot([1.0, end], [y, y], color=colour, lw=3.0 if chosen else 2.0, solid_capstyle="butt")
             axes.plot([end], [y], "o", color=colour, ms=8 if chosen else 6)
             if finite(row.p_holm):
-                text = f"p {chance(row.p_holm, '= ')}{', added' if chosen else ''}"
+                text = f"p {chance(row.p_holm, row.p_is_bound, '= ')}{', added' if chosen else ''}"
                 axes.annotate(text, (end, y), xytext=(7, 0), textcoords="offset points", va="center", fontsize=8, color="0.25")
         axes.set_xscale("log")
         axes.set_xlim(1.0, max(top, 10.0) ** 1.5 * 1.5)
@@ -198,7 +199,7 @@ def ranking(report: LoopReport) -> Figure:
         axes.set_xticks(powers, ["1", "10", *(f"10{str(n).translate(SUPERSCRIPTS)}" for n in range(2, len(powers)))], fontsize=8)
         axes.minorticks_off()
         axes.set_title(f"round {k + 1}", loc="left", fontsize=10)
-        axes.set_xlabel("drop of χ²", fontsize=9)
+        axes.set_xlabel(TRIAL_DROP, fontsize=9)
         plain(axes)
         axes.grid(axis="y", visible=False)
     panels[0].set_yticks(range(len(names)), [shortened(effect_title(report, name), 40) for name in names], fontsize=9)

@@ -32,6 +32,8 @@ REMAINDERS = {
     "unexplained": "What is left is not explained.",
     "ambiguous": "What is left is ambiguous: two effects may be at work and one was found.",
 }
+# How far an effect lowers chi squared: by the best of a few trials, and with all parameters fitted.
+TRIAL_DROP, FITTED_DROP = "χ² drop, best trial", "χ² drop, fitted"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # The unit stands at the end of a key: C10_Pa, density_kg_m3, k_per_s.
 UNIT = re.compile(r"_(kg_m3|(?:\w+_)?per_\w+|k?Pa|m?N|mm|m|s|ms|deg)$")
@@ -55,7 +57,7 @@ def number(value: object, digits: int = 3) -> str:
         return "0"
     exponent = math.floor(math.log10(abs(value)))
     if not -4 < exponent < 6:
-        return f"{value / 10.0**exponent:.{max(digits - 2, 0)}f}·10{str(exponent).translate(SUPERSCRIPTS)}"
+        return f"{value / 10.0**exponent:.{digits - 1}f}·10{str(exponent).translate(SUPERSCRIPTS)}"
     return f"{value:,.{max(digits - 1 - exponent, 0)}f}".replace(",", NO_BREAK)
 
 
@@ -84,9 +86,21 @@ def percent(share: object) -> str:
     return f"< 0.01{NO_BREAK}%" if 0.0 <= share < SMALLEST_SAID_SHARE else f"{number(100.0 * share, 2)}{NO_BREAK}%"
 
 
-def chance(p: object, equals: str = "") -> str:
-    """A p-value; ``equals`` stands before it where it is not merely small."""
-    return "< 0.0001" if finite(p) and p < SMALLEST_SAID_P else equals + number(p, 2)
+def chance(p: object, is_bound: bool | None = False, equals: str = "") -> str:
+    """A p-value; ``equals`` stands before it where it is no bound.
+
+    Parameters
+    ----------
+    is_bound : p is an upper bound, such as the least that a bootstrap can give; it is rounded up.
+    """
+    if not finite(p):
+        return number(p)
+    if p < SMALLEST_SAID_P:
+        return f"< {SMALLEST_SAID_P:.4f}"
+    if is_bound and p < 1.0:
+        places = 1 - math.floor(math.log10(p))
+        return f"< {math.ceil(round(p * 10.0**places, 6)) / 10.0**places:.{places}f}"
+    return equals + number(p, 2)
 
 
 def with_interval(estimate: Estimate | None) -> str:
@@ -157,6 +171,12 @@ def effect_titles(report: LoopReport) -> tuple[list[str], list[str], list[str]]:
     return titles[0], titles[1], titles[2]
 
 
+def with_doubt(report: LoopReport) -> list[str]:
+    """The effects of the final model in words, each with the remark where its strength is not determined."""
+    doubted = report.strength_undetermined
+    return [effect_title(report, name) + (" (strength not determined)" if name in doubted else "") for name in report.effects]
+
+
 def baseline_name(report: LoopReport) -> str:
     """What the baseline is: the law of a specimen, or the scenario of sensors that moved."""
     return "elastic model" if "C10_Pa" in report.baseline.parameters else "model as it was"
@@ -179,7 +199,7 @@ def headline(report: LoopReport) -> str:
         case "unexplained":
             return "Something is missing, and none of the known effects explains it"
         case "effect-found" if effects:
-            return f"Missing: {joined(effects)}"
+            return f"Missing: {joined(with_doubt(report))}"
         case "ambiguous" if not rivals:
             return "These data cannot tell what is missing"
         case "ambiguous" if sure:

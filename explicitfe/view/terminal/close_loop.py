@@ -10,6 +10,7 @@ from rich.table import Table
 
 from explicitfe.results.loop_report import LoopReport, ReportedCandidate, estimates
 from explicitfe.results.planned_test import PlannedTest
+from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, number, percent
 from explicitfe.view.terminal.rows import pairs
 
 SHOWN_STATUSES = ("significant", "not-significant", "failed")  # what was not tried says nothing
@@ -33,13 +34,16 @@ def loop_tables(report: LoopReport) -> Group:
     for (name, group), estimate in estimates(report.final.parameters).items():
         label = f"{name} {group}" if group not in ("", "all") else name
         low, high = estimate.ci95
-        head.add_row(escape(label), f"{estimate.value:.4g} ({low:.4g} to {high:.4g})")
+        doubt = f"; not determined: {report.undetermined[name]}" if name in report.undetermined else ""
+        head.add_row(escape(label), f"{estimate.value:.4g} ({low:.4g} to {high:.4g}){doubt}")
     tables: list[RenderableType] = [head]
-    for number, reported_round in enumerate(report.steps, 1):
+    for turn, reported_round in enumerate(report.steps, 1):
         shown = [row for row in reported_round.candidates if row.status in SHOWN_STATUSES]
         if shown:
-            tables.append(_round_table(number, shown, reported_round.chosen))
+            tables.append(_round_table(turn, shown, reported_round.chosen))
     end = pairs("")
+    for reason in _reasons(report):
+        end.add_row("not added", escape(reason))
     experiment = report.next_experiment
     if experiment is not None:
         text = f"{experiment.protocol}: tells {' from '.join(experiment.separates)} ({experiment.separation:.3g}, 25 is enough)"
@@ -49,17 +53,35 @@ def loop_tables(report: LoopReport) -> Group:
     return Group(*tables, end)
 
 
-def _round_table(number: int, candidates: Sequence[ReportedCandidate], added: str | None) -> Table:
+def _round_table(turn: int, candidates: Sequence[ReportedCandidate], added: str | None) -> Table:
     """What would explain the residual of one round."""
-    table = Table(title=f"round {number}: what would explain the rest", title_justify="left")
-    for column in ("effect", "status", "chi² drop", "p (Holm)", "cross-validated error"):
-        table.add_column(column, no_wrap=column == "effect")
+    table = Table(title=f"round {turn}: what would explain the rest", title_justify="left")
+    table.add_column("effect", no_wrap=True)
+    table.add_column("status", min_width=len("significant"))
+    for column in (TRIAL_DROP, FITTED_DROP, "p (Holm)", "error of left-out tests"):
+        table.add_column(column, justify="right")
     for row in candidates:
-        drop = row.chi2_drop if row.chi2_drop_refitted is None else row.chi2_drop_refitted
-        name = f"{row.effect} (added)" if row.effect == added else f"{row.effect}"
-        error = "" if row.cv_nrmse is None else f"{100 * row.cv_nrmse:.2f} %"
-        table.add_row(name, row.status, f"{drop:.1f}", f"{row.p_holm:.2g}", error)
+        error = "" if row.cv_nrmse is None else percent(row.cv_nrmse)
+        fitted = "" if row.chi2_drop_refitted is None else number(row.chi2_drop_refitted)
+        table.add_row(
+            escape(row.effect or ""),
+            "added" if row.effect == added else STATUSES.get(row.status or "", ""),
+            number(row.chi2_drop),
+            fitted,
+            chance(row.p_holm, row.p_is_bound),
+            error,
+        )
     return table
+
+
+def _reasons(report: LoopReport) -> list[str]:
+    """Why significant effects of each round were not added."""
+    return [
+        f"round {turn}: {row.effect} is significant, {row.reason}"
+        for turn, one in enumerate(report.steps, 1)
+        for row in one.candidates
+        if row.status == "significant" and row.effect != one.chosen and row.reason
+    ]
 
 
 def design_table(design: PlannedTest) -> Table:

@@ -42,6 +42,7 @@ def readings(path: Path) -> dict[str, Callable[[Result], Any]]:
         "times": lambda r: r.times,
         "mesh": lambda r: (r.mesh.points, r.mesh.hexes, r.mesh.node_sets, [p.position for p in r.mesh.named_points.values()]),
         "bones": lambda r: {name: tuple(bone) for name, bone in r.placed_bones().items()},
+        "fibres": lambda r: [[(line.element, line.natural, line.position) for line in lines] for lines in r.fibres],
         "restart": lambda r: r.restart_state(),
     }
     for name in fields:

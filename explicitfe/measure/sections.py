@@ -17,6 +17,8 @@ from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 X, Y, Z = 0, 1, 2
 # Nodes nearer to a plane than this share of the extent across it lie in it.
 IN_PLANE_SHARE = 1e-9
+# The plane y = 0 is that of the middle where at least this share of the width lies on either side of it.
+LEAST_SIDE_SHARE = 0.1
 # Where coronal sections of a mesh without these named points are cut, as a share of its length from the tip.
 STATION_SHARES = {"front": 0.4, "dorsum": 0.55, "back": 0.7}
 
@@ -75,14 +77,18 @@ def cut_surface(faces: np.ndarray, distance: np.ndarray) -> PlaneCut:
 
 
 def midsagittal(mesh: HexMesh) -> PlaneCut:
-    """The section y = 0 if nodes lie there, else halfway between the sides."""
+    """The section in the plane of :func:`middle`."""
     return section(mesh, Y, middle(mesh))
 
 
 def middle(mesh: HexMesh) -> float:
-    """The y of the midsagittal plane, m."""
-    y = mesh.points[:, Y]
-    return 0.0 if np.any(np.abs(y) < 1e-9 * np.ptp(y)) else 0.5 * (float(y.min()) + float(y.max()))
+    """The y of the midsagittal plane, m: 0 where that is well inside the body, else halfway between its sides.
+
+    A mesh of one's own may begin at y = 0: there is its side, and nothing to be cut.
+    """
+    low, high = float(mesh.points[:, Y].min()), float(mesh.points[:, Y].max())
+    side = LEAST_SIDE_SHARE * (high - low)
+    return 0.0 if low + side <= 0.0 <= high - side else 0.5 * (low + high)
 
 
 def station(mesh: HexMesh, name: str) -> float:

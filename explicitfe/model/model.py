@@ -231,6 +231,7 @@ class Model:
     sector : its rotational symmetry, where it is a sector.
     copies : how many times the body stands for the whole one.
     probes : name -> one point of the mesh, whose motion is recorded at every sample.
+    fibres : of each muscle of the scenario the lines that its fibres run along, for pictures.
     barrier : whether a barrier keeps the corners of elements from folding in a run in time; elements/barrier.py.
     """
 
@@ -254,6 +255,7 @@ class Model:
     attachments: tuple[Attachment, ...] = ()
     barrier: bool = True
     inclusions: tuple[Inclusion, ...] = ()
+    fibres: tuple[tuple[MaterialPoints, ...], ...] = ()
 
     def in_elements(self, of: Callable[[Law], float | tuple[float, ...]]) -> np.ndarray:
         """What ``of`` says of the tissue in each element, (m,) or (m, k); ``stiffness`` is not in it."""

@@ -20,7 +20,7 @@ before.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -280,6 +280,15 @@ def operated(intact: Model, surgery: Surgery) -> Model:
         moved = {name: points_left(point) for name, point in points.items()}
         return {name: point for name, (point, left) in moved.items() if left.all()}
 
+    def pieces(line: MaterialPoints) -> Iterator[MaterialPoints]:
+        """What is left of a fibre: runs of its points without a gap."""
+        points, left = points_left(line, surgery.muscular)
+        run = np.cumsum(~left)[left]
+        for number in np.unique(run):
+            of_run = run == number
+            if of_run.sum() > 1:
+                yield MaterialPoints(points.element[of_run], points.natural[of_run], points.position[of_run])
+
     def attachment(tie: Attachment) -> Attachment:
         points, left = points_left(tie.points)
         return replace(tie, points=points, areas_m2=tie.areas_m2[left])
@@ -305,6 +314,7 @@ def operated(intact: Model, surgery: Surgery) -> Model:
         stiffness=stiffness if (stiffness != 1.0).any() else None,
         inclusions=tuple(replace(part, elements=element_number[part.elements]) for part in surgery.inclusions),
         probes=named(intact.probes),
+        fibres=tuple(tuple(piece for line in lines for piece in pieces(line)) for lines in intact.fibres),
     )
 
 

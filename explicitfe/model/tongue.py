@@ -12,6 +12,7 @@ import numpy as np
 from explicitfe.effects.material.viscoelastic import from_damping
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Law
+from explicitfe.mesh.hexmesh import MaterialPoints
 from explicitfe.model import catalogue
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.bones import attachments, bones_of, check_anchors
@@ -73,6 +74,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []
     stresses: list[FibreStress] = []
+    lines_of_muscles: list[tuple[MaterialPoints, ...]] = []
     cut: list[tuple[FibreStress | FibrePull, FibreStress | FibrePull]] = []
     for entry in scenario.muscle:
         if entry.name not in anatomy.muscles:
@@ -87,11 +89,13 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
                 if outside is not None:
                     cut.append((outside, outside := surgery.left_of_lines(outside)))
             stresses.append(stress)
+            lines_of_muscles.append(tuple(fibre.points for fibre in muscle.chosen(entry.side, fibres)))
             pulls += [] if outside is None else [outside]
             continue
         lines = line_pull(mesh, muscle, entry)
         if surgery is not None:
             cut.append((lines, lines := surgery.left_of_lines(lines, muscle.chosen(entry.side, entry.fibres))))
+        lines_of_muscles.append(lines.points)
         load = directed(mesh, lines, entry.direction)
         loads.append(load) if isinstance(load, NodalLoad) else pulls.append(load)
 
@@ -113,6 +117,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         bones=bones_of(scenario, mesh, folder),
         attachments=attachments(scenario, mesh, fixed) if table.attachment == "area" else (),
         probes={name: mesh.named_points[name] for name in names},
+        fibres=tuple(lines_of_muscles),
     )
     check_anchors(model.pulls, model.bones)
     report = None

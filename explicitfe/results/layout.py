@@ -21,6 +21,8 @@ says how many are valid.
       named_points/<name> (4)              element, and natural coordinates there; in format 1 a node number
       bones/<name>/                        surfaces at rest; the group is missing in files older than it
         points (k, 3) m   triangles (m, 3)
+      fibres/<number>/                     of each muscle of the scenario; the group is missing in files older than it
+        element (k)   natural (k, 3)   position (k, 3) m   begin (f), of the first point of each line
       history/<name> ([T], ...)            a row for each step; @unit @description
       checksums/PointData/<field> [T]      CRC-32 of the numbers of each step; likewise CellData/<field>
       checksums/history [T]                CRC-32 of each row, columns in the order of their names
@@ -64,6 +66,7 @@ PROVENANCE = "explicitfe/provenance"
 NODE_SETS = "explicitfe/node_sets"
 NAMED_POINTS = "explicitfe/named_points"
 BONES = "explicitfe/bones"
+FIBRES = "explicitfe/fibres"
 HISTORY = "explicitfe/history"
 CHECKSUMS = "explicitfe/checksums"
 HISTORY_CHECKSUMS = "explicitfe/checksums/history"
@@ -122,6 +125,7 @@ def create(
     *,
     mesh: HexMesh,
     bones: Mapping[str, tuple[np.ndarray, np.ndarray]],
+    fibres: Mapping[str, np.ndarray],
     point_fields: Mapping[str, Quantity],
     cell_fields: Mapping[str, Quantity],
     history: Mapping[str, Quantity],
@@ -193,6 +197,8 @@ def create(
     for name, (points, triangles) in bones.items():
         _put(file, f"{BONES}/{name}/points", np.asarray(points, dtype="<f8"))
         _put(file, f"{BONES}/{name}/triangles", np.asarray(triangles, dtype=np.int64))
+    for name, array in fibres.items():
+        _put(file, name, array)
 
     for slot in RESTART_SLOTS:
         file.create_group(slot)

@@ -29,6 +29,7 @@ from explicitfe.results.contents import (
     stored_field,
     stored_quantity,
 )
+from explicitfe.results.fibres import read_fibres
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
 from explicitfe.results.run_summary import TransientModelDescription, point_at_rest, with_history
@@ -222,6 +223,11 @@ class Result:
         """The bones that the body may touch, by name, at rest; empty where the run had none."""
         names = self._names(layout.BONES) if self._stored.has(layout.BONES) else []
         return {name: self._bone(f"{layout.BONES}/{name}") for name in names}
+
+    @cached_property
+    def fibres(self) -> list[list[MaterialPoints]]:
+        """Of each muscle of ``model["muscles"]`` the lines that its fibres run along; empty where none are stored."""
+        return read_fibres(self._stored, self.mesh, len(self.model.get("muscles", [])))
 
     def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Where a bone is at one step, given as in :meth:`field`: R (3, 3) and s (3,) m; its point X at rest is at R X + s."""

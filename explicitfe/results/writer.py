@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +20,7 @@ from explicitfe.host import files
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import layout, names
 from explicitfe.results.disk import DiskFile
+from explicitfe.results.fibres import FibreLines, fibre_arrays
 from explicitfe.results.layout import INTERRUPTED, RUNNING, Quantity
 from explicitfe.results.rows import FieldRows, HistoryRows, Rows
 from explicitfe.results.run_summary import without_history
@@ -46,6 +47,7 @@ class ResultWriter:
     scenario_text : the scenario file as the user wrote it.
     model, provenance : JSON-able dicts.
     bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
+    fibres : of each muscle of ``model["muscles"]`` the lines that its fibres run along.
     restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
     expected_samples : room is made for this many at once; more are possible, fewer are trimmed by :meth:`finish`.
     overwrite : whether a result at ``path``, and what a killed run left, may be replaced.
@@ -85,6 +87,7 @@ class ResultWriter:
         model: Mapping[str, object],
         provenance: Mapping[str, object],
         bones: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+        fibres: Sequence[FibreLines] = (),
         restart: Mapping[str, npt.ArrayLike] | None = None,
         expected_samples: int = 64,
         overwrite: bool = False,
@@ -107,6 +110,7 @@ class ResultWriter:
                 self._file,
                 mesh=mesh,
                 bones=bones or {},
+                fibres=fibre_arrays(fibres),
                 point_fields={"displacement": layout.DISPLACEMENT, **(point_fields or {})},
                 cell_fields=cell_fields or {},
                 history={"time": layout.TIME, **(history or {})},

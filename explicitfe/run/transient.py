@@ -262,6 +262,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             provenance=provenance(),
             restart=state,
             bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
+            fibres=model.fibres,
             expected_samples=min(expected, room),
             overwrite=overwrite,
         )

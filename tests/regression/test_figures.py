@@ -164,9 +164,12 @@ def test_section_of_an_odd_number_of_elements_and_of_a_half():
     assert len(sections.midsagittal(odd).loops[0]) == 8
     shifted = box((2, 3, 2), lower=(0.0, 1.0, 0.0), upper=(2.0, 2.0, 1.0))
     assert sections.middle(shifted) == 1.5
+    # A plane that is a side of the body cuts that side; the middle of such a body is elsewhere.
     for half in (box((2, 2, 2), lower=(0.0, 0.0, 0.0)), box((2, 2, 2), upper=(2.0, 0.0, 1.0))):
-        cut = sections.midsagittal(half)
+        cut = section(half, Y, 0.0)
         np.testing.assert_array_equal(cut.at(half.points)[:, Y], 0.0)
+        assert abs(sections.middle(half)) == 0.25
+        np.testing.assert_array_equal(np.abs(sections.midsagittal(half).at(half.points)[:, Y]), 0.25)
         assert area(cut.at(half.points)[cut.loops[0]][:, [X, Z]]) == pytest.approx(2.0)
 
 

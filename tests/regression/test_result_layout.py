@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields
+from zlib import crc32
 
 import h5py
 import numpy as np
@@ -12,6 +13,7 @@ from support import ROOT
 from tiny_result import HISTORY, MESH, SCENARIO, E, N, add, check_steps, displacement, jacobian, python, start, write
 
 from explicitfe.errors import InputError
+from explicitfe.mesh.hexmesh import MaterialPoints
 from explicitfe.results import FAILED, FINISHED, Quantity, layout, open_result, provenance, run_summary
 from explicitfe.solve.load_outcome import Equilibrium
 
@@ -49,6 +51,28 @@ def test_bones_are_stored_at_rest_and_placed_by_the_history(tmp_path):
         np.testing.assert_allclose(now["jaw"].points, tetrahedron[:, [2, 1, 0]] * [1, 1, -1] + [0.001, 0.002, 0.003], atol=1e-17)
     with open_result(write(tmp_path / "none.vtkhdf", 1)) as opened:
         assert opened.bones == opened.placed_bones() == {}
+
+
+def test_fibres_are_stored_muscle_by_muscle(tmp_path):
+    anchored = MaterialPoints(
+        np.array([-1, 0]), np.array([[0.0] * 3, [0.5, 0.0, -0.5]]), np.array([[0.1] * 3, [0.0075, 0.005, 0.0025]])
+    )
+    across = MESH.points_in(np.array([0, 1, 1]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+    muscles = {"muscles": [{"name": "A"}, {"name": "B"}, {"name": "C"}]}
+    path = write(tmp_path / "a.vtkhdf", 2, model=muscles, fibres=[[anchored, across], [], [across]])
+    with open_result(path) as opened:
+        assert [len(lines) for lines in opened.fibres] == [2, 0, 1]
+        for stored, given in zip([*opened.fibres[0], *opened.fibres[2]], [anchored, across, across], strict=True):
+            for name in ("element", "natural", "position"):
+                np.testing.assert_array_equal(getattr(stored, name), getattr(given, name))
+    with open_result(write(tmp_path / "none.vtkhdf", 1, model=muscles)) as opened:
+        assert opened.fibres == [[], [], []]
+    with h5py.File(path, "r+") as file:
+        element = file["explicitfe/fibres/0/element"]
+        element[0] = 2  # of the elements 0 and 1
+        element.attrs["crc32"] = np.uint32(crc32(element[()].tobytes()))
+    with open_result(path) as opened, pytest.raises(InputError, match=r"fibres/0 are no fibres"):
+        _ = opened.fibres
 
 
 def test_layout_is_the_vtkhdf_that_all_versions_read(tmp_path):

@@ -127,6 +127,10 @@ def test_muscles_lose_the_share_of_the_elements_that_went():
         moved_by = model.mesh.points[model.mesh.hexes[left.elements]] - mesh.points[mesh.hexes[stress.elements[~lost]]]
         assert not moved_by.any()
     assert report["removed_elements"] == resected.sum() and report["graft_elements"] == grafted.sum()
+    for lines, name in zip(model.fibres, ("GGp", "GGa"), strict=True):
+        assert 0 < sum(map(len, lines)) < sum(len(fibre.points) for fibre in anatomy.muscles[name].fibres)
+        for line in lines:
+            assert model.mesh.at(line, model.mesh.points) == pytest.approx(line.position, abs=1e-9)
 
 
 MUSCLE = """
@@ -185,6 +189,8 @@ def test_a_line_from_outside_goes_with_its_insertion(tmp_path):
     assert len(whole.pulls[0].points) == 2
     (line,) = cut.model.pulls[0].points
     assert line.position[0] == pytest.approx([0.06, 0.008, 0.008])
+    (fibre,) = cut.model.fibres[0]
+    assert np.array_equal(fibre.position, whole.fibres[0][1].position)
     assert any("1 of 2 lines of STAY" in note for note in cut.surgery["notes"])
 
 

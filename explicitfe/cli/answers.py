@@ -31,7 +31,15 @@ from explicitfe.results.run_summary import (
     TransientCheckReport,
     TransientSummary,
 )
-from explicitfe.run.lists import ListedEffect, ListedMaterial, ListedModel, ListedMuscle, ListedScenario
+from explicitfe.run.lists import (
+    ListedDataset,
+    ListedEffect,
+    ListedMaterial,
+    ListedModel,
+    ListedMuscle,
+    ListedProtocol,
+    ListedScenario,
+)
 
 
 class _PlainSchema(GenerateJsonSchema):
@@ -71,6 +79,18 @@ class ListOfScenarios(TypedDict):
     scenarios: list[ListedScenario]
 
 
+class ListOfDatasets(TypedDict):
+    """``explicitfe list datasets``."""
+
+    datasets: list[ListedDataset]
+
+
+class ListOfProtocols(TypedDict):
+    """``explicitfe list protocols``."""
+
+    protocols: list[ListedProtocol]
+
+
 class ListOfMaterials(TypedDict):
     """``explicitfe list materials``."""
 
@@ -96,7 +116,15 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "design-test": (PlannedTest,),
     "blind-make": (Manifest,),
     "blind-score": (StudyScore,),
-    "list": (ListOfModels, ListOfMuscles, ListOfScenarios, ListOfMaterials, ListOfEffects),
+    "list": (
+        ListOfModels,
+        ListOfMuscles,
+        ListOfScenarios,
+        ListOfDatasets,
+        ListOfProtocols,
+        ListOfMaterials,
+        ListOfEffects,
+    ),
     "warmup": (MachineCode,),
     "bench": (SpeedReport,),
 }

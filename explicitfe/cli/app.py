@@ -47,7 +47,6 @@ GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
 
 app = typer.Typer(
     cls=PlainGroup,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -8,17 +8,25 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console, print_answer
+from explicitfe.cli.completion import complete_protocol
 from explicitfe.cli.options import JsonOption
 from explicitfe.view.progress import following
 
 
 def design_test(
-    protocol: Annotated[Path, typer.Argument(help="Protocol file (TOML), see docs/reference/close-loop.md.", show_default=False)],
+    protocol: Annotated[
+        Path,
+        typer.Argument(
+            help="Protocol file (TOML), or the name of one that `explicitfe list protocols` shows.",
+            show_default=False,
+            autocompletion=complete_protocol,
+        ),
+    ],
     as_json: JsonOption = False,
 ) -> None:
     """Say which effects a planned test can find and tell apart, before anything is measured.
 
-    Example: [bold]explicitfe design-test scenarios/protocols/gerard-2005.toml[/bold]
+    Example: [bold]explicitfe design-test gerard-2005[/bold]
     """
     with following(console, f"reading {protocol}") as progress:
         from explicitfe.close_loop.design import design_test as design

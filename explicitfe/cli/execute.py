@@ -11,9 +11,12 @@ import typer
 
 from explicitfe.cli.answer import print_failure, print_json, print_note
 from explicitfe.cli.app import app
-from explicitfe.cli.ending import DONE_EXIT_CODE, debug_first, failure_of, wants_json
+from explicitfe.cli.completion import PROGRAM, answer_to_shell
+from explicitfe.cli.ending import DONE_EXIT_CODE, INPUT_EXIT_CODE, debug_first, failure_of, wants_json
 from explicitfe.cli.streams import stderr, stdout
 from explicitfe.errors import MachineError
+
+UNKNOWN_SHELL_EXIT_CODE = 1  # typer's own, of --install-completion and --show-completion
 
 
 def execute(words: Sequence[str]) -> int:
@@ -31,7 +34,10 @@ def _exit_code_of(words: list[str]) -> int:
         try:
             # Not by app(), which takes KeyboardInterrupt and broken pipes for itself, without a word.
             command = typer.main.get_command(app)
-            with command.make_context("explicitfe", words) as context:
+            words_printed = answer_to_shell(command)
+            if words_printed is not None:
+                return words_printed
+            with command.make_context(PROGRAM, words) as context:
                 debug = context.params["debug"]
                 if not debug:
                     warnings.showwarning = _tell_warning
@@ -39,7 +45,7 @@ def _exit_code_of(words: list[str]) -> int:
         finally:
             stdout.flush()
     except typer.Exit as end:
-        return end.exit_code
+        return INPUT_EXIT_CODE if end.exit_code == UNKNOWN_SHELL_EXIT_CODE else end.exit_code
     except SystemExit:  # so rich ends --help whose reader has left
         return DONE_EXIT_CODE
     except (Exception, KeyboardInterrupt) as error:

@@ -7,12 +7,16 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import print_answer
+from explicitfe.cli.completion import complete_words
 from explicitfe.cli.options import JsonOption
 from explicitfe.errors import InputError, nearest
 
+# Known here too, so that a shell need not wait for what the lists are made from.
+LISTED = ("models", "muscles", "scenarios", "datasets", "protocols", "materials", "effects")
+
 
 def list_(
-    what: Annotated[str, typer.Argument(help="models | muscles | scenarios | materials | effects", show_default=False)],
+    what: Annotated[str, typer.Argument(help=" | ".join(LISTED), show_default=False, autocompletion=complete_words(LISTED))],
     as_json: JsonOption = False,
 ) -> None:
     """List what comes with the program.

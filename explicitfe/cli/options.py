@@ -7,10 +7,25 @@ from typing import Annotated
 
 import typer
 
+from explicitfe.cli.completion import complete_dataset, complete_scenario
 from explicitfe.errors import InputError
 
-ScenarioArgument = Annotated[Path, typer.Argument(help="Scenario file (TOML).", show_default=False)]
-DatasetArgument = Annotated[Path, typer.Argument(help="Folder of a dataset, or its dataset.toml.", show_default=False)]
+ScenarioArgument = Annotated[
+    Path,
+    typer.Argument(
+        help="Scenario file (TOML), or the name of one that `explicitfe list scenarios` shows.",
+        show_default=False,
+        autocompletion=complete_scenario,
+    ),
+]
+DatasetArgument = Annotated[
+    Path,
+    typer.Argument(
+        help="Folder of a dataset, or the name of one that `explicitfe list datasets` shows.",
+        show_default=False,
+        autocompletion=complete_dataset,
+    ),
+]
 SettingsOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Replace a value of the scenario; repeat for more."),

@@ -36,7 +36,7 @@ def close_loop(
 
     Parameters
     ----------
-    dataset_path : folder of the dataset, or its dataset.toml.
+    dataset_path : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
     holdout : ids of curves that are only predicted; chosen by the dataset or by a rule if left out.
     constants_by : condition, or "group", by which curves share their constants.

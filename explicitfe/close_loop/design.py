@@ -22,12 +22,13 @@ from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNois
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, Progress, RunError, silent
+from explicitfe.host.shipped import protocol_file
 from explicitfe.host.text import text_of, toml_of
+from explicitfe.host.toml_text import toml_value
 from explicitfe.measured.curve import COLUMNS, TIME, Dataset, Kind
 from explicitfe.measured.files import LARGEST_CURVE_ROWS
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.tables import RawTable
-from explicitfe.predict.tissue import toml_value
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, MOST_TABLES_OF_A_KIND, Name, Table, Title, validated
@@ -81,7 +82,7 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
 
     Parameters
     ----------
-    path : a protocol file; its format is in docs/reference/close-loop.md.
+    path : a protocol file, see docs/reference/close-loop.md, or the name of a protocol that comes with the program.
 
     Returns
     -------
@@ -93,7 +94,7 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
     InputError : a protocol that cannot be used.
     RunError : the simulator cannot follow it.
     """
-    path = Path(path)
+    path = protocol_file(path)
     protocol = _read(path)
     progress("design", 0.0)
     simulator = Simulator(processes)

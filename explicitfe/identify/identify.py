@@ -57,7 +57,7 @@ def identify(
 
     Parameters
     ----------
-    dataset_path : the folder, or its dataset.toml.
+    dataset_path : the folder, its dataset.toml, or the name of a dataset that comes with the program.
     method : "least-squares", or "paper", the iteration of Gerard et al. (2005).
     out : folder for identify.json, pictures, and a scenario with the fitted constants; nothing is written if left out.
     fit_where : "KEY=VALUE" on conditions: what does not match is predicted only.

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import JsonValue
 
+from explicitfe.host.toml_text import toml_value
 from explicitfe.identify.pictures import GroupPictures
-from explicitfe.predict.tissue import toml_value
 from explicitfe.results.folder import drawing, whole_folder
 from explicitfe.results.identification import Identification, IdentifiedGroup
 

@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from explicitfe.errors import InputError, nearest, shortened
+from explicitfe.host.shipped import DATASET_FILE, dataset_folder
 from explicitfe.host.text import text_of, toml_of
 from explicitfe.measured.curve import COLUMNS, TIME, Kind
 from explicitfe.measured.tables import RawTable
 from explicitfe.scenario.sentences import explain
 
-FILE_NAME = "dataset.toml"
 SMALLEST_CURVE_ROWS = 3  # Two rows are a straight line: no curve.
 # A fit takes a time and a memory in proportion to the rows, some thousands of times; more rows than this tell it no more.
 LARGEST_CURVE_ROWS = 10_000
@@ -29,8 +29,8 @@ _HEADER = re.compile(r"""\s*(\[\[?)\s*([A-Za-z_"'][^\[\],]*?)\s*\]\]?\s*(#.*)?$"
 
 def folder_name(path: Path | str) -> str:
     """Name of the folder that a dataset is in."""
-    path = Path(path).resolve()
-    return path.parent.name if path.name == FILE_NAME else path.name
+    path = dataset_folder(path).resolve()
+    return path.parent.name if path.name == DATASET_FILE else path.name
 
 
 class DatasetToml:
@@ -38,7 +38,7 @@ class DatasetToml:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        text = text_of(path, f"give the dataset's folder, with a {FILE_NAME} and a CSV for each curve in it")
+        text = text_of(path, f"give the dataset's folder, with a {DATASET_FILE} and a CSV for each curve in it")
         self.lines = lines_of(text)
         self.data = toml_of(text, path)
 

@@ -9,8 +9,9 @@ from pathlib import Path
 from pydantic import BaseModel, ValidationError
 
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.shipped import DATASET_FILE, dataset_folder
 from explicitfe.measured.curve import COLUMNS, TIME, Curve, Dataset, Kind, check_constants, check_sides
-from explicitfe.measured.files import FILE_NAME, CurveCsv, DatasetToml
+from explicitfe.measured.files import CurveCsv, DatasetToml
 from explicitfe.measured.tables import (
     SHAPE_KEYS,
     DatasetFile,
@@ -26,15 +27,15 @@ def read_dataset(path: Path | str) -> Dataset:
 
     Parameters
     ----------
-    path : the folder, or the dataset.toml in it.
+    path : the folder, the dataset.toml in it, or the name of a dataset that comes with the program.
 
     Raises
     ------
     InputError : a file cannot be read or cannot be right; one sentence that names the file, the line or key, and what to do.
     """
-    path = Path(path)
+    path = dataset_folder(path)
     with suppress(OSError, ValueError):  # The name may be none that a file can have; opening it says so.
-        path = path / FILE_NAME if path.is_dir() else path
+        path = path / DATASET_FILE if path.is_dir() else path
     source = DatasetToml(path)
     try:
         table = validated(DatasetFile, source.data)

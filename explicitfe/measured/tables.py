@@ -101,13 +101,19 @@ class MeasuredSpecimen(_Described):
     """What was tested. A block's third size is its thickness, along the load."""
 
     shape: Literal["point", "cylinder", "block"] = Field(description="point: a homogeneous state of no known size")
-    radius_mm: Length | None = None
-    height_mm: Length | None = None
-    size_mm: Annotated[tuple[Length, Length, Length], BeforeValidator(_three)] | None = None
+    radius_mm: Length | None = Field(default=None, description="of a cylinder: half its diameter")
+    height_mm: Length | None = Field(default=None, description="of a cylinder, along the load")
+    size_mm: Annotated[tuple[Length, Length, Length], BeforeValidator(_three)] | None = Field(
+        default=None, description="of a block: [x, y, z], z along the load"
+    )
     density_kg_m3: Annotated[float, _within(_DENSITY_KG_M3, "kg/m3")] = 1040.0
-    base: Literal["bonded", "frictionless", "unknown"] = "unknown"
+    base: Literal["bonded", "frictionless", "unknown"] = Field(
+        default="unknown", description="whether the face on which it stands is glued, slides, or nobody knows"
+    )
     layer_mm: Thickness = Field(default=0.0, description="thickness of a surface layer; 0 is none")
-    layer_stiffness_ratio: Annotated[float, _within(_STIFFNESS_RATIO, "layer over body")] = 1.0
+    layer_stiffness_ratio: Annotated[float, _within(_STIFFNESS_RATIO, "layer over body")] = Field(
+        default=1.0, description="moduli of the layer over those of the body"
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> MeasuredSpecimen:
@@ -140,11 +146,15 @@ class MeasuredSpecimen(_Described):
 class MeasuredTool(_Described):
     """What pressed or pulled, and which column it imposed."""
 
-    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"]
-    radius_mm: Length | None = None
+    shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"] = Field(
+        description="platen: a plate wider than the specimen; bonded-disc: a disc that is glued on"
+    )
+    radius_mm: Length | None = Field(default=None, description="of all but a platen: half its diameter")
     edge_radius_mm: Thickness = Field(default=0.0, description="rounding of a flat cylinder's edge")
     control: Literal["force", "displacement"] = Field(description="the column that is imposed; the other one is predicted")
-    friction: Annotated[float | Literal["stick", "unknown"], BeforeValidator(_friction)] = "unknown"
+    friction: Annotated[float | Literal["stick", "unknown"], BeforeValidator(_friction)] = Field(
+        default="unknown", description='a coefficient, "stick", or "unknown"'
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> MeasuredTool:
@@ -159,17 +169,17 @@ class MeasuredTool(_Described):
 class MeasuredNoise(Table):
     """Standard deviations of one row; None is unknown, 0 is exact."""
 
-    force_sd_N: float | None = Field(default=None, ge=0.0)
-    displacement_sd_mm: float | None = Field(default=None, ge=0.0)
-    stress_sd_Pa: float | None = Field(default=None, ge=0.0)
-    stretch_sd: float | None = Field(default=None, ge=0.0)
-    repeat_sd_fraction: float | None = Field(default=None, ge=0.0, le=1.0, description="scatter between equal tests")
+    force_sd_N: float | None = Field(default=None, ge=0.0, description="of a force [N]")
+    displacement_sd_mm: float | None = Field(default=None, ge=0.0, description="of a displacement, or of a coordinate [mm]")
+    stress_sd_Pa: float | None = Field(default=None, ge=0.0, description="of a stress [Pa]")
+    stretch_sd: float | None = Field(default=None, ge=0.0, description="of a stretch")
+    repeat_sd_fraction: float | None = Field(default=None, ge=0.0, le=1.0, description="scatter between equal tests, as a share")
 
 
 class SensorTable(Table):
     """A sensor of a trajectory and the model's point that it sits on."""
 
-    name: str = Field(min_length=1)
+    name: str = Field(min_length=1, description="as the columns of the CSV call it: NAME_x_mm, NAME_y_mm, NAME_z_mm")
     model_point: str = Field(min_length=1, description="named point of the scenario's model")
 
 
@@ -217,15 +227,20 @@ def _is_number(value: object) -> TypeGuard[int | float]:
 class CurveTable(Table):
     """One curve, as the file states it; its tables are merged over those of the dataset."""
 
-    id: Name
-    file: Name
+    id: Name = Field(description="the name of the curve, each its own")
+    file: Name = Field(description="its CSV, in the folder of the dataset")
     constants: Name = Field(default="all", description="curves of one name share their constants")
     group: Name | None = Field(default=None, description="what shares one specimen or site; its own id if left out")
-    split: Split | None = None
-    specimen: RawTable = Field(default={})
-    tool: RawTable = Field(default={})
-    noise: RawTable = Field(default={})
-    conditions: RawTable = Field(default={})
+    split: Split | None = Field(default=None, description="fit, or holdout: only predicted; left to the program if left out")
+    specimen: RawTable = Field(default={}, description="keys that differ from those of [specimen]")
+    tool: RawTable = Field(default={}, description="keys that differ from those of [tool]")
+    noise: RawTable = Field(default={}, description="keys that differ from those of [noise]")
+    conditions: RawTable = Field(
+        default={},
+        description="what was done and to what: "
+        + ", ".join((*PROGRAMME_CONDITIONS, *IDENTITY_CONDITIONS, "preload_N", "digitisation", "defect"))
+        + ", or any other key",
+    )
 
     @field_validator("id", "file")
     @classmethod
@@ -258,19 +273,19 @@ class CurveTable(Table):
 class DatasetFile(Table):
     """The schema of ``dataset.toml``."""
 
-    format: Literal["explicitfe-dataset/1"]
+    format: Literal["explicitfe-dataset/1"] = Field(description="says what the file is")
     name: str = Field(pattern=r"^[a-z0-9]+([-.][a-z0-9]+)*$", max_length=LONGEST_NAME_CHARACTERS, description="kebab-case")
     title: Title
-    test: TestKind
-    source: str = ""
-    license: str = ""
-    notes: str = ""
+    test: TestKind = Field(description="what was done; it says which columns a CSV has")
+    source: str = Field(default="", description="who measured it and where it is published")
+    license: str = Field(default="", description="under which it may be used")
+    notes: str = Field(default="", description="what a reader has to know of it")
     scenario: str | None = Field(default=None, min_length=1, description="scenario of a trajectory, relative to this file")
     sensor: list[SensorTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     registration: RegistrationTable | None = None
-    specimen: RawTable | None = None
-    tool: RawTable | None = None
-    noise: RawTable = Field(default={})
+    specimen: RawTable | None = Field(default=None, description="what was tested; required but for a trajectory")
+    tool: RawTable | None = Field(default=None, description="what pressed or pulled; without it the CSV has stretch and stress")
+    noise: RawTable = Field(default={}, description="what is known of the noise; what is not known is estimated")
     curve: list[CurveTable] = Field(min_length=1, max_length=MOST_TABLES_OF_A_KIND)
 
 

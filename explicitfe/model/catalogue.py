@@ -1,4 +1,4 @@
-"""The built-in models, materials and scenarios: data folders, read here.
+"""The built-in models and materials: data folders, read here.
 
 Laws and result files are imported where they are needed: whoever asks for the names of models waits for no compiler.
 """
@@ -17,6 +17,7 @@ import numpy as np
 
 from explicitfe.bones.tables import BoneShape, read_bones
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.shipped import folder_of
 from explicitfe.mesh.bent_block import ContourMap
 from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
@@ -28,26 +29,14 @@ if TYPE_CHECKING:
     from explicitfe.results.airway_table import AirwayTable
 
 _Shared = TypeVar("_Shared")
-_PACKAGE = Path(__file__).resolve().parent.parent
 
 # So many meshes are kept for the next run of this process: one, and a finer one to compare with.
 _KEPT_MESHES = 2
 
 
-def _data(kind: str) -> Path:
-    """models/ or scenarios/: inside an installed package, at the top of a checkout."""
-    installed = _PACKAGE / "_data" / kind
-    return installed if installed.is_dir() else _PACKAGE.parent / kind
-
-
 def model_folders() -> dict[str, Path]:
     """Built-in models: name -> folder."""
-    return {path.parent.name: path.parent for path in sorted(_data("models").glob("*/geometry.toml"))}
-
-
-def scenario_files() -> list[Path]:
-    """Scenarios that come with the program."""
-    return sorted(_data("scenarios").glob("*.toml"))
+    return {path.parent.name: path.parent for path in sorted(folder_of("models").glob("*/geometry.toml"))}
 
 
 @cache
@@ -62,7 +51,7 @@ def materials() -> dict[str, Law]:
 
     laws: dict[str, Law] = {}
     places: dict[str, Path] = {}
-    for path in sorted(_data("models").glob("*/materials.toml")):
+    for path in sorted(folder_of("models").glob("*/materials.toml")):
         for name, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
             if name in laws:
                 raise InputError(f'{path}: {places[name]} has a material "{name}" too; give one of them another name.')

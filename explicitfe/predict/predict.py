@@ -46,7 +46,7 @@ def predict(
 
     Parameters
     ----------
-    dataset_path : folder of the dataset, or its dataset.toml.
+    dataset_path : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     model_path : model file, see :mod:`explicitfe.predict.tissue`.
     out : folder for predict.json and a CSV a curve; nothing is written if left out.
     curves : ids; all if left out.

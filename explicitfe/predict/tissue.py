@@ -18,7 +18,6 @@ tolerance = 1e-4
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -28,6 +27,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
 from explicitfe.host.text import text_of, toml_of
+from explicitfe.host.toml_text import toml_key, toml_value
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool, RawTable
@@ -37,7 +37,6 @@ from explicitfe.scenario.table import Table, Title, validated
 
 FORMAT: Literal["explicitfe-model/1"] = "explicitfe-model/1"
 EVERY = "*"  # This group of constants stands for all.
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _MeasuredTable = TypeVar("_MeasuredTable", MeasuredSpecimen, MeasuredTool)
 
 
@@ -92,7 +91,7 @@ class Tissue(Table):
         constants = self.constants.get(curve.constants, self.constants.get(EVERY))
         if constants is None:
             raise InputError(
-                f'the model has no [constants.{_key(curve.constants)}], which curve "{curve.id}" needs; '
+                f'the model has no [constants.{toml_key(curve.constants)}], which curve "{curve.id}" needs; '
                 f"{nearest(curve.constants, self.constants)}"
             )
         density = {} if curve.specimen is None else {"density_kg_m3": curve.specimen.density_kg_m3}
@@ -130,7 +129,7 @@ class Tissue(Table):
         if self.constants_by is not None:
             lines.append(f"constants_by = {toml_value(self.constants_by)}")
         for group, constants in self.constants.items():
-            lines += ["", "[constants]" if group == EVERY else f"[constants.{_key(group)}]"]
+            lines += ["", "[constants]" if group == EVERY else f"[constants.{toml_key(group)}]"]
             lines += [f"{name} = {toml_value(number)}" for name, number in constants.model_dump().items()]
         tables = {
             "effects": self.effects.model_dump(by_alias=True, exclude_none=True),
@@ -140,7 +139,7 @@ class Tissue(Table):
         }
         for name, table in tables.items():
             if table:
-                lines += ["", f"[{name}]", *(f"{_key(key)} = {toml_value(value)}" for key, value in table.items())]
+                lines += ["", f"[{name}]", *(f"{toml_key(key)} = {toml_value(value)}" for key, value in table.items())]
         return "\n".join(lines) + "\n"
 
 
@@ -191,22 +190,3 @@ def write_tissue(tissue: Tissue, path: Path | str) -> None:
         Path(path).write_text(tissue.text, encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: this cannot be written ({error.strerror}).") from None
-
-
-def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else toml_value(key)
-
-
-def toml_value(value: object) -> str:
-    """A value as TOML writes it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
-        plain = "".join(escapes.get(c, c if c.isprintable() else f"\\U{ord(c):08X}") for c in value)
-        return f'"{plain}"'
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(k)} = {toml_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return repr(value)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from explicitfe.effects import EFFECTS, Effect
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.shipped import scenario_file
+from explicitfe.host.toml_text import toml_value
 from explicitfe.model import catalogue
-from explicitfe.predict.tissue import EVERY, Constants, Tissue, read_tissue, toml_value
+from explicitfe.predict.tissue import EVERY, Constants, Tissue, read_tissue
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import Scenario, read_scenario
 from explicitfe.scenario.transient import TransientScenario
@@ -67,7 +69,7 @@ def stored_tissue_settings(scenario: Path, model: Path, group: str | None) -> tu
     ------
     InputError : a file cannot be read; see ``tissue_settings``.
     """
-    tissue, (stated, _) = read_tissue(model), read_scenario(scenario)
+    tissue, (stated, _) = read_tissue(model), read_scenario(scenario_file(scenario))
     try:
         settings, left_out = tissue_settings(tissue, stated, group)
     except InputError as error:

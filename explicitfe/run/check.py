@@ -17,7 +17,7 @@ def check(path: Path | str, settings: Sequence[str] = (), progress: Progress = s
 
     Parameters
     ----------
-    path : scenario file.
+    path : scenario file, or the name of a scenario that comes with the program.
     settings : ``key=value`` pairs that replace what the file says.
     progress : called with the stage and the share of it that is done.
 

@@ -1,16 +1,18 @@
-"""Lists of what comes with the program: models, muscles, scenarios, materials, effects.
+"""Lists of what comes with the program: models, muscles, scenarios, datasets, protocols, materials, effects.
 
 What needs the compiler, which takes a second to import, is imported by the list that needs it.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from pydantic import JsonValue
 from typing_extensions import TypedDict
 
+from explicitfe.host import shipped
 from explicitfe.model import catalogue
 
 Row = Mapping[str, object]
@@ -43,6 +45,26 @@ class ListedScenario(TypedDict):
     scenario: str
     title: str
     question: str
+    file: str
+
+
+class ListedDataset(TypedDict):
+    """A dataset that comes with the program: its test, how many curves, under which licence, and where its folder is."""
+
+    dataset: str
+    title: str
+    test: str
+    curves: int
+    license: str
+    folder: str
+
+
+class ListedProtocol(TypedDict):
+    """A protocol of a planned test that comes with the program, and where its file is."""
+
+    protocol: str
+    title: str
+    test: str
     file: str
 
 
@@ -94,9 +116,34 @@ def _scenarios() -> list[ListedScenario]:
     from explicitfe.scenario.read import read_scenario
 
     rows: list[ListedScenario] = []
-    for path in catalogue.scenario_files():
+    for name, path in shipped.scenarios().items():
         scenario, _ = read_scenario(path)
-        rows.append({"scenario": path.name, "title": scenario.title, "question": scenario.question, "file": str(path)})
+        rows.append({"scenario": name, "title": scenario.title, "question": scenario.question, "file": str(path)})
+    return rows
+
+
+def _datasets() -> list[ListedDataset]:
+    rows: list[ListedDataset] = []
+    for name, folder in shipped.datasets().items():
+        stated = tomllib.loads((folder / shipped.DATASET_FILE).read_text(encoding="utf-8"))
+        rows.append(
+            {
+                "dataset": name,
+                "title": stated["title"],
+                "test": stated["test"],
+                "curves": len(stated["curve"]),
+                "license": stated["license"],
+                "folder": str(folder),
+            }
+        )
+    return rows
+
+
+def _protocols() -> list[ListedProtocol]:
+    rows: list[ListedProtocol] = []
+    for name, path in shipped.protocols().items():
+        stated = tomllib.loads(path.read_text(encoding="utf-8"))
+        rows.append({"protocol": name, "title": stated["title"], "test": stated["test"], "file": str(path)})
     return rows
 
 
@@ -133,6 +180,8 @@ LISTS: dict[str, Callable[[], Sequence[Row]]] = {
     "models": _models,
     "muscles": _muscles,
     "scenarios": _scenarios,
+    "datasets": _datasets,
+    "protocols": _protocols,
     "materials": _materials,
     "effects": _effects,
 }

@@ -10,6 +10,7 @@ from typing import Any
 
 from explicitfe.errors import InputError
 from explicitfe.host import stopping
+from explicitfe.host.shipped import scenario_file
 from explicitfe.run.analysis import Analysis
 from explicitfe.run.indentation import IndentationAnalysis
 from explicitfe.run.notes import mesh_notes
@@ -30,7 +31,7 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
 
     Parameters
     ----------
-    path : scenario file.
+    path : scenario file, or the name of a scenario that comes with the program.
     settings : ``key=value`` pairs that replace what the file says.
     notes : sentences for the user that the summary of a run begins its warnings with.
 
@@ -40,7 +41,7 @@ def prepare(path: Path | str, settings: Sequence[str] = (), notes: Sequence[str]
     Stopped : a signal has asked to stop meanwhile.
     """
     begin = time.perf_counter()
-    path = Path(path)
+    path = scenario_file(path)
     analysis = analysis_of(path, *read_scenario(path, settings))
     stopping.check()
     said = (*notes, *mesh_notes(analysis.model, built_in=analysis.built_in), *analysis.notes)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from explicitfe.errors import Progress, silent
 from explicitfe.host import stopping
+from explicitfe.host.shipped import scenario_file
 from explicitfe.results.run_summary import RunSummary
 from explicitfe.run.prepare import prepare
 from explicitfe.run.resume import begun_at, go_on
@@ -14,7 +15,7 @@ from explicitfe.run.resume import begun_at, go_on
 
 def result_path(scenario_path: Path | str, out: Path | str = "outputs") -> Path:
     """Where the result of a scenario goes."""
-    return Path(out) / f"{Path(scenario_path).stem}.vtkhdf"
+    return Path(out) / f"{scenario_file(scenario_path).stem}.vtkhdf"
 
 
 def run(
@@ -31,7 +32,7 @@ def run(
 
     Parameters
     ----------
-    path : scenario file.
+    path : scenario file, or the name of a scenario that comes with the program.
     out : folder of the result, made if it does not exist.
     settings : ``key=value`` pairs that replace what the file says.
     notes : sentences for the user that the summary begins its warnings with.

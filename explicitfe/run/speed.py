@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, Progress, silent
+from explicitfe.host import shipped
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model import catalogue
 from explicitfe.model.model import Model
 from explicitfe.results.run_summary import MachineCode, ScenarioSpeed, SpeedReport, SpeedRow
 from explicitfe.run.machine_code import make_ready
@@ -128,7 +127,7 @@ def bench(sizes: Sequence[int] = tuple(TIMED_SIZES), progress: Progress = silent
 
 def _scenario_speed() -> ScenarioSpeed:
     """The loop alone of vowel [i], at the step that it begins with."""
-    prepared = prepare(_path(TIMED_SCENARIO))
+    prepared = prepare(shipped.scenarios()[TIMED_SCENARIO])
     simulation: Simulation = prepared.body
     simulation.compile()
     steps = int(np.ceil(1e-3 * prepared.scenario.analysis.duration_ms / (STEP_SHARE_OF_LIMIT * simulation.stable_limit(40))))
@@ -158,13 +157,9 @@ def warm(everything: bool = False, progress: Progress = silent) -> MachineCode:
         def report(part: float, begin: float = number * share, share: float = share) -> None:
             progress("warm", begin + part * share)
 
-        seconds_of[name] = prepare(_path(scenario), settings).body.compile(report)
+        seconds_of[name] = prepare(shipped.scenarios()[scenario], settings).body.compile(report)
     begin = time.perf_counter()
     point.uniaxial(TIMED_MATERIAL, (), np.array([0.0, 1.0]), np.array([1.0, 0.9]))
     seconds_of["homogeneous states"] = time.perf_counter() - begin
     progress("warm", 1.0)
     return {"seconds": seconds_of}
-
-
-def _path(scenario: str) -> Path:
-    return next(path for path in catalogue.scenario_files() if path.stem == scenario)

@@ -301,7 +301,7 @@ def test_material_names_of_two_models_differ(tmp_path: Path, monkeypatch: pytest
     for model in ("one", "two"):
         (tmp_path / model).mkdir()
         (tmp_path / model / "materials.toml").write_text('[soft]\nlaw = "neo-hooke"\nC10_Pa = 100.0\n')
-    monkeypatch.setattr(catalogue, "_data", lambda kind: tmp_path)
+    monkeypatch.setattr(catalogue, "folder_of", lambda kind: tmp_path)
     with pytest.raises(InputError, match=r'two.*one.*has a material "soft" too'):
         catalogue.materials.__wrapped__()
 

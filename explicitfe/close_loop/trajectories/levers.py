@@ -11,10 +11,10 @@ from explicitfe.effects import EFFECTS
 from explicitfe.effects.effect import Sought
 from explicitfe.effects.material.viscoelastic import from_damping
 from explicitfe.errors import InputError
+from explicitfe.host.toml_text import toml_value
 from explicitfe.materials import Law
 from explicitfe.model import catalogue
 from explicitfe.model.effects import check_effects
-from explicitfe.predict.tissue import toml_value
 from explicitfe.scenario.transient import MuscleTable, TransientScenario
 
 # How a common factor, the weight [m/s^2], and the two dampings [1/s, s] are looked for.

@@ -25,12 +25,12 @@ from explicitfe.close_loop.trajectories.registration import Registration, procru
 from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import InputError, RunError, nearest
+from explicitfe.host.toml_text import toml_value
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.measured.tables import RegistrationTable
 from explicitfe.model import catalogue
 from explicitfe.model.muscles import profile_of
 from explicitfe.model.tongue import anatomy_of
-from explicitfe.predict.tissue import toml_value
 from explicitfe.scenario.read import read_scenario
 from explicitfe.scenario.transient import TransientScenario
 

@@ -13,12 +13,17 @@ from explicitfe.view.terminal.rows import text_of
 if TYPE_CHECKING:
     from explicitfe.results.run_summary import SpeedReport
 
+# Columns of lists that are for programs: their texts are long.
+ONLY_IN_JSON = ("source", "file", "folder")
+
 
 def list_table(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
     """A list of what comes with the program. The first column, what a user has to type, is never cut."""
-    columns = [column for column in (rows[0] if rows else ()) if column != "source"]
-    left_out = rows and "source" in rows[0]
-    table = Table(title=title, title_justify="left", caption="sources: add --json" if left_out else None, caption_justify="left")
+    given = list(rows[0]) if rows else []
+    columns = [column for column in given if column not in ONLY_IN_JSON]
+    left_out = " and ".join(f"{column}s" for column in given if column in ONLY_IN_JSON)
+    caption = f"{left_out}: add --json" if left_out else None
+    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for number, column in enumerate(columns):
         table.add_column(column, no_wrap=number == 0, overflow="fold")
     for row in rows:

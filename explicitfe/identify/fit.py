@@ -1,4 +1,7 @@
-"""Weighted least squares of two constants, with intervals from the curvature at the optimum and from the profile likelihood."""
+"""Weighted least squares of two constants, with intervals from the curvature at the optimum and from the profile likelihood.
+
+Intervals from the noise alone are kept beside those that count what the residual shows (widening.py): quote the latter.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from scipy.stats import t as student
 
 from explicitfe.errors import RunError
 from explicitfe.identify.forward import CurveModel
+from explicitfe.identify.widening import Widening, widening_of
 
 NAMES = ("C10_Pa", "C20_Pa")
 CONFIDENCE_LEVEL = 0.95
@@ -86,7 +90,9 @@ class Fit:
     ----------
     constants : (2,) C10, C20 [Pa].
     covariance : (2, 2) Pa^2, from the curvature; of C10 alone where C20 is at its bound.
-    curvature, profile : name -> (low, high) Pa, 95 %.
+    curvature, profile_of_noise : name -> (low, high) Pa, 95 %, from independent noise alone.
+    profile : the same from the profile likelihood, with what the residual shows beyond such noise.
+    widening : by how much it makes intervals wider, and why.
     at_bound : names of constants that ended at a bound.
     chi2, count : weighted sum of squares and rows; with the noise unknown chi2 is in units of the estimated noise.
     noise_estimated : the dataset does not state the noise; it is estimated from the residual.
@@ -96,7 +102,9 @@ class Fit:
     constants: np.ndarray
     covariance: np.ndarray
     curvature: dict[str, tuple[float, float]]
+    profile_of_noise: dict[str, tuple[float, float]]
     profile: dict[str, tuple[float, float]]
+    widening: Widening
     at_bound: tuple[str, ...]
     chi2: float
     count: int
@@ -228,7 +236,7 @@ def least_squares_fit(observed: Sequence[Observed], start: np.ndarray | None = N
     observed : curves that share the constants. Where one does not state its noise, every curve's rows weigh by the
         curve's largest value and the noise is estimated from the residual.
     start : constants to begin with; chosen by :func:`start_of` if left out.
-    profile : whether intervals of the profile likelihood are computed; without them ``Fit.profile`` is empty.
+    profile : whether intervals of the profile likelihood are computed; without them ``Fit.profile`` and its like are empty.
 
     Raises
     ------
@@ -267,10 +275,15 @@ def least_squares_fit(observed: Sequence[Observed], start: np.ndarray | None = N
     }
     if at_bound:  # The interval is one-sided: below 0 there is no constant of the law.
         curvature["C20_Pa"] = (0.0, quantile / float(np.linalg.norm(J[:, 1])))
-    fit = Fit(best, covariance, curvature, {}, at_bound, problem.chi2(best), count, estimated, tuple(sds))
+    chi2 = problem.chi2(best)
+    residuals = [(o.measured - o.predicted(best)) / sd for o, sd in zip(observed, sds, strict=True)]
+    widening = widening_of(residuals, chi2, count - 2 + len(at_bound), noise_estimated=estimated)
+    fit = Fit(best, covariance, curvature, {}, {}, widening, at_bound, chi2, count, estimated, tuple(sds))
     if not profile:
         return fit
-    return replace(fit, profile=_profile(problem, fit, float(quantile) ** 2))
+    of_noise = _profile(problem, fit, float(quantile), 1.0)
+    wider = of_noise if widening.factor == 1.0 else _profile(problem, fit, float(quantile), widening.factor)
+    return replace(fit, profile_of_noise=of_noise, profile=wider)
 
 
 def profile_curve(observed: Sequence[Observed], fit: Fit, number: int, values: np.ndarray) -> np.ndarray:
@@ -280,9 +293,12 @@ def profile_curve(observed: Sequence[Observed], fit: Fit, number: int, values: n
     return np.array([problem.profiled(number, float(v), float(fit.constants[1 - number]))[0] - least for v in values])
 
 
-def _profile(problem: Problem, fit: Fit, threshold: float) -> dict[str, tuple[float, float]]:
-    """Name -> (low, high), where chi2 has risen by the threshold with the other constant at its best; one may be infinite."""
-    least = problem.chi2(fit.constants)
+def _profile(problem: Problem, fit: Fit, quantile: float, factor: float) -> dict[str, tuple[float, float]]:
+    """Name -> (low, high), where chi2 has risen by the square of so many quantiles with the other constant at its best.
+
+    An end may be infinite. Where the unit of chi2 is ``factor`` squared, all standard errors are so many times as large.
+    """
+    least, threshold = problem.chi2(fit.constants), (factor * quantile) ** 2
     limits = {}
     for k, name in enumerate(NAMES):
         best, other = float(fit.constants[k]), float(fit.constants[1 - k])
@@ -291,7 +307,7 @@ def _profile(problem: Problem, fit: Fit, threshold: float) -> dict[str, tuple[fl
         def rise(value: float, k: int = k, other: float = other) -> float:
             return problem.profiled(k, value, other)[0] - least - threshold
 
-        half = max(fit.curvature[name][1] - best, 1e-6 * float(fit.constants[0]))
+        half = factor * max(fit.curvature[name][1] - best, 1e-6 * float(fit.constants[0]))
         ends = []
         for side in (-1.0, 1.0):
             far, near = best, best

@@ -82,11 +82,19 @@ def _curve(curve: Curve, observed: Observed, split: str, constants: np.ndarray) 
 def _profile(number: int, fitted: GroupFit) -> ConstantProfile:
     fit: Fit = fitted.fit
     name, best = NAMES[number], float(fit.constants[number])
-    half = max(float(fit.sd[number]), (fit.curvature[name][1] - best) / 2.0)
+    wider = fit.widening.factor
+    half = wider * max(float(fit.sd[number]), (fit.curvature[name][1] - best) / 2.0)
     low = max(best - PROFILE_SDS * half, SMALLEST_C10_PA if number == 0 else 0.0)
     values = np.linspace(low, best + PROFILE_SDS * half, PROFILE_POINTS)
-    rise = profile_curve(fitted.observed, fit, number, values)
-    return {"name": name, "best": best, "sd": float(fit.sd[number]), "values": values, "rise": rise, "ci95": fit.profile[name]}
+    return {
+        "name": name,
+        "best": best,
+        "sd": float(fit.sd[number]),
+        "values": values,
+        "rise": profile_curve(fitted.observed, fit, number, values) / wider**2,
+        "ci95": fit.profile[name],
+        "widened_by": wider,
+    }
 
 
 def _trace(paper: PaperFit, fitted: GroupFit) -> PaperTrace:

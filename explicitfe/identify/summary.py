@@ -28,9 +28,6 @@ NUMERICAL_NOISE_SHARE = 0.5
 FOLDING_COMPRESSION = 0.56
 # A law with more chi2 per degree of freedom does not describe the data: its residual is twice the noise.
 MISFIT_CHI2_RATIO = 4.0
-# Neighbouring residuals that are correlated by more than this are no independent rows; fewer rows than these do not tell.
-CORRELATED_RESIDUALS = 0.5
-FEWEST_CORRELATED_ROWS = 20
 # A first value above this share of the largest one was measured before the test began: the zero of the sensor is off.
 OFFSET_SHARE = 0.01
 # The tool stands at zero where it is nearer to it than this.
@@ -53,6 +50,7 @@ def group_rows(fitted: GroupFit, assumed: Sequence[str]) -> IdentifiedGroup:
         "noise_sd": fitted.noise_sd,
         "numerical_sd": fitted.numerical_sd,
         "interpolation_error": fitted.interpolation_error,
+        "widened_by": fit.widening.factor,
         "unit": fitted.unit,
         "error": {side: _mean_errors(curves, side) for side in ("fit", "holdout")},
         "curves": curves,
@@ -73,6 +71,7 @@ def _constants(fit: Fit, paper: PaperFit | None) -> dict[str, IdentifiedConstant
             "value": float(fit.constants[k]),
             "sd": float(fit.sd[k]),
             "ci95": [float(x) for x in fit.profile[name]],
+            "ci95_of_noise": [float(x) for x in fit.profile_of_noise[name]],
             "ci95_curvature": [float(x) for x in fit.curvature[name]],
         }
         for k, name in enumerate(NAMES)
@@ -174,20 +173,18 @@ def _about_residuals(fitted: GroupFit) -> list[str]:
     if fit.noise_estimated:
         warnings.append("The dataset does not state the noise of all curves: it is estimated from the residual, misfit included.")
     elif fitted.chi2 is not None and fit.count > 2 and fit.chi2 > MISFIT_CHI2_RATIO * (fit.count - 2):
-        times = np.sqrt(fit.chi2 / (fit.count - 2))
+        share = np.sqrt(fit.chi2 / (fit.count - 2))
+        warnings.append(f"The residual is {share:.1f} times the noise: the law does not describe these data.")
+    widening = fit.widening
+    if widening.correlation:
         warnings.append(
-            f"The residual is {times:.1f} times the noise: the law does not describe these data, and the intervals count "
-            "noise only."
+            f"Neighbouring residuals are correlated ({widening.correlation:.2f}): {widening.rows} rows count as about "
+            f"{widening.effective:.0f}."
         )
-    residuals = [o.predicted(fitted.constants) - o.measured for o in fitted.observed]
-    products = sum(float(r[1:] @ r[:-1]) for r in residuals)
-    squares = sum(float(r @ r) for r in residuals)
-    if fit.count > FEWEST_CORRELATED_ROWS and squares > 0.0 and products / squares > CORRELATED_RESIDUALS:
-        effective = fit.count * (1.0 - products / squares) / (1.0 + products / squares)
+    if widening.factor > 1.0 and fitted.paper is None:
+        times = f"{widening.factor:.{0 if widening.factor >= 10.0 else 1}f}"
         warnings.append(
-            f"Neighbouring residuals are correlated ({products / squares:.2f}): {fit.count} rows count as about "
-            f"{max(effective, 1.0):.0f}, and honest intervals are about "
-            f"{np.sqrt(fit.count / max(effective, 1.0)):.0f} times as wide."
+            f"The 95 % intervals are {times} times as wide as from independent noise alone, as the residual asks for."
         )
     return warnings
 

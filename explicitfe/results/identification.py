@@ -10,11 +10,19 @@ from explicitfe.results.document import Computed
 
 
 class IdentifiedConstant(TypedDict):
-    """A constant [Pa]; the paper's method has no intervals. ``ci95`` is from the profile likelihood, its end may be infinite."""
+    """A constant [Pa]; the paper's method has no intervals.
+
+    Attributes
+    ----------
+    sd : standard error from independent noise alone.
+    ci95 : the interval to quote, from the profile likelihood, as wide as the residual asks for; its end may be infinite.
+    ci95_of_noise, ci95_curvature : from independent noise alone, by the profile likelihood and by the curvature at the optimum.
+    """
 
     value: float
     sd: NotRequired[float]
     ci95: NotRequired[list[Computed]]
+    ci95_of_noise: NotRequired[list[Computed]]
     ci95_curvature: NotRequired[list[Computed]]
 
 
@@ -82,6 +90,7 @@ class IdentifiedGroup(TypedDict):
     Attributes
     ----------
     chi2 : None where the noise was estimated from the residual.
+    widened_by : how many times as wide the intervals are as from independent noise alone.
     noise_sd, numerical_sd : rms of a row's noise, and of the numerical noise, in the unit.
     interpolation_error : how far the interpolated response was from a run of the simulator, relative to the force.
     error : side -> mean errors, None where it has no curve.
@@ -99,6 +108,7 @@ class IdentifiedGroup(TypedDict):
     degrees_of_freedom: NotRequired[int]
     rows: NotRequired[int]
     noise: NotRequired[str]
+    widened_by: NotRequired[float]
     noise_sd: NotRequired[float]
     numerical_sd: NotRequired[float]
     interpolation_error: NotRequired[float]

@@ -11,6 +11,7 @@ from typing_extensions import TypedDict
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.view.indentation import ENERGY_LABEL, StatedTool, paint_section
 from explicitfe.view.palette import COLOURS, WIDTH_IN, new_figure, plain, save
+from explicitfe.view.report import words
 
 MARKERS = "os^Dv"
 # A curve with more rows is drawn as a line of dots without error bars, which would hide it.
@@ -41,7 +42,13 @@ class FittedCurve(GroupCurve):
 
 
 class ConstantProfile(TypedDict):
-    """The likelihood of a constant: by how much chi squared rises over some values of it; ``ci95`` is its 95 % interval."""
+    """The likelihood of a constant: by how much chi squared rises over some values of it, in units of what is left.
+
+    Attributes
+    ----------
+    sd : its standard error from independent noise alone.
+    ci95 : its 95 % interval, so many times (``widened_by``) as wide as from such noise alone.
+    """
 
     name: str
     best: float
@@ -49,6 +56,7 @@ class ConstantProfile(TypedDict):
     values: np.ndarray
     rise: np.ndarray
     ci95: tuple[float, float]
+    widened_by: float
 
 
 class PaperTrace(TypedDict):
@@ -114,14 +122,19 @@ def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Sequen
 
 
 def profiles(path: Path, title: str, rows: Sequence[ConstantProfile]) -> None:
-    """Draw the profile likelihood of each constant beside the parabola of the curvature."""
+    """Draw the profile likelihood of each constant beside the parabola of the curvature, and what noise alone would give."""
     figure = new_figure(WIDTH_IN, 4.2)
     for axes, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
         values, name = row["values"], CONSTANT_NAMES.get(row["name"], row["name"])
+        wider = row["widened_by"]
         axes.plot(values, row["rise"], color=COLOURS[0], lw=2.0, label="profile likelihood")
         if row["sd"] > 0.0:
-            parabola = ((values - row["best"]) / row["sd"]) ** 2
+            parabola = ((values - row["best"]) / (wider * row["sd"])) ** 2
             axes.plot(values, parabola, "--", color=COLOURS[1], lw=1.5, label="curvature at the optimum")
+            if wider > 1.0:
+                half = CHI2_RISE_95_PERCENT**0.5 * row["sd"]
+                label = f"95 % from noise alone, {words.number(wider, 2)} times narrower"
+                axes.axvspan(row["best"] - half, row["best"] + half, color="0.55", lw=1.5, zorder=0.5, label=label)
         axes.axhline(CHI2_RISE_95_PERCENT, color="0.4", lw=0.9)
         axes.annotate(
             "95 %",
@@ -139,7 +152,8 @@ def profiles(path: Path, title: str, rows: Sequence[ConstantProfile]) -> None:
         axes.set_xlabel(f"{name} (Pa)")
         axes.set_title(f"{name} = {row['best']:.4g} Pa, 95 %: {low:.4g} to {high:.4g}", loc="left", fontsize=10)
         plain(axes)
-    figure.axes[0].set_ylabel("rise of χ² above its least")
+    wider = max(row["widened_by"] for row in rows)
+    figure.axes[0].set_ylabel("rise of χ² above its least" + (f", over {words.number(wider, 2)}²" if wider > 1.0 else ""))
     figure.axes[0].legend(frameon=False, fontsize=8, loc="upper center")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     save(figure, path)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -97,6 +97,43 @@ def test_intervals_cover():
         low, high = np.array([fit.curvature[name] for name in NAMES]).T
         hits[seed % 2] += (low <= [2.0, 1.0]) & (high >= [2.0, 1.0])
     assert (np.abs(hits / 200.0 - 0.95) < 3.0 * np.sqrt(0.95 * 0.05 / 200.0)).all()
+
+
+def test_intervals_cover_where_neighbouring_rows_err_alike():
+    """Noise of a correlation of 0.9 from row to row: intervals that count it as independent hold the truth in less than half of
+    all cases; as wide as the residual asks for they hold it in about nine of ten, the correlation being known from 200 rows only.
+    """
+    seeds, hits, narrow = 120, np.zeros(2), np.zeros(2)
+    for seed in range(seeds):
+        random = np.random.default_rng(seed)
+        noise = random.normal(0.0, 0.05, 200)
+        for k in range(1, 200):
+            noise[k] = 0.9 * noise[k - 1] + np.sqrt(1.0 - 0.9**2) * noise[k]
+        seen = line(seed, sd=0.05, rows=200)
+        seen = replace(seen, measured=seen.model(seen.imposed, 2.0, 1.0) + noise)
+        fit = least_squares_fit([seen], np.array([2.0, 1.0]), profile=False)
+        error = np.abs(fit.constants - [2.0, 1.0])
+        narrow += error <= 1.96 * fit.sd
+        hits += error <= 1.96 * fit.widening.factor * fit.sd
+    assert (narrow / seeds < 0.5).all() and (hits / seeds > 0.85).all()
+
+
+def test_nothing_is_widened_where_noise_is_as_stated():
+    """Chance asks for it in one fit of a hundred; in more than four of 100 seeds it would be a fault (p < 0.004)."""
+    factors = [
+        least_squares_fit([line(seed, rows=60)], np.array([2.0, 1.0]), profile=False).widening.factor for seed in range(100)
+    ]
+    assert sum(factor != 1.0 for factor in factors) <= 4
+
+
+def test_a_widened_interval_is_so_many_times_as_wide():
+    """Noise of three times what is stated, in a linear problem: both ends are three times as far away, or so."""
+    seen = line(4, sd=0.1, rows=60)
+    fit = least_squares_fit([replace(seen, measured_sd=0.1 / 3.0)], np.array([2.0, 1.0]))
+    assert fit.widening.misfit == pytest.approx(3.0, rel=0.2) and fit.widening.correlation == 0.0
+    for name in NAMES:
+        own, of_noise = np.ptp(fit.profile[name]), np.ptp(fit.profile_of_noise[name])
+        assert own == pytest.approx(fit.widening.factor * of_noise, rel=1e-4)
 
 
 def test_unknown_noise_is_that_of_the_residual():

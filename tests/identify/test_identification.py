@@ -27,6 +27,7 @@ from explicitfe.predict.setup import Setup
 from explicitfe.scenario.indentation import IndentationScenario
 from explicitfe.scenario.read import read_scenario
 from explicitfe.solve import point
+from explicitfe.view.fit import ConstantProfile
 from explicitfe.view.json_text import json_text
 from explicitfe.view.terminal.identify import identification_notes, identification_tables
 
@@ -174,6 +175,30 @@ def test_homogeneous_compression(tmp_path):
     assert identification["forward_runs"] == 0
     assert identification["groups"]["all"]["hides"] == []
     assert not (tmp_path / "out" / "fitted.toml").exists()
+
+
+def test_what_is_printed_and_drawn_is_as_wide_as_the_residual_asks_for(tmp_path, monkeypatch):
+    """A material that stiffens otherwise than Yeoh's law: the residual is many times the noise, and goes up and down slowly."""
+    stretch = np.linspace(1.0, 0.7, 60)
+    stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
+    stress = stress * (1.0 + 0.1 * np.sin(20.0 * stretch))
+    data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
+    drawn: list[ConstantProfile] = []
+    monkeypatch.setattr("explicitfe.view.fit.profiles", lambda path, title, rows: drawn.extend(rows))
+    identification = identify(data, out=tmp_path / "out")
+    group = identification["groups"]["all"]
+    assert group["widened_by"] > 10.0
+    console = Console(width=200, record=True, file=io.StringIO())
+    console.print(identification_tables(identification))
+    text = console.export_text()
+    for name, row in zip(("C10_Pa", "C20_Pa"), drawn, strict=True):
+        constant = group["constants"][name]
+        low, high = constant["ci95"]
+        assert high - low > 5.0 * np.ptp(constant["ci95_of_noise"])
+        assert f"{low:.5g} to {high:.5g}" in text and row["ci95"] == pytest.approx((low, high))
+        assert row["values"][0] <= max(low, 1e-3) and row["values"][-1] >= high
+        assert f"{constant['ci95_of_noise'][0]:.5g}" not in text
+    assert "times as wide as from noise alone" in text
 
 
 def test_homogeneous_shear_without_noise_stated(tmp_path):

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.identification import Identification, IdentifiedGroup
+from explicitfe.view.report.words import number
 from explicitfe.view.terminal.rows import pairs
 
 
@@ -49,8 +50,10 @@ def _constants(title: str, group: IdentifiedGroup) -> Table:
         text = f"{entry['value']:.5g} Pa"
         if "ci95" in entry:
             low, high = entry["ci95"]
-            by_curvature = " to ".join(f"{limit:.5g}" for limit in entry["ci95_curvature"])
-            text += f"  (95 %: {low:.5g} to {_number(high)}, by curvature {by_curvature})"
+            text += f"  (95 %: {low:.5g} to {_number(high)}"
+            if group["widened_by"] > 1.0:
+                text += f", {number(group['widened_by'], 2)} times as wide as from noise alone"
+            text += ")"
         if name in group["at_bound"]:
             text += "  [yellow]at its bound[/yellow]"
         table.add_row(name.removesuffix("_Pa"), text)

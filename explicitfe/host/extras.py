@@ -7,10 +7,10 @@ from typing import Literal
 
 from explicitfe.errors import InputError
 
-Extra = Literal["view", "plots"]
+Extra = Literal["view", "plots", "parquet"]
 
 # The extra of pyproject.toml -> the package that stands for it.
-PACKAGES: dict[Extra, str] = {"view": "pyvista", "plots": "matplotlib"}
+PACKAGES: dict[Extra, str] = {"view": "pyvista", "plots": "matplotlib", "parquet": "pyarrow"}
 
 
 def has_extra(extra: Extra) -> bool:

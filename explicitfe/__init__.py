@@ -30,6 +30,7 @@ _PLACES = {
     "close_loop": "explicitfe.close_loop.close",
     "design_test": "explicitfe.close_loop.design",
     "open_result": "explicitfe.results",
+    "compare": "explicitfe.measure.compare",
     # meshes and models
     "HexMesh": "explicitfe.mesh.hexmesh",
     "box": "explicitfe.mesh.box",
@@ -66,6 +67,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.materials.mooney_rivlin import MooneyRivlin as MooneyRivlin
     from explicitfe.materials.neo_hooke import NeoHooke as NeoHooke
     from explicitfe.materials.yeoh import Yeoh as Yeoh
+    from explicitfe.measure.compare import compare as compare
     from explicitfe.mesh.box import box as box
     from explicitfe.mesh.hexmesh import HexMesh as HexMesh
     from explicitfe.model.face_load import face_load as face_load

@@ -7,7 +7,20 @@ from difflib import get_close_matches
 from typing import Literal
 
 Stage = Literal[
-    "load", "compile", "run", "draw", "identify", "predict", "trace", "decide", "design", "close-loop", "make", "warm", "bench"
+    "load",
+    "compile",
+    "run",
+    "draw",
+    "compare",
+    "identify",
+    "predict",
+    "trace",
+    "decide",
+    "design",
+    "close-loop",
+    "make",
+    "warm",
+    "bench",
 ]
 """What a long task is doing; ``view/progress.py`` has words for each."""
 

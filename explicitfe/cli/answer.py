@@ -22,6 +22,7 @@ _HEADS: dict[FailureKind, str] = {
     "machine": "failed",
     "fault": "fault",
     "stopped": "ended",
+    "check": "no",
 }
 
 

@@ -17,6 +17,7 @@ from explicitfe.blind.make import Manifest
 from explicitfe.blind.score import StudyScore
 from explicitfe.cli.ending import FailureAnswer
 from explicitfe.errors import InputError, nearest
+from explicitfe.measure.comparison import Comparison
 from explicitfe.measure.document import Measures
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.identification import Identification
@@ -110,6 +111,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "check": (TransientCheckReport, IndentationCheckReport),
     "inspect": (InspectedResult,),
     "measure": (MeasuredResults,),
+    "compare": (Comparison,),
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),

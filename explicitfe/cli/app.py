@@ -15,6 +15,7 @@ from explicitfe.cli.bench import bench
 from explicitfe.cli.blind import blind_make, blind_score
 from explicitfe.cli.check import check
 from explicitfe.cli.close_loop import close_loop
+from explicitfe.cli.compare import compare
 from explicitfe.cli.design_test import design_test
 from explicitfe.cli.help import PlainCommand, PlainGroup
 from explicitfe.cli.identify import identify
@@ -34,7 +35,7 @@ Command = Callable[..., None]
 # Panel of the help -> name of a command -> its function.
 COMMANDS: dict[str, dict[str, Command]] = {
     "Scenarios": {"run": run, "resume": resume, "check": check},
-    "Results": {"inspect": inspect, "measure": measure},
+    "Results": {"inspect": inspect, "measure": measure, "compare": compare},
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
     "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
 }

@@ -18,9 +18,9 @@ DONE_EXIT_CODE = 0
 INPUT_EXIT_CODE = 2  # as programs that read options use it
 NOT_DONE_EXIT_CODE = 3
 
-FailureKind = Literal["input", "simulation", "machine", "fault", "stopped"]
+FailureKind = Literal["input", "simulation", "machine", "fault", "stopped", "check"]
 """What is to blame: what the user gave, the simulation that could not go on, the machine (disk, memory), explicitfe itself, or
-nobody: a signal has stopped it."""
+nobody: a signal has stopped it, or what was to be checked does not hold."""
 
 LONGEST_MESSAGE_CHARACTERS = 1000  # an error echoes what it was given
 LONGEST_FAULT_CHARACTERS = 300

@@ -23,6 +23,9 @@ _SEARCH_PASSES = ((0, 8, np.zeros((1, 3))), (8, 64, np.zeros((1, 3))), (0, 32, 0
 # A point is located when it is reached up to this share of the size of the mesh or of its element, which is rounding.
 _REACHED_SHARE = 1e-10
 
+# How far natural coordinates may pass [-1, 1]: a curved surface and the flat elements that stand for it differ by about that.
+OUTSIDE_TOLERANCE = 0.5
+
 _NEWTON_STEPS = 20
 
 
@@ -232,12 +235,11 @@ def _from_anchor(anchor: np.ndarray, points: MaterialPoints) -> MaterialPoints:
     )
 
 
-def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5) -> MaterialPoints:
+def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = OUTSIDE_TOLERANCE) -> MaterialPoints:
     """The elements that hold positions, (k, 3), m, in any hex mesh: the inverse of the trilinear map, by Newton.
 
     A position outside the mesh moves to the element that it is nearest to, as long as its natural coordinates there do
-    not pass [-1, 1] by more than ``tolerance``: a curved surface and the flat elements that stand for it differ by
-    about that. The returned position is then the one in the mesh.
+    not pass [-1, 1] by more than ``tolerance``. The returned position is then the one in the mesh.
 
     Raises
     ------
@@ -248,6 +250,27 @@ def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5)
     not_finite = np.flatnonzero(~np.isfinite(positions).all(axis=1))
     if len(not_finite):
         raise InputError(f"the position of point {not_finite[0]} is not finite.")
+    points, inside = points_of_mesh(mesh, positions, tolerance, thorough=True)
+    far = np.flatnonzero(~inside)
+    if len(far):
+        point = far[0]
+        x, y, z = 1e3 * positions[point]
+        distance_m = np.linalg.norm(points.position[point] - positions[point])
+        raise InputError(
+            f"point {point} at ({x:.2f}, {y:.2f}, {z:.2f}) mm lies {1e3 * distance_m:.2f} mm outside the mesh"
+            + (f", and {len(far) - 1} more points lie outside." if len(far) > 1 else ".")
+        )
+    return points
+
+
+def points_of_mesh(
+    mesh: HexMesh, positions: np.ndarray, tolerance: float = OUTSIDE_TOLERANCE, thorough: bool = False
+) -> tuple[MaterialPoints, np.ndarray]:
+    """The points of a mesh that are nearest to positions, (k, 3), m, and which of these the mesh holds, (k,) bool.
+
+    ``tolerance`` is that of :func:`locate_in_mesh`; ``thorough``: of a position that lies outside all elements, but within the
+    tolerance of one, all others around it are tried too, which takes many times as long.
+    """
     corners = mesh.points[mesh.hexes]
     tree = scipy.spatial.cKDTree(corners.mean(axis=1))
 
@@ -259,6 +282,8 @@ def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5)
     open_ = np.arange(len(positions))
     for first, last, starts in _SEARCH_PASSES:
         last = min(last, mesh.element_count)
+        if not thorough:
+            open_ = open_[~(excess[open_] <= tolerance)]
         if not len(open_) or first >= last:
             continue
         candidates = tree.query(positions[open_], k=np.arange(first + 1, last + 1))[1]
@@ -276,15 +301,8 @@ def locate_in_mesh(mesh: HexMesh, positions: np.ndarray, tolerance: float = 0.5)
             if not len(open_):
                 break
 
-    far = np.flatnonzero(~(excess <= tolerance))
-    if len(far):
-        point = far[0]
-        x, y, z = 1e3 * positions[point]
-        raise InputError(
-            f"point {point} at ({x:.2f}, {y:.2f}, {z:.2f}) mm lies {1e3 * distance[point]:.2f} mm outside the mesh"
-            + (f", and {len(far) - 1} more points lie outside." if len(far) > 1 else ".")
-        )
-    return MaterialPoints(element=element, natural=natural, position=_at(corners[element], natural))
+    points = MaterialPoints(element=element, natural=natural, position=_at(corners[element], natural))
+    return points, excess <= tolerance
 
 
 def _at(corners: np.ndarray, natural: np.ndarray) -> np.ndarray:

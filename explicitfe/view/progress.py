@@ -21,6 +21,7 @@ STAGES: dict[Stage, str] = {
     "identify": "identifying",
     "predict": "predicting",
     "draw": "drawing",
+    "compare": "comparing",
     "trace": "tracing the residual",
     "decide": "deciding on a finer mesh",
     "design": "designing",

@@ -1,0 +1,164 @@
+"""How two results differ, in the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from pydantic import JsonValue
+from rich.console import Group, RenderableType
+from rich.markup import escape
+from rich.table import Table
+
+from explicitfe.measure.comparison import ComparedField, Comparison, DifferingKey
+from explicitfe.view.terminal.rows import moved, pairs, spaced, text_of
+
+# Measures that other tables have, or that only --json lists.
+NOT_SHOWN_MEASURES = (
+    "points.",
+    "palatogram.",
+    "constriction.sections.",
+    "contact.",
+    "airway.",
+    "body.self_penetration.",
+)
+MOST_ROWS_OF_A_TABLE = 40
+# A difference of less is none for a reader: symmetric bodies differ from themselves by as much.
+SMALLEST_SHOWN = 1e-6
+# End of a key -> its unit.
+UNITS_OF_ENDINGS = {
+    "_mm2": "mm²",
+    "_mm_s": "mm/s",
+    "_mm": "mm",
+    "_ms": "ms",
+    "_kPa": "kPa",
+    "_N": "N",
+    "_percent": "%",
+    "_hz": "Hz",
+}
+# Unit of a stored field -> what it is shown in, and so many of these it is.
+SHOWN_IN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "J": ("mJ", 1e3), "1": ("", 1.0)}
+
+
+def comparison_tables(comparison: Comparison) -> Group:
+    """What differs, from the most to the least general."""
+    head = pairs("the second result (b) less the first (a)")
+    for name, of in (("a", comparison.a), ("b", comparison.b)):
+        head.add_row(name, escape(f"{of.result}\n{of.elements} hexes, {of.samples} samples, {of.status}"))
+    head.add_row("difference", difference_in_words(comparison))
+    if comparison.identical:
+        return Group(head)
+    times, points = comparison.times, comparison.points
+    between = f", b between its samples at {times.interpolated}" if times.interpolated else ""
+    outside = f"; {times.left_out} of a lie outside" if times.left_out else ""
+    head.add_row("times", f"{times.compared} from {times.first_ms:.4g} to {times.last_ms:.4g} ms{between}{outside}")
+    how = "node by node" if points.same_mesh else "nodes of a, as points of the material in b"
+    left_out = f"; {points.left_out} outside b are left out" if points.left_out else ""
+    head.add_row("points", f"{points.nodes} {how}{left_out}")
+    tables: list[RenderableType] = [head]
+    for title, keys in (("scenarios differ in", comparison.differing_keys), ("runs differ in", comparison.differing_provenance)):
+        if keys:
+            tables.append(_keys(title, keys))
+    tables.append(_fields(comparison.fields))
+    if comparison.named_points:
+        tables.append(_points(comparison))
+    measures = list(_measures(comparison))
+    if measures:
+        tables.append(_side_by_side(f"measures at {times.last_ms:.4g} ms", "measure", measures))
+    return Group(*tables)
+
+
+def difference_in_words(comparison: Comparison) -> str:
+    """The verdict: one sentence."""
+    if comparison.identical:
+        return "none: identical to the last bit"
+    displacement = next(part for part in comparison.fields if part.name == "displacement")
+    if displacement.largest == 0.0:
+        words = "displacements are the same"
+    else:
+        largest = f"{_length(1e3 * displacement.largest)}, {_percent(displacement.share)} of the largest"
+        words = f"displacements differ by up to {largest}"
+        words += f", at {displacement.at_ms:.4g} ms" if displacement.at_ms is not None else ""
+    if comparison.tolerance is None:
+        return words
+    within = "within" if comparison.within_tolerance else "more than"
+    return f"{words}; {within} the tolerance of {_percent(comparison.tolerance)}"
+
+
+def _keys(title: str, keys: Sequence[DifferingKey]) -> Table:
+    return _side_by_side(title, "key", [(key.key, _value(key.a), _value(key.b)) for key in keys])
+
+
+def _side_by_side(title: str, first: str, rows: Sequence[tuple[str, str, str]]) -> Table:
+    left_out = len(rows) - MOST_ROWS_OF_A_TABLE
+    table = Table(title=title, title_justify="left", caption_justify="left")
+    table.caption = f"and {left_out} more: add --json" if left_out > 0 else None
+    table.add_column(first, no_wrap=True)
+    table.add_column("a", overflow="fold")
+    table.add_column("b", overflow="fold")
+    for name, a, b in rows[:MOST_ROWS_OF_A_TABLE]:
+        table.add_row(escape(name), escape(a), escape(b))
+    return table
+
+
+def _fields(fields: Sequence[ComparedField]) -> Table:
+    table = Table(title="fields: largest difference anywhere at any time", title_justify="left")
+    table.add_column("field", no_wrap=True)
+    for column in ("largest", "of the largest value", "root mean square", "at"):
+        table.add_column(column, justify="right")
+    for part in fields:
+        unit, scale = SHOWN_IN.get(part.unit, (part.unit, 1.0))
+        table.add_row(
+            escape(spaced(part.name)),
+            f"{scale * part.largest:.3g} {unit}",
+            _percent(part.share),
+            f"{scale * part.rms:.3g} {unit}",
+            "" if part.at_ms is None else f"{part.at_ms:.4g} ms",
+        )
+    return table
+
+
+def _points(comparison: Comparison) -> Table:
+    table = Table(title=f"points: b less a at {comparison.times.last_ms:.4g} ms, and the largest distance at any time")
+    table.title_justify = "left"
+    table.add_column("point", no_wrap=True)
+    table.add_column("at the end")
+    for column in ("largest", "of the way", "at"):
+        table.add_column(column, justify="right")
+    for name, point in comparison.named_points.items():
+        table.add_row(
+            escape(name),
+            moved(point.forward_mm, point.up_mm, point.right_mm),
+            _length(point.largest_mm),
+            _percent(point.share),
+            "" if point.at_ms is None else f"{point.at_ms:.4g} ms",
+        )
+    return table
+
+
+def _measures(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
+    for row in comparison.measures:
+        same = _value(row.a) == _value(row.b) or all(isinstance(v, float) and abs(v) < SMALLEST_SHOWN for v in (row.a, row.b))
+        if same or row.measure.startswith(NOT_SHOWN_MEASURES):
+            continue
+        ending = next((ending for ending in UNITS_OF_ENDINGS if row.measure.endswith(ending)), "")
+        name = row.measure.removesuffix(ending).replace(".", " ").replace("_", " ")
+        yield f"{name}, {UNITS_OF_ENDINGS[ending]}" if ending else name, _value(row.a), _value(row.b)
+
+
+def _value(value: JsonValue) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return text_of(value)
+
+
+def _percent(share: float | None) -> str:
+    if share is None:
+        return "both are 0"
+    return "no number" if not math.isfinite(share) else f"{100.0 * share:.3g} %"
+
+
+def _length(length_mm: float) -> str:
+    return f"{length_mm:.3g} mm"

@@ -40,6 +40,7 @@ from explicitfe.run.lists import (
     ListedProtocol,
     ListedScenario,
 )
+from explicitfe.view.run_page.write import ReportAnswer
 
 
 class _PlainSchema(GenerateJsonSchema):
@@ -110,6 +111,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "check": (TransientCheckReport, IndentationCheckReport),
     "inspect": (InspectedResult,),
     "measure": (MeasuredResults,),
+    "report": (ReportAnswer,),
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),

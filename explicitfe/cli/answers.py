@@ -41,6 +41,7 @@ from explicitfe.run.lists import (
     ListedProtocol,
     ListedScenario,
 )
+from explicitfe.view.run_page.write import ReportAnswer
 
 
 class _PlainSchema(GenerateJsonSchema):
@@ -112,6 +113,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "inspect": (InspectedResult,),
     "measure": (MeasuredResults,),
     "compare": (Comparison,),
+    "report": (ReportAnswer,),
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),

@@ -23,6 +23,7 @@ from explicitfe.cli.inspect import inspect
 from explicitfe.cli.list import list_
 from explicitfe.cli.measure import measure
 from explicitfe.cli.predict import predict
+from explicitfe.cli.report import report
 from explicitfe.cli.resume import resume
 from explicitfe.cli.run import run
 from explicitfe.cli.schema import schema
@@ -35,7 +36,7 @@ Command = Callable[..., None]
 # Panel of the help -> name of a command -> its function.
 COMMANDS: dict[str, dict[str, Command]] = {
     "Scenarios": {"run": run, "resume": resume, "check": check},
-    "Results": {"inspect": inspect, "measure": measure, "compare": compare},
+    "Results": {"inspect": inspect, "measure": measure, "compare": compare, "report": report},
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
     "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
 }

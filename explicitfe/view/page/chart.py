@@ -1,0 +1,228 @@
+"""Charts of a page, as data: the template draws them as SVG, which needs no drawing library, no script and no network.
+
+Lines are drawn in a square of 1000 by 1000 that the page stretches to the room it has, while letters and widths of lines keep
+their size: a chart can be read on a telephone and on paper.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+CHART_SIDE = 1000.0
+# More points than this cannot be told apart on a screen; of longer lines the extremes are kept.
+MOST_POINTS_OF_A_LINE = 600
+# Lines stay this share of the height away from the frame.
+MARGIN_SHARE = 0.06
+TICKS_WANTED = 5
+# A logarithmic axis over more decades than this leaves marks out.
+MOST_DECADES_MARKED = 6
+DECADE_FACTOR = 10.0
+# A span below this share of the numbers themselves is rounding.
+ROUNDING_SHARE_OF_VALUE = 1e-12
+COLOUR_COUNT = 7
+DASH_COUNT = 4
+
+Drawn = Literal["line", "dots", "area"]
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """One line of a chart.
+
+    Attributes
+    ----------
+    name : in the legend; empty: it has no place there.
+    x, y : (n,) NaN where the line is interrupted.
+    drawn : as a line, as dots, or as an area down to zero.
+    colour : number of its colour, from 0; None: by its place. "before" and "after" have colours of their own in pages of fits.
+    dash : number of its kind of line, 0: whole.
+    """
+
+    name: str
+    x: np.ndarray
+    y: np.ndarray
+    drawn: Drawn = "line"
+    colour: int | None = None
+    dash: int = 0
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A mark of an axis: where, as a percentage from the left or from the bottom, and what stands there."""
+
+    percent: str
+    label: str
+
+
+@dataclass(frozen=True)
+class DrawnLine:
+    """A series as the template draws it: ``pieces`` are the points of a polyline each; dots are polylines of no length."""
+
+    name: str
+    pieces: list[str]
+    drawn: Drawn
+    colour: int
+    dash: int
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A chart as the template draws it.
+
+    Attributes
+    ----------
+    title, x_label, y_label : words with units; empty: none.
+    x_range, y_range : what the left and right, and the bottom and top edge stand for.
+    x_ticks, y_ticks : marks; ``zero`` is where y = 0 lies, %; None where it is not within the chart.
+    spans : where something acts, from and to, % from the left.
+    follows : what x is, "time" or "indentation", if the player of a page is to mark where it is; else empty.
+    """
+
+    title: str
+    x_label: str
+    y_label: str
+    x_range: tuple[float, float]
+    y_range: tuple[float, float]
+    x_ticks: list[Tick]
+    y_ticks: list[Tick]
+    series: list[DrawnLine]
+    zero: str | None = None
+    spans: list[tuple[str, str]] = field(default_factory=list)
+    follows: str = ""
+    logarithmic: bool = False
+
+
+def chart(
+    title: str,
+    series: Sequence[Line],
+    *,
+    x_label: str = "",
+    y_label: str = "",
+    x_range: tuple[float, float] | None = None,
+    y_range: tuple[float, float] | None = None,
+    logarithmic: bool = False,
+    spans: Sequence[tuple[float, float]] = (),
+    follows: str = "",
+) -> Chart | None:
+    """A chart of some series; None where no number is finite.
+
+    Parameters
+    ----------
+    x_range, y_range : what is to be seen at least; by the numbers if left out.
+    logarithmic : whether y is drawn by its logarithm; numbers that are not positive are left out.
+    spans : parts of the x axis that are shaded, from and to.
+    """
+    if logarithmic:
+        series = [replace(one, y=np.log10(np.where(one.y > 0.0, one.y, np.nan))) for one in series]
+        y_range = None if y_range is None else (math.log10(y_range[0]), math.log10(y_range[1]))
+    kept = [one for one in series if (np.isfinite(one.x) & np.isfinite(one.y)).any()]
+    if not kept:
+        return None
+    left, right = x_range or _span([one.x for one in kept], 0.0)
+    with_zero = [one.y if one.drawn != "area" else np.append(one.y, 0.0) for one in kept]
+    bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
+    placed = [
+        DrawnLine(
+            one.name,
+            _pieces(one, (left, right), (bottom, top)),
+            one.drawn,
+            (number if one.colour is None else one.colour) % COLOUR_COUNT,
+            one.dash % DASH_COUNT,
+        )
+        for number, one in enumerate(kept)
+    ]
+    values, labels = _decades(bottom, top) if logarithmic else round_ticks(bottom, top)
+    marks, words = round_ticks(left, right)
+    return Chart(
+        title,
+        x_label,
+        y_label,
+        (left, right),
+        (bottom, top),
+        _ticks(marks, words, left, right),
+        _ticks(values, labels, bottom, top),
+        placed,
+        None if logarithmic or not bottom < 0.0 < top else _percent(0.0, bottom, top),
+        [(_percent(max(a, left), left, right), _percent(min(b, right), left, right)) for a, b in spans if b > left and a < right],
+        follows,
+        logarithmic,
+    )
+
+
+def round_ticks(low: float, high: float, wanted: int = TICKS_WANTED) -> tuple[list[float], list[str]]:
+    """Round numbers from ``low`` to ``high``, about as many as wanted, and how they are written."""
+    step = 10.0 ** math.floor(math.log10((high - low) / wanted))
+    factor = next(f for f in (1.0, 2.0, 5.0, 10.0) if (high - low) / (f * step) <= wanted)
+    step *= factor
+    numbers = [step * k for k in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    largest = max(map(abs, numbers), default=0.0)
+    if digits > 4 or largest >= 1e5:
+        return numbers, [f"{x:.{max(0, math.floor(math.log10(largest / step) + 0.5))}e}" if x else "0" for x in numbers]
+    return numbers, [f"{x + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}") for x in numbers]
+
+
+def _decades(low: float, high: float) -> tuple[list[float], list[str]]:
+    """Powers of ten, by their exponents."""
+    exponents = list(range(math.ceil(low - 1e-9), math.floor(high + 1e-9) + 1))
+    if len(exponents) < 2:
+        numbers, _ = round_ticks(low, high, 3)
+        return numbers, [f"{DECADE_FACTOR**x:.1e}" for x in numbers]
+    exponents = exponents[:: math.ceil(len(exponents) / MOST_DECADES_MARKED)]
+    return [float(k) for k in exponents], [f"{DECADE_FACTOR**k:g}" for k in exponents]
+
+
+def _ticks(values: list[float], labels: list[str], low: float, high: float) -> list[Tick]:
+    return [Tick(_percent(value, low, high), label) for value, label in zip(values, labels, strict=True)]
+
+
+def _percent(value: float, low: float, high: float) -> str:
+    return f"{100.0 * (value - low) / (high - low):.2f}"
+
+
+def _span(columns: Sequence[np.ndarray], margin: float) -> tuple[float, float]:
+    """The smallest and the largest finite number, with a margin; never the same twice."""
+    numbers = np.concatenate([np.ravel(column) for column in columns])
+    numbers = numbers[np.isfinite(numbers)]
+    low, high = float(numbers.min()), float(numbers.max())
+    size = high - low
+    if not size > ROUNDING_SHARE_OF_VALUE * max(abs(low), abs(high)):
+        size = 0.1 * max(abs(low), abs(high)) or 1.0
+        low, high = low - 0.5 * size, high + 0.5 * size
+    return low - margin * size, high + margin * size
+
+
+def _pieces(one: Line, across: tuple[float, float], up: tuple[float, float]) -> list[str]:
+    """The points of each uninterrupted part of a series, in the square; an area has the foot of its ends."""
+    x = CHART_SIDE * (one.x - across[0]) / (across[1] - across[0])
+    y = CHART_SIDE * (up[1] - one.y) / (up[1] - up[0])
+    whole = np.isfinite(x) & np.isfinite(y)
+    pieces = []
+    for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(whole.astype(int)) != 0) + 1):
+        if not len(part) or not whole[part[0]]:
+            continue
+        kept = part[_drawn_rows(y[part])]
+        points = [f"{x[k]:.1f},{y[k]:.1f}" for k in kept]
+        if one.drawn == "dots":
+            pieces += [f"{point} {point}" for point in points]
+            continue
+        if one.drawn == "area":
+            foot = CHART_SIDE * up[1] / (up[1] - up[0])
+            points = [f"{x[kept[0]]:.1f},{foot:.1f}", *points, f"{x[kept[-1]]:.1f},{foot:.1f}"]
+        pieces.append(" ".join(points))
+    return pieces
+
+
+def _drawn_rows(y: np.ndarray) -> np.ndarray:
+    """Rows of a line that are drawn: all, or of a long one its ends, and the lowest and the highest of many equal parts."""
+    if len(y) <= MOST_POINTS_OF_A_LINE:
+        return np.arange(len(y))
+    rows = {0, len(y) - 1}
+    for part in np.array_split(np.arange(len(y)), MOST_POINTS_OF_A_LINE // 2):
+        rows |= {int(part[np.argmin(y[part])]), int(part[np.argmax(y[part])])}
+    return np.array(sorted(rows))

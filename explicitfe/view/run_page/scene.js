@@ -1,0 +1,352 @@
+// Draws one result in three dimensions: the body, bones, tool and named points, at any moment between its frames.
+"use strict";
+
+const Playback = (() => {
+  // Perceptually even colours (viridis), told apart with every kind of colour vision.
+  const SCALE = ["#440154", "#482878", "#3e4a89", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
+  const KINDS = { "<f4": Float32Array, "<i2": Int16Array, "<u1": Uint8Array, "<u4": Uint32Array };
+  // Directions from the body to the eye; x points back, y to the speaker's right, z up.
+  const VIEWS = { side: [0, -1, 0.0001], oblique: [-0.75, -1, 0.45], front: [-1, 0, 0.0001], top: [0, -0.0001, 1], back: [1, 0, 0.0001] };
+
+  // Unpacks the block of a result: its header, and its arrays by name.
+  async function unpack(base64) {
+    const bytes = Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const block = await new Response(stream).arrayBuffer();
+    const size = new DataView(block).getUint32(0, true);
+    const header = JSON.parse(new TextDecoder().decode(new Uint8Array(block, 4, size)));
+    const arrays = {};
+    for (const [name, [kind, place, count]] of Object.entries(header.arrays)) {
+      arrays[name] = new KINDS[kind](block, 4 + size + place, count);
+    }
+    const frames = arrays.times.length;
+    sumOverFrames(arrays.moved, frames);
+    for (const field of header.fields) sumOverFrames(arrays[`field_${field.name}`], frames);
+    return { ...header, arrays, frames };
+  }
+
+  // Frames are stored as changes since the frame before; whole numbers wrap around, and so do their sums.
+  function sumOverFrames(values, frames) {
+    const size = values.length / frames;
+    for (let k = size; k < values.length; k++) values[k] += values[k - size];
+  }
+
+  function colourOf(share) {
+    const place = Math.min(Math.max(share, 0), 1) * (SCALE.length - 1);
+    const low = Math.min(Math.floor(place), SCALE.length - 2);
+    return new THREE.Color(SCALE[low]).lerp(new THREE.Color(SCALE[low + 1]), place - low);
+  }
+
+  const LOOKUP = new Float32Array(256 * 3);
+  for (let k = 0; k < 256; k++) colourOf(k / 255).toArray(LOOKUP, 3 * k);
+
+  class Body {
+    constructor(data) {
+      this.data = data;
+      const { arrays } = data;
+      this.nodes = arrays.points.length / 3;
+      this.position = new Float32Array(arrays.points);
+      this.moved = new Float32Array(3 * this.nodes);
+      this.largest = this.largestDisplacement();
+      this.frame = 0;
+      this.at(0);
+    }
+
+    // Places the nodes at a frame, which need not be whole.
+    at(frame) {
+      const { arrays, rounding_mm, frames } = this.data;
+      const before = Math.min(Math.floor(frame), frames - 1), after = Math.min(before + 1, frames - 1);
+      const share = frame - before, n = this.nodes;
+      for (let axis = 0; axis < 3; axis++) {
+        const a = (3 * before + axis) * n, b = (3 * after + axis) * n;
+        for (let k = 0; k < n; k++) {
+          const u = rounding_mm * ((1 - share) * arrays.moved[a + k] + share * arrays.moved[b + k]);
+          this.moved[3 * k + axis] = u;
+          this.position[3 * k + axis] = arrays.points[3 * k + axis] + u;
+        }
+      }
+      this.frame = frame;
+    }
+
+    largestDisplacement() {
+      const { arrays, rounding_mm, frames } = this.data, n = this.nodes;
+      let largest = 0;
+      for (let frame = 0; frame < frames; frame++) {
+        for (let k = 0; k < n; k++) {
+          const place = 3 * frame * n + k;
+          largest = Math.max(largest, Math.hypot(arrays.moved[place], arrays.moved[place + n], arrays.moved[place + 2 * n]));
+        }
+      }
+      return rounding_mm * largest;
+    }
+
+    // Fills colours of the nodes by a field; "displacement" is in the frames themselves.
+    paint(colours, name) {
+      const n = this.nodes;
+      if (name === "displacement") {
+        for (let k = 0; k < n; k++) {
+          const u = Math.hypot(this.moved[3 * k], this.moved[3 * k + 1], this.moved[3 * k + 2]);
+          const entry = 3 * Math.round(255 * Math.min(1, u / (this.largest || 1)));
+          colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
+        }
+        return;
+      }
+      const values = this.data.arrays[`field_${name}`], frames = this.data.frames;
+      const before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1);
+      const share = this.frame - before;
+      for (let k = 0; k < n; k++) {
+        const entry = 3 * Math.round((1 - share) * values[before * n + k] + share * values[after * n + k]);
+        colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
+      }
+    }
+
+    // Rotation and shift of a bone at the present frame, as a matrix.
+    placement(bone) {
+      const matrix = new THREE.Matrix4();
+      const values = this.data.arrays[`bone_${bone.name}_placement`];
+      if (!bone.moves) return matrix;
+      const before = Math.min(Math.floor(this.frame), this.data.frames - 1), after = Math.min(before + 1, this.data.frames - 1);
+      const share = this.frame - before, r = [];
+      for (let k = 0; k < 12; k++) r.push((1 - share) * values[12 * before + k] + share * values[12 * after + k]);
+      return matrix.set(r[0], r[1], r[2], r[9], r[3], r[4], r[5], r[10], r[6], r[7], r[8], r[11], 0, 0, 0, 1);
+    }
+
+    // Where a named point is at the present frame.
+    point(name) {
+      const values = this.data.arrays[`point_${name}`], last = this.data.frames - 1;
+      const before = Math.min(Math.floor(this.frame), last), after = Math.min(before + 1, last), share = this.frame - before;
+      return [0, 1, 2].map((axis) => (1 - share) * values[3 * before + axis] + share * values[3 * after + axis]);
+    }
+
+    toolHeight() {
+      const values = this.data.arrays.tool_heights, last = this.data.frames - 1;
+      const before = Math.min(Math.floor(this.frame), last), after = Math.min(before + 1, last), share = this.frame - before;
+      return (1 - share) * values[before] + share * values[after];
+    }
+
+    // The midsagittal outline: a path of SVG, x to the right and z up, at rest or as it is now.
+    outline(position) {
+      const { arrays, loops } = this.data;
+      if (!arrays.cut_share) return "";
+      const at = (k) => {
+        const a = 3 * arrays.cut_ends[2 * k], b = 3 * arrays.cut_ends[2 * k + 1], share = arrays.cut_share[k];
+        const x = (1 - share) * position[a] + share * position[b], z = (1 - share) * position[a + 2] + share * position[b + 2];
+        return `${x.toFixed(2)} ${(-z).toFixed(2)}`;
+      };
+      return loops.map((loop) => `M${loop.map(at).join("L")}Z`).join("");
+    }
+  }
+
+  class Scene {
+    constructor(canvas, body) {
+      this.body = body;
+      this.canvas = canvas;
+      this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawnByProcessor(), alpha: true, powerPreference: "low-power" });
+      this.sharpness = 1;
+      this.scene = new THREE.Scene();
+      this.camera = new THREE.OrthographicCamera(-1, 1, 1, -1, -1000, 1000);
+      this.camera.up.set(0, 0, 1);
+      this.controls = new THREE.OrbitControls(this.camera, canvas);
+      this.controls.enableDamping = false;
+      // A page that is read on a telephone is moved with one finger, so the picture takes two.
+      this.controls.touches = { ONE: null, TWO: THREE.TOUCH.DOLLY_ROTATE };
+      canvas.style.touchAction = "pan-y";
+      this.controls.enableZoom = false; // the wheel turns the page; see "zoom"
+      this.field = "displacement";
+      this.addLights();
+      this.addBody();
+      this.addBones();
+      this.addPoints();
+      this.frameAll();
+    }
+
+    addLights() {
+      this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8d8378, 1.9));
+      this.lamp = new THREE.DirectionalLight(0xffffff, 1.7);
+      this.scene.add(this.lamp, this.lamp.target);
+    }
+
+    addBody() {
+      const { arrays, smooth } = this.body.data;
+      const position = new THREE.BufferAttribute(this.body.position, 3);
+      this.colours = new THREE.BufferAttribute(new Float32Array(3 * this.body.nodes), 3);
+      this.material = new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide, flatShading: !smooth });
+      this.material.polygonOffset = true;
+      this.material.polygonOffsetFactor = this.material.polygonOffsetUnits = 1;
+      const part = (...names) => {
+        const geometry = new THREE.BufferGeometry();
+        const size = names.reduce((sum, name) => sum + arrays[`faces_${name}`].length, 0), faces = new Uint32Array(size);
+        let begin = 0;
+        for (const name of names) {
+          faces.set(arrays[`faces_${name}`], begin);
+          begin += arrays[`faces_${name}`].length;
+        }
+        geometry.setIndex(new THREE.BufferAttribute(faces, 1));
+        geometry.setAttribute("position", position);
+        geometry.setAttribute("color", this.colours);
+        const mesh = new THREE.Mesh(geometry, this.material);
+        mesh.frustumCulled = false;
+        this.scene.add(mesh);
+        return mesh;
+      };
+      this.parts = { whole: part("left", "right"), half: part("right"), section: part("cut") };
+      this.hasSection = arrays.faces_cut.length > 0;
+      const lines = new THREE.BufferGeometry();
+      lines.setIndex(new THREE.BufferAttribute(arrays.edges, 1));
+      lines.setAttribute("position", position);
+      this.lines = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.35 }));
+      this.lines.frustumCulled = false;
+      const rest = new THREE.BufferGeometry();
+      rest.setIndex(new THREE.BufferAttribute(arrays.edges, 1));
+      rest.setAttribute("position", new THREE.BufferAttribute(arrays.points, 3));
+      this.rest = new THREE.LineSegments(rest, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.3 }));
+      this.scene.add(this.lines, this.rest);
+    }
+
+    addSurface(points, triangles, colour, opacity) {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setIndex(new THREE.BufferAttribute(triangles, 1));
+      geometry.setAttribute("position", new THREE.BufferAttribute(points, 3));
+      geometry.computeVertexNormals();
+      const material = new THREE.MeshLambertMaterial({ color: colour, transparent: true, opacity, depthWrite: false });
+      const mesh = new THREE.Mesh(geometry, material);
+      mesh.matrixAutoUpdate = false;
+      mesh.renderOrder = 1;
+      this.scene.add(mesh);
+      return mesh;
+    }
+
+    addBones() {
+      const { arrays, bones, tool } = this.body.data;
+      this.bones = bones.map((bone) => [
+        bone,
+        this.addSurface(arrays[`bone_${bone.name}_points`], arrays[`bone_${bone.name}_triangles`], "#e3d3ae", 0.28),
+      ]);
+      this.tool = tool && this.addSurface(arrays.tool_points, arrays.tool_triangles, "#8a8f98", 0.45);
+    }
+
+    addPoints() {
+      const size = 0.009 * this.extent();
+      const ball = new THREE.SphereGeometry(size, 12, 8);
+      this.points = this.body.data.points.map((point) => {
+        const mesh = new THREE.Mesh(ball, new THREE.MeshBasicMaterial({ color: "#d55e00", depthTest: false, transparent: true }));
+        mesh.renderOrder = 2;
+        this.scene.add(mesh);
+        return [point, mesh];
+      });
+    }
+
+    extent() {
+      const box = this.box();
+      return Math.hypot(box[1] - box[0], box[3] - box[2], box[5] - box[4]);
+    }
+
+    // Bounds of the body over all frames, x, y and z.
+    box() {
+      if (this.bounds) return this.bounds;
+      const { arrays, rounding_mm, frames } = this.body.data, n = this.body.nodes, bounds = [];
+      for (let axis = 0; axis < 3; axis++) {
+        let low = Infinity, high = -Infinity;
+        for (let frame = 0; frame < frames; frame++) {
+          for (let k = 0; k < n; k++) {
+            const x = arrays.points[3 * k + axis] + rounding_mm * arrays.moved[(3 * frame + axis) * n + k];
+            low = Math.min(low, x);
+            high = Math.max(high, x);
+          }
+        }
+        bounds.push(low, high);
+      }
+      this.bounds = bounds;
+      return bounds;
+    }
+
+    // The middle is that of body and bones; the size is that of the body, as bones go on beyond what is of interest.
+    frameAll() {
+      const box = new THREE.Box3(), b = this.box();
+      box.min.set(b[0], b[2], b[4]);
+      box.max.set(b[1], b[3], b[5]);
+      for (const [, mesh] of this.bones) box.expandByObject(mesh);
+      box.getCenter(this.controls.target);
+      this.radius = 0.55 * this.extent();
+      this.camera.zoom = 1;
+      this.view("oblique");
+    }
+
+    view(name) {
+      const [x, y, z] = VIEWS[name], size = Math.hypot(x, y, z), target = this.controls.target;
+      this.camera.position.set(target.x + (300 * x) / size, target.y + (300 * y) / size, target.z + (300 * z) / size);
+      this.controls.update();
+    }
+
+    zoom(factor) {
+      this.camera.zoom = Math.min(8, Math.max(0.4, this.camera.zoom * factor));
+      this.camera.updateProjectionMatrix();
+    }
+
+    show({ cut, bones, rest, lines, points }) {
+      const half = cut && this.hasSection;
+      this.parts.whole.visible = !half;
+      this.parts.half.visible = this.parts.section.visible = half;
+      this.lines.visible = lines && !half;
+      this.rest.visible = rest;
+      for (const [, mesh] of this.bones) mesh.visible = bones;
+      for (const [, mesh] of this.points) mesh.visible = points;
+    }
+
+    colourBy(name) {
+      this.field = name;
+      this.material.vertexColors = name !== "";
+      this.material.color.set(name ? "#ffffff" : "#c98a84");
+      this.material.needsUpdate = true;
+    }
+
+    theme(ink) {
+      this.lines.material.color.set(ink);
+      this.rest.material.color.set(ink);
+    }
+
+    // Draws the body as it is now.
+    draw() {
+      const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+      const ratio = this.sharpness * Math.min(2, window.devicePixelRatio || 1);
+      if (this.canvas.width !== Math.floor(width * ratio) || this.canvas.height !== Math.floor(height * ratio)) {
+        this.renderer.setPixelRatio(ratio);
+        this.renderer.setSize(width, height, false);
+      }
+      const across = Math.max(1, width / height), up = Math.max(1, height / width);
+      Object.assign(this.camera, { left: -this.radius * across, right: this.radius * across, top: this.radius * up, bottom: -this.radius * up });
+      this.camera.updateProjectionMatrix();
+      if (this.field) {
+        this.body.paint(this.colours.array, this.field);
+        this.colours.needsUpdate = true;
+      }
+      for (const mesh of Object.values(this.parts)) {
+        if (!mesh.visible) continue;
+        mesh.geometry.attributes.position.needsUpdate = true;
+        if (this.body.data.smooth) mesh.geometry.computeVertexNormals();
+      }
+      for (const [bone, mesh] of this.bones) {
+        mesh.matrix.copy(this.body.placement(bone));
+        mesh.matrixWorldNeedsUpdate = true;
+      }
+      for (const [point, mesh] of this.points) mesh.position.fromArray(this.body.point(point.name));
+      if (this.tool) {
+        this.tool.matrix.makeTranslation(0, 0, this.body.toolHeight());
+        this.tool.matrixWorldNeedsUpdate = true;
+      }
+      this.lamp.position.copy(this.camera.position);
+      this.lamp.target.position.copy(this.controls.target);
+      this.renderer.render(this.scene, this.camera);
+    }
+  }
+
+  // Whether the processor draws instead of a graphics card: smooth edges then take longer than all else.
+  function drawnByProcessor() {
+    const gl = document.createElement("canvas").getContext("webgl2");
+    const names = gl.getExtension("WEBGL_debug_renderer_info");
+    return /swiftshader|llvmpipe|software|basic render/i.test(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+  }
+
+  const scale = `linear-gradient(to right, ${SCALE.join(", ")})`;
+  return { unpack, Body, Scene, scale };
+})();

@@ -1,0 +1,111 @@
+"""Writes the report of one result or of several: one HTML file, which needs no network and nothing beside it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from typing_extensions import TypedDict
+
+from explicitfe.errors import InputError, Progress, silent
+from explicitfe.host.files import reason
+from explicitfe.measure.steps import last_step
+from explicitfe.results import open_result
+from explicitfe.results.folder import whole_file
+from explicitfe.view.page.frame import page_text
+from explicitfe.view.run_page.charts import charts_of
+from explicitfe.view.run_page.parts import RunOnPage, differences, facts_table, labels_of, provenance_table, run_on_page
+
+# More results beside each other than this are too narrow to be seen, and more moving pictures than a browser draws.
+MOST_RESULTS = 8
+
+
+class ReportedRun(TypedDict):
+    """What a report says of one result: ``reasons`` are why its numbers should not be quoted, none where they may be."""
+
+    result: str
+    quotable: bool
+    reasons: list[str]
+    frames: int
+
+
+class ReportAnswer(TypedDict):
+    """What ``explicitfe report`` wrote: ``differing_keys`` are those of the scenarios, sorted as they stand there."""
+
+    report: str
+    size_MB: float
+    results: list[ReportedRun]
+    differing_keys: list[str]
+
+
+def write_report(
+    paths: Sequence[Path], out: Path | None = None, *, overwrite: bool = False, progress: Progress = silent
+) -> ReportAnswer:
+    """Write the report of results.
+
+    Parameters
+    ----------
+    paths : the results, of runs that finished, failed or were killed.
+    out : the page; ``<stem>-report.html`` beside the first result if left out.
+    overwrite : replace a page that exists.
+    progress : called with the stage and the share of it that is done.
+
+    Raises
+    ------
+    InputError : a result cannot be read or holds no step that can be drawn; the page exists or cannot be written.
+    """
+    paths = [Path(path) for path in paths]
+    if len(paths) > MOST_RESULTS:
+        raise InputError(f"a report shows at most {MOST_RESULTS} results side by side; {len(paths)} were named.")
+    target = _target(paths, out, overwrite)
+    with ExitStack() as opened:
+        results = [opened.enter_context(open_result(path)) for path in paths]
+        runs: list[RunOnPage] = []
+        for result, label, charts in zip(results, labels_of(paths), charts_of(results), strict=True):
+            progress("draw", len(runs) / len(results))
+            runs.append(run_on_page(result, last_step(result), label, charts, 1.0 / len(results)))
+        differing = differences([result.model.get("scenario", {}) for result in results], [run.label for run in runs])
+    text = page_text(
+        "run_page/page.html.j2",
+        styles=["run_page/run.css"],
+        scripts=["run_page/three/three.min.js", "run_page/scene.js", "run_page/player.js"],
+        title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
+        runs=runs,
+        differing=differing,
+        facts=facts_table(runs),
+        provenance=provenance_table(runs),
+    )
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        whole_file(target, text)
+    except OSError as error:
+        raise InputError(f"{target}: this cannot be written ({reason(error)}); name another place with --out.") from None
+    progress("draw", 1.0)
+    return {
+        "report": str(target),
+        "size_MB": len(text.encode()) / 1e6,
+        "results": [
+            {
+                "result": str(path),
+                "quotable": run.verdict.is_quotable,
+                "reasons": run.verdict.reasons,
+                "frames": run.frames,
+            }
+            for path, run in zip(paths, runs, strict=True)
+        ],
+        "differing_keys": [str(row.cells[0]) for row in differing.rows] if differing else [],
+    }
+
+
+def _target(paths: Sequence[Path], out: Path | None, overwrite: bool) -> Path:
+    """Where the page goes, if it may."""
+    target = paths[0].with_name(f"{paths[0].stem}-report.html") if out is None else out
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{target}: a report is a page; give it a name that ends in .html.")
+    if target.is_dir():
+        raise InputError(f"{target}: this is a folder; name a file in it.")
+    if os.path.lexists(target) and not overwrite:
+        raise InputError(f"{target} exists; add --overwrite to replace it, or name another file with --out.")
+    return target

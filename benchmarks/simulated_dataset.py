@@ -3,8 +3,8 @@
     python benchmarks/simulated_dataset.py [--out scenarios/datasets]
 
 A cylinder of gel is compressed between lubricated platens at three rates, held, and half released. The simulator computes each
-test as a relaxation of a quarter of the specimen, load after load; noise of a load cell is added with a seed. What the tissue has is
-written in TRUTH, and not in the dataset: its relaxation is what ``close-loop`` has to find.
+test as a relaxation of a quarter of the specimen, load after load; noise of a load cell is added with a seed. What the tissue has
+is written in TRUTH, and not in the dataset: its relaxation is what ``close-loop`` has to find.
 """
 
 from __future__ import annotations
@@ -97,7 +97,12 @@ def sampled(test: Test, noise: np.random.Generator) -> tuple[np.ndarray, np.ndar
 
 def write_dataset(folder: Path, noise: np.random.Generator) -> None:
     """The curves of ``dataset.toml``, which is written by hand and stands there already."""
-    for name, rate, rows_per_s in (("slow-a", 0.1, 2.0), ("medium-a", 1.0, 10.0), ("fast-a", 10.0, 20.0), ("medium-b", 1.0, 10.0)):
+    for name, rate, rows_per_s in (
+        ("slow-a", 0.1, 2.0),
+        ("medium-a", 1.0, 10.0),
+        ("fast-a", 10.0, 20.0),
+        ("medium-b", 1.0, 10.0),
+    ):
         time_s, depth_mm, force_N = sampled(Test(name, 10.0, 12.0, rate, rows_per_s), noise)
         rows = [f"{t:.3f},{d:.4f},{f:.5f}" for t, d, f in zip(time_s, depth_mm, force_N, strict=True)]
         (folder / f"{name}.csv").write_text("\n".join(["time_s,displacement_mm,force_N", *rows]) + "\n", encoding="utf-8")
@@ -117,9 +122,8 @@ def write_exports(folder: Path, noise: np.random.Generator) -> None:
             "Time;Crosshead;Load",
             "(s);(mm);(mN)",
         ]
-        rows = [
-            f"{t:.3f};{-d:.4f};{-1e3 * f:.2f}".replace("-0.0000", "0.0000") for t, d, f in zip(time_s, depth_mm, force_N, strict=True)
-        ]
+        columns = zip(time_s, 0.0 - depth_mm, -1e3 * force_N, strict=True)  # 0.0 - 0.0 is no -0.0
+        rows = [f"{t:.3f};{z:.4f};{load:.2f}" for t, z, load in columns]
         (folder / f"{name}.csv").write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
 
 

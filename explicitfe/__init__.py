@@ -25,6 +25,7 @@ _PLACES = {
     "run": "explicitfe.run.run",
     "resume": "explicitfe.run.resume",
     "check": "explicitfe.run.check",
+    "check_dataset": "explicitfe.close_loop.outlook",
     "identify": "explicitfe.identify.identify",
     "predict": "explicitfe.predict.predict",
     "close_loop": "explicitfe.close_loop.close",
@@ -61,6 +62,7 @@ __all__ = ["__version__", *_PLACES]
 if TYPE_CHECKING:  # the same names for type checkers and editors; a test compares the two lists
     from explicitfe.close_loop.close import close_loop as close_loop
     from explicitfe.close_loop.design import design_test as design_test
+    from explicitfe.close_loop.outlook import check_dataset as check_dataset
     from explicitfe.errors import InputError as InputError
     from explicitfe.errors import RunError as RunError
     from explicitfe.identify.identify import identify as identify

@@ -12,7 +12,7 @@ work together: [Models in Python](../tutorials/python.md).
 
 """
 GROUPS = {
-    "Commands": ("run", "resume", "check", "identify", "predict", "close_loop", "design_test", "open_result"),
+    "Commands": ("run", "resume", "check", "check_dataset", "identify", "predict", "close_loop", "design_test", "open_result"),
     "Meshes and models": (
         "HexMesh", "box", "Yeoh", "NeoHooke", "MooneyRivlin", "Model", "Inclusion", "tongue_model", "specimen_model",
         "SpecimenTable", "ToolTable",

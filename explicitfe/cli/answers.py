@@ -19,7 +19,9 @@ from explicitfe.cli.ending import FailureAnswer
 from explicitfe.errors import InputError, nearest
 from explicitfe.measure.comparison import Comparison
 from explicitfe.measure.document import Measures
+from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
+from explicitfe.results.dataset_check import DatasetCheckReport
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest
@@ -109,7 +111,7 @@ class ListOfEffects(TypedDict):
 ANSWERS: dict[str, tuple[Any, ...]] = {
     "run": (TransientSummary, IndentationSummary),
     "resume": (TransientSummary, IndentationSummary),
-    "check": (TransientCheckReport, IndentationCheckReport),
+    "check": (TransientCheckReport, IndentationCheckReport, DatasetCheckReport),
     "inspect": (InspectedResult,),
     "measure": (MeasuredResults,),
     "compare": (Comparison,),
@@ -120,6 +122,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "design-test": (PlannedTest,),
     "blind-make": (Manifest,),
     "blind-score": (StudyScore,),
+    "new-dataset": (NewDataset,),
     "list": (
         ListOfModels,
         ListOfMuscles,
@@ -147,6 +150,10 @@ def answer_schema(name: str) -> dict[str, JsonValue]:
     schema = TypeAdapter(reduce(or_, kinds)).json_schema(schema_generator=_PlainSchema)
     if name != "failure":  # an answer beside which something went wrong says so as well
         schema["properties"] = {"failure": {"$ref": "#/$defs/CommandFailure"}}
-    command = "any command that fails" if name == "failure" else f"explicitfe {name.replace('blind-', 'blind ')}"
+    command = (
+        "any command that fails"
+        if name == "failure"
+        else f"explicitfe {name.replace('blind-', 'blind ').replace('new-', 'new ')}"
+    )
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"What {command} prints with --json"}
     return cast("dict[str, JsonValue]", {**schema, **head})

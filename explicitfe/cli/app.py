@@ -22,6 +22,7 @@ from explicitfe.cli.identify import identify
 from explicitfe.cli.inspect import inspect
 from explicitfe.cli.list import list_
 from explicitfe.cli.measure import measure
+from explicitfe.cli.new import new_dataset
 from explicitfe.cli.predict import predict
 from explicitfe.cli.report import report
 from explicitfe.cli.resume import resume
@@ -42,6 +43,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
 }
 # Panel -> name of a group -> its help and its commands.
 GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
+    "Scenarios": {"new": ("Begin a dataset of your own.", {"dataset": new_dataset})},
     "Measured data": {
         "blind": ("Test close-loop on data with an undeclared effect in it.", {"make": blind_make, "score": blind_score}),
     },

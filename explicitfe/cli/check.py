@@ -2,33 +2,55 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import (
-    JsonOption,
-    ScenarioArgument,
-    SettingsOption,
-    TissueGroupOption,
-    TissueOption,
-    tissue_settings_of,
-)
+from explicitfe.cli.completion import complete_scenario_or_dataset
+from explicitfe.cli.options import JsonOption, SettingsOption, TissueGroupOption, TissueOption, tissue_settings_of
+from explicitfe.errors import InputError
+from explicitfe.host.shipped import is_dataset
 from explicitfe.view.progress import following
 
 
 def check(
-    scenario: ScenarioArgument,
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENARIO|DATASET",
+            help="Scenario file (TOML), folder of a dataset, or the name of one that `explicitfe list` shows.",
+            show_default=False,
+            autocompletion=complete_scenario_or_dataset,
+        ),
+    ],
     settings: SettingsOption = None,
     tissue: TissueOption = None,
     tissue_group: TissueGroupOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Validate and build a scenario without running it: mesh quality, stable step, steps, wall time, memory.
+    """Look at a scenario or a dataset before it is computed.
 
-    Example: [bold]explicitfe check scenarios/vowel-i.toml --set model.resolution=fine[/bold]
+    A scenario is validated and built: mesh quality, stable step, steps, wall time, memory. A dataset is read: its curves, which
+    of them are fitted and which held out, and which effects they could show.
+
+    Example: [bold]explicitfe check vowel-i --set model.resolution=fine[/bold]
     """
-    with following(console, f"reading {scenario}") as progress:
+    if is_dataset(file):
+        if settings or tissue is not None or tissue_group is not None:
+            raise InputError(f"{file}: this is a dataset; --set, --tissue and --tissue-group are for scenarios.")
+        with following(console, f"reading {file}"):
+            from explicitfe.close_loop.outlook import check_dataset
+            from explicitfe.view.terminal.dataset import dataset_check_tables
+
+            checked = check_dataset(file)
+        print_answer(checked, as_json, lambda: dataset_check_tables(checked), checked["warnings"])
+        return
+    with following(console, f"reading {file}") as progress:
         from explicitfe.run.prepare import prepare
 
-        tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
-        analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
+        tissue_settings, notes = tissue_settings_of(file, tissue, tissue_group)
+        analysis = prepare(file, [*tissue_settings, *(settings or ())], notes)
         report = analysis.check(progress)
     print_answer(report, as_json, lambda: analysis.check_table(report), report["warnings"])

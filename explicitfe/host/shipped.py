@@ -62,6 +62,22 @@ def dataset_folder(path: Path | str) -> Path:
     return _named(path, "dataset", datasets(), "")
 
 
+def is_dataset(path: Path | str) -> bool:
+    """Whether a user names a dataset, where a scenario is possible as well.
+
+    Raises
+    ------
+    InputError : it is the name of neither.
+    """
+    path = Path(path)
+    with suppress(OSError, ValueError):
+        if path.exists():
+            return path.is_dir() or path.name == DATASET_FILE
+    if len(path.parts) == 1 and path.name not in datasets() and not path.suffix and path.stem not in scenarios():
+        _named(path, "scenario or dataset", {**scenarios(), **datasets()}, "")
+    return path.name in datasets() and len(path.parts) == 1
+
+
 def export_file(path: Path | str) -> Path:
     """The table of a testing machine that a user names; see :func:`scenario_file`."""
     return _named(path, "table", exports(), "")

@@ -110,6 +110,19 @@ def watching(
         _Note.asked, _Note.watching = None, False
 
 
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let Ctrl-C raise KeyboardInterrupt at once in this block, which waits for a person to type."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def ignore() -> None:
     """Let no signal disturb what is left to do: to leave."""
     for number in SIGNALS:

@@ -26,6 +26,8 @@ _LARGEST_PULL_THICKNESSES = 10.0
 _PRESSURE_LIMITS_PA = (1.0, 1e8)
 _STRESS_LIMITS_PA = (1e-2, 1e9)
 _STIFFNESS_LIMITS_PA = (10.0, 1e9)  # Stiffness is the largest stress over the largest strain.
+# A first value beyond this share of the largest one is no zero that drifts.
+FAR_FROM_ZERO_SHARE = 0.05
 _COORDINATE_LIMITS_MM = (0.2, 1000.0)
 
 

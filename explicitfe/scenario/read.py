@@ -29,6 +29,14 @@ def kind_of(data: object) -> type[TransientScenario] | type[IndentationScenario]
     return IndentationScenario if specimen or relaxation else TransientScenario
 
 
+# What other files of a user say of themselves under "format" -> what they are for.
+_OTHER_FILES = {
+    "explicitfe-dataset/1": "a dataset: give its folder to `explicitfe check`, `identify` or `close-loop`",
+    "explicitfe-protocol/1": "the protocol of a test: give it to `explicitfe design-test`",
+    "explicitfe-model/1": "a tissue: give it to `explicitfe run SCENARIO` with --tissue, or to `explicitfe predict` with --model",
+}
+
+
 def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
     """A scenario file, checked, and its text with the settings noted at its head.
 
@@ -45,6 +53,8 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     path = Path(path)
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
     data = json_of(text, path) if path.suffix == ".json" else toml_of(text, path)
+    if isinstance(data, dict) and data.get("format") in _OTHER_FILES:
+        raise InputError(f"{path}: this is no scenario but {_OTHER_FILES[data['format']]}.")
     for setting in settings:
         _apply(data, setting)
     try:

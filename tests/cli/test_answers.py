@@ -34,7 +34,7 @@ def answered(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> 
     """What a command answers, checked against its schema."""
     capsys.readouterr()
     assert command([*words, "--json"]) == code
-    return check_answer("-".join(words[:2]) if words[0] == "blind" else words[0], capsys.readouterr().out)
+    return check_answer("-".join(words[:2]) if words[0] in ("blind", "new") else words[0], capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("name", [*ANSWERS, "failure"])

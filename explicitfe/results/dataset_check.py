@@ -1,0 +1,63 @@
+"""What ``explicitfe check`` says of a dataset."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typing_extensions import TypedDict
+
+
+class ColumnRange(TypedDict):
+    """The least and the largest value of a column, in ``unit``."""
+
+    column: str
+    unit: str
+    least: float
+    largest: float
+
+
+class CheckedCurve(TypedDict):
+    """A curve of a dataset, and what is done with it.
+
+    ``side`` is "fit", "holdout" or "left out", with the reason in ``why``. ``noise_sd`` is that of the predicted column, in
+    its unit, None where the dataset does not state it.
+    """
+
+    id: str
+    file: str
+    side: str
+    why: str
+    constants: str
+    rows: int
+    duration_s: float
+    columns: list[ColumnRange]
+    imposed: str | None
+    noise_sd: float | None
+
+
+class HiddenEffect(TypedDict):
+    """An effect that no curve of a dataset can show, and what it would need."""
+
+    effect: str
+    needs: str
+
+
+class DatasetCheckReport(TypedDict):
+    """A dataset that can be read: its curves, which of them are fitted by which rule, and which effects they could show.
+
+    ``warnings`` are what a reader of a verdict would ask first.
+    """
+
+    dataset: str
+    title: str
+    test: str
+    file: str
+    source: str
+    license: str
+    specimens: list[dict[str, Any]]
+    tools: list[dict[str, Any]]
+    rule: str
+    curves: list[CheckedCurve]
+    can_show: list[str]
+    cannot_show: list[HiddenEffect]
+    warnings: list[str]

@@ -1,0 +1,84 @@
+"""Datasets in the terminal: what was made of tables of a machine, and what can be learned from a dataset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group
+from rich.markup import escape
+from rich.table import Table
+
+from explicitfe.results.dataset_check import ColumnRange, DatasetCheckReport
+from explicitfe.view.terminal.rows import pairs, text_of
+
+
+def new_dataset_table(dataset: Mapping[str, Any]) -> Table:
+    """A dataset that was made: which column became what, and its curves."""
+    table = pairs(f"{dataset['dataset']}: {dataset['test']}")
+    for name, column in dataset["columns"].items():
+        table.add_row(name, escape(f"from {column}"))
+    for curve in dataset["curves"]:
+        text = f"{curve['rows']} rows, {curve['duration_s']:.4g} s, from {Path(curve['source']).name}"
+        table.add_row(f"curve {escape(curve['id'])}", escape(text))
+    return table
+
+
+def dataset_check_tables(report: DatasetCheckReport) -> Group:
+    """A dataset: what it is of, its curves, and which effects they could show."""
+    head = pairs(report["title"])
+    head.add_row("test", report["test"])
+    for name, tables in (("specimen", report["specimens"]), ("tool", report["tools"])):
+        for described in tables:
+            head.add_row(name, _described(described))
+    head.add_row("held out", escape(report["rule"]))
+    if report["can_show"]:
+        head.add_row("could show", escape(", ".join(report["can_show"])))
+    for hidden in report["cannot_show"]:
+        head.add_row("cannot show", escape(f"{hidden['effect']}: needs {hidden['needs']}"))
+    for name, words in (("source", report["source"]), ("license", report["license"])):
+        if words:
+            head.add_row(name, escape(words))
+    curves = Table(title="curves", title_justify="left")
+    curves.add_column("curve", no_wrap=True)
+    curves.add_column("")
+    for column in ("rows", "time"):
+        curves.add_column(column, justify="right")
+    curves.add_column("imposed")
+    curves.add_column("measured")
+    curves.add_column("noise", justify="right")
+    for curve in report["curves"]:
+        imposed = [column for column in curve["columns"] if column["column"] == curve["imposed"]]
+        read = [column for column in curve["columns"] if column not in imposed]
+        noise = curve["noise_sd"]
+        curves.add_row(
+            escape(curve["id"]),
+            escape(f"{curve['side']}: {curve['why']}" if curve["why"] else curve["side"]),
+            str(curve["rows"]),
+            f"{curve['duration_s']:.4g} s",
+            _ranges(imposed),
+            _ranges(read),
+            "not stated" if noise is None else f"{noise:.3g} {read[0]['unit']}" if read else f"{noise:.3g}",
+        )
+    return Group(head, curves)
+
+
+def _described(table: Mapping[str, Any]) -> str:
+    """A table of a specimen or a tool: its shape first, without what says nothing."""
+    shown = {key: value for key, value in table.items() if key not in ("shape", "assumed") and value not in (0.0, 1.0)}
+    text = ", ".join([str(table["shape"]), text_of(shown)]) if shown else str(table["shape"])
+    return text + (f"; assumed: {escape(', '.join(table['assumed']))}" if table.get("assumed") else "")
+
+
+def _ranges(columns: Sequence[ColumnRange]) -> str:
+    return escape("\n".join(_range(column) for column in columns))
+
+
+def _range(column: ColumnRange) -> str:
+    """From where to where: N, mm and Pa say of what; a number without a unit and a sensor have names."""
+    extent = f"{column['least']:.4g} to {column['largest']:.4g}"
+    if column["unit"] == "1":
+        return f"{column['column'].replace('_', ' ')} {extent}"
+    named = "" if column["column"].endswith(("_m", "_N", "_Pa")) else f"{column['column'].partition(' ')[0]} "
+    return f"{named}{extent} {column['unit']}"

@@ -30,7 +30,7 @@ def design_test(
     """
     with following(console, f"reading {protocol}") as progress:
         from explicitfe.close_loop.design import design_test as design
-        from explicitfe.view.terminal.close_loop import design_table
+        from explicitfe.view.terminal.design import design_tables
 
         planned = design(protocol, progress=progress)
-    print_answer(planned.document, as_json, lambda: design_table(planned))
+    print_answer(planned.document, as_json, lambda: design_tables(planned))

@@ -30,6 +30,7 @@ from explicitfe.measured.files import LARGEST_CURVE_ROWS
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.tables import RawTable
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
+from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, MOST_TABLES_OF_A_KIND, Name, Table, Title, validated
 
@@ -116,7 +117,8 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
         if fingerprint is None or not fingerprint.values:
             reason = candidate.reason or "the model cannot be computed with it"
             strength = candidate.term.parameters[0].name
-            effects.append(EffectInTest(effect=candidate.effect, strength=strength, shows=False, reason=reason))
+            _, unit = words_and_unit(strength)
+            effects.append(EffectInTest(effect=candidate.effect, strength=strength, unit=unit, shows=False, reason=reason))
         else:
             effects.append(_effect_in_test(fingerprint, prints, fit, system, covariance))
     return PlannedTest(
@@ -143,10 +145,13 @@ def _effect_in_test(
     shows = fingerprint.visible >= THRESHOLDS.visible_separation
     visible = f"{fingerprint.visible:.2g} of {THRESHOLDS.visible_separation:g}"
     apart = _separations(fingerprint, prints)
-    nearest = min(apart, key=apart.__getitem__, default=None)
+    distinct = {name: gap for name, gap in apart.items() if gap >= THRESHOLDS.visible_separation}
+    nearest = min(distinct or apart, key=apart.__getitem__, default=None)
+    name = fingerprint.candidate.term.parameters[0].name
     return EffectInTest(
         effect=fingerprint.candidate.effect,
-        strength=fingerprint.candidate.term.parameters[0].name,
+        strength=name,
+        unit=words_and_unit(name)[1],
         shows=shows,
         visible=fingerprint.visible,
         largest_plausible=strength.value(none + plausible * tried),
@@ -155,9 +160,7 @@ def _effect_in_test(
         reason="" if shows else f"its largest plausible strength stays under the floors ({visible})",
         nearest=nearest,
         separation=None if nearest is None else apart[nearest],
-        cannot_tell_from=[
-            name for name, gap in sorted(apart.items(), key=lambda entry: entry[1]) if gap < THRESHOLDS.visible_separation
-        ],
+        cannot_tell_from=sorted((other for other in apart if other not in distinct), key=apart.__getitem__),
     )
 
 

@@ -12,18 +12,20 @@ class EffectInTest(BaseModel):
 
     Attributes
     ----------
-    strength : the parameter that is its strength; ``smallest`` and ``largest_plausible`` are in its unit.
+    strength, unit : the parameter that is its strength, and the unit of ``smallest`` and ``largest_plausible``; "" is none.
     shows : whether its largest plausible strength would show.
     visible : squared distance to the model without it, at that strength, over the covariance.
     smallest : the smallest strength that would show; None if it is beyond the bounds.
     hides_in : constant -> the relative change that would imitate the effect up to there; of one that is 0, over the other one.
     reason : why it does not show.
-    nearest, separation : the effect that imitates it best, and how far off that one stays.
+    nearest, separation : of the effects that the test tells from it (of all where it tells none) the one that imitates it best,
+        and how far off that one stays.
     cannot_tell_from : effects that the test would not tell from it.
     """
 
     effect: str
     strength: str
+    unit: str = ""
     shows: bool
     visible: float = 0.0
     largest_plausible: float | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,7 +57,7 @@ from explicitfe.run.machine_code import make_ready
 from explicitfe.run.notes import balance_notes
 from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.run.quantities import cell_fields, history_columns, point_fields
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.scenario.transient import MuscleTable, TransientScenario
 from explicitfe.solve.observe import Recording, Snapshot
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import (
@@ -297,7 +297,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
 
     def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements) -> list[str]:
         """What a user should know before believing the result."""
-        mesh = self.model.mesh
+        mesh, spread = self.model.mesh, how_to_spread(self.scenario.muscle)
         warnings = [*self.notes]
         if ledger.hourglass_share > (BENDING_WARNING_SHARE if self.model.element == "hex8" else HOURGLASS_WARNING_SHARE):
             worst = int(np.argmax(last.hourglass_energy))
@@ -306,12 +306,12 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy "
                 f"({100 * ledger.hourglass_share_at_end:.0f} % at the end, most of it in element {worst} near "
                 f"({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this deformation, or a force acts on too few nodes; "
-                'compare with a finer resolution, or spread the force (distribution = "stress"), before quoting numbers.'
+                f"compare with a finer resolution{f', or {spread},' if spread else ''} before quoting numbers."
             )
         if folded["elements"]:
             warnings.append(
                 f"{folded['elements']} of {mesh.element_count} elements are folded at the end, which one integration point does "
-                'not resist: spread the forces (distribution = "stress") or lower them, and compare with element = "hex8-full".'
+                f'not resist: {f"{spread}, or " if spread else ""}lower the forces, and compare with element = "hex8-full".'
             )
         through = self_penetration(mesh, last.displacement)
         if through.where_m is not None:
@@ -379,6 +379,14 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "largest_speed_mm_s": float(1e3 * speed.max()),
             "probes": probes_of({name: np.asarray(value)[None] for name, value in last_row.items()}),
         }
+
+
+def how_to_spread(muscles: Sequence[MuscleTable]) -> str:
+    """What spreads the forces of muscles that act on nodes over more of the tissue; "" where no muscle does so."""
+    names = list(dict.fromkeys(m.name for m in muscles if m.force_N > 0.0 and m.distribution != "stress"))
+    if not names:
+        return ""
+    return f'spread the force{"s" * (len(names) > 1)} of {" and ".join(names)} (distribution = "stress")'
 
 
 def _energies(rows: Mapping[str, np.ndarray]) -> np.ndarray:

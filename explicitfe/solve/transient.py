@@ -281,7 +281,10 @@ class Transient:
 
     def _why_inverted(self) -> str:
         """What is known of the cause, and what to do."""
-        remedy = "lower force_N, choose another distribution or refine the mesh"
+        model = self.simulation.model
+        on_nodes = bool(model.pulls) or any(load.of_muscle for load in model.loads)
+        spread = ', spread the force (distribution = "stress")' if on_nodes else ""
+        remedy = f"lower force_N{spread} or refine the mesh"
         if self.step_s is not None:
             return (
                 f"the fixed step is too long for what happens there, or the forces too large; give a smaller step_us, or {remedy}"

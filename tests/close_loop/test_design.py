@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,13 +11,17 @@ import numpy as np
 import pytest
 from answers import check_answer
 from command import command
+from rich.console import Console
 
 from explicitfe.close_loop.design import design_test
+from explicitfe.effects import EFFECTS
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import InputError
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
+from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.solve import point
+from explicitfe.view.terminal.design import design_tables
 
 SD_PA, STRAIN, RATES = 8.0, 0.3, (0.6, 0.006)
 C10, C20 = 300.0, 150.0
@@ -114,6 +120,54 @@ def test_what_a_protocol_cannot_show(designed):
     visible = [entry.visible for entry in designed.effects]
     assert visible == sorted(visible, reverse=True)
     assert designed.n_eff == 62.0 and designed.constants == {"C10_Pa": C10, "C20_Pa": C20}
+
+
+def test_the_table_says_what_is_told_apart_and_what_is_not():
+    """Each strength has its name and unit; what the test tells apart never stands under what it does not."""
+    own = {"shows": True, "largest_plausible": 2.29, "smallest": 1.15, "hides_in": {"C10_Pa": -0.09}}
+    apart = {
+        "effect": "compliance",
+        "strength": "compliance.compliance_mm_N",
+        "unit": "mm/N",
+        "nearest": "layer",
+        "separation": 78.3,
+    }
+    alike = {
+        "effect": "layer",
+        "strength": "layer.ratio",
+        "cannot_tell_from": ["base-slip"],
+        "nearest": "tilt",
+        "separation": 31.0,
+    }
+    none = {"effect": "gravity", "strength": "gravity.acceleration_m_s2", "shows": False, "reason": "too weak (22 of 25)"}
+    effects = [EffectInTest.model_validate(row) for row in (apart | own, alike | own, none)]
+    planned = PlannedTest(protocol="eight steps", file="a.toml", n_eff=8.0, constants={}, effects=effects, runs=1)
+    console = Console(width=200, file=io.StringIO())
+    console.print(design_tables(planned))
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in console.file.getvalue().splitlines() if "│" in line]
+    assert ["compliance", "compliance (mm/N)", "1.15", "2.29", "C10 -9 %"] in rows
+    assert ["compliance", "-", "layer", "78.3"] in rows
+    assert ["layer", "ratio", "1.15", "2.29", "C10 -9 %"] in rows
+    assert ["layer", "base-slip", "tilt", "31"] in rows
+    assert ["gravity", "too weak (22 of 25)"] in rows
+
+
+def test_what_is_nearest_is_told_apart(designed):
+    """Of what shows, whatever is not told apart is in the list, and the nearest is not."""
+    for entry in designed.effects:
+        if entry.nearest is not None and entry.separation >= 25.0:
+            assert entry.nearest not in entry.cannot_tell_from
+
+
+def test_strengths_have_the_unit_that_their_effect_says():
+    """As it stands in the description of the effect, such as "c (mm/kPa)"; an angle is linear in its square."""
+    for name, effect in EFFECTS.items():
+        described = re.search(r"\(([A-Za-z/^2]+)\)", effect.about.strength)
+        if described and name != "tilt":
+            _, unit = words_and_unit(next(iter(effect.sought)))
+            assert unit == described[1].replace("^2", "²"), name
+    assert words_and_unit("alpha_per_s") == ("alpha", "1/s") and words_and_unit("rate_mm_per_s") == ("rate", "mm/s")
+    assert words_and_unit("k2") == ("k2", "") and words_and_unit("density_kg_m3") == ("density", "kg/m³")
 
 
 def test_a_slow_test_without_a_hold_shows_no_relaxation(tmp_path):

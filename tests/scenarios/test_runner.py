@@ -181,6 +181,17 @@ def test_inverted_element_stops_the_run_and_is_named(tmp_path: Path, capsys: pyt
         assert result.status == summary["status"] and len(result.times) >= 1
 
 
+@pytest.mark.parametrize("scenario", [VOWEL, FORCES_ON_NODES])
+def test_advice_is_what_is_not_done_already(scenario: Path, tmp_path: Path) -> None:
+    """Forces on nodes are to be spread as a stress; muscles that pull by a stress already do so, and no word asks them to."""
+    settings = [*SMALL, "muscle.GGp.force_N=30", "analysis.duration_ms=40"]
+    summary = explicitfe.run(scenario, tmp_path, settings=settings)
+    words = " ".join([*summary["warnings"], summary["message"]])
+    assert summary["status"] == "inverted" or "hourglass energy reaches" in words or "are folded" in words
+    on_nodes = 'distribution = "stress"' not in scenario.read_text(encoding="utf-8")
+    assert ('(distribution = "stress")' in words) == on_nodes
+
+
 def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
     """--set muscle.GGp.force_N=0 with GGa 0 leaves the tongue where it is; the stored scenario says what was set."""
     settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from typing import TypeGuard
 
 import numpy as np
 
 from explicitfe.results.loop_report import Estimate, LoopReport, Parameters, estimates
+from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.view.report.reading import effects_of
 
 DASH = "–"
@@ -35,8 +35,6 @@ REMAINDERS = {
 # How far an effect lowers chi squared: by the best of a few trials, and with all parameters fitted.
 TRIAL_DROP, FITTED_DROP = "χ² drop, best trial", "χ² drop, fitted"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-# The unit stands at the end of a key: C10_Pa, density_kg_m3, k_per_s.
-UNIT = re.compile(r"_(kg_m3|(?:\w+_)?per_\w+|k?Pa|m?N|mm|m|s|ms|deg)$")
 # Below this p-value only its smallness is said: no data tell one smaller chance from another.
 SMALLEST_SAID_P = 1e-4
 # Below this share, 0.01 %, only its smallness is said.
@@ -127,10 +125,8 @@ def effect_title(report: LoopReport, effect: str | None) -> str:
 def name_and_unit(report: LoopReport, key: str) -> tuple[str, str]:
     """``viscoelastic.tau_s`` in words and its unit: "viscoelastic relaxation: tau" and "s"."""
     owner, _, name = key.rpartition(".")
-    unit = UNIT.search(name)
-    words = (name[: unit.start()] if unit else name).replace("_", " ")
-    measure = re.sub(r"^/", "1/", re.sub(r"_?per_", "/", unit[1])).replace("kg_m3", "kg/m³") if unit else ""
-    return f"{effect_title(report, owner)}: {words}" if owner else words, measure
+    words, unit = words_and_unit(name)
+    return f"{effect_title(report, owner)}: {words}" if owner else words, unit
 
 
 def quantity(report: LoopReport, key: str) -> str:

@@ -1,4 +1,4 @@
-"""What ``close-loop`` and ``design-test`` say, in the terminal: the verdict, errors, candidates, what a test can show."""
+"""What ``close-loop`` says, in the terminal: the verdict, errors, candidates."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.loop_report import LoopReport, ReportedCandidate, estimates
-from explicitfe.results.planned_test import PlannedTest
 from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, number, percent
 from explicitfe.view.terminal.rows import pairs
 
@@ -82,19 +81,3 @@ def _reasons(report: LoopReport) -> list[str]:
         for row in one.candidates
         if row.status == "significant" and row.effect != one.chosen and row.reason
     ]
-
-
-def design_table(design: PlannedTest) -> Table:
-    """What a planned test can find and tell apart."""
-    table = Table(title=design.protocol, title_justify="left")
-    for column in ("effect", "smallest that shows", "largest plausible", "hides in", "cannot be told from"):
-        table.add_column(column, no_wrap=column == "effect", overflow="fold")
-    for row in design.effects:
-        if not row.shows:
-            table.add_row(row.effect, "no", "", escape(row.reason), "")
-            continue
-        hides = ", ".join(f"{name.removesuffix('_Pa')} {100 * share:+.0f} %" for name, share in row.hides_in.items())
-        smallest = "-" if row.smallest is None else f"{row.smallest:.3g}"
-        rivals = ", ".join(row.cannot_tell_from) or f"(nearest: {row.nearest}, {row.separation or 0.0:.3g})"
-        table.add_row(row.effect, smallest, f"{row.largest_plausible or 0.0:.3g}", hides, rivals)
-    return table

@@ -142,10 +142,11 @@ def test_labels_tell_results_apart() -> None:
     assert labels_of([Path("x.vtkhdf"), Path("x.vtkhdf")]) == ["x (1)", "x (2)"]
 
 
-def test_nothing_differs() -> None:
+def test_what_differs() -> None:
     assert differences([{"a": 1}, {"a": 1}], ["x", "y"]) is None
-    shown = differences([{"a": 1, "muscle": [{"name": "GGp", "force_N": 1.0}]}, {"a": 2, "muscle": []}], ["x", "y"])
-    assert shown is not None and [row.cells[0] for row in shown.rows] == ["a", "muscle.GGp.name", "muscle.GGp.force_N", "muscle"]
+    shown = differences([{"title": "p", "a": 1, "b": "l" * 100}, {"title": "q", "a": 2}], ["x", "y"])
+    assert shown is not None
+    assert [row.cells for row in shown.rows] == [["a", "1", "2"], ["b", "l" * 79 + "…", "not given"]]
 
 
 @pytest.mark.parametrize("low, high", [(0.0, 1.0), (-3.2e-7, 5e-7), (1.0, 1.0001), (0.0, 3e8), (-120.0, -3.0)])

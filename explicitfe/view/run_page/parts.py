@@ -10,9 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import JsonValue
 
+from explicitfe.host.toml_text import toml_value
 from explicitfe.measure.measure import measures_of
 from explicitfe.results import Result
+from explicitfe.results.differing_keys import differing_keys
 from explicitfe.results.run_summary import kind_of
 from explicitfe.view.heading import title_of
 from explicitfe.view.muscles import muscles_of, pull_in_words
@@ -91,23 +94,15 @@ def labels_of(paths: Sequence[Path]) -> list[str]:
 
 def differences(scenarios: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> PageTable | None:
     """The keys whose values differ between scenarios, with all defaults filled in; None where there are none."""
-    flat = [dict(_flat(scenario)) for scenario in scenarios]
-    keys = [key for key in dict.fromkeys(key for one in flat for key in one) if len({one.get(key, "") for one in flat}) > 1]
-    shown = [key for key in keys if key.split(".")[0] not in ("title", "question", "expect")]
-    return table(("key", *labels), [(key, *(one.get(key, "not given") for one in flat)) for key in shown], "t" * (1 + len(flat)))
+    rows = [(key, *map(_value, values)) for key, values in differing_keys(scenarios).items()]
+    return table(("key", *labels), rows, "t" * (1 + len(labels)))
 
 
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Each value of a scenario with its key as ``--set`` names it; a table of a list goes by its name, if it has one."""
-    if isinstance(value, Mapping):
-        for name, inner in value.items():
-            yield from _flat(inner, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
-        for place, entry in enumerate(value):
-            yield from _flat(entry, f"{key}.{entry.get('name', place)}")
-    else:
-        text = bare(value) if finite(value) else str(value)
-        yield key, text if len(text) <= LONGEST_VALUE_CHARACTERS else f"{text[: LONGEST_VALUE_CHARACTERS - 1]}…"
+def _value(value: JsonValue) -> str:
+    if value is None:
+        return "not given"
+    text = bare(value) if finite(value) else str(value)
+    return text if len(text) <= LONGEST_VALUE_CHARACTERS else f"{text[: LONGEST_VALUE_CHARACTERS - 1]}…"
 
 
 def facts_table(runs: Sequence[RunOnPage]) -> PageTable | None:
@@ -203,10 +198,10 @@ def _commands(result: Result) -> Iterator[str]:
 
 
 def _settings(result: Result) -> list[str]:
-    """The ``--set`` of a run: the values that its scenario file states otherwise, or that only the run has."""
+    """The ``--set`` of a run: where its scenario file states another value than the one that was run."""
     try:
-        written = dict(_flat(tomllib.loads(result.scenario_text)))
+        written = tomllib.loads(result.scenario_text)
     except tomllib.TOMLDecodeError:
         return []
-    ran = dict(_flat(result.model.get("scenario", {})))
-    return [f"{key}={value}" for key, value in ran.items() if key in written and written[key] != value]
+    differing = differing_keys([written, result.model.get("scenario", {})])
+    return [f"{key}={toml_value(ran)}" for key, (stated, ran) in differing.items() if stated is not None and ran is not None]

@@ -143,6 +143,7 @@
   const watcher = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries) seen[isIntersecting ? "add" : "delete"](target);
     show(state.now);
+    page.dataset.ready ??= Math.round(performance.now() - began);
   }, { rootMargin: "40px" });
 
   // ---- time ----
@@ -228,8 +229,9 @@
   const redraw = () => show(state.now);
 
   slider.addEventListener("input", () => {
+    const wanted = Number(slider.value); // stopping puts the slider back to where it was
     play(false);
-    show(Number(slider.value));
+    show(wanted);
   });
   playButton.addEventListener("click", () => play(!state.playing));
   bar.querySelectorAll("[data-view]").forEach((button) =>
@@ -309,7 +311,7 @@
 
   // Keys of the whole page, unless one writes or chooses somewhere.
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, button, summary, a, input:not([type=range])")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches("select, summary, a, button, input:not([type=range])")) return;
     const step = (last - first) / 100;
     const actions = {
       " ": () => play(!state.playing),
@@ -332,14 +334,16 @@
   };
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", ink);
   document.querySelectorAll(".theme input").forEach((input) => input.addEventListener("change", ink));
-  document.querySelectorAll("canvas, .contour svg, figure[data-follows]").forEach((picture) => watcher.observe(picture));
   new ResizeObserver(redraw).observe(page);
 
+  // On a telephone the picture needs the room that these would take.
+  bar.querySelector(".options").open = innerWidth > 600;
   applySwitches();
   applyColour();
   bar.hidden = false;
   ink();
   if (!stillReader && last > first) play(true);
   else show(last);
-  page.dataset.ready = Math.round(performance.now() - began);
+  // Drawn when the browser says what is on the screen.
+  document.querySelectorAll("canvas, .contour svg, figure[data-follows]").forEach((picture) => watcher.observe(picture));
 })();

@@ -16,6 +16,7 @@ from explicitfe.cli.ending import DONE_EXIT_CODE, INPUT_EXIT_CODE, debug_first, 
 from explicitfe.cli.streams import stderr, stdout
 from explicitfe.errors import MachineError
 
+HELP = frozenset({"--help", "-h"})
 UNKNOWN_SHELL_EXIT_CODE = 1  # typer's own, of --install-completion and --show-completion
 
 
@@ -49,6 +50,8 @@ def _exit_code_of(words: list[str]) -> int:
     except SystemExit:  # so rich ends --help whose reader has left
         return DONE_EXIT_CODE
     except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, BrokenPipeError) and not HELP.isdisjoint(words):  # so click ends it, a moment later
+            return DONE_EXIT_CODE
         if debug:
             stderr.write(traceback.format_exc())
         ending = failure_of(error)

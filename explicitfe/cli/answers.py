@@ -20,6 +20,7 @@ from explicitfe.errors import InputError, nearest
 from explicitfe.measure.comparison import Comparison
 from explicitfe.measure.document import Measures
 from explicitfe.results.contents import ResultContents
+from explicitfe.results.export.export import ExportedResult
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest
@@ -114,6 +115,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "measure": (MeasuredResults,),
     "compare": (Comparison,),
     "report": (ReportAnswer,),
+    "export": (ExportedResult,),
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),

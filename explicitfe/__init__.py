@@ -32,6 +32,7 @@ _PLACES = {
     "design_test": "explicitfe.close_loop.design",
     "open_result": "explicitfe.results",
     "compare": "explicitfe.measure.compare",
+    "export": "explicitfe.results.export.export",
     # meshes and models
     "HexMesh": "explicitfe.mesh.hexmesh",
     "box": "explicitfe.mesh.box",
@@ -82,6 +83,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.model.tongue import tongue_model as tongue_model
     from explicitfe.predict.predict import predict as predict
     from explicitfe.results import open_result as open_result
+    from explicitfe.results.export.export import export as export
     from explicitfe.run.check import check as check
     from explicitfe.run.resume import resume as resume
     from explicitfe.run.run import run as run

@@ -12,6 +12,7 @@ Stage = Literal[
     "run",
     "draw",
     "compare",
+    "export",
     "identify",
     "predict",
     "trace",

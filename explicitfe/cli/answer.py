@@ -47,7 +47,7 @@ def print_answer(
     if as_json:
         print_json(value if failed is None else {**value, "failure": failed})
     else:
-        Screen(stdout).print(table())
+        Screen(stdout).print(table(), crop=False)  # names of files are longer than a line of a terminal
         for sentence in notes:
             print_note(sentence)
     if failed is not None:

@@ -22,6 +22,7 @@ from explicitfe.measure.document import Measures
 from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.dataset_check import DatasetCheckReport
+from explicitfe.results.export.export import ExportedResult
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest
@@ -116,6 +117,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "measure": (MeasuredResults,),
     "compare": (Comparison,),
     "report": (ReportAnswer,),
+    "export": (ExportedResult,),
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),

@@ -17,6 +17,7 @@ from explicitfe.cli.check import check
 from explicitfe.cli.close_loop import close_loop
 from explicitfe.cli.compare import compare
 from explicitfe.cli.design_test import design_test
+from explicitfe.cli.export import export
 from explicitfe.cli.help import PlainCommand, PlainGroup
 from explicitfe.cli.identify import identify
 from explicitfe.cli.inspect import inspect
@@ -37,7 +38,7 @@ Command = Callable[..., None]
 # Panel of the help -> name of a command -> its function.
 COMMANDS: dict[str, dict[str, Command]] = {
     "Scenarios": {"run": run, "resume": resume, "check": check},
-    "Results": {"inspect": inspect, "measure": measure, "compare": compare, "report": report},
+    "Results": {"inspect": inspect, "measure": measure, "compare": compare, "report": report, "export": export},
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
     "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
 }

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from explicitfe.errors import InputError
 from explicitfe.host.extras import PACKAGES, has_extra, how_to_install
-from explicitfe.host.files import create_private, lock
+from explicitfe.host.files import create_private, lock, rename_new
 
 # A folder that is as young as this and empty may belong to a command that is just about to lock it.
 UNLOCKED_FOR_S = 60.0
@@ -121,18 +121,26 @@ def whole_folder(target: Path, *, summary: str | None = None) -> Iterator[Path]:
             shutil.rmtree(beside, ignore_errors=True)
 
 
-def whole_file(path: Path, content: str | bytes) -> None:
-    """Write a file as a whole or not at all; replaces one that is there.
+def whole_file(path: Path, content: str | bytes, *, overwrite: bool = True) -> None:
+    """Write a file as a whole or not at all.
+
+    Parameters
+    ----------
+    overwrite : replace one that is there.
 
     Raises
     ------
+    FileExistsError : something is there, and is not to be replaced.
     OSError : it cannot be written.
     """
     number, beside = create_private(path.parent, path.name)
     try:
         with os.fdopen(number, "wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
-        beside.replace(path)
+        if overwrite:
+            beside.replace(path)
+        else:
+            rename_new(beside, path)
     finally:
         beside.unlink(missing_ok=True)
 

@@ -22,6 +22,7 @@ STAGES: dict[Stage, str] = {
     "predict": "predicting",
     "draw": "drawing",
     "compare": "comparing",
+    "export": "exporting",
     "trace": "tracing the residual",
     "decide": "deciding on a finer mesh",
     "design": "designing",

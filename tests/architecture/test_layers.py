@@ -48,7 +48,7 @@ ONLY = {
     "measure": {"errors", "host", "acoustics", "mesh", "results"},
     "view": {"errors", "host", "acoustics", "mesh", "results", "measure"},
 }
-LAZY = ("pyvista", "matplotlib", "meshio", "jinja2")
+LAZY = ("pyvista", "matplotlib", "meshio", "jinja2", "pyarrow")
 
 
 def name_of(path: Path) -> str:

@@ -1,0 +1,1 @@
+"""Results in the formats of other programs: tables of points, arrays, meshes, surfaces."""

@@ -18,7 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from docs_blocks import OFF_SCREEN, blocks_of, is_slow, pages, run_block, write_programs  # noqa: E402
+from docs_blocks import OFF_SCREEN, begins_with_a_result, blocks_of, is_slow, pages, run_block, write_programs  # noqa: E402
 
 
 def follow(page: str, folder: Path, programs: Path) -> tuple[int, float]:
@@ -26,7 +26,7 @@ def follow(page: str, folder: Path, programs: Path) -> tuple[int, float]:
     import explicitfe
 
     os.chdir(folder)
-    if not page.startswith("docs/tutorials"):
+    if begins_with_a_result(page):
         explicitfe.run(ROOT / "scenarios" / "vowel-i.toml", "outputs")
     blocks = blocks_of(page)
     begun = time.perf_counter()

@@ -6,7 +6,8 @@ A page says of its blocks
 - ``<!-- not run: REASON -->`` on the line before a block: it is read, and not run, such as one that installs something;
 - ``<!-- slow page: SECONDS -->`` anywhere: the tests read its blocks, and ``benchmarks/doc_blocks.py`` runs them.
 
-All else is run in the order of the page, in an empty folder that holds, but for tutorials, a result ``outputs/vowel-i.vtkhdf``.
+All else is run in the order of the page, in a folder that is empty but for a result ``outputs/vowel-i.vtkhdf``, where the page
+does not compute that itself.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ SLOW = re.compile(r"<!-- slow page: (\d+) s -->")
 _BLOCK = re.compile(r"^#+ ([^\n]+)$|^```(\w*)\n(.*?)^```$", re.M | re.S)
 _NOT_RUN = re.compile(r"<!-- not run: [^\n]+ -->\s*$")
 _FILE = re.compile(r"`([\w.-]+\.(?:toml|py|csv|m))`[^`\n]*:\s*$")
+_VOWEL = re.compile(r"explicitfe run (scenarios/)?vowel-i(\.toml)?( --out outputs)?")
 _SHELL = re.compile(r"[|&;<>*$`()]")
 # Set where a page's blocks are run: pictures need no screen.
 OFF_SCREEN = {"MPLBACKEND": "Agg", "PYVISTA_OFF_SCREEN": "true"}
@@ -71,6 +73,11 @@ def blocks_of(page: str) -> list[Block]:
 def is_slow(page: str) -> bool:
     """Whether the tests only read its blocks."""
     return SLOW.search(text_of(page)) is not None
+
+
+def begins_with_a_result(page: str) -> bool:
+    """Whether it reads a result that it does not compute."""
+    return not any(_VOWEL.fullmatch(line) for block in blocks_of(page) if block.run for line in commands_of(block))
 
 
 def commands_of(block: Block) -> Iterator[str]:

@@ -90,22 +90,28 @@ class Surgery:
     def left_of_lines(self, pull: FibrePull, fibres: Sequence[Fibre] | None = None) -> FibrePull:
         """The lines that run through muscle all along, as they were; where they join points of ``fibres``, these have to."""
         whole = [
-            self.moved(line, self.muscular)[1].all() and (fibres is None or self._in_muscle(fibres[number].points))
+            self.moved(line, self.muscular)[1].all() and (fibres is None or self.in_muscle(fibres[number].points).all())
             for number, line in enumerate(pull.points)
         ]
         return replace(pull, points=tuple(compress(pull.points, whole)), tension_N=tuple(compress(pull.tension_N, whole)))
 
-    def _in_muscle(self, line: MaterialPoints) -> bool:
-        """Whether a line runs through muscle all along, looked at several times in each element that it crosses."""
+    def in_muscle(self, line: MaterialPoints) -> np.ndarray:
+        """Which segments (k - 1,) of a line run through muscle all along, looked at several times in each element they cross.
+
+        Those that begin or end in space do.
+        """
         inside = line.element >= 0
-        tissue = inside[:-1] & inside[1:]
+        tissue = np.flatnonzero(inside[:-1] & inside[1:])
         start, step = line.position[:-1][tissue], np.diff(line.position, axis=0)[tissue]
         size = np.cbrt(volumes(self.mesh.points, self.mesh.hexes).mean())
         counts = np.ceil(_LOOKS_PER_ELEMENT * np.linalg.norm(step, axis=1) / size).astype(int)
         segment = np.repeat(np.arange(len(counts)), counts)
         share = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[segment]
         places = start[segment] + share[:, None] * step[segment]
-        return bool(self.muscular[locate_in_mesh(self.mesh, places, tolerance=np.inf).element].all())
+        outside = ~self.muscular[locate_in_mesh(self.mesh, places, tolerance=np.inf).element]
+        whole = np.ones(len(line) - 1, dtype=bool)
+        whole[tissue[segment[outside]]] = False
+        return whole
 
     def moved(self, points: MaterialPoints, among: np.ndarray) -> tuple[MaterialPoints, np.ndarray]:
         """Material points in the elements ``among`` (m,) alone, and which of them, (k,) bool, lie in these.
@@ -281,9 +287,9 @@ def operated(intact: Model, surgery: Surgery) -> Model:
         return {name: point for name, (point, left) in moved.items() if left.all()}
 
     def pieces(line: MaterialPoints) -> Iterator[MaterialPoints]:
-        """What is left of a fibre: runs of its points without a gap."""
+        """What is left of a fibre: runs of its points that muscle joins."""
         points, left = points_left(line, surgery.muscular)
-        run = np.cumsum(~left)[left]
+        run = np.cumsum(~np.append(True, surgery.in_muscle(line)))[left]
         for number in np.unique(run):
             of_run = run == number
             if of_run.sum() > 1:

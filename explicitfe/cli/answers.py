@@ -23,6 +23,7 @@ from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.dataset_check import DatasetCheckReport
 from explicitfe.results.export.export import ExportedResult
+from explicitfe.results.drawn import DrawnPictures, ShownScene
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest
@@ -118,6 +119,8 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "compare": (Comparison,),
     "report": (ReportAnswer,),
     "export": (ExportedResult,),
+    "view": (ShownScene,),
+    "plot": (DrawnPictures,),
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),

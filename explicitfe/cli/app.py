@@ -24,12 +24,14 @@ from explicitfe.cli.inspect import inspect
 from explicitfe.cli.list import list_
 from explicitfe.cli.measure import measure
 from explicitfe.cli.new import new_dataset
+from explicitfe.cli.plot import plot
 from explicitfe.cli.predict import predict
 from explicitfe.cli.report import report
 from explicitfe.cli.resume import resume
 from explicitfe.cli.run import run
 from explicitfe.cli.schema import schema
 from explicitfe.cli.streams import stdout
+from explicitfe.cli.view import view
 from explicitfe.cli.warmup import warmup
 from explicitfe.host.code_cache import refuse_foreign_code
 
@@ -38,7 +40,7 @@ Command = Callable[..., None]
 # Panel of the help -> name of a command -> its function.
 COMMANDS: dict[str, dict[str, Command]] = {
     "Scenarios": {"run": run, "resume": resume, "check": check},
-    "Results": {"inspect": inspect, "measure": measure, "compare": compare, "report": report, "export": export},
+    "Results": {"inspect": inspect, "measure": measure, "view": view, "plot": plot, "compare": compare, "report": report, "export": export},
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
     "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
 }

@@ -41,6 +41,11 @@ TissueGroupOption = Annotated[
     typer.Option("--tissue-group", metavar="NAME", help="Group of its constants, if there are several.", show_default=False),
 ]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the result.")]
+ResultArgument = Annotated[Path, typer.Argument(help="Result file (.vtkhdf).", show_default=False)]
+PicturesFolderOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder of the files; beside the result if left out.")
+]
+OverwriteFilesOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, nothing else there.")]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -90,11 +91,11 @@ def draw_run(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progre
     A sentence, where a signal has stopped the drawing.
     """
     result = summary["result"]
-    again = f"the result stands; draw it with: python -c 'from explicitfe.view.draw import draw; draw({result!r})'"
+    again = f"the result stands; draw it with: explicitfe plot {shlex.quote(result)}"
     try:
-        progress("draw", 0.0)
-        summary["plots"] = [str(path) for path in analysis.draw(Path(result))]
-        progress("draw", 1.0)
+        drawn = analysis.draw(Path(result), progress)
+        summary["plots"] = drawn["files"]
+        summary["warnings"] += drawn["warnings"]
     except stopping.Stopped as stopped:
         return f"{stopped} while drawing: {again}"
     except Exception as error:

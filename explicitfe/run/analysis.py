@@ -17,6 +17,7 @@ from explicitfe.mesh.quality import assess
 from explicitfe.mesh.validity import certify
 from explicitfe.model.model import Model
 from explicitfe.results import RestartState, ResultWriter
+from explicitfe.results.drawn import DrawnPictures
 from explicitfe.results.run_summary import CheckReport, FoldedElements, MeshReport, ModelDescription, RunSummary
 from explicitfe.run.inputs import sums_of
 from explicitfe.scenario.read import Scenario
@@ -121,11 +122,11 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
     def check_table(self, report: CheckReport) -> Table:
         """What a check says, for people."""
 
-    def draw(self, result: Path) -> list[Path]:
-        """Draw a result of this kind as PNG files beside it."""
+    def draw(self, result: Path, progress: Progress) -> DrawnPictures:
+        """Draw a result of this kind as PNG files beside it; those of an earlier result of that name are replaced."""
         from explicitfe.view.draw import draw
 
-        return draw(result)
+        return draw(result, progress=progress)
 
     # ---- what all kinds have in common ----
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Required
 
 import numpy as np
@@ -10,7 +9,7 @@ from typing_extensions import TypedDict
 
 from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.results import Result
-from explicitfe.view.palette import COLOURS, ENERGY_MAP, new_figure, save
+from explicitfe.view.palette import COLOURS, ENERGY_MAP, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,16 +29,9 @@ class StatedTool(TypedDict, total=False):
     edge_radius_mm: float
 
 
-def draw_indentation(result: Result, step: int, folder: Path) -> list[Path]:
-    """Draw ``<stem>-curve.png`` and ``<stem>-section.png`` of a result up to a step, the latter at its largest force."""
-    step = int(np.argmax(result.history("force")[: step + 1]))
-    paths = []
-    for name, picture in (("curve", _curve_figure), ("section", _section_figure)):
-        figure = picture(result, step)
-        path = folder / f"{result.path.stem}-{name}.png"
-        save(figure, path)
-        paths.append(path)
-    return paths
+def step_of_largest_force(result: Result, last: int) -> int:
+    """The step up to ``last`` at which the tool presses hardest: that is drawn."""
+    return int(np.argmax(result.history("force")[: last + 1]))
 
 
 def section_faces(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
@@ -113,7 +105,7 @@ def paint_section(
     return painted
 
 
-def _curve_figure(result: Result, step: int) -> Figure:
+def curve_figure(result: Result, step: int) -> Figure:
     """Force against displacement over the whole run."""
     displacement, force = 1e3 * result.history("indentation"), result.history("force")
     figure = new_figure(7.0, 5.0)
@@ -137,7 +129,7 @@ def _curve_figure(result: Result, step: int) -> Figure:
     return figure
 
 
-def _section_figure(result: Result, step: int) -> Figure:
+def section_figure(result: Result, step: int) -> Figure:
     """The deformed section under the tool at a step."""
     scenario, tool = result.model["scenario"], result.model["tool"]
     specimen = scenario["model"]

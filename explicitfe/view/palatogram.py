@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,8 +24,11 @@ TOUCHED, FREE = "black", "white"
 HALF_SQUARE = 0.44
 
 
-def palatogram_figure(result: Result, step: int) -> Figure | None:
-    """The pattern of most contact, patterns over time, contact area and force; None where there are no electrodes."""
+def palatogram_figure(result: Result, step: int, steps: Sequence[int] | None = None) -> Figure | None:
+    """The pattern of most contact, patterns over time, contact area and force; None where there are no electrodes.
+
+    ``steps`` have a pattern each; some from the first contact to the last if left out.
+    """
     history = contact_history(result, step)
     if history is None:
         return None
@@ -41,7 +45,7 @@ def palatogram_figure(result: Result, step: int) -> Figure | None:
         f"most contact: {count} of 62 electrodes, first at {time}" if count else "no electrode is touched", fontsize=10
     )
 
-    steps = _drawn_steps(history)
+    steps = _drawn_steps(history) if steps is None else steps
     for each, number in zip(np.ravel(series.subplots(2, (len(steps) + 1) // 2, squeeze=False)), steps, strict=False):
         _draw_pattern(each, history.pattern(number))
         each.set_title(milliseconds(result.times[[number]], result.times[step])[0], fontsize=9)

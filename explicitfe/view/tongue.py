@@ -5,6 +5,7 @@ The speaker looks to the left in side views: x points backwards, z up, y to the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -30,18 +31,22 @@ def attachments(result: Result, step: int) -> dict[str, np.ndarray]:
     return {name: nodes for name, nodes in result.mesh.node_sets.items() if len(nodes) and still[nodes].all()}
 
 
-def contour_figure(result: Result, step: int) -> Figure | None:
-    """The midsagittal outline at several times, with the paths of the named points; None where the plane cuts nothing."""
+def contour_figure(result: Result, step: int, steps: Sequence[int] | None = None) -> Figure | None:
+    """The midsagittal outline at several times, with the paths of the named points; None where the plane cuts nothing.
+
+    ``steps`` are drawn besides the shape at rest; some up to ``step`` if left out.
+    """
     from matplotlib.patheffects import withStroke
 
     mesh = result.mesh
     cut = midsagittal(mesh)
     if not cut.loops:
         return None
+    steps = _drawn(result, step, steps)
     figure = result_figure(result, 7.0, "Midsagittal contour")
     axes = figure.subplots()
     _side_view(axes)
-    _outlines(axes, result, step, cut, X)
+    _outlines(axes, result, steps, cut, X)
 
     held = np.zeros(mesh.node_count)
     for marker, (name, nodes) in zip("s^DvP*" * 9, attachments(result, step).items(), strict=False):
@@ -77,17 +82,21 @@ def contour_figure(result: Result, step: int) -> Figure | None:
     if result.bones:
         fill_bones(axes, result, step, *_midsagittal_plane(mesh), X)
         mark_constriction(axes, result, step)
-        keep_to_tongue(axes, _span(result, step, cut, X))
+        keep_to_tongue(axes, _span(result, steps, cut, X))
     axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
     return figure
 
 
-def coronal_figure(result: Result, step: int) -> Figure | None:
-    """A coronal section of the front, at rest and later, and where it is; None where the plane cuts nothing."""
+def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None) -> Figure | None:
+    """A coronal section of the front, at rest and later, and where it is; None where the plane cuts nothing.
+
+    ``steps`` as in :func:`contour_figure`.
+    """
     mesh = result.mesh
     cut, side = section(mesh, X, station(mesh, "front")), midsagittal(mesh)
     if not cut.loops:
         return None
+    steps = _drawn(result, step, steps)
     figure = result_figure(result, 6.0, "Coronal section of the front, following the tissue")
     where, axes = figure.subplots(1, 2, width_ratios=[1.0, 1.6])
     now = mesh.points + result.displacement(step)
@@ -103,11 +112,11 @@ def coronal_figure(result: Result, step: int) -> Figure | None:
     where.set_title("where the section is (thick)", fontsize=10)
     if result.bones:
         fill_bones(where, result, step, *_midsagittal_plane(mesh), X, label=None)
-        keep_to_tongue(where, _span(result, step, side, X))
+        keep_to_tongue(where, _span(result, steps, side, X))
 
     plain(axes)
     axes.set_aspect("equal", adjustable="datalim")
-    _outlines(axes, result, step, cut, Y)
+    _outlines(axes, result, steps, cut, Y)
     depths = [_depth(1e3 * groove_depth(at_rest, outline)) for outline in (at_rest, at_end)]
     back, _, up = 1e3 * (at_end - at_rest)[middle_points[-1]]
     time = milliseconds(result.times[[step]], result.times[step])[0]
@@ -126,21 +135,25 @@ def coronal_figure(result: Result, step: int) -> Figure | None:
         top, bottom = at_end[middle_points[[-1, 0]]]
         across_it = np.array([top[Z] - bottom[Z], 0.0, bottom[X] - top[X]])
         fill_bones(axes, result, step, top, across_it / np.linalg.norm(across_it), Y, label="bone, where the\nsection is now")
-        keep_to_tongue(axes, _span(result, step, cut, Y))
+        keep_to_tongue(axes, _span(result, steps, cut, Y))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure
 
 
-def _outlines(axes: Axes, result: Result, step: int, cut: PlaneCut, across: int) -> None:
-    """Draw a section at rest and at several times up to ``step``; ``across`` is the axis drawn to the right."""
+def _drawn(result: Result, step: int, steps: Sequence[int] | None) -> list[int]:
+    """The steps that are drawn besides the shape at rest: those that were chosen, or some up to ``step``."""
+    return drawn_steps(result.times, step) if steps is None else list(steps)
+
+
+def _outlines(axes: Axes, result: Result, steps: Sequence[int], cut: PlaneCut, across: int) -> None:
+    """Draw a section at rest and at several steps, the last of them thick; ``across`` is the axis drawn to the right."""
     reference = 1e3 * cut.outline(result.mesh.points)
     axes.fill(*_polygon(reference, across, Z), color="0.94", zorder=0)
     axes.plot(reference[:, across], reference[:, Z], color=AT_REST, lw=2.0, label="at rest")
-    steps = drawn_steps(result.times, step)
-    labels = milliseconds(result.times[steps], result.times[step])
+    labels = milliseconds(result.times[list(steps)], result.times[steps[-1]]) if steps else []
     for number, colour, label in zip(steps, sequence(len(steps)), labels, strict=True):
         line = 1e3 * cut.outline(result.mesh.points + result.displacement(number))
-        width = 2.6 if number == step else 1.3
+        width = 2.6 if number == steps[-1] else 1.3
         axes.plot(line[:, across], line[:, Z], color=colour, lw=width, label=label)
 
 
@@ -149,10 +162,9 @@ def _midsagittal_plane(mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
     return np.array([0.0, middle(mesh), 0.0]), np.array([0.0, 1.0, 0.0])
 
 
-def _span(result: Result, step: int, cut: PlaneCut, across: int) -> np.ndarray:
+def _span(result: Result, steps: Sequence[int], cut: PlaneCut, across: int) -> np.ndarray:
     """All points, (k, 2) mm, of the outlines that are drawn of a section."""
-    steps = [0, *drawn_steps(result.times, step)]
-    outlines = [cut.outline(result.mesh.points + result.displacement(number)) for number in steps]
+    outlines = [cut.outline(result.mesh.points + result.displacement(number)) for number in (0, *steps)]
     return 1e3 * np.concatenate(outlines)[:, [across, Z]]
 
 

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -165,7 +166,7 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
     """The result stands, the summary says so and how to draw it."""
     from explicitfe.view import draw
 
-    monkeypatch.setitem(draw.PICTURES, "transient", lambda *given: 1 / 0)
+    monkeypatch.setitem(draw.PICTURES, "transient", {"contour": lambda *given: 1 / 0})
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
     assert command(words) == 0
     summary = json.loads(capsys.readouterr().out)
@@ -173,11 +174,10 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
     (warning,) = [text for text in summary["warnings"] if "could not be drawn" in text]
     assert "ZeroDivisionError" in warning and "the result stands" in warning
     monkeypatch.undo()
-    code = warning.partition("python -c '")[2].removesuffix("'")
-    monkeypatch.setattr(draw, "draw", lambda path: drawn.append(path))
-    drawn: list[str] = []
-    exec(code)
-    assert drawn == [summary["result"]] and Path(summary["result"]).exists()
+    again = shlex.split(warning.partition("draw it with: explicitfe ")[2])
+    assert command([*again, "--only", "contour", "--json"]) == 0
+    (picture,) = json.loads(capsys.readouterr().out)["files"]
+    assert Path(picture).parent == tmp_path and Path(picture).name == "vowel-i-contour.png"
 
 
 def test_a_signal_while_pictures_are_drawn_loses_nothing(
@@ -185,11 +185,10 @@ def test_a_signal_while_pictures_are_drawn_loses_nothing(
 ) -> None:
     from explicitfe.view import draw
 
-    def stop(*given: object) -> list[Path]:
+    def stop(*given: object) -> None:
         signal.raise_signal(signal.SIGINT)
-        return []
 
-    monkeypatch.setitem(draw.PICTURES, "transient", stop)
+    monkeypatch.setitem(draw.PICTURES, "transient", {"contour": stop})
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
     assert command(words) == 130
     summary = json.loads(capsys.readouterr().out)

@@ -15,7 +15,8 @@ from explicitfe.materials.yeoh import Yeoh
 from explicitfe.results import open_result
 from explicitfe.run.run import run
 from explicitfe.solve import point
-from explicitfe.view import fit, indentation, over_time, palatogram, palette, tongue
+from explicitfe.view import fit, over_time, palatogram, palette, tongue
+from explicitfe.view.draw import draw
 
 # A formula that is none, marks of rich and of HTML, a bell, a NUL, half a character, letters that the font lacks.
 TEXTS = ["costs 1 $x_{$ to \\frac $ 2 $", "[/red] [bold] <script>", "a\x07\x00\x1b[31mb\udcff", "舌の動き", "word " * 2000]
@@ -74,8 +75,7 @@ def test_a_dollar_is_a_dollar_also_in_an_indentation(tmp_path: Path) -> None:
 
     settings = ["model.edge_size_mm=3", "analysis.forces_N=[0.05]", "title='1 $x_{$ 2 $'"]
     summary = run(ROOT / "scenarios/indentation-rear.toml", tmp_path, settings=settings)
-    with open_result(summary["result"]) as result:
-        assert len(indentation.draw_indentation(result, len(result.times) - 1, tmp_path)) == 2
+    assert len(draw(Path(summary["result"]))["files"]) == 2
 
 
 def test_numbers_on_a_logarithmic_axis_are_no_formulas(tmp_path: Path) -> None:

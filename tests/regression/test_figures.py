@@ -18,7 +18,6 @@ from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
 from explicitfe.results import open_result
 from explicitfe.run.run import run
-from explicitfe.view import draw as drawing
 from explicitfe.view import hourglass, muscles, over_time, times, tongue
 from explicitfe.view.draw import draw
 
@@ -72,10 +71,10 @@ def area(loop: np.ndarray) -> float:
 def test_every_picture_is_drawn(result_path, tmp_path):
     from matplotlib.image import imread
 
-    paths = draw(result_path, tmp_path / "pictures")
+    paths = [Path(name) for name in draw(result_path, tmp_path / "pictures")["files"]]
     names = [path.name for path in paths]
     drawn = ["contour", "coronal", "probes", "energies"]
-    # A machine that cannot render gives a warning and four pictures, see the test below.
+    # A machine that cannot render gives a sentence and four pictures, see the test below.
     assert names[:4] == [f"tiny-{name}.png" for name in drawn]
     assert names[4:] in ([], ["tiny-3d.png", "tiny-hourglass.png"])
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == sorted(names)
@@ -95,11 +94,10 @@ def test_without_opengl_the_other_pictures_are_drawn(result_path, tmp_path, monk
     # With a display that does not exist VTK ends in a segmentation fault, which must not reach this process.
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
     monkeypatch.setenv("DISPLAY", ":987")
-    monkeypatch.setattr(drawing, "probes_figure", lambda result, step: None)
-    monkeypatch.setattr(drawing, "coronal_figure", lambda result, step: None)
-    monkeypatch.setattr(drawing, "contour_figure", lambda result, step: None)
-    with pytest.warns(UserWarning, match="3D view and the hourglass map were left out because this machine could not"):
-        assert [path.name for path in draw(result_path, tmp_path)] == ["tiny-energies.png"]
+    drawn = draw(result_path, tmp_path, only=["energies", "3d", "hourglass"])
+    assert [Path(name).name for name in drawn["files"]] == ["tiny-energies.png"]
+    (note,) = drawn["warnings"]
+    assert note.startswith("the pictures 3d and hourglass were left out: this machine could not render it")
 
 
 def test_a_result_without_a_step_is_an_input_error(tmp_path):

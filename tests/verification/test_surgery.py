@@ -190,7 +190,9 @@ def test_a_line_from_outside_goes_with_its_insertion(tmp_path):
     (line,) = cut.model.pulls[0].points
     assert line.position[0] == pytest.approx([0.06, 0.008, 0.008])
     line = MUSCLE.replace("[0.039, 0.002, 0.002]", "[0.018, 0.002, 0.002], [0.028, 0.002, 0.002], [0.039, 0.002, 0.002]")
-    gap = own(tmp_path / "c", mesh, line, muscle=[{**pull[0], "name": "LINE"}], resection=[{"box_mm": [[20, -1, -1], [25, 5, 5]]}])
+    gap = own(
+        tmp_path / "c", mesh, line, muscle=[{**pull[0], "name": "LINE"}], resection=[{"box_mm": [[20, -1, -1], [25, 5, 5]]}]
+    )
     pieces = [1e3 * fibre.position[:, 0] for fibre in gap.model.fibres[0]]
     assert np.allclose(np.concatenate(pieces), [1.0, 18.0, 28.0, 39.0, 1.0, 15.0]) and list(map(len, pieces)) == [2, 2, 2]
     (fibre,) = cut.model.fibres[0]

@@ -22,8 +22,8 @@ from explicitfe.measure.document import Measures
 from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.dataset_check import DatasetCheckReport
-from explicitfe.results.export.export import ExportedResult
 from explicitfe.results.drawn import DrawnPictures, ShownScene
+from explicitfe.results.export.export import ExportedResult
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest

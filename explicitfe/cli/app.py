@@ -40,7 +40,15 @@ Command = Callable[..., None]
 # Panel of the help -> name of a command -> its function.
 COMMANDS: dict[str, dict[str, Command]] = {
     "Scenarios": {"run": run, "resume": resume, "check": check},
-    "Results": {"inspect": inspect, "measure": measure, "view": view, "plot": plot, "compare": compare, "report": report, "export": export},
+    "Results": {
+        "inspect": inspect,
+        "measure": measure,
+        "view": view,
+        "plot": plot,
+        "compare": compare,
+        "report": report,
+        "export": export,
+    },
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
     "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
 }

@@ -22,6 +22,8 @@ def design_test(
             autocompletion=complete_protocol,
         ),
     ],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the numbers and a page of them.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier plan wrote.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say which effects a planned test can find and tell apart, before anything is measured.
@@ -32,5 +34,5 @@ def design_test(
         from explicitfe.close_loop.design import design_test as design
         from explicitfe.view.terminal.design import design_tables
 
-        planned = design(protocol, progress=progress)
+        planned = design(protocol, out=out, overwrite=overwrite, progress=progress)
     print_answer(planned.document, as_json, lambda: design_tables(planned))

@@ -18,7 +18,8 @@ def identify(
         str, typer.Option("--method", help="least-squares | paper (the iteration of Gérard et al. 2005)")
     ] = "least-squares",
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder for numbers, pictures and a scenario with the constants.")
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder for a page, numbers, pictures and a scenario."),
     ] = None,
     fit: Annotated[
         list[str] | None,

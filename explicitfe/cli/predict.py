@@ -15,7 +15,7 @@ from explicitfe.view.progress import following
 def predict(
     dataset: DatasetArgument,
     model: Annotated[Path, typer.Option("--model", metavar="FILE", help="Constants and effects (TOML).", show_default=False)],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the numbers and a CSV a curve.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for a page and the numbers.")] = None,
     curves: Annotated[
         list[str] | None, typer.Option("--curve", metavar="ID", help="Predict only this curve; repeat for more.")
     ] = None,

@@ -29,12 +29,15 @@ from explicitfe.measured.curve import COLUMNS, TIME, Dataset, Kind
 from explicitfe.measured.files import LARGEST_CURVE_ROWS
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.tables import RawTable
+from explicitfe.results.folder import checked_target, whole_folder
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
 from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, MOST_TABLES_OF_A_KIND, Name, Table, Title, validated
+from explicitfe.view.page.design import design_page
 
 FORMAT = "explicitfe-protocol/1"
+SUMMARY_FILE, PAGE_FILE = "design-test.json", "design-test.html"
 # Share of the progress until the fingerprints begin, and their runs of each test, by which the progress goes on.
 SYSTEM_PROGRESS, RUNS_OF_A_TEST = 0.1, 30.0
 # Guesses of what is not measured yet: a size [mm] where no table states one, and under a force the depth as a share of the size.
@@ -78,12 +81,21 @@ class ProtocolFile(Table):
     curve: list[PlannedCurve] = Field(min_length=1, max_length=MOST_TABLES_OF_A_KIND)
 
 
-def design_test(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> PlannedTest:
+def design_test(
+    path: Path | str,
+    *,
+    out: Path | str | None = None,
+    overwrite: bool = False,
+    processes: int | None = None,
+    progress: Progress = silent,
+) -> PlannedTest:
     """Which effects a planned test could find, and which it could not tell apart.
 
     Parameters
     ----------
     path : a protocol file, see docs/reference/close-loop.md, or the name of a protocol that comes with the program.
+    out : folder for design-test.json and a page; nothing is written if left out.
+    overwrite : replace an earlier answer.
 
     Returns
     -------
@@ -92,11 +104,12 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
 
     Raises
     ------
-    InputError : a protocol that cannot be used.
+    InputError : a protocol that cannot be used, or a folder that cannot be written.
     RunError : the simulator cannot follow it.
     """
     path = protocol_file(path)
     protocol = _read(path)
+    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY_FILE, what="plan of a test")
     progress("design", 0.0)
     simulator = Simulator(processes)
     try:
@@ -121,7 +134,7 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
             effects.append(EffectInTest(effect=candidate.effect, strength=strength, unit=unit, shows=False, reason=reason))
         else:
             effects.append(_effect_in_test(fingerprint, prints, fit, system, covariance))
-    return PlannedTest(
+    planned = PlannedTest(
         protocol=protocol.title,
         file=str(path),
         n_eff=covariance.effective,
@@ -129,6 +142,16 @@ def design_test(path: Path | str, *, processes: int | None = None, progress: Pro
         effects=sorted(effects, key=lambda effect: -effect.visible),
         runs=simulator.runs,
     )
+    return planned if target is None else _write(target, planned)
+
+
+def _write(target: Path, planned: PlannedTest) -> PlannedTest:
+    """Write design-test.json and the page, both or none; the answer with the list of these files."""
+    planned = planned.model_copy(update={"files": [str(target / name) for name in (SUMMARY_FILE, PAGE_FILE)]})
+    with whole_folder(target, summary=SUMMARY_FILE) as folder:
+        (folder / PAGE_FILE).write_text(design_page(planned), encoding="utf-8")
+        (folder / SUMMARY_FILE).write_text(planned.text, encoding="utf-8")
+    return planned
 
 
 def _effect_in_test(

@@ -15,8 +15,9 @@ from explicitfe.host.toml_text import toml_value
 from explicitfe.identify.pictures import GroupPictures
 from explicitfe.results.folder import drawing, whole_folder
 from explicitfe.results.identification import Identification, IdentifiedGroup
+from explicitfe.view.page.identify import identify_page
 
-SUMMARY_FILE = "identify.json"
+SUMMARY_FILE, PAGE_FILE = "identify.json", "identify.html"
 LONGEST_SLUG_CHARACTERS = 60  # of a name in a file's name, which has 255 on most systems
 LONGEST_PART_CHARACTERS = 130  # of the two parts of a scenario's title, which has 300
 
@@ -60,6 +61,10 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
             scenario = shown.test.scenario(title, identification["method"])
             file("fitted", name, ".toml").write_text(scenario, encoding="utf-8")
     materials = (_material(name, group, identification["poisson"]) for name, group in groups.items() if "constants" in group)
+    curves = {name: shown.curves for name, shown in pictures.items()}
+    profiles = {name: shown.profiles for name, shown in pictures.items() if shown.profiles is not None}
+    names.append(PAGE_FILE)
+    (folder / PAGE_FILE).write_text(identify_page(identification, curves, profiles), encoding="utf-8")
     (folder / "material.toml").write_text("".join(materials), encoding="utf-8")
     names.append("material.toml")
     names = [name for name in names if (folder / name).exists()]

@@ -25,8 +25,9 @@ from explicitfe.results.folder import checked_target, whole_folder
 from explicitfe.results.prediction import PredictedCurve, PredictedRows, Prediction, PredictionError
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import validated
+from explicitfe.view.page.predict import predict_page
 
-PREDICTION_FILE = "predict.json"
+PREDICTION_FILE, PAGE_FILE = "predict.json", "predict.html"
 
 
 def predict(
@@ -94,7 +95,7 @@ def predict(
         assumed=sorted({text for a in answers.values() if isinstance(a, CurveAnswer) for text in a.assumed}),
         wall_s=time.perf_counter() - begin,
     )
-    return prediction if target is None else _write(target, prediction, tissue)
+    return prediction if target is None else _write(target, prediction, tissue, str(dataset_path))
 
 
 def predict_test(
@@ -232,14 +233,15 @@ def _mean_errors(curves: Sequence[PredictedCurve]) -> dict[str, PredictionError]
 # ---- on disk ----
 
 
-def _write(target: Path, prediction: Prediction, tissue: Tissue) -> Prediction:
-    """Write predict.json, model.toml and a CSV a curve, all or none; the prediction with the list of these files."""
-    names = ["model.toml", PREDICTION_FILE, *(f"{name}.csv" for name in prediction.curves)]
+def _write(target: Path, prediction: Prediction, tissue: Tissue, dataset: str) -> Prediction:
+    """Write predict.json, the page, model.toml and a CSV a curve, all or none; the prediction with the list of these files."""
+    names = ["model.toml", PREDICTION_FILE, PAGE_FILE, *(f"{name}.csv" for name in prediction.curves)]
     prediction = prediction.model_copy(update={"files": [str(target / name) for name in names]})
     with whole_folder(target, summary=PREDICTION_FILE) as folder:
         (folder / "model.toml").write_text(tissue.text, encoding="utf-8")
         for name, curve in prediction.curves.items():
             (folder / f"{name}.csv").write_text(_csv(curve), encoding="utf-8")
+        (folder / PAGE_FILE).write_text(predict_page(prediction, dataset), encoding="utf-8")
         (folder / PREDICTION_FILE).write_text(prediction.text, encoding="utf-8")
     return prediction
 

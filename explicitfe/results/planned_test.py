@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from explicitfe.results.document import Document
 
@@ -47,6 +47,7 @@ class PlannedTest(Document):
     constants : of the tissue that is expected.
     effects : those that show most first.
     runs : of the simulator.
+    files : what was written; the key is there if a folder was asked for.
     """
 
     protocol: str
@@ -55,3 +56,4 @@ class PlannedTest(Document):
     constants: dict[str, float]
     effects: list[EffectInTest]
     runs: int
+    files: list[str] = Field(default=[])

@@ -105,7 +105,6 @@ def test_every_text_of_a_page_is_escaped() -> None:
     ]
     assert marked == [
         ("view.page.frame", "Markup(files('explicitfe.view').joinpath(name).read_text(encoding='utf-8'))"),
-        ("view.report.page", "Markup(files('explicitfe.view.report').joinpath('style.css').read_text(encoding='utf-8'))"),
     ]
     environments = [
         ast.unparse(node)

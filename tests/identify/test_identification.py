@@ -79,7 +79,7 @@ def test_progress_never_goes_back_and_ends(identified):
 def test_what_is_written(identified):
     identification, _, folder = identified
     names = {path.name for path in (folder / "out").iterdir()}
-    assert names == {"identify.json", "fit.png", "profiles.png", "deformed.png", "fitted.toml", "material.toml"}
+    assert names == {"identify.json", "identify.html", "fit.png", "profiles.png", "deformed.png", "fitted.toml", "material.toml"}
     assert {Path(path).name for path in identification["files"]} == names
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
     stored = json.loads((folder / "out" / "identify.json").read_text())

@@ -152,7 +152,7 @@ def test_what_differs() -> None:
 @pytest.mark.parametrize("low, high", [(0.0, 1.0), (-3.2e-7, 5e-7), (1.0, 1.0001), (0.0, 3e8), (-120.0, -3.0)])
 def test_marks_are_round_and_within(low: float, high: float) -> None:
     numbers, words = round_ticks(low, high)
-    assert 2 <= len(numbers) <= 6 and len(set(words)) == len(words)
+    assert 2 <= len(numbers) <= 7 and len(set(words)) == len(words)
     assert all(low - 1e-9 * (high - low) <= x <= high + 1e-9 * (high - low) for x in numbers)
 
 

@@ -18,7 +18,9 @@ CHART_SIDE = 1000.0
 MOST_POINTS_OF_A_LINE = 600
 # Lines stay this share of the height away from the frame.
 MARGIN_SHARE = 0.06
-TICKS_WANTED = 5
+# Dots need room at the sides, or half of the first and the last one is cut off.
+DOT_MARGIN_SHARE = 0.02
+TICKS_WANTED = 6
 # A logarithmic axis over more decades than this leaves marks out.
 MOST_DECADES_MARKED = 6
 DECADE_FACTOR = 10.0
@@ -123,7 +125,8 @@ def chart(
     kept = [one for one in series if (np.isfinite(one.x) & np.isfinite(one.y)).any()]
     if not kept:
         return None
-    left, right = x_range or _span([one.x for one in kept], 0.0)
+    has_dots = any(one.drawn == "dots" for one in kept)
+    left, right = x_range or _span([one.x for one in kept], DOT_MARGIN_SHARE if has_dots else 0.0)
     with_zero = [one.y if one.drawn != "area" else np.append(one.y, 0.0) for one in kept]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
     placed = [

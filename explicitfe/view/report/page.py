@@ -9,19 +9,17 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from explicitfe.results.loop_report import LoopReport, ReportCurve
+from explicitfe.view.page.frame import page_text
 from explicitfe.view.palette import save
 from explicitfe.view.report import parts
 from explicitfe.view.report.pictures import before_after, ranking, residuals, sensitivity
 from explicitfe.view.report.reading import DrawnCurve, assumed_values, drawn_curves, was_scored
 
 if TYPE_CHECKING:
-    from jinja2 import Template
     from matplotlib.figure import Figure
 
 PAGE_FILE = "report.html"
@@ -66,13 +64,13 @@ def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve]) -> li
 
 def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPictures) -> str:
     """The text of the page, from ``page.html.j2`` and ``style.css`` beside this file."""
-    from markupsafe import Markup
-
-    return _template().render(
-        style=Markup(files("explicitfe.view.report").joinpath("style.css").read_text(encoding="utf-8")),
-        name=report.dataset or report.title or "closed loop",
+    first = parts.first_screen(report)
+    return page_text(
+        "report/page.html.j2",
+        styles=["report/style.css"],
+        title=f"{report.dataset or report.title or 'closed loop'}: {first.headline}",
         pictures=pictures,
-        first=parts.first_screen(report),
+        first=first,
         residual_caption=parts.residual_caption(curves),
         rounds=parts.search_rounds(report),
         separability=parts.separability(report),
@@ -84,22 +82,6 @@ def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPic
         warnings=[text for text in report.warnings if text],
         provenance=parts.provenance(report),
     )
-
-
-@cache
-def _template() -> Template:
-    """The template of the page; every text that is put into it is escaped."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("explicitfe.view.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("page.html.j2")
 
 
 def _embedded(path: Path, figure: Figure) -> EmbeddedPicture:

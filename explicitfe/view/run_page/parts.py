@@ -174,9 +174,7 @@ def _moved(result: Result, last: int) -> PageTable | None:
     rows = [
         (
             name,
-            f"{point.forward_mm:.2f}",
-            f"{point.up_mm:.2f}",
-            f"{point.right_mm:.2f}",
+            *(f"{mm:z.2f}" for mm in (point.forward_mm, point.up_mm, point.right_mm)),
             f"{point.peak_speed_mm_s:.0f}",
             "" if point.time_to_90_ms is None else f"{point.time_to_90_ms:.0f}",
         )

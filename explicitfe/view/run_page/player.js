@@ -257,6 +257,11 @@
 
   const fields = new Map([["", null], ["displacement", { label: "displacement", unit: "mm" }]]);
   for (const run of runs) for (const field of run.body.data.fields) if (!fields.has(field.name)) fields.set(field.name, field);
+  for (const name of fields.keys()) {
+    const spans = runs.map((run) => run.body.spans[name]).filter(Boolean);
+    const common = [Math.min(...spans.map(([low]) => low)), Math.max(...spans.map(([, high]) => high))];
+    for (const run of runs) if (run.body.spans[name]) run.body.spans[name] = common;
+  }
   const choice = control("colour");
   for (const [name, field] of fields) {
     const option = document.createElement("option");
@@ -272,8 +277,7 @@
       run.scene?.colourBy(known ? name : "");
       scale.hidden = !known || name === "";
       if (scale.hidden) continue;
-      const [low, high] = field ? [field.low, field.high] : [0, run.body.largest];
-      const unit = field ? field.unit : "mm";
+      const [low, high] = run.body.spans[name], unit = field ? field.unit : "mm";
       scale.querySelector("i").style.background = Playback.scale;
       scale.querySelector(".low").textContent = Number(low.toPrecision(3));
       scale.querySelector(".high").textContent = `${Number(high.toPrecision(3))} ${unit}`;

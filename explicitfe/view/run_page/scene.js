@@ -47,7 +47,9 @@ const Playback = (() => {
       this.nodes = arrays.points.length / 3;
       this.position = new Float32Array(arrays.points);
       this.moved = new Float32Array(3 * this.nodes);
-      this.largest = this.largestDisplacement();
+      // What the colours of each field span; a page with several results gives them all the same.
+      this.spans = { displacement: [0, this.largestDisplacement()] };
+      for (const field of data.fields) this.spans[field.name] = [field.low, field.high];
       this.frame = 0;
       this.at(0);
     }
@@ -82,20 +84,22 @@ const Playback = (() => {
 
     // Fills colours of the nodes by a field; "displacement" is in the frames themselves.
     paint(colours, name) {
-      const n = this.nodes;
+      const n = this.nodes, [lowest, highest] = this.spans[name];
       if (name === "displacement") {
         for (let k = 0; k < n; k++) {
           const u = Math.hypot(this.moved[3 * k], this.moved[3 * k + 1], this.moved[3 * k + 2]);
-          const entry = 3 * Math.round(255 * Math.min(1, u / (this.largest || 1)));
+          const entry = 3 * Math.round(255 * Math.min(1, u / (highest || 1)));
           colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
         }
         return;
       }
       const values = this.data.arrays[`field_${name}`], frames = this.data.frames;
       const before = Math.min(Math.floor(this.frame), frames - 1), after = Math.min(before + 1, frames - 1);
-      const share = this.frame - before;
+      const share = this.frame - before, own = this.data.fields.find((field) => field.name === name);
+      const factor = (own.high - own.low) / (highest - lowest), offset = (255 * (own.low - lowest)) / (highest - lowest);
       for (let k = 0; k < n; k++) {
-        const entry = 3 * Math.round((1 - share) * values[before * n + k] + share * values[after * n + k]);
+        const stored = (1 - share) * values[before * n + k] + share * values[after * n + k];
+        const entry = 3 * Math.round(offset + factor * stored);
         colours.set(LOOKUP.subarray(entry, entry + 3), 3 * k);
       }
     }

@@ -25,7 +25,7 @@ def bench(
     with following(console, "starting") as progress:
         from explicitfe.run.speed import TIMED_SIZES
         from explicitfe.run.speed import bench as time_it
-        from explicitfe.view.terminal.program import speed_tables
+        from explicitfe.view.terminal.program import speed_notes, speed_tables
 
         speed = time_it(sizes or tuple(TIMED_SIZES), progress)
-    print_answer(speed, as_json, lambda: speed_tables(speed))
+    print_answer(speed, as_json, lambda: speed_tables(speed), speed_notes(speed))

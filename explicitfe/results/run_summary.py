@@ -115,9 +115,12 @@ class RunSummary(TypedDict):
 
 
 class ProbeAtEnd(TypedDict):
-    """Where a probe is at the end, and how fast."""
+    """Where a probe has gone at the end, along x, y, z and in the words of anatomy, and how fast it is."""
 
     displacement_mm: list[Computed]
+    forward_mm: Computed
+    up_mm: Computed
+    right_mm: Computed
     speed_mm_s: Computed
 
 
@@ -204,7 +207,14 @@ def probes_of(history: Mapping[str, np.ndarray]) -> dict[str, ProbeAtEnd]:
         name = column.removeprefix("probe_").removesuffix("_displacement")
         if column == f"probe_{name}_displacement" and len(displacement):
             speed = np.linalg.norm(history[f"probe_{name}_velocity"][-1])
-            probes[name] = {"displacement_mm": (1e3 * displacement[-1]).tolist(), "speed_mm_s": float(1e3 * speed)}
+            back, right, up = (1e3 * displacement[-1] + 0.0).tolist()  # 0 for -0
+            probes[name] = {
+                "displacement_mm": [back, right, up],
+                "forward_mm": 0.0 - back,
+                "up_mm": up,
+                "right_mm": right,
+                "speed_mm_s": float(1e3 * speed),
+            }
     return probes
 
 
@@ -261,10 +271,14 @@ class MachineCode(TypedDict):
 
 
 class SpeedReport(TypedDict):
-    """How fast this machine is: what ``explicitfe bench --json`` prints."""
+    """How fast this machine is: what ``explicitfe bench --json`` prints.
+
+    ``load``: processes that wanted to compute in the minute before, on average; None where the system does not say.
+    """
 
     lanes: int
     cores: int
+    load: float | None
     rows: list[SpeedRow]
     scenario: ScenarioSpeed
 

@@ -24,7 +24,7 @@ from explicitfe.scenario.read import Scenario
 from explicitfe.solve.body import Body
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import RenderableType
 
 # Of the elastic energy: above it the mesh is too coarse to quote numbers without a comparison. In "hex8" it is the energy of
 # bending, of an assumed strain, and no artefact: at 6 % points of the tongue lie within 0.2 mm of those of a mesh of twice as
@@ -115,11 +115,11 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
         """Measure what can be known before a run: mesh, step or iterations, wall time, memory."""
 
     @abstractmethod
-    def table(self, summary: RunSummary) -> Table:
+    def table(self, summary: RunSummary) -> RenderableType:
         """What a run came to, for people."""
 
     @abstractmethod
-    def check_table(self, report: CheckReport) -> Table:
+    def check_table(self, report: CheckReport) -> RenderableType:
         """What a check says, for people."""
 
     def draw(self, result: Path, progress: Progress) -> DrawnPictures:

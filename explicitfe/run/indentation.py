@@ -36,7 +36,7 @@ from explicitfe.solve.load_outcome import Equilibrium, Stuck
 from explicitfe.solve.transient import FINISHED, INTERRUPTED
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import RenderableType
 
 DEPTH_WARNING_SHARE = 0.4  # of the thickness: a deeper indentation depends on how high the specimen is and how it is held
 ITERATIONS_PER_LOAD = 3000  # at a residual of 1e-4 and Poisson's ratio 0.499, as seen on the default specimen
@@ -168,13 +168,13 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "result_size_MB": self._result_bytes() / 1e6,
         }
 
-    def table(self, summary: RunSummary) -> Table:
+    def table(self, summary: RunSummary) -> RenderableType:
         """The loads with the displacements that were reached, speed and energies."""
         from explicitfe.view.terminal.indentation import summary_table
 
         return summary_table(cast(IndentationSummary, summary))
 
-    def check_table(self, report: CheckReport) -> Table:
+    def check_table(self, report: CheckReport) -> RenderableType:
         """Mesh, tissue, tool and prediction."""
         from explicitfe.view.terminal.indentation import check_table
 

@@ -113,12 +113,10 @@ def _muscles() -> list[ListedMuscle]:
 
 
 def _scenarios() -> list[ListedScenario]:
-    from explicitfe.scenario.read import read_scenario
-
     rows: list[ListedScenario] = []
     for name, path in shipped.scenarios().items():
-        scenario, _ = read_scenario(path)
-        rows.append({"scenario": name, "title": scenario.title, "question": scenario.question, "file": str(path)})
+        stated = tomllib.loads(path.read_text(encoding="utf-8"))
+        rows.append({"scenario": name, "title": stated["title"], "question": stated["question"], "file": str(path)})
     return rows
 
 

@@ -11,6 +11,7 @@ from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, Progress, silent
 from explicitfe.host import shipped
+from explicitfe.host.load import load
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
@@ -102,6 +103,7 @@ def bench(sizes: Sequence[int] = tuple(TIMED_SIZES), progress: Progress = silent
     unknown = [size for size in sizes if size not in TIMED_SIZES]
     if unknown:
         raise InputError(f"there is no block of {unknown[0]} elements to be timed; take {', '.join(map(str, TIMED_SIZES))}.")
+    load_before = load()
     reference = next((table for name, table in DOCUMENTED_NS.items() if f" {WIDTH} lanes" in name), {})
     rows: list[SpeedRow] = []
     for done, (size, element) in enumerate([(size, element) for size in sizes for element in TIMED_ELEMENTS]):
@@ -122,7 +124,7 @@ def bench(sizes: Sequence[int] = tuple(TIMED_SIZES), progress: Progress = silent
         rows.append(row)
     scenario = _scenario_speed()
     progress("bench", 1.0)
-    return {"lanes": WIDTH, "cores": cores(), "rows": rows, "scenario": scenario}
+    return {"lanes": WIDTH, "cores": cores(), "load": load_before, "rows": rows, "scenario": scenario}
 
 
 def _scenario_speed() -> ScenarioSpeed:

@@ -73,7 +73,7 @@ from explicitfe.solve.transient import (
 )
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import RenderableType
 
 BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere, as it does when the step is too long
 DISPLACEMENT_WARNING_SHARE = 0.5  # of the model's largest extent: above it the forces are large for the tissue
@@ -220,13 +220,13 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "result_size_MB": self._result_bytes() / 1e6,
         }
 
-    def table(self, summary: RunSummary) -> Table:
+    def table(self, summary: RunSummary) -> RenderableType:
         """Steps, speed, energies, and where the probes are at the end."""
         from explicitfe.view.terminal.transient import summary_table
 
         return summary_table(cast(TransientSummary, summary))
 
-    def check_table(self, report: CheckReport) -> Table:
+    def check_table(self, report: CheckReport) -> RenderableType:
         """Mesh, tissue, step and prediction."""
         from explicitfe.view.terminal.transient import check_table
 

@@ -27,15 +27,17 @@ def printed_by(code: str) -> str:
     return done.stdout
 
 
-def test_a_list_of_models_waits_for_no_slow_library() -> None:
+def test_the_first_lists_wait_for_no_slow_library() -> None:
     code = f"""
 import sys
 from explicitfe.cli.execute import execute
-execute(["list", "models"])
+for what in ("models", "scenarios", "datasets", "protocols"):
+    execute(["list", what])
 print("imported:", [name for name in {SLOW} if name in sys.modules])
 """
-    lines = printed_by(code).splitlines()
-    assert lines[-1] == "imported: []" and any("tongue" in line for line in lines)
+    shown = printed_by(code)
+    assert shown.splitlines()[-1] == "imported: []"
+    assert all(name in shown for name in ("tongue", "vowel-i", "gerard-2005"))
 
 
 def test_words_come_before_the_imports() -> None:

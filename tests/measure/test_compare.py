@@ -177,4 +177,4 @@ def test_the_command_tells_a_script_by_its_exit_code(tmp_path: Path, capsys: pyt
     )
     assert command(["compare", str(a), str(b)]) == 0
     table = capsys.readouterr().out
-    assert "muscle.GGp.force_N" in table and "points of the material" in table and "1.00 back" in table
+    assert "muscle.GGp.force_N" in table and "points of the material" in table and "back 1.00, up 0.00 mm" in table

@@ -431,10 +431,10 @@ def test_tables_and_inspect(tmp_path, capsys):
     assert "constriction 3.0 mm wide, 25 mm behind the incisors" in text
     assert command(["measure", str(path), str(other)]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "4.00 forward, 1.00 down" in text
+    assert "forward 4.00, down 1.00 mm" in text
     assert command(["inspect", str(other)]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "tip 4.00 forward, 1.00 down; 90 % at 90 ms, peak 41 mm/s" in text
+    assert "tip forward 4.00, down 1.00 mm; 90 % at 90 ms, peak 41 mm/s" in text
     assert command(["inspect", str(other), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["measures"]["points"]["tip"]["forward_mm"] == pytest.approx(4.0)
     assert command(["measure", str(tmp_path / "none.vtkhdf")]) == 2

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from explicitfe.results.loop_report import LoopReport, ReportedCandidate, estimates
 from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, number, percent
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
 SHOWN_STATUSES = ("significant", "not-significant", "failed")  # what was not tried says nothing
@@ -47,9 +48,9 @@ def loop_tables(report: LoopReport) -> Group:
     if experiment is not None:
         text = f"{experiment.protocol}: tells {' from '.join(experiment.separates)} ({experiment.separation:.3g}, 25 is enough)"
         end.add_row("measure next", escape(text))
-    for path in report.files:
-        end.add_row("file", escape(path))
-    return Group(*tables, end)
+    if end.row_count:
+        tables.append(end)
+    return Group(*tables, file_lines([("file", path) for path in report.files]))
 
 
 def _round_table(turn: int, candidates: Sequence[ReportedCandidate], added: str | None) -> Table:

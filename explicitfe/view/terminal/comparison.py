@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.measure.comparison import ComparedField, Comparison, DifferingKey
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import moved, pairs, spaced, text_of
 
 # Measures that other tables have, or that only --json lists.
@@ -44,10 +45,11 @@ def comparison_tables(comparison: Comparison) -> Group:
     """What differs, from the most to the least general."""
     head = pairs("the second result (b) less the first (a)")
     for name, of in (("a", comparison.a), ("b", comparison.b)):
-        head.add_row(name, escape(f"{of.result}\n{of.elements} hexes, {of.samples} samples, {of.status}"))
+        head.add_row(name, escape(f"{of.title}\n{of.elements} hexes, {of.samples} samples, {of.status}".strip()))
     head.add_row("difference", difference_in_words(comparison))
+    files = file_lines([("a", comparison.a.result), ("b", comparison.b.result)])
     if comparison.identical:
-        return Group(head)
+        return Group(head, files)
     times, points = comparison.times, comparison.points
     between = f", b between its samples at {times.interpolated}" if times.interpolated else ""
     outside = f"; {times.left_out} of a lie outside" if times.left_out else ""
@@ -65,7 +67,7 @@ def comparison_tables(comparison: Comparison) -> Group:
     measures = list(_measures(comparison))
     if measures:
         tables.append(_side_by_side(f"measures at {times.last_ms:.4g} ms", "measure", measures))
-    return Group(*tables)
+    return Group(*tables, files)
 
 
 def difference_in_words(comparison: Comparison) -> str:

@@ -12,4 +12,6 @@ def file_lines(files: Sequence[tuple[str, str]]) -> Group:
     """Lines of what a file is and its name."""
     width = max((len(label) for label, _ in files), default=0)
     lines = "\n".join(f"{label:{width}}  {name}" for label, name in files)
+    if not lines:
+        return Group()
     return Group(Text(lines, no_wrap=True, overflow="ignore"))  # a text that is printed by itself is folded nevertheless

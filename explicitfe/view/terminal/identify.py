@@ -10,6 +10,7 @@ from rich.table import Table
 
 from explicitfe.results.identification import Identification, IdentifiedGroup
 from explicitfe.view.report.words import number
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
 
@@ -30,9 +31,7 @@ def identification_tables(identification: Identification) -> Group:
             tables.append(_hides(group))
     end = pairs("")
     end.add_row("forward runs", f"{identification['forward_runs']}, {identification['wall_s']:.1f} s in all")
-    for path in identification["files"]:
-        end.add_row("file", escape(path))
-    return Group(*tables, end)
+    return Group(*tables, end, file_lines([("file", path) for path in identification["files"]]))
 
 
 def identification_notes(identification: Identification) -> Iterator[str]:

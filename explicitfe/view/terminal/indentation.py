@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from rich.table import Table
+from rich.console import Group
 
 from explicitfe.results.run_summary import IndentationCheckReport, IndentationSummary
-from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, folded_text, pairs, size_text
+from explicitfe.view.terminal.files import file_lines
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, folded_text, pairs, size_text, with_files
 
 
-def summary_table(summary: IndentationSummary) -> Table:
+def summary_table(summary: IndentationSummary) -> Group:
     """What an indentation came to."""
     table = pairs(summary["title"])
     table.add_row("status", summary["status"])
@@ -25,7 +26,7 @@ def summary_table(summary: IndentationSummary) -> Table:
     if summary["touch_mm"]:
         table.add_row("gravity", f"first touch {summary['touch_mm']:.3f} mm below the reference height")
     table.add_row(
-        "speed", f"{summary['iterations']} iterations in {summary['wall_s']:.2f} s (compiling took {summary['compile_s']:.1f} s)"
+        "speed", f"{summary['iterations']} iterations in {summary['wall_s']:.2f} s (machine code: {summary['compile_s']:.1f} s)"
     )
     table.add_row("base reaction", f"within {summary['reaction_error']:.1e} of the tool's force")
     table.add_row("penetration", f"{summary['penetration_ratio']:.1e} of the indentation at most")
@@ -33,20 +34,19 @@ def summary_table(summary: IndentationSummary) -> Table:
     table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
     table.add_row("smallest J", f"{summary['min_J']:.3f}")
     table.add_row("folded", folded_text(summary))
-    add_result_rows(table, summary)
-    return table
+    return with_files(table, summary)
 
 
-def check_table(title: str, report: IndentationCheckReport) -> Table:
+def check_table(file: str, report: IndentationCheckReport) -> Group:
     """What is known of an indentation before it runs."""
-    table = pairs(title)
+    table = pairs(str(report["scenario"].get("title", "")))
     add_mesh_rows(table, report)
     table.add_row(
         "prediction",
         f"{report['predicted_iterations']} iterations in about {report['predicted_wall_s']:.2g} s for {report['loads']} loads",
     )
     table.add_row("size", size_text(report))
-    return table
+    return Group(table, file_lines([("scenario", file)]))
 
 
 def times_text(times: StoredTimes) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Group
 from rich.table import Table
 
+from explicitfe.host.load import is_busy
 from explicitfe.view.terminal.rows import text_of
 
 if TYPE_CHECKING:
@@ -65,3 +66,13 @@ def speed_tables(speed: SpeedReport) -> Group:
         f"{spoken['real_time_factor']:.2f} times as fast as it is spoken"
     )
     return Group(table, line)
+
+
+def speed_notes(speed: SpeedReport) -> list[str]:
+    """What a reader of the times must know: whether others computed meanwhile."""
+    if speed["load"] is None or not is_busy(speed["load"]):
+        return []
+    return [
+        f"the machine was busy: {speed['load']:.1f} processes wanted to compute in the minute before, on {speed['cores']} cores; "
+        "these times are longer than those of an idle machine, so time it again when it is idle."
+    ]

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
+
+from explicitfe.view.terminal.files import file_lines
 
 if TYPE_CHECKING:
     from explicitfe.results.run_summary import CheckReport, RunSummary
@@ -100,11 +103,9 @@ def folded_text(report: CheckReport | RunSummary) -> str:
     return f"{text}, not certified: {undecided} more are undecided" if undecided else f"{text}, certified"
 
 
-def add_result_rows(table: Table, summary: RunSummary) -> None:
-    """Rows on pictures and result file, the last ones of a run."""
-    for path in summary.get("plots", []):
-        table.add_row("plot", escape(path))
-    table.add_row("result", escape(summary["result"]))
+def with_files(table: Table, summary: RunSummary) -> Group:
+    """What a run came to, and below it its pictures and its result file."""
+    return Group(table, file_lines([*(("plot", path) for path in summary.get("plots", [])), ("result", summary["result"])]))
 
 
 # Sideways motion below this share of the rest is not worth a word.
@@ -112,17 +113,22 @@ SIDEWAYS_SHARE_OF_MOTION = 0.01
 
 
 def moved(forward_mm: float, up_mm: float, right_mm: float) -> str:
-    """Where a point has gone, in the words of anatomy."""
-    text = forward_up(forward_mm, up_mm)
+    """Where a point has gone, in the words of anatomy: "forward 4.27, up 1.55 mm"."""
     if abs(right_mm) > SIDEWAYS_SHARE_OF_MOTION * max(abs(forward_mm), abs(up_mm)):
-        text += f", {abs(right_mm):.2f} to the {'right' if right_mm > 0.0 else 'left'}"
-    return text
+        sideways = f", {'right' if right_mm > 0.0 else 'left'} {abs(right_mm):.2f}"
+    else:
+        sideways = ""
+    return f"{_forward_up(forward_mm, up_mm)}{sideways} mm"
 
 
 def forward_up(forward_mm: float, up_mm: float) -> str:
     """How far forward (-x) and up (+z), in words."""
+    return f"{_forward_up(forward_mm, up_mm)} mm"
+
+
+def _forward_up(forward_mm: float, up_mm: float) -> str:
     along, above = "forward" if forward_mm >= 0.0 else "back", "up" if up_mm >= 0.0 else "down"
-    return f"{abs(forward_mm):.2f} {along}, {abs(up_mm):.2f} {above}"
+    return f"{along} {abs(forward_mm):.2f}, {above} {abs(up_mm):.2f}"
 
 
 def spaced(name: str) -> str:

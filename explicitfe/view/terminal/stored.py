@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
+from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
 from explicitfe.measure.document import Measures
 from explicitfe.results.run_summary import kind_of
 from explicitfe.view.terminal import indentation, transient
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.measures import measure_rows
 from explicitfe.view.terminal.rows import StoredTimes, pairs, physics_rows, spaced
 
@@ -42,9 +43,9 @@ ENERGIES = (
 )
 
 
-def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> Table:
+def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> Group:
     """What a result file holds, and what was measured at its end."""
-    table = pairs(held["path"])
+    table = pairs(held["model"].get("scenario", {}).get("title", ""))
     run, last = held["summary"], held["last"]
     kind = KINDS[kind_of(held["model"])]
     state = held["status"]
@@ -55,7 +56,6 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> T
         restart = held["restart"]
         moment = f", stored at {restart['stored_utc']}" if restart["stored_utc"] else ""
         table.add_row("can go on", escape(f"after {restart['samples']} samples{moment}: {restart['command']}"))
-    table.add_row("title", escape(held["model"].get("scenario", {}).get("title", "")))
     table.add_row("mesh", f"{held['elements']} hexes, {held['nodes']} nodes")
     table.add_row("node sets", escape(", ".join(f"{name} ({count})" for name, count in held["node_sets"].items())) or "none")
     for row in physics_rows(held["model"]):
@@ -84,4 +84,4 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> T
     rows = [packages, commit, provenance.get("processor"), provenance.get("started_utc")]
     table.add_row("made by", escape("\n".join(row for row in rows if row)))
     table.add_row("scenario", f"sha256 {held['scenario_sha256'][:16]}…")
-    return table
+    return Group(table, file_lines([("result", held["path"])]))

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
 from explicitfe.results.run_summary import TransientCheckReport, TransientSummary
-from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, add_result_rows, folded_text, moved, pairs, size_text
+from explicitfe.view.terminal.files import file_lines
+from explicitfe.view.terminal.rows import StoredTimes, add_mesh_rows, folded_text, moved, pairs, size_text, with_files
 
 
-def summary_table(summary: TransientSummary) -> Table:
+def summary_table(summary: TransientSummary) -> Group:
     """What a run in time came to."""
     table = pairs(summary["title"])
     table.add_row("status", summary["status"])
@@ -26,7 +27,7 @@ def summary_table(summary: TransientSummary) -> Table:
         f"{1e3 * summary['simulated_s']:.1f} ms in {summary['wall_s']:.2f} s: "
         f"{summary['real_time_factor']:.2g} x real time, "
         f"the steps alone {summary['simulated_s'] / max(summary['loop_s'], 1e-9):.2g} x "
-        f"(compiling took {summary['compile_s']:.1f} s)",
+        f"(machine code: {summary['compile_s']:.1f} s)",
     )
     table.add_row("energy balance", f"off by at most {summary['energy_balance_error']:.1e}")
     table.add_row("hourglass share", f"{100 * summary['hourglass_share']:.1f} % of the elastic energy at most")
@@ -34,15 +35,14 @@ def summary_table(summary: TransientSummary) -> Table:
     table.add_row("folded", folded_text(summary))
     table.add_row("at the end", _motion(summary))
     for name, probe in summary["probes"].items():
-        x, y, z = probe["displacement_mm"]
-        table.add_row(escape(name), f"{moved(-x, z, y)}, at {probe['speed_mm_s']:.0f} mm/s")
-    add_result_rows(table, summary)
-    return table
+        motion = moved(probe["forward_mm"], probe["up_mm"], probe["right_mm"])
+        table.add_row(escape(name), f"{motion}, at {probe['speed_mm_s']:.0f} mm/s")
+    return with_files(table, summary)
 
 
-def check_table(title: str, report: TransientCheckReport) -> Table:
+def check_table(file: str, report: TransientCheckReport) -> Group:
     """What is known of a run in time before it runs."""
-    table = pairs(title)
+    table = pairs(str(report["scenario"].get("title", "")))
     add_mesh_rows(table, report)
     table.add_row("probes", escape(", ".join(report["probes"])) or "none")
     table.add_row(
@@ -55,7 +55,7 @@ def check_table(title: str, report: TransientCheckReport) -> Table:
         "prediction", f"{report['predicted_steps']} steps in {report['predicted_wall_s']:.2g} s if the step stays as it is"
     )
     table.add_row("size", size_text(report))
-    return table
+    return Group(table, file_lines([("scenario", file)]))
 
 
 def times_text(times: StoredTimes) -> str:

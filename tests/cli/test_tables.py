@@ -1,0 +1,61 @@
+"""Tables in the terminal: directions have units, names of files are whole, and a busy machine is told."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from command import command
+from support import ROOT
+
+from explicitfe.host import load
+from explicitfe.run import speed
+from explicitfe.view.terminal.rows import moved
+
+SMALL = ["--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=2"]
+
+
+@pytest.mark.parametrize(
+    ("forward_up_right", "words"),
+    [
+        ((4.27, 1.55, 0.0), "forward 4.27, up 1.55 mm"),
+        ((-0.5, -2.0, 0.3), "back 0.50, down 2.00, right 0.30 mm"),
+        ((1.0, 0.0, -1.0), "forward 1.00, up 0.00, left 1.00 mm"),
+    ],
+)
+def test_every_direction_has_a_unit(forward_up_right: tuple[float, float, float], words: str) -> None:
+    assert moved(*forward_up_right) == words
+
+
+def test_names_of_files_stand_on_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Longer than a terminal is wide, they are not folded: a person copies them."""
+    folder = tmp_path / ("a-long-name-of-a-folder-" * 8)
+    folder.mkdir()
+    scenario = folder / "vowel-i.toml"
+    scenario.write_bytes((ROOT / "scenarios/vowel-i.toml").read_bytes())
+    assert command(["run", str(scenario), "--out", str(folder), *SMALL]) == 0
+    result = folder / "vowel-i.vtkhdf"
+    assert f"result  {result}" in capsys.readouterr().out.splitlines()
+    assert command(["inspect", str(result)]) == 0
+    assert f"result  {result}" in capsys.readouterr().out.splitlines()
+    assert command(["check", str(scenario), *SMALL]) == 0
+    assert f"scenario  {scenario}" in capsys.readouterr().out.splitlines()
+
+
+def test_a_summary_says_which_way_a_point_went(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--json", *SMALL]) == 0
+    tip = json.loads(capsys.readouterr().out)["probes"]["tip"]
+    assert [-tip["forward_mm"], tip["right_mm"], tip["up_mm"]] == tip["displacement_mm"] != [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(("processes", "told"), [(100.0, True), (0.0, False), (None, False)])
+def test_times_of_a_busy_machine_are_not_taken_for_its_speed(
+    processes: float | None, told: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    spoken = {"name": "vowel-i", "hexes": 1280, "steps": 6540, "loop_s": 0.5, "real_time_factor": 0.4}
+    report = {"lanes": 8, "cores": 2, "load": processes, "rows": [], "scenario": spoken}
+    monkeypatch.setattr(speed, "bench", lambda *given: report)
+    assert command(["bench"]) == 0
+    assert ("the machine was busy: 100.0 processes" in capsys.readouterr().err) == told
+    assert load.is_busy(processes) == told

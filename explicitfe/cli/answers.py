@@ -22,6 +22,7 @@ from explicitfe.measure.document import Measures
 from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.dataset_check import DatasetCheckReport
+from explicitfe.results.examination import Examination
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest
@@ -43,6 +44,7 @@ from explicitfe.run.lists import (
     ListedProtocol,
     ListedScenario,
 )
+from explicitfe.run.new_scenario import NewScenario
 from explicitfe.view.run_page.write import ReportAnswer
 
 
@@ -122,6 +124,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "design-test": (PlannedTest,),
     "blind-make": (Manifest,),
     "blind-score": (StudyScore,),
+    "new-scenario": (NewScenario,),
     "new-dataset": (NewDataset,),
     "list": (
         ListOfModels,
@@ -132,6 +135,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
         ListOfMaterials,
         ListOfEffects,
     ),
+    "doctor": (Examination,),
     "warmup": (MachineCode,),
     "bench": (SpeedReport,),
 }

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from explicitfe.cli import asking
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.completion import complete_table, complete_words
+from explicitfe.cli.completion import complete_shipped, complete_table, complete_words
 from explicitfe.cli.options import JsonOption
 from explicitfe.errors import InputError, nearest
 from explicitfe.view.progress import following
@@ -253,3 +253,50 @@ def _next(*commands: str) -> None:
     console.print("next:", highlight=False)
     for command in commands:
         console.print(f"  {command}", markup=False, highlight=False, soft_wrap=True)
+
+
+def new_scenario(
+    file: Annotated[Path, typer.Argument(help="The file to write (.toml).", show_default=False)],
+    muscles: Annotated[
+        list[str] | None,
+        typer.Option("--muscle", metavar="NAME=FORCE", help="Muscle that pulls, and its force in N; repeat for more."),
+    ] = None,
+    duration_ms: Annotated[float, typer.Option("--duration-ms", metavar="MS", help="Time that is computed.")] = 200.0,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like",
+            metavar="NAME",
+            help="Copy one that `explicitfe list scenarios` shows.",
+            autocompletion=complete_shipped,
+        ),
+    ] = None,
+    title: Annotated[str | None, typer.Option("--title", help="Heads tables and pictures.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a scenario to begin with: muscles of the tongue that pull between palate and jaw, or a copy of one that is there.
+
+    Example: [bold]explicitfe new scenario raise.toml --muscle STY=1 --muscle GGp=0.5[/bold]
+    """
+    if like is not None and muscles:
+        raise InputError("give --muscle or --like, not both; the muscles of a copy are changed in its file.")
+    with following(console, f"writing {file}"):
+        from explicitfe.run.new_scenario import muscles_of_the_tongue, parsed_forces, write_new_scenario
+        from explicitfe.view.terminal.program import new_scenario_table
+
+        actions = {} if like is not None else muscles_of_the_tongue()
+    words = " ".join(muscles or [])
+    if like is None and not words and not asking.somebody_is_there():
+        raise InputError("--muscle is missing; name a muscle with its force in N, such as --muscle GGp=2, or give --like.")
+    if like is None and not words:
+        for name, action in actions.items():
+            console.print(f"  {name:6s}{action}", markup=False, highlight=False, soft_wrap=True)
+        forces = asking.ask("Muscles that pull, with their forces in N (such as GGp=2 GGa=0.2)", parsed_forces)
+    else:
+        forces = parsed_forces(words) if like is None else {}
+    if title is None and asking.somebody_is_there():
+        title = asking.ask("Title", asking.some_text, file.stem)
+    scenario = write_new_scenario(file, title=title, forces_N=forces, duration_ms=duration_ms, like=like)
+    print_answer(scenario, as_json, lambda: new_scenario_table(scenario))
+    if not as_json:
+        _next(f"explicitfe check {scenario['scenario']}", f"explicitfe run {scenario['scenario']}")

@@ -74,7 +74,11 @@ def result_page() -> str:
         kinds.setdefault(types, []).append(name)
     for name, *others in kinds.values():
         schema = answer_schema(name)
-        parts.append("## " + ", ".join(f"`{command.replace('blind-', 'blind ')} --json`" for command in (name, *others)) + "\n")
+        parts.append(
+            "## "
+            + ", ".join(f"`{command.replace('blind-', 'blind ').replace('new-', 'new ')} --json`" for command in (name, *others))
+            + "\n"
+        )
         for choice in schema.get("anyOf", [schema]):
             if not choice.get("$ref", "").endswith("FailureAnswer"):
                 parts.append(KeyTables({"$defs": schema["$defs"], **choice}, toml=False).markdown("The answer", level=3))

@@ -23,6 +23,7 @@ from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.dataset_check import DatasetCheckReport
 from explicitfe.results.drawn import DrawnPictures, ShownScene
+from explicitfe.results.examination import Examination
 from explicitfe.results.export.export import ExportedResult
 from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
@@ -45,6 +46,7 @@ from explicitfe.run.lists import (
     ListedProtocol,
     ListedScenario,
 )
+from explicitfe.run.new_scenario import NewScenario
 from explicitfe.view.run_page.write import ReportAnswer
 
 
@@ -127,6 +129,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "design-test": (PlannedTest,),
     "blind-make": (Manifest,),
     "blind-score": (StudyScore,),
+    "new-scenario": (NewScenario,),
     "new-dataset": (NewDataset,),
     "list": (
         ListOfModels,
@@ -137,6 +140,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
         ListOfMaterials,
         ListOfEffects,
     ),
+    "doctor": (Examination,),
     "warmup": (MachineCode,),
     "bench": (SpeedReport,),
 }

@@ -17,13 +17,14 @@ from explicitfe.cli.check import check
 from explicitfe.cli.close_loop import close_loop
 from explicitfe.cli.compare import compare
 from explicitfe.cli.design_test import design_test
+from explicitfe.cli.doctor import doctor
 from explicitfe.cli.export import export
 from explicitfe.cli.help import PlainCommand, PlainGroup
 from explicitfe.cli.identify import identify
 from explicitfe.cli.inspect import inspect
 from explicitfe.cli.list import list_
 from explicitfe.cli.measure import measure
-from explicitfe.cli.new import new_dataset
+from explicitfe.cli.new import new_dataset, new_scenario
 from explicitfe.cli.plot import plot
 from explicitfe.cli.predict import predict
 from explicitfe.cli.report import report
@@ -50,11 +51,11 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "export": export,
     },
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
-    "The program": {"list": list_, "schema": schema, "warmup": warmup, "bench": bench},
+    "The program": {"doctor": doctor, "list": list_, "schema": schema, "warmup": warmup, "bench": bench},
 }
 # Panel -> name of a group -> its help and its commands.
 GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
-    "Scenarios": {"new": ("Begin a dataset of your own.", {"dataset": new_dataset})},
+    "Scenarios": {"new": ("Begin a scenario or a dataset of your own.", {"scenario": new_scenario, "dataset": new_dataset})},
     "Measured data": {
         "blind": ("Test close-loop on data with an undeclared effect in it.", {"make": blind_make, "score": blind_score}),
     },

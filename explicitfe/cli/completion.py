@@ -30,6 +30,11 @@ def complete_scenario(incomplete: str) -> list[str]:
     return _fitting(incomplete, shipped.scenarios(), ".toml")
 
 
+def complete_shipped(incomplete: str) -> list[str]:
+    """Scenarios that come with the program."""
+    return [name for name in shipped.scenarios() if name.startswith(incomplete)]
+
+
 def complete_dataset(incomplete: str) -> list[str]:
     """Datasets."""
     return _fitting(incomplete, shipped.datasets(), ".toml")

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from explicitfe.cli import asking
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.completion import complete_table, complete_words
+from explicitfe.cli.completion import complete_shipped, complete_table, complete_words
 from explicitfe.cli.options import JsonOption
 from explicitfe.errors import InputError, nearest
 from explicitfe.view.progress import following
@@ -20,13 +20,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from explicitfe.measured.export import Export
+    from explicitfe.measured.new_dataset import Strip
     from explicitfe.measured.quantities import Choice, Quantity
     from explicitfe.measured.tables import RawTable, TestKind
 
 TESTS = ("compression", "indentation", "tension", "shear")
 # Test -> the tool that it usually has.
-USUAL_TOOLS = {"compression": "platen", "indentation": "flat-cylinder", "tension": "bonded-disc"}
-TOOLS = ("platen", "flat-cylinder", "sphere", "bonded-disc")
+USUAL_TOOLS = {"compression": "platen", "indentation": "flat-cylinder", "tension": "clamps"}
+TOOLS = ("platen", "flat-cylinder", "sphere", "bonded-disc", "clamps")
 CONTROLS, BASES = ("displacement", "force"), ("unknown", "bonded", "frictionless")
 ROWS_SHOWN = 3
 
@@ -69,6 +70,12 @@ def new_dataset(
     tool_diameter_mm: Annotated[float | None, _size("Diameter of the tool.")] = None,
     control: Annotated[str, typer.Option(help=f"What the machine imposed: {' | '.join(CONTROLS)}")] = "displacement",
     friction: Annotated[str, typer.Option(help="Of the tool on the specimen: a coefficient | stick | unknown")] = "unknown",
+    length_mm: Annotated[float | None, _size("Free length of a strip between clamps.")] = None,
+    area_mm2: Annotated[float | None, typer.Option(metavar="MM2", help="Cross-section of the strip.")] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="PER_S", help="Where no column is the time: pace of what was imposed, in mm/s or N/s."),
+    ] = None,
     force_sd_N: Annotated[
         float | None, typer.Option("--force-sd-N", metavar="N", help="Noise of the force, a standard deviation; else estimated.")
     ] = None,
@@ -104,19 +111,24 @@ def new_dataset(
         _show(exports[0])
     kind = cast("TestKind", _word(test, TESTS, "--test", "What was done", "compression"))
     with_tool = kind != "shear" and stretch is None and stress is None and not _only_stress(exports[0], kind)
+    shape = _tool_shape(kind, tool) if with_tool else ""
+    by_clamps = shape == "clamps"
     quantities = quantities_of(kind, with_tool)
+    rate = _rate(rate, exports[0], time)
     sources: dict[Path, Sequence[Choice]] = {}
     stated = columns
     for export in exports:
-        choices = [_choice(export, quantity, stated[quantity]) for quantity in quantities]
+        choices = [_choice(export, quantity, stated[quantity]) for quantity in quantities[rate is not None :]]
         sources[export.path] = choices
         # What was answered for one file holds for the next one, where it has such columns.
         stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
     description = TestDescription(
         test=kind,
         title=title or f"{kind.capitalize()} of {(out or usual_folder(files)).name}",
-        specimen=_specimen(kind, with_tool, diameter_mm, height_mm, size_mm, base),
-        tool=_tool(kind, tool, tool_diameter_mm, control, friction) if with_tool else None,
+        specimen=_specimen(with_tool and not by_clamps, diameter_mm, height_mm, size_mm, base),
+        tool=_tool(shape, tool_diameter_mm, control, friction) if with_tool and not by_clamps else None,
+        rate_per_s=rate,
+        strip=_strip(length_mm, area_mm2) if by_clamps else None,
         noise={} if force_sd_N is None else {"force_sd_N": force_sd_N},
         source=source,
         license=license_,
@@ -197,9 +209,7 @@ def _length(given: float | None, option: str, question: str) -> float:
     return given
 
 
-def _specimen(
-    kind: str, with_tool: bool, diameter_mm: float | None, height_mm: float | None, size_mm: str | None, base: str
-) -> RawTable:
+def _specimen(with_tool: bool, diameter_mm: float | None, height_mm: float | None, size_mm: str | None, base: str) -> RawTable:
     """The table of what was tested."""
     if not with_tool:
         return {"shape": "point"}
@@ -228,9 +238,41 @@ def _three(given: str | None) -> list[float]:
     return asking.ask("Sizes of the block in mm, the last along the load (20,20,10)", read) if given is None else read(given)
 
 
-def _tool(kind: str, shape: str | None, diameter_mm: float | None, control: str, friction: str) -> RawTable:
+def _tool_shape(kind: str, shape: str | None) -> str:
+    """What pressed or pulled; clamps pull only."""
+    if shape is None and kind == "compression":
+        return "platen"
+    shape = _word(shape, TOOLS, "--tool", "Tool", USUAL_TOOLS[kind])
+    if shape == "clamps" and kind != "tension":
+        raise InputError(f"--tool clamps is for --test tension; what pressed in this {kind}?")
+    return shape
+
+
+def _strip(length_mm: float | None, area_mm2: float | None) -> Strip:
+    """The sizes of a strip between clamps."""
+    from explicitfe.measured.new_dataset import Strip
+
+    return Strip(
+        _length(length_mm, "--length-mm", "Free length of the strip between the clamps in mm"),
+        _length(area_mm2, "--area-mm2", "Cross-section of the strip in mm2"),
+    )
+
+
+def _rate(given: float | None, export: Export, time: str | None) -> float | None:
+    """The pace of what was imposed, where no column is the time."""
+    from explicitfe.measured.quantities import guessed
+
+    if given is not None and not given > 0.0:
+        raise InputError(f"--rate {given:g} is not possible; give a number above 0.")
+    if given is not None or time is not None or guessed(export, "time") is not None or not asking.somebody_is_there():
+        return given
+    if asking.ask("Is there a column of the time (yes, no)", asking.yes_or_no, "yes"):
+        return None
+    return asking.ask("Pace of what the machine imposed, in mm/s or N/s", asking.a_number)
+
+
+def _tool(shape: str, diameter_mm: float | None, control: str, friction: str) -> RawTable:
     """The table of what pressed or pulled."""
-    shape = _word(shape, TOOLS, "--tool", "Tool", USUAL_TOOLS[kind]) if shape or kind != "compression" else "platen"
     _word(control, CONTROLS, "--control", "", "")
     table: RawTable = {"shape": shape}
     if shape != "platen":
@@ -253,3 +295,50 @@ def _next(*commands: str) -> None:
     console.print("next:", highlight=False)
     for command in commands:
         console.print(f"  {command}", markup=False, highlight=False, soft_wrap=True)
+
+
+def new_scenario(
+    file: Annotated[Path, typer.Argument(help="The file to write (.toml).", show_default=False)],
+    muscles: Annotated[
+        list[str] | None,
+        typer.Option("--muscle", metavar="NAME=FORCE", help="Muscle that pulls, and its force in N; repeat for more."),
+    ] = None,
+    duration_ms: Annotated[float, typer.Option("--duration-ms", metavar="MS", help="Time that is computed.")] = 200.0,
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like",
+            metavar="NAME",
+            help="Copy one that `explicitfe list scenarios` shows.",
+            autocompletion=complete_shipped,
+        ),
+    ] = None,
+    title: Annotated[str | None, typer.Option("--title", help="Heads tables and pictures.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a scenario to begin with: muscles of the tongue that pull between palate and jaw, or a copy of one that is there.
+
+    Example: [bold]explicitfe new scenario raise.toml --muscle STY=1 --muscle GGp=0.5[/bold]
+    """
+    if like is not None and muscles:
+        raise InputError("give --muscle or --like, not both; the muscles of a copy are changed in its file.")
+    with following(console, f"writing {file}"):
+        from explicitfe.run.new_scenario import muscles_of_the_tongue, parsed_forces, write_new_scenario
+        from explicitfe.view.terminal.program import new_scenario_table
+
+        actions = {} if like is not None else muscles_of_the_tongue()
+    words = " ".join(muscles or [])
+    if like is None and not words and not asking.somebody_is_there():
+        raise InputError("--muscle is missing; name a muscle with its force in N, such as --muscle GGp=2, or give --like.")
+    if like is None and not words:
+        for name, action in actions.items():
+            console.print(f"  {name:6s}{action}", markup=False, highlight=False, soft_wrap=True)
+        forces = asking.ask("Muscles that pull, with their forces in N (such as GGp=2 GGa=0.2)", parsed_forces)
+    else:
+        forces = parsed_forces(words) if like is None else {}
+    if title is None and asking.somebody_is_there():
+        title = asking.ask("Title", asking.some_text, file.stem)
+    scenario = write_new_scenario(file, title=title, forces_N=forces, duration_ms=duration_ms, like=like)
+    print_answer(scenario, as_json, lambda: new_scenario_table(scenario))
+    if not as_json:
+        _next(f"explicitfe check {scenario['scenario']}", f"explicitfe run {scenario['scenario']}")

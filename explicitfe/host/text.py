@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import json
 import os
 import re
@@ -27,13 +28,14 @@ _KINDS = {
 }
 
 
-def text_of(path: Path | str, advice: str, *, largest_bytes: int = LARGEST_TABLE_BYTES) -> str:
+def text_of(path: Path | str, advice: str, *, largest_bytes: int = LARGEST_TABLE_BYTES, of_other_programs: bool = False) -> str:
     """The text of a file, without a byte-order mark.
 
     Parameters
     ----------
     advice : what to do if it cannot be read; completes a sentence.
     largest_bytes : a larger file is not read.
+    of_other_programs : whether it may also be UTF-16, or the Latin text of Windows, as programs of machines write it.
 
     Raises
     ------
@@ -63,9 +65,13 @@ def text_of(path: Path | str, advice: str, *, largest_bytes: int = LARGEST_TABLE
         raise InputError(
             f"{path}: the file has {size:.0f} MiB, and no more than {largest_bytes / 2**20:.0f} MiB are read; {advice}."
         )
+    if of_other_programs and raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return raw.decode("utf-16", errors="replace")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
+        if of_other_programs:
+            return raw.decode("cp1252", errors="replace")
         line = raw.count(b"\n", 0, error.start) + 1
         raise InputError(f"{path}, line {line}: this is not UTF-8 text; save the file as UTF-8.") from None
 

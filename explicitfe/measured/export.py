@@ -85,9 +85,8 @@ def read_export(path: Path) -> Export:
     ------
     InputError : the file cannot be read, or there is no table of numbers in it.
     """
-    lines = lines_of(
-        text_of(path, "give the table that your machine exported as text (.csv, .txt)", largest_bytes=LARGEST_EXPORT_BYTES)
-    )
+    advice = "give the table that your machine exported as text (.csv, .txt)"
+    lines = lines_of(text_of(path, advice, largest_bytes=LARGEST_EXPORT_BYTES, of_other_programs=True))
     best: tuple[int, int, str | None, bool] = (0, 0, None, False)
     for separator in SEPARATORS:
         for decimal_comma in (False, True):

@@ -14,6 +14,7 @@ from typing_extensions import TypedDict
 from explicitfe.errors import InputError, shortened
 from explicitfe.host.shipped import DATASET_FILE
 from explicitfe.host.toml_text import toml_key, toml_value
+from explicitfe.measured.curve import TIME
 from explicitfe.measured.export import Export
 from explicitfe.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS
 from explicitfe.measured.quantities import QUANTITIES, Choice, Quantity
@@ -47,6 +48,14 @@ class NewDataset(TypedDict):
 
 
 @dataclass(frozen=True)
+class Strip:
+    """A specimen between clamps that is strained evenly along its free length."""
+
+    length_mm: float
+    area_mm2: float
+
+
+@dataclass(frozen=True)
 class TestDescription:
     """What tables of numbers do not say.
 
@@ -54,6 +63,8 @@ class TestDescription:
     ----------
     specimen, tool, noise : tables of the dataset; no tool where the columns are stretch and stress.
     contact_force_N : rows before the force reaches it are left out; None keeps all rows.
+    rate_per_s : pace of the imposed column, in its unit, where no column is the time; rows in which it stands still are left out.
+    strip : length and cross-section of a strip between clamps, whose displacement and force become stretch and stress.
     one_specimen : whether all files were measured on one and the same specimen.
     """
 
@@ -65,6 +76,8 @@ class TestDescription:
     source: str = ""
     license: str = ""
     contact_force_N: float | None = None
+    rate_per_s: float | None = None
+    strip: Strip | None = None
     one_specimen: bool = False
 
 
@@ -94,7 +107,7 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
     Parameters
     ----------
     out : folder, which must not exist or be empty.
-    sources : file -> the columns of what :func:`quantities_of` names.
+    sources : file -> the columns of what :func:`quantities_of` names, or all but the time where a rate is given.
 
     Raises
     ------
@@ -105,9 +118,11 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
     notes: list[str] = []
     ids = _ids(list(sources))
     tables = {ids[file]: _rows(file, choices, description, notes) for file, choices in sources.items()}
-    columns = [QUANTITIES[choice.quantity].column for choice in next(iter(sources.values()))]
-    if description.test == "shear":
-        columns = ["time_s", "shear_strain", "shear_stress_Pa"]
+    first = next(iter(sources.values()))
+    measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in first[-2:])
+    columns = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
+    origins = [f"{choice.column.name} [{choice.unit}]" for choice in first]
+    origins = origins if len(origins) == len(columns) else [f"the rate, {description.rate_per_s:g} per s", *origins]
     try:
         with whole_folder(out) as folder:
             (folder / DATASET_FILE).write_text(_toml(plain_name(out.resolve().name), list(tables), description), encoding="utf-8")
@@ -117,11 +132,10 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
             _check(folder, out)
     except InputError as error:
         raise InputError(str(error).replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
-    first = next(iter(sources.values()))
     return {
         "dataset": str(out),
         "test": description.test,
-        "columns": {name: f"{choice.column.name} [{choice.unit}]" for name, choice in zip(columns, first, strict=True)},
+        "columns": dict(zip(columns, origins, strict=True)),
         "curves": [
             {
                 "id": ids[file],
@@ -158,14 +172,19 @@ def _ids(files: Sequence[Path]) -> dict[Path, str]:
 
 def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, notes: list[str]) -> np.ndarray:
     """What a file holds in the units, signs and zeros of a dataset (k, columns)."""
-    rows = np.column_stack([choice.column.values * choice.factor for choice in choices])
+    values = [choice.column.values * choice.factor for choice in choices]
+    rows = np.column_stack(values if len(values) > 2 else [np.zeros(len(values[0])), *values])
     complete = np.isfinite(rows).all(axis=1)
     if not complete.all():
         notes.append(f"{file}: {(~complete).sum()} rows with an empty cell are left out.")
     rows = rows[complete]
     if not len(rows):
         raise InputError(f"{file}: no row has a number in each of the columns that were chosen.")
-    rows = _turned(file, rows, choices, description.test, notes)
+    rows = _turned(file, rows, choices[-2:], description.test, notes)
+    if len(choices) == 2:
+        imposed = 2 if description.tool is not None and description.tool["control"] == "force" else 1
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[:, imposed])))])
+        rows[:, 0] = path / (description.rate_per_s or 1.0)
     later = np.append(True, np.diff(np.maximum.accumulate(rows[:, 0])) > 0.0)
     if not later.all():
         notes.append(f"{file}: {(~later).sum()} rows whose time does not increase are left out.")
@@ -175,6 +194,9 @@ def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, n
     if len(rows) < SMALLEST_CURVE_ROWS:
         raise InputError(f"{file}: {len(rows)} rows are left, and a curve needs {SMALLEST_CURVE_ROWS} at least.")
     rows[:, 0] -= rows[0, 0]
+    if description.strip is not None:  # pulling is negative until here
+        rows[:, 1] = 1.0 - rows[:, 1] / description.strip.length_mm
+        rows[:, 2] = -rows[:, 2] / (1e-6 * description.strip.area_mm2)
     every = -(-len(rows) // LARGEST_CURVE_ROWS)
     if every > 1:
         notes.append(f"{file}: one row in {every} is kept, since no more than {LARGEST_CURVE_ROWS} are computed.")
@@ -183,13 +205,13 @@ def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, n
 
 def _turned(file: Path, rows: np.ndarray, choices: Sequence[Choice], test: TestKind, notes: list[str]) -> np.ndarray:
     """Zeros and signs as a dataset has them: into the tissue and compression are positive; of stresses, tension is."""
-    first, second = choices[1].quantity, choices[2].quantity
+    first, second = choices[0].quantity, choices[1].quantity
     pulls = test == "tension"
     if first == "stretch":
         # A strain begins at 0, a stretch at 1.
         if abs(rows[0, 1]) < LARGEST_FIRST_STRAIN:
             notes.append(
-                f'"{choices[1].column.name}" begins near 0, so it is a strain: the stretch is 1 + strain, below 1 in compression.'
+                f'"{choices[0].column.name}" begins near 0, so it is a strain: the stretch is 1 + strain, below 1 in compression.'
             )
             rows[:, 1] = 1.0 + _signed(rows[:, 1], 1.0 if pulls else -1.0)
         rows[:, 2] = _signed(rows[:, 2], 1.0 if pulls else -1.0)
@@ -254,7 +276,8 @@ def missing(export: Export, quantity: Quantity) -> InputError:
     """What to say where nobody said which column is a quantity, or in which unit."""
     names = ", ".join(shortened(column.name) for column in export.columns)
     units = ", ".join(QUANTITIES[quantity].units)
+    otherwise = "; without such a column give --rate" if quantity == "time" else ""
     return InputError(
         f"{export.path}: which column is the {quantity}, and in which unit? The columns are {names}; say it by "
-        f'--{quantity} "COLUMN:UNIT" (units: {units}).'
+        f'--{quantity} "COLUMN:UNIT" (units: {units}){otherwise}.'
     )

@@ -31,7 +31,7 @@ NEVER_CALLED_OF_A_MODULE = {
 NEVER_GIVEN = {"allow_pickle": True, "shell": True}
 # git describes the checkout; VTK crashes where it cannot render, and readers of meshes and surfaces on damaged files: these get
 # processes of their own, which are this package.
-MAY_START_PROGRAMS = {"results.provenance", "view.rendering", "host.child"}
+MAY_START_PROGRAMS = {"results.provenance", "view.opengl", "view.rendering", "host.child"}
 # `explicitfe.run` is imported when it is first used; the names stand in a table.
 MAY_IMPORT_BY_NAME = {"__init__"}
 

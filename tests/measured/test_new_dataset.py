@@ -170,6 +170,32 @@ def test_shear_and_pulling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert curve.force_N.min() == -0.9 and curve.displacement_m.min() == -1.5e-3
 
 
+def test_a_strip_between_clamps_has_stretch_and_stress(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    in_folder(tmp_path, monkeypatch, a=PLAIN)
+    sizes = ["--tool", "clamps", "--length-mm", "10", "--area-mm2", "20"]
+    assert command(["new", "dataset", "a.csv", "--test", "tension", *sizes, "--out", "b"]) == 0
+    (curve,) = read_dataset("b").curves
+    np.testing.assert_allclose(curve.stretch, [1.0, 1.05, 1.1, 1.15])
+    np.testing.assert_allclose(curve.nominal_stress_Pa, [0.0, 1e4, 2.5e4, 4.5e4])
+
+
+def test_a_rate_stands_for_a_column_of_the_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    in_folder(tmp_path, monkeypatch, a="Travel (mm),Load (N)\n10,0\n10.5,0.2\n11,0.5\n11,0.5\n11.5,0.9\n11,0.4\n")
+    assert command(["new", "dataset", "a.csv", *GEL, "--rate", "0.25", "--out", "b"]) == 0
+    (curve,) = read_dataset("b").curves
+    np.testing.assert_allclose(curve.time_s, [0.0, 2.0, 4.0, 6.0, 8.0])
+    np.testing.assert_allclose(curve.displacement_m, [0.0, 0.5e-3, 1e-3, 1.5e-3, 1e-3], atol=1e-12)
+    assert command(["new", "dataset", "a.csv", *GEL, "--rate", "0.25", "--control", "force", "--out", "c"]) == 0
+    np.testing.assert_allclose(read_dataset("c").curves[0].time_s, [0.0, 0.8, 2.0, 3.6, 5.6])
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "cp1252"])
+def test_encodings_of_other_programs_are_read(encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes("Weg in µm;Prüfkraft (N)\n0;0\n1;2\n2;3\n".encode(encoding))
+    export = read_export(tmp_path / "a.csv")
+    assert [column.name for column in export.columns] == ["Weg in µm", "Prüfkraft"]
+
+
 @pytest.mark.parametrize(
     ("text", "options", "sentence"),
     [
@@ -180,6 +206,11 @@ def test_shear_and_pulling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         (PLAIN, ["--test", "indentation", *GEL[2:], "--tool", "sphere"], "--tool-diameter-mm is missing"),
         (PLAIN, [*GEL, "--force", "Load:MN"], '"MN" is no unit of the force'),
         (PLAIN, [*GEL, "--friction", "slippery"], '--friction "slippery" is not possible'),
+        (PLAIN, ["--test", "tension"], "--tool is missing"),
+        (PLAIN, ["--test", "tension", "--tool", "clamps", "--length-mm", "8"], "--area-mm2 is missing"),
+        (PLAIN, [*GEL, "--tool", "clamps"], "--tool clamps is for --test tension"),
+        (PLAIN.replace("Time (s)", "No"), GEL, "without such a column give --rate"),
+        (PLAIN.replace("Time (s)", "No"), [*GEL, "--rate", "-1"], "give a number above 0"),
         (PLAIN, [*GEL, "--size-mm", "1,2,3"], "not both"),
         (PLAIN, [*GEL, "--contact-force-N", "7"], "the force never reaches the contact force of 7 N"),
         (PLAIN.replace("(mm)", ""), GEL, "which column is the displacement, and in which unit? The columns are Time, Exten"),
@@ -211,8 +242,8 @@ def test_a_person_is_asked_for_what_the_files_do_not_say(
 ) -> None:
     text = "t,zz,q\n0,0,0\n1,-0.5,-200\n2,-1,-500\n3,-1.5,-900\n"
     in_folder(tmp_path, monkeypatch, gel_1=text, gel_2=text)
-    # what was done; which column, its unit; the same for the force; the unit of time
-    answering(monkeypatch, "i", "", "2", "meters", "mm", "q", "mN", "", "25", "zero", "15", "s", "8", "yes")
+    # what was done, the tool; the unit of time; a column and its unit, twice; shape and sizes
+    answering(monkeypatch, "i", "s", "", "2", "meters", "mm", "q", "mN", "", "25", "zero", "15", "8", "yes")
     assert command(["new", "dataset", "gel_1.csv", "gel_2.csv"]) == 0
     error = capsys.readouterr().err
     assert "please answer: mm, cm, m" in error and "please type a number above 0." in error

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group
+from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.host.load import is_busy
-from explicitfe.view.terminal.rows import text_of
+from explicitfe.view.terminal.rows import pairs, text_of
 
 if TYPE_CHECKING:
+    from explicitfe.results.examination import Examination
     from explicitfe.results.run_summary import SpeedReport
 
 # Columns of lists that are for programs: their texts are long.
@@ -39,6 +41,32 @@ def machine_code_table(seconds_of: dict[str, float]) -> Table:
     table.add_column("seconds", justify="right")
     for name, seconds in seconds_of.items():
         table.add_row(name, f"{seconds:.1f}")
+    return table
+
+
+def new_scenario_table(scenario: Mapping[str, Any]) -> Table:
+    """A scenario that was written."""
+    table = pairs(scenario["title"])
+    table.add_row("file", escape(scenario["scenario"]))
+    if scenario["like"]:
+        table.add_row("a copy of", escape(scenario["like"]))
+    for name, force_N in scenario["muscles"].items():
+        table.add_row(f"muscle {escape(name)}", f"{force_N:g} N")
+    return table
+
+
+# State of a thing that was looked at -> how it is shown.
+_STATES = {"good": "[green]good[/green]", "attention": "[yellow]attention[/yellow]", "absent": "[dim]absent[/dim]"}
+
+
+def examination_table(examination: Examination) -> Table:
+    """What was looked at on this machine."""
+    table = Table(title="this installation", title_justify="left", show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for one in examination["findings"]:
+        table.add_row(escape(one["name"]), _STATES[one["state"]], escape(one["value"]))
     return table
 
 

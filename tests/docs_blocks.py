@@ -30,7 +30,7 @@ _BLOCK = re.compile(r"^#+ ([^\n]+)$|^```(\w*)\n(.*?)^```$", re.M | re.S)
 _NOT_RUN = re.compile(r"<!-- not run: [^\n]+ -->\s*$")
 _FILE = re.compile(r"`([\w.-]+\.(?:toml|py|csv|m))`[^`\n]*:\s*$")
 _VOWEL = re.compile(r"explicitfe run (scenarios/)?vowel-i(\.toml)?( --out outputs)?")
-_SHELL = re.compile(r"[|&;<>*$`()]")
+_SHELL = re.compile(r"[|&;<>$`()]")
 # Set where a page's blocks are run: pictures need no screen.
 OFF_SCREEN = {"MPLBACKEND": "Agg", "PYVISTA_OFF_SCREEN": "true"}
 
@@ -105,12 +105,17 @@ def run_block(block: Block, programs: Path) -> None:
         lines = list(commands_of(block))
         if all(line.startswith("explicitfe ") and not _SHELL.search(_unquoted(line)) for line in lines):
             for line in lines:
-                code = command(shlex.split(line)[1:])
+                code = command(_arguments(line))
                 assert code == 0, f"{line}: exit code {code}"
         else:
             environment = os.environ | {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
             code = subprocess.run(["bash", "-euo", "pipefail", "-c", block.text], env=environment, check=False).returncode
             assert code == 0, f"{block.text}: exit code {code}"
+
+
+def _arguments(line: str) -> list[str]:
+    """Those of a plain command, with the files that a pattern such as ``outputs/*.vtkhdf`` stands for."""
+    return [name for word in shlex.split(line)[1:] for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
 
 
 def _unquoted(line: str) -> str:

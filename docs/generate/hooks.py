@@ -13,7 +13,7 @@ from pathlib import Path
 
 from command_page import command_page
 from glossary import Glossary
-from key_pages import dataset_page, result_page, scenario_page
+from key_pages import dataset_page, other_files_page, result_page, scenario_page
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -24,6 +24,7 @@ GENERATED = {
     "reference/cli.md": command_page,
     "reference/scenario-keys.md": scenario_page,
     "reference/dataset-keys.md": dataset_page,
+    "reference/file-keys.md": other_files_page,
     "reference/result-keys.md": result_page,
     "reference/python.md": python_page,
 }

@@ -19,6 +19,14 @@ Made from the types that check `dataset.toml`. The tables `[specimen]`, `[tool]`
 curve replaces single keys of them with a table of its own, such as `[curve.specimen]`.
 
 """
+OTHERS_HEAD = """# Every key of other files
+
+Made from the types that check them. How they are used: [design-test](close-loop.md#planning-a-test) reads protocols,
+[a mesh of your own](own-mesh.md) has a model file, [predict](effects.md#predicting-measured-curves) and `--tissue` read tissue
+files.
+
+"""
+OTHERS = {"protocol": "A planned test", "model": "The model file of a mesh", "tissue": "A tissue"}
 RESULT_HEAD = """# Every key of a result
 
 Made from the types that the program writes. What is in a result file and how to read it: [The result file](results.md).
@@ -43,12 +51,19 @@ def scenario_page() -> str:
 
 def dataset_page() -> str:
     """Keys of ``dataset.toml``; the tables that a curve may replace in part are those of the merged curve."""
-    from explicitfe.measured.tables import DatasetFile, MergedTables
+    from explicitfe.cli.file_schemas import file_schema
 
-    schema, merged = DatasetFile.model_json_schema(), MergedTables.model_json_schema()
-    schema["properties"].update(merged["properties"])
-    schema["$defs"].update(merged["$defs"])
-    return DATASET_HEAD + KeyTables(schema, toml=True).markdown()
+    return DATASET_HEAD + KeyTables(file_schema("dataset"), toml=True).markdown()
+
+
+def other_files_page() -> str:
+    """Keys of protocols, of model files of a mesh, and of tissue files."""
+    from explicitfe.cli.file_schemas import file_schema
+
+    parts = [OTHERS_HEAD]
+    for kind, heading in OTHERS.items():
+        parts += [f"## {heading}\n", KeyTables(file_schema(kind), toml=True).markdown(level=3)]
+    return "\n".join(parts)
 
 
 def result_page() -> str:

@@ -6,6 +6,8 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from explicitfe.scenario.bounds import BOUNDS, bounds_of
+
 Schema = Mapping[str, Any]
 _NUMBERS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "`true` or `false`", "null": "`null`"}
 
@@ -56,7 +58,7 @@ class KeyTables:
                 inner.append((heading, place, kind))
             default = "required" if key in required else _default(value)
             words = value.get("description") or self._resolved(value).get("description", "").partition("\n\n")[0]
-            rows.append(f"| `{key}` | {self._values(value)} | {default} | {_plain(words)} |")
+            rows.append(f"| `{key}` | {self._values(value, key)} | {default} | {_plain(_without_bounds(words))} |")
         return rows, inner
 
     def _resolved(self, value: Schema) -> Schema:
@@ -80,11 +82,11 @@ class KeyTables:
             elif isinstance(choice.get("additionalProperties"), dict):
                 yield from self._tables_of(choice["additionalProperties"])
 
-    def _values(self, value: Schema) -> str:
-        words = [self._value(choice) for choice in self._alternatives(self._resolved(value)) if choice.get("type") != "null"]
+    def _values(self, value: Schema, key: str) -> str:
+        words = [self._value(choice, key) for choice in self._alternatives(self._resolved(value)) if choice.get("type") != "null"]
         return " or ".join(dict.fromkeys(words))
 
-    def _value(self, value: Schema) -> str:
+    def _value(self, value: Schema, key: str) -> str:
         if "const" in value:
             return f"`{json.dumps(value['const'], ensure_ascii=False)}`"
         if "enum" in value:
@@ -93,21 +95,21 @@ class KeyTables:
             return "a table, see below"
         if value.get("type") == "array":
             if "prefixItems" in value:
-                return f"[{', '.join(self._values(entry) for entry in value['prefixItems'])}]"
-            return f"list of: {self._values(value.get('items', {}))}"
+                return f"[{', '.join(self._values(entry, key) for entry in value['prefixItems'])}]"
+            return f"list of: {self._values(value.get('items', {}), key)}"
         if value.get("type") == "object":
             entries = value.get("additionalProperties")
-            return f"a table by name of: {self._values(entries)}" if isinstance(entries, dict) else "a table"
+            return f"a table by name of: {self._values(entries, key)}" if isinstance(entries, dict) else "a table"
         kinds = value.get("type", "")
         words = " or ".join(_NUMBERS.get(kind, "any") for kind in (kinds if isinstance(kinds, list) else [kinds]))
-        for key, sign in (
+        for limit, sign in (
             ("exclusiveMinimum", "above"),
             ("minimum", "from"),
             ("maximum", "up to"),
             ("exclusiveMaximum", "below"),
         ):
-            if key in value:
-                words += f" {sign} {value[key]:g}"
+            if limit in value and abs(value[limit]) < bounds_of(key).largest:
+                words += f" {sign} {value[limit]:g}"
         return words
 
 
@@ -116,6 +118,13 @@ def _default(value: Schema) -> str:
     if default in (None, "", [], {}) or isinstance(default, dict):
         return ""
     return f"`{json.dumps(default, ensure_ascii=False)}`"
+
+
+def _without_bounds(words: str) -> str:
+    """A meaning without the bounds that all keys of its unit have; a page of their own says them."""
+    for bounds in BOUNDS.values():
+        words = words.replace(f" ({bounds.reason})", "").replace(bounds.reason, "")
+    return words
 
 
 def _plain(words: str) -> str:

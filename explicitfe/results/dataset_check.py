@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from typing_extensions import TypedDict
 
 
@@ -54,8 +52,8 @@ class DatasetCheckReport(TypedDict):
     file: str
     source: str
     license: str
-    specimens: list[dict[str, Any]]
-    tools: list[dict[str, Any]]
+    specimens: list[dict[str, object]]
+    tools: list[dict[str, object]]
     rule: str
     curves: list[CheckedCurve]
     can_show: list[str]

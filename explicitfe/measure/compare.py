@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from pydantic import JsonValue
 
 from explicitfe.errors import InputError, Progress, silent
 from explicitfe.measure.comparison import (
@@ -331,7 +332,7 @@ def _measures(a: Result, b: Result, steps: Instants) -> list[DifferingMeasure]:
     return []
 
 
-def _measured(result: Result, step: int) -> dict[str, Any]:
+def _measured(result: Result, step: int) -> dict[str, JsonValue]:
     """The single numbers of the measures at a step, each with its keys."""
     document = measures_of(result, step).document
     return dict(_leaves({key: value for key, value in document.items() if key not in NOT_COMPARED_MEASURES}))
@@ -355,8 +356,9 @@ def _keys(differing: dict[str, list[Any]]) -> list[DifferingKey]:
     return [DifferingKey(key=key, a=values[0], b=values[1]) for key, values in differing.items()]
 
 
-def _provenance(result: Result) -> dict[str, Any]:
-    return {key: value for key, value in result.provenance.items() if key not in NOT_COMPARED_PROVENANCE}
+def _provenance(result: Result) -> dict[str, JsonValue]:
+    values = cast("dict[str, JsonValue]", result.provenance)
+    return {key: value for key, value in values.items() if key not in NOT_COMPARED_PROVENANCE}
 
 
 def _result(result: Result) -> ComparedResult:

@@ -178,3 +178,22 @@ def test_the_command_tells_a_script_by_its_exit_code(tmp_path: Path, capsys: pyt
     assert command(["compare", str(a), str(b)]) == 0
     table = capsys.readouterr().out
     assert "muscle.GGp.force_N" in table and "points of the material" in table and "back 1.00, up 0.00 mm" in table
+
+
+def test_indentations_are_compared_by_their_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = []
+    for name, factor in (("a", 1.0), ("b", 1.1)):
+        paths.append(tmp_path / f"{name}.vtkhdf")
+        history = {"force": Quantity("N"), "indentation": Quantity("m")}
+        model = {"scenario": {"analysis": {"type": "relaxation"}}}
+        with tiny_result.start(paths[-1], history=history, model=model, point_fields={}, cell_fields={}) as writer:
+            for load in range(3):
+                row = {"force": 0.1 * load, "indentation": factor * 1e-3 * load}
+                writer.sample(float(load), row, {"displacement": tiny_result.displacement(load)}, {})
+            writer.finish(FINISHED, "", {})
+    comparison = compare(*paths)
+    column = next(part for part in comparison.history if part.name == "indentation")
+    assert column.largest == pytest.approx(2e-4) and column.share == pytest.approx(0.2 / 2.2) and not comparison.measures
+    assert command(["compare", *map(str, paths)]) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if "indentation" in line)
+    assert [cell.strip() for cell in line.split("│")[1:-1]] == ["indentation", "0.2 mm", "9.09 %", "2 s"]

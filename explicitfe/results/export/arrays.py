@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import scipy
@@ -55,7 +54,7 @@ def mat_bytes(result: Result, progress: Progress) -> bytes:
             f"{in_words(LARGEST_MAT_BYTES)}; take --to npz."
         )
     units = _units(result)
-    content: dict[str, Any] = {
+    content: dict[str, object] = {
         "points": result.mesh.points,
         "hexes": result.mesh.hexes + 1,
         "time": result.times[:, None],
@@ -101,9 +100,9 @@ def _units(result: Result) -> dict[str, dict[str, str]]:
     }
 
 
-def _struct(values: Mapping[str, Any]) -> dict[str, Any]:
+def _struct(values: Mapping[str, object]) -> dict[str, object]:
     """The same with names that MATLAB takes: letters, digits and underscores, a letter in front."""
-    named: dict[str, Any] = {}
+    named: dict[str, object] = {}
     for name, value in values.items():
         plain = re.sub(r"\W", "_", name, flags=re.ASCII)
         plain = (plain if re.match("[A-Za-z]", plain) else f"x{plain}")[:LONGEST_MATLAB_NAME]

@@ -12,6 +12,7 @@ from explicitfe.results.reader import Result
 from explicitfe.results.run_summary import kind_of
 
 X, Y, Z = 0, 1, 2  # backwards, to the speaker's right, up
+CURVE = ("force", "indentation")  # the columns of an indentation that everybody asks for stand first
 MILLI = 1e3  # of a unit: m -> mm
 SIGNIFICANT_DIGITS = 9
 # SI unit -> the end of a column's name, and so many of these it is.
@@ -28,7 +29,8 @@ def table_of(result: Result, *, positions: bool = False, history: bool = False) 
     """
     columns = {"time_ms": MILLI * result.history("time")}
     if kind_of(result.model) != "transient":
-        return columns | _history(result, [name for name in result.history_names if name != "time"])
+        names = sorted(set(result.history_names) - {"time"}, key=lambda name: (name not in CURVE, name))
+        return columns | _history(result, names)
     for name in result.model.get("probes", result.mesh.named_points):
         columns |= _point(result, name, positions)
     if history:

@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.measure.comparison import ComparedField, Comparison, DifferingKey
+from explicitfe.measure.comparison import ComparedField, ComparedHistory, Comparison, DifferingKey
 from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import moved, pairs, spaced, text_of
 
@@ -38,7 +38,9 @@ UNITS_OF_ENDINGS = {
     "_hz": "Hz",
 }
 # Unit of a stored field -> what it is shown in, and so many of these it is.
-SHOWN_IN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "J": ("mJ", 1e3), "1": ("", 1.0)}
+SHOWN_IN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "J": ("mJ", 1e3), "Pa": ("kPa", 1e-3), "1": ("", 1.0)}
+CURVE_COLUMN = "indentation"  # of the history that every indentation has
+MILLISECONDS_PER_SECOND = 1000.0
 
 
 def comparison_tables(comparison: Comparison) -> Group:
@@ -53,7 +55,7 @@ def comparison_tables(comparison: Comparison) -> Group:
     times, points = comparison.times, comparison.points
     between = f", b between its samples at {times.interpolated}" if times.interpolated else ""
     outside = f"; {times.left_out} of a lie outside" if times.left_out else ""
-    head.add_row("times", f"{times.compared} from {times.first_ms:.4g} to {times.last_ms:.4g} ms{between}{outside}")
+    head.add_row("times", f"{times.compared} from {_time(times.first_ms)} to {_time(times.last_ms)}{between}{outside}")
     how = "node by node" if points.same_mesh else "nodes of a, as points of the material in b"
     left_out = f"; {points.left_out} outside b are left out" if points.left_out else ""
     head.add_row("points", f"{points.nodes} {how}{left_out}")
@@ -61,12 +63,14 @@ def comparison_tables(comparison: Comparison) -> Group:
     for title, keys in (("scenarios differ in", comparison.differing_keys), ("runs differ in", comparison.differing_provenance)):
         if keys:
             tables.append(_keys(title, keys))
-    tables.append(_fields(comparison.fields))
+    tables.append(_differences("fields: largest difference anywhere at any time", "field", comparison.fields))
     if comparison.named_points:
         tables.append(_points(comparison))
+    if any(part.name == CURVE_COLUMN for part in comparison.history):
+        tables.append(_differences("loads: largest difference of any", "of each load", comparison.history))
     measures = list(_measures(comparison))
     if measures:
-        tables.append(_side_by_side(f"measures at {times.last_ms:.4g} ms", "measure", measures))
+        tables.append(_side_by_side(f"measures at {_time(times.last_ms)}", "measure", measures))
     return Group(*tables, files)
 
 
@@ -80,7 +84,7 @@ def difference_in_words(comparison: Comparison) -> str:
     else:
         largest = f"{_length(1e3 * displacement.largest)}, {_percent(displacement.share)} of the largest"
         words = f"displacements differ by up to {largest}"
-        words += f", at {displacement.at_ms:.4g} ms" if displacement.at_ms is not None else ""
+        words += f", at {_time(displacement.at_ms)}" if displacement.at_ms is not None else ""
     if comparison.tolerance is None:
         return words
     within = "within" if comparison.within_tolerance else "more than"
@@ -103,29 +107,23 @@ def _side_by_side(title: str, first: str, rows: Sequence[tuple[str, str, str]]) 
     return table
 
 
-def _fields(fields: Sequence[ComparedField]) -> Table:
-    table = Table(title="fields: largest difference anywhere at any time", title_justify="left")
-    table.add_column("field", no_wrap=True)
-    for column in ("largest", "of the largest value", "root mean square", "at"):
+def _differences(title: str, first: str, parts: Sequence[ComparedField | ComparedHistory]) -> Table:
+    table = Table(title=title, title_justify="left")
+    table.add_column(first, no_wrap=True)
+    for column in ("largest", "of the largest value", "at"):
         table.add_column(column, justify="right")
-    for part in fields:
+    for part in parts:
         unit, scale = SHOWN_IN.get(part.unit, (part.unit, 1.0))
-        table.add_row(
-            escape(spaced(part.name)),
-            f"{scale * part.largest:.3g} {unit}",
-            _percent(part.share),
-            f"{scale * part.rms:.3g} {unit}",
-            "" if part.at_ms is None else f"{part.at_ms:.4g} ms",
-        )
+        table.add_row(escape(spaced(part.name)), f"{scale * part.largest:.3g} {unit}", _percent(part.share), _time(part.at_ms))
     return table
 
 
 def _points(comparison: Comparison) -> Table:
-    table = Table(title=f"points: b less a at {comparison.times.last_ms:.4g} ms, and the largest distance at any time")
+    table = Table(title=f"points: b less a at {_time(comparison.times.last_ms)}, and the largest distance at any time")
     table.title_justify = "left"
     table.add_column("point", no_wrap=True)
     table.add_column("at the end")
-    for column in ("largest", "of the way", "at"):
+    for column in ("largest", "share", "at"):
         table.add_column(column, justify="right")
     for name, point in comparison.named_points.items():
         table.add_row(
@@ -133,7 +131,7 @@ def _points(comparison: Comparison) -> Table:
             moved(point.forward_mm, point.up_mm, point.right_mm),
             _length(point.largest_mm),
             _percent(point.share),
-            "" if point.at_ms is None else f"{point.at_ms:.4g} ms",
+            _time(point.at_ms),
         )
     return table
 
@@ -160,6 +158,14 @@ def _percent(share: float | None) -> str:
     if share is None:
         return "both are 0"
     return "no number" if not math.isfinite(share) else f"{100.0 * share:.3g} %"
+
+
+def _time(time_ms: float | None) -> str:
+    if time_ms is None:
+        return ""
+    if abs(time_ms) >= MILLISECONDS_PER_SECOND:
+        return f"{time_ms / MILLISECONDS_PER_SECOND:.4g} s"
+    return f"{time_ms:.4g} ms"
 
 
 def _length(length_mm: float) -> str:

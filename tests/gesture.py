@@ -1,4 +1,4 @@
-"""Results of runs that nobody has to compute: the coarse tongue pushed by a closed form, with a palate, muscles and warnings."""
+"""Results that nobody has to compute: the coarse tongue pushed by a closed form, under a palate; a block under a ball."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from support import tongue
 
 from explicitfe.mesh.box import box
+from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.triangles import surface_triangles
 from explicitfe.results import FINISHED, Quantity, ResultWriter
 
@@ -58,7 +59,7 @@ def write_gesture(path: Path, warnings: list[str] | None = None, frames: int = F
         cell_fields={"J": Quantity("1")},
         point_fields={"velocity": Quantity("m/s", 3)},
         history=history,
-        scenario_text=f"question = {stated['question']!r}\n[muscle]\n",
+        scenario_text="# --set muscle.GGp.force_N=2.0\n# --set title=It's a push\ntitle = 'push'\n# --set no setting\n",
         model={"name": "tongue", "scenario": stated, "scenario_file": "push.toml", "muscles": stated["muscle"]},
         provenance={"explicitfe": "test", "processor": "<none>"},
         overwrite=True,
@@ -73,3 +74,23 @@ def write_gesture(path: Path, warnings: list[str] | None = None, frames: int = F
             cells = {"J": 1.0 + 0.01 * share * np.linspace(-1.0, 1.0, mesh.element_count)}
             result.sample(DURATION_S * number / max(frames - 1, 1), row, {"displacement": moved, "velocity": velocity}, cells)
         return result.finish(FINISHED, "", {"title": title, "warnings": warnings or [], "settled": False})
+
+
+def write_indentation(path: Path, depths_mm: tuple[float, ...] = (0.0, 1.0, 2.0)) -> Path:
+    """A block of 20 x 20 x 10 mm whose whole top sinks as far as a ball of 5 mm goes down, with as many N as that is mm."""
+    block = box((4, 4, 2), (0.02, 0.02, 0.01))
+    mesh = HexMesh(block.points - [0.01, 0.01, 0.0], block.hexes)
+    names = ("force", "indentation")
+    with ResultWriter(
+        path,
+        mesh=mesh,
+        history={name: Quantity(unit) for name, unit in zip(names, ("N", "m"), strict=True)},
+        scenario_text="title = 'a ball'\n",
+        model={"tool": {"shape": "sphere", "radius_mm": 5.0}, "scenario": {"analysis": {"type": "relaxation"}}},
+        provenance={"explicitfe": "test"},
+        overwrite=True,
+    ) as result:
+        for number, depth_mm in enumerate(depths_mm):
+            moved = -1e-3 * depth_mm * mesh.points[:, [2]] / 0.01 * [0.0, 0.0, 1.0]
+            result.sample(float(number), {"force": depth_mm, "indentation": 1e-3 * depth_mm}, {"displacement": moved}, {})
+        return result.finish(FINISHED, "", {"title": "a ball", "warnings": []})

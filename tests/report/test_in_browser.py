@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gesture import write_gesture
+from gesture import write_gesture, write_indentation
 
 from explicitfe.view.run_page.write import write_report
 
@@ -201,6 +201,15 @@ def test_two_runs_move_together(browser: Any, gesture: Path, tmp_path: Path) -> 
     assert start[0] == start[1] and len({*start, *end}) == 3
     assert opened.page.locator("td", has_text="muscle.GGp.force_N").count() == 1
     assert opened.complaints == []
+
+
+def test_the_loads_of_a_tool(browser: Any, tmp_path: Path) -> None:
+    opened = Opened(browser, Path(write_report([write_indentation(tmp_path / "ball.vtkhdf")])["report"]), WIDE)
+    assert opened.clock == "2 N at 2 mm"
+    tool = opened.page.locator(".contour .bones path").get_attribute("transform")
+    opened.page.keyboard.press("Home")
+    assert opened.clock == "0 N at 0 mm" and opened.page.locator(".contour .bones path").get_attribute("transform") != tool
+    assert opened.share_drawn > 0.03 and opened.complaints == []
 
 
 def test_without_3d_the_outline_still_moves(browser: Any, report: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from answers import check_answer
 from command import command
-from gesture import DURATION_S, FRAMES, displacement, write_gesture
+from gesture import DURATION_S, FRAMES, displacement, write_gesture, write_indentation
 from support import tongue
 
 from explicitfe.errors import InputError
@@ -97,6 +97,7 @@ def test_the_command_writes_one_page(gesture: Path, tmp_path: Path, capsys: pyte
     assert "Quotable" in text and "Does it go forward?" in text and answer["size_MB"] == pytest.approx(len(text.encode()) / 1e6)
     assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", text.split("<script>")[0])  # nothing is fetched
     assert "default-src 'none'" in text
+    assert "explicitfe run push.toml --set muscle.GGp.force_N=2.0 --set 'title=It'\"'\"'s a push'\n" in unescape(text)
     assert command(["report", str(gesture), "--out", str(page)]) == 2
     assert "--overwrite" in capsys.readouterr().err
     assert command(["report", str(gesture), "--out", str(page), "--overwrite"]) == 0
@@ -140,6 +141,21 @@ def test_labels_tell_results_apart() -> None:
     assert labels_of([Path("a/x.vtkhdf"), Path("b/x.vtkhdf")]) == ["a/x", "b/x"]
     assert labels_of([Path("x.vtkhdf"), Path("y.vtkhdf")]) == ["x", "y"]
     assert labels_of([Path("x.vtkhdf"), Path("x.vtkhdf")]) == ["x (1)", "x (2)"]
+
+
+def test_an_indentation_goes_by_its_loads(tmp_path: Path) -> None:
+    """Frames are loads, in words; the tool goes down with them, to where the section through its axis gives way to it."""
+    path = write_indentation(tmp_path / "ball.vtkhdf")
+    with open_result(path) as result:
+        header, arrays = unpacked(playback(result, 2))
+    assert header["moments"] == ["0 N at 0 mm", "1 N at 1 mm", "2 N at 2 mm"] and header["indentation"] == [0.0, 1.0, 2.0]
+    np.testing.assert_allclose(arrays["tool_heights"], [10.0, 9.0, 8.0], rtol=1e-6)
+    tool = arrays["tool_points"].reshape(-1, 3)
+    assert tool[:, 2].min() == pytest.approx(0.0, abs=1e-6) and np.abs(tool[:, :2]).max() == pytest.approx(5.0, abs=0.02)
+    ends = arrays["points"].reshape(-1, 3)[arrays["cut_ends"].reshape(-1, 2)]
+    np.testing.assert_allclose(ends[:, 0, 1], 0.0, atol=1e-6)  # the section is that through the axis
+    text = Path(write_report([path])["report"]).read_text(encoding="utf-8")
+    assert 'data-follows="indentation"' in text and "section through the axis" in text and "2.00 N at 2.00 mm" in text
 
 
 def test_what_differs() -> None:

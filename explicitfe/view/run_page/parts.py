@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import shlex
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import JsonValue
 
-from explicitfe.host.toml_text import toml_value
 from explicitfe.measure.measure import measures_of
 from explicitfe.results import Result
 from explicitfe.results.differing_keys import differing_keys
@@ -27,6 +26,8 @@ from explicitfe.view.run_page.quotable import Quotability, quotability
 
 # So many characters of a value of a scenario stand in the table of what differs.
 LONGEST_VALUE_CHARACTERS = 80
+# So begins each line in which a stored scenario notes a setting that it was run with.
+SETTING = "# --set "
 
 
 @dataclass(frozen=True)
@@ -196,10 +197,6 @@ def _commands(result: Result) -> Iterator[str]:
 
 
 def _settings(result: Result) -> list[str]:
-    """The ``--set`` of a run: where its scenario file states another value than the one that was run."""
-    try:
-        written = tomllib.loads(result.scenario_text)
-    except tomllib.TOMLDecodeError:
-        return []
-    differing = differing_keys([written, result.model.get("scenario", {})])
-    return [f"{key}={toml_value(ran)}" for key, (stated, ran) in differing.items() if stated is not None and ran is not None]
+    """The ``--set`` of a run, as its scenario notes them at its head."""
+    head = takewhile(lambda line: line.startswith(SETTING), result.scenario_text.splitlines())
+    return [line.removeprefix(SETTING) for line in head]

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.measure.sections import PlaneCut, Y, cut_surface, middle, midsagittal
+from explicitfe.measure.sections import PlaneCut, Y, cut_surface, middle, section
 from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.results import Result
 from explicitfe.results.run_summary import kind_of
@@ -41,7 +41,8 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
     share : of the size that a page may have, where it shows several results.
     """
     mesh, packed, is_loaded = result.mesh, Packed(), kind_of(result.model) == "relaxation"
-    nodes, faces = _surface(mesh)
+    plane_m = _plane(result)
+    nodes, faces = _surface(mesh, plane_m)
     fields = _scalar_fields(result)
     steps = _steps(last, len(nodes) * (BYTES_OF_A_NODE + len(fields)), share)
     moved = 1e3 * np.stack([result.displacement(step)[nodes] for step in steps])
@@ -56,7 +57,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         packed.add(f"faces_{name}", _triangles(quads), "<u4")
     packed.add("edges", _edges(np.concatenate([faces["left"], faces["right"]])), "<u4")
     named = [_pack_field(packed, result, name, steps, nodes) for name in fields]
-    cut = midsagittal(mesh)
+    cut = section(mesh, Y, plane_m)
     if len(cut.ends):
         packed.add("cut_ends", np.searchsorted(nodes, cut.ends), "<u4")
         packed.add("cut_share", cut.share, "<f4")
@@ -69,7 +70,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
         "smooth": not is_loaded,
         "loops": [loop.tolist() for loop in cut.loops],
         "fields": [entry for entry in named if entry is not None],
-        "bones": [_pack_bone(packed, result, name, steps) for name in result.bones],
+        "bones": [_pack_bone(packed, result, name, steps, plane_m) for name in result.bones],
         "points": [_pack_point(packed, result, name, steps) for name in result.mesh.named_points],
         "tool": tool_of(packed, result, steps),
     }
@@ -78,7 +79,9 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
 
 def frame_count(result: Result, last: int, share: float = 1.0) -> int:
     """How many frames of a result :func:`playback` holds."""
-    return len(_steps(last, len(_surface(result.mesh)[0]) * (BYTES_OF_A_NODE + len(_scalar_fields(result))), share))
+    return len(
+        _steps(last, len(_surface(result.mesh, _plane(result))[0]) * (BYTES_OF_A_NODE + len(_scalar_fields(result))), share)
+    )
 
 
 def _steps(last: int, bytes_per_frame: int, share: float) -> np.ndarray:
@@ -87,13 +90,18 @@ def _steps(last: int, bytes_per_frame: int, share: float) -> np.ndarray:
     return np.unique(np.round(np.linspace(0, last, min(most, last + 1))).astype(int))
 
 
-def _surface(mesh: HexMesh) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def _plane(result: Result) -> float:
+    """The y (m) of the plane that cuts the body: the midsagittal one, or that through the axis of the tool."""
+    return 0.0 if kind_of(result.model) == "relaxation" else middle(result.mesh)
+
+
+def _surface(mesh: HexMesh, plane_m: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Nodes of the surface and of the cut, and its faces by those nodes' places.
 
     The faces are those of the speaker's left and right, and "cut": those inside the body that elements of the right share with
     elements of the left.
     """
-    right = mesh.points[mesh.hexes, Y].mean(axis=1) >= middle(mesh)
+    right = mesh.points[mesh.hexes, Y].mean(axis=1) >= plane_m
     element, face = free_faces(mesh.hexes)
     outside = mesh.hexes[element[:, None], FACES[face]]
     parts = {"left": outside[~right[element]], "right": outside[right[element]], "cut": np.zeros((0, 4), dtype=np.int64)}
@@ -176,7 +184,7 @@ def _outline_box(cut: PlaneCut, mesh: HexMesh, moved_mm: np.ndarray, nodes: np.n
     return box
 
 
-def _pack_bone(packed: Packed, result: Result, name: str, steps: np.ndarray) -> dict[str, object]:
+def _pack_bone(packed: Packed, result: Result, name: str, steps: np.ndarray, plane_m: float) -> dict[str, object]:
     """Add a bone: its surface at rest, where it is in each frame if it moves, and its midsagittal section at rest."""
     bone = result.bones[name]
     packed.add(f"bone_{name}_points", 1e3 * bone.points, "<f4")
@@ -185,7 +193,7 @@ def _pack_bone(packed: Packed, result: Result, name: str, steps: np.ndarray) -> 
     if moves:
         placements = [np.append(rotation, 1e3 * shift) for rotation, shift in (result.placement(name, int(s)) for s in steps)]
         packed.add(f"bone_{name}_placement", np.array(placements), "<f4")
-    cut = cut_surface(bone.triangles, bone.points[:, Y] - middle(result.mesh))
+    cut = cut_surface(bone.triangles, bone.points[:, Y] - plane_m)
     return {"name": name, "moves": moves, "outlines": list(_outlines(cut, 1e3 * bone.points))}
 
 

@@ -14,7 +14,7 @@
   const first = Math.min(...runs.map((run) => run.abscissa[0])), last = Math.max(...runs.map((run) => run.abscissa.at(-1)));
   const inTime = runs.every((run) => !run.body.data.moments);
   const state = { now: first, playing: false, before: 0, numbersAt: 0, numbersLater: 0, slow: 0 };
-  const MS_BETWEEN_NUMBERS = 250, LONGEST_FRAME_S = 0.04;
+  const MS_BETWEEN_NUMBERS = 100, LONGEST_FRAME_S = 0.04;
   const stillReader = matchMedia("(prefers-reduced-motion: reduce)").matches;
   slider.min = first;
   slider.max = last;
@@ -118,7 +118,6 @@
       mark.hidden = across < -1 || across > 1001;
       mark.style.transform = `translateX(${across / 10}%)`;
       if (!withNumbers) continue;
-      state.numbersAt = performance.now();
       outputs.forEach((output, k) => {
         const place = valueOf(lines[k], Math.min(1000, Math.max(0, across)));
         const value = y[1] - (place / 1000) * (y[1] - y[0]);
@@ -166,17 +165,23 @@
     return moments ? moments[Math.round(frameAt(runs[0], state.now))] : "";
   }
 
-  function show(now) {
-    state.now = Math.min(last, Math.max(first, now));
+  function showTime() {
     slider.value = state.now;
     slider.setAttribute("aria-valuetext", words());
     clock.textContent = words();
+  }
+
+  function show(now) {
+    state.now = Math.min(last, Math.max(first, now));
+    const withNumbers = performance.now() - state.numbersAt > MS_BETWEEN_NUMBERS;
+    if (withNumbers || !state.playing) showTime();
     for (const run of runs) {
       run.body.at(frameAt(run, state.now));
       if (seen.has(run.section.querySelector("canvas"))) run.scene?.draw();
       if (seen.has(run.outline?.ownerSVGElement)) moveContour(run);
     }
-    moveMarks(performance.now() - state.numbersAt > MS_BETWEEN_NUMBERS);
+    moveMarks(withNumbers);
+    if (withNumbers) state.numbersAt = performance.now();
     clearTimeout(state.numbersLater);
     state.numbersLater = setTimeout(moveMarks, MS_BETWEEN_NUMBERS, true);
   }

@@ -29,7 +29,7 @@ SLOW = re.compile(r"<!-- slow page: (\d+) s -->")
 _BLOCK = re.compile(r"^#+ ([^\n]+)$|^```(\w*)\n(.*?)^```$", re.M | re.S)
 _NOT_RUN = re.compile(r"<!-- not run: [^\n]+ -->\s*$")
 _FILE = re.compile(r"`([\w.-]+\.(?:toml|py|csv|m))`[^`\n]*:\s*$")
-_VOWEL = re.compile(r"explicitfe run (scenarios/)?vowel-i(\.toml)?( --out outputs)?")
+_VOWEL = re.compile(r"explicitfe run vowel-i( --set \S+)*( --out outputs)?")
 _SHELL = re.compile(r"[|&;<>$`()]")
 # Set where a page's blocks are run: pictures need no screen.
 OFF_SCREEN = {"MPLBACKEND": "Agg", "PYVISTA_OFF_SCREEN": "true"}

@@ -134,16 +134,16 @@ class Stage:
             n_labels=5,
             fmt="%.4g",
             position_x=0.34,
-            position_y=0.025,
+            position_y=0.02,
             width=0.42,
-            height=0.095,
+            height=0.115,
             title_font_size=round(1.1 * LETTER_SHARE * self._height_px),
             label_font_size=round(LETTER_SHARE * self._height_px),
             color="black",
             unconstrained_font_size=True,
             mapper=self.scene.body_mapper,
         )
-        bar.SetVerticalTitleSeparation(round(0.75 * LETTER_SHARE * self._height_px))
+        bar.SetVerticalTitleSeparation(round(1.1 * LETTER_SHARE * self._height_px))
         for letters in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
             letters.SetFontFamily(VTK_FONT_FILE)
             letters.SetFontFile(font_file())

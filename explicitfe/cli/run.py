@@ -43,6 +43,12 @@ def run(
     tissue: TissueOption = None,
     tissue_group: TissueGroupOption = None,
     plots: PlotsOption = False,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name", metavar="NAME", help="Name of the result, for a variant; the scenario's if left out.", show_default=False
+        ),
+    ] = None,
     overwrite: OverwriteOption = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with a run of this scenario that was stopped or killed, if there is one.")
@@ -51,7 +57,7 @@ def run(
 ) -> None:
     """Run a scenario and store its result as one .vtkhdf file.
 
-    Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --out outputs --plots[/bold]
+    Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --name softer --plots[/bold]
     """
     if plots:
         require("plots", "drawing pictures")
@@ -62,7 +68,7 @@ def run(
 
         tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
-        target = result_path(scenario, out)
+        target = result_path(scenario, out, name)
         begun = begun_at(target) if resume else None
         if begun is None:
             summary = analysis.run(target, overwrite=overwrite, progress=progress)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,7 @@ NOT_DRAWABLE = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]")
 LONGEST_LINE_CHARACTERS = 200  # across the widest picture; more would leave no room to what is drawn
 FORMATS = ("png", "pdf", "svg")
 # How figures are written: no formulas, letters in a PDF as journals want them, the same names in the same SVG.
-AS_FILE: dict[Any, Any] = {"text.parse_math": False, "pdf.fonttype": 42, "svg.hashsalt": "explicitfe"}
+AS_FILE: Mapping[Any, Any] = {"text.parse_math": False, "pdf.fonttype": 42, "svg.hashsalt": "explicitfe"}
 # Okabe and Ito's colours, told apart with every kind of colour blindness; their yellow is too pale for a line.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "black")
 # A model before and after effects were added to it; style.css of the report says the same.
@@ -59,7 +60,7 @@ def save(figure: Figure, path: Path) -> None:
         text.set_text("\n".join(drawable(line) for line in text.get_text().split("\n")))
     buffer = io.BytesIO()
     # Texts that are only made when the figure is drawn, such as numbers on axes, are no formulas either.
-    with warnings.catch_warnings(), rc_context(AS_FILE):
+    with warnings.catch_warnings(), rc_context(dict(AS_FILE)):
         # Nobody chose the font: a letter that it lacks is drawn as a box, which is seen.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         _write(figure, buffer, path.suffix.removeprefix("."))

@@ -17,8 +17,9 @@ from explicitfe.view.scene.stage import Stage
 
 FRAMES_PER_S = 20
 HOLD_S = 1.0  # the end is seen for so long before a film begins again
-PALETTE_COLOURS = 255
-PALETTE_FROM_FRAMES = 6  # so many frames, equally far apart, have the colours of all
+# Colours of a GIF, and rounds in which they are fitted to the frames.
+PALETTE_COLOURS, PALETTE_ROUNDS = 255, 2
+PALETTE_FROM_FRAMES, PALETTE_EVERY = 6, 3  # so many frames, equally far apart, and of them every third dot, have all colours
 MP4_QUALITY = 8.0  # 0 to 10
 
 
@@ -84,8 +85,8 @@ def _gif(frames: Sequence[np.ndarray], frame_s: float) -> bytes:
     from PIL import Image
 
     some = np.linspace(0, len(frames) - 1, min(len(frames), PALETTE_FROM_FRAMES)).round().astype(int)
-    samples = Image.fromarray(np.concatenate([frames[number] for number in some]))
-    palette = samples.quantize(PALETTE_COLOURS, method=Image.Quantize.MEDIANCUT)
+    samples = Image.fromarray(np.concatenate([frames[number][::PALETTE_EVERY, ::PALETTE_EVERY] for number in some]))
+    palette = samples.quantize(PALETTE_COLOURS, method=Image.Quantize.MEDIANCUT, kmeans=PALETTE_ROUNDS)
     few = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     durations = [round(1e3 * frame_s)] * (len(few) - 1) + [round(1e3 * HOLD_S)]
     buffer = io.BytesIO()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -150,31 +151,26 @@ class Scene:
     def _add_body(self) -> pyvista.Actor:
         body, field = self._body, self.field
         body.drawn.points = 1e3 * body.points.reference
-        common: dict[str, Any] = {
-            "show_edges": True,
-            "edge_color": "#202020",
-            "edge_opacity": 0.22,
-            "ambient": 0.35,
-            "diffuse": 0.7,
-        }
+        add = partial(
+            self.plotter.add_mesh,
+            body.drawn,
+            show_edges=True,
+            edge_color="#202020",
+            edge_opacity=0.22,
+            ambient=0.35,
+            diffuse=0.7,
+            reset_camera=False,
+        )
         if field is None:
-            return self.plotter.add_mesh(body.drawn, color=PLAIN_COLOUR, **common)
+            return add(color=PLAIN_COLOUR)
         if field.kind == "point":
             body.drawn.point_data["shown"] = np.zeros(body.drawn.n_points)
         else:
             body.drawn.cell_data["shown"] = np.zeros(body.drawn.n_cells)
-        return self.plotter.add_mesh(
-            body.drawn,
-            scalars="shown",
-            clim=field.limits,
-            cmap=field.colours,
-            show_scalar_bar=False,
-            **common,
-        )
+        return add(scalars="shown", clim=field.limits, cmap=field.colours, show_scalar_bar=False)
 
     def _add_shape_at_rest(self) -> None:
         """A dashed outline where the body is cut, else its surface, to be looked through."""
-
         mesh = self.result.mesh
         if self.view.cut:
             outline = 1e3 * midsagittal(mesh).outline(mesh.points)

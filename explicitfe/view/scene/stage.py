@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # Where words stand, as shares of the picture's width and height from its lower left corner, and how large they are there.
 LEFT_SHARE, TITLE_SHARE, LINE_SHARE = 0.02, 0.945, 0.042
 LETTER_SHARE, TITLE_LETTER_SHARE = 0.021, 0.027
+SCALE_TITLE_PLACE = (0.345, 0.096)
 # Room that the scene leaves free above and below it, and on either side.
 FREE_MARGINS = (0.13, 0.15, 0.03)
 TITLE_CHARACTERS, LINE_CHARACTERS = 74, 100
@@ -129,24 +130,22 @@ class Stage:
         field = self.scene.field
         if field is None:
             return
+        self._words(field.label, SCALE_TITLE_PLACE, LETTER_SHARE, "black")
         bar = self.plotter.add_scalar_bar(
-            title=plain_words(field.label),
+            title="",
             n_labels=5,
             fmt="%.4g",
             position_x=0.34,
-            position_y=0.025,
+            position_y=0.02,
             width=0.42,
-            height=0.095,
-            title_font_size=round(1.1 * LETTER_SHARE * self._height_px),
+            height=0.075,
             label_font_size=round(LETTER_SHARE * self._height_px),
             color="black",
             unconstrained_font_size=True,
             mapper=self.scene.body_mapper,
         )
-        bar.SetVerticalTitleSeparation(round(0.75 * LETTER_SHARE * self._height_px))
-        for letters in (bar.GetTitleTextProperty(), bar.GetLabelTextProperty()):
-            letters.SetFontFamily(VTK_FONT_FILE)
-            letters.SetFontFile(font_file())
+        bar.GetLabelTextProperty().SetFontFamily(VTK_FONT_FILE)
+        bar.GetLabelTextProperty().SetFontFile(font_file())
 
     def _add_orientation(self) -> None:
         """Three arrows in the lower right corner: to the speaker's front and left, and up; those along the view have no name."""

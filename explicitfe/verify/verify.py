@@ -91,5 +91,5 @@ def allowed_in_words(value: float, unit: str) -> str:
     """A deviation with its unit: shares of at least a thousandth in per cent."""
     if unit and not unit.startswith("of "):
         return f"{value:g} {unit}"
-    share = f"{100.0 * value:.3g} %" if value >= 1e-3 else f"{value:.2g}"
+    share = f"{100.0 * value:.3g} %" if value >= 1e-5 else f"{value:.2g}".replace("e-0", "e-")
     return f"{share} {unit}".rstrip()

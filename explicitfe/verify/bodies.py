@@ -20,7 +20,7 @@ from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import Transient
-from explicitfe.verify.claim import Finding, Workshop
+from explicitfe.verify.claim import ClaimFigure, Workshop
 
 MATERIAL = Yeoh(C10_Pa=191.5, C20_Pa=90.6, poisson=0.499)
 # Rise [mm] of the end of a clamped block of 60 x 20 x 20 mm under 0.02 N from time 0 on, area mean, at times [ms]: an explicit
@@ -40,7 +40,7 @@ STEP_SHARES, REFERENCE_STEP_SHARE, STEPS = (1 / 8, 1 / 16, 1 / 32), 1 / 256, 16
 GESTURE_S = 0.04
 
 
-def cantilever(_: Workshop) -> Finding:
+def cantilever(_: Workshop) -> ClaimFigure:
     """The largest relative difference of the end's rise."""
     edge = 0.02 / BEAM_ELEMENTS_ACROSS
     mesh = box((3 * BEAM_ELEMENTS_ACROSS, BEAM_ELEMENTS_ACROSS, BEAM_ELEMENTS_ACROSS), (0.06, 0.02, 0.02))
@@ -58,20 +58,20 @@ def cantilever(_: Workshop) -> Finding:
         _advance(course, 1e-3 * time_ms)
         rises[time_ms] = 1e3 * float(weights @ body.displacement[end, 2])
     off = max(abs(rises[t] / wanted - 1.0) for t, wanted in END_RISES_MM.items())
-    return Finding(", ".join(f"{rise:.2f} mm at {t} ms" for t, rise in rises.items()), off)
+    return ClaimFigure(", ".join(f"{rise:.2f} mm at {t} ms" for t, rise in rises.items()), off)
 
 
-def punch(_: Workshop) -> Finding:
+def punch(_: Workshop) -> ClaimFigure:
     """How far the depths under a frictionless flat tool lie off the others', beyond these others' own doubt."""
     return _pressed("flat-cylinder", PUNCH_MM, PUNCH_DOUBT_MM)
 
 
-def disc(_: Workshop) -> Finding:
+def disc(_: Workshop) -> ClaimFigure:
     """The same under a disc that is glued to the specimen."""
     return _pressed("bonded-disc", DISC_MM, DISC_DOUBT_MM)
 
 
-def _pressed(shape: Literal["flat-cylinder", "bonded-disc"], wanted_mm: np.ndarray, doubt_mm: np.ndarray) -> Finding:
+def _pressed(shape: Literal["flat-cylinder", "bonded-disc"], wanted_mm: np.ndarray, doubt_mm: np.ndarray) -> ClaimFigure:
     table = SpecimenTable(radius_mm=35.0, height_mm=20.0, material=MATERIAL)
     body = Relaxation(specimen_model(table, ToolTable(shape=shape, radius_mm=14.0, friction=0.0)), 1e-4)
     body.settle()
@@ -82,10 +82,10 @@ def _pressed(shape: Literal["flat-cylinder", "bonded-disc"], wanted_mm: np.ndarr
             raise RunError(f"a force of {load_N} N was not reached: {reached}")
         depths_mm.append(1e3 * reached.displacement_m)
     off = np.maximum(np.abs(np.array(depths_mm) - wanted_mm) - doubt_mm, 0.0) / wanted_mm
-    return Finding(f"{depths_mm[0]:.3f} mm at 0.1 N to {depths_mm[-1]:.3f} mm at 0.8 N", float(off.max()))
+    return ClaimFigure(f"{depths_mm[0]:.3f} mm at 0.1 N to {depths_mm[-1]:.3f} mm at 0.8 N", float(off.max()))
 
 
-def order_in_time(_: Workshop) -> Finding:
+def order_in_time(_: Workshop) -> ClaimFigure:
     """How far the order of convergence in time is from 2, where a load jumps and damping acts."""
     mesh = box((2, 2, 2), (0.02, 0.02, 0.02))
     held = np.zeros(mesh.points.shape, dtype=bool)
@@ -104,10 +104,10 @@ def order_in_time(_: Workshop) -> Finding:
     exact = end(REFERENCE_STEP_SHARE)
     errors = [float(np.linalg.norm(end(share) - exact)) for share in STEP_SHARES]
     orders = np.diff(np.log(errors)) / np.diff(np.log(STEP_SHARES))
-    return Finding(f"orders {', '.join(f'{order:.2f}' for order in orders)}", float(np.abs(orders - 2.0).max()))
+    return ClaimFigure(f"orders {', '.join(f'{order:.2f}' for order in orders)}", float(np.abs(orders - 2.0).max()))
 
 
-def goes_on(_: Workshop) -> Finding:
+def goes_on(_: Workshop) -> ClaimFigure:
     """Coordinates that differ between a gesture as a whole and one that was stopped halfway, stored and gone on with."""
     scenario = shipped.scenario_file("vowel-i")
     settings = ("model.resolution=coarse", f"analysis.duration_ms={1e3 * GESTURE_S:g}")
@@ -126,16 +126,16 @@ def goes_on(_: Workshop) -> Finding:
     _advance(later, GESTURE_S)
     one, other = whole.simulation.displacement, later.simulation.displacement
     differing = int(np.count_nonzero(one != other))
-    return Finding(f"{differing} of {one.size} coordinates differ", float(differing))
+    return ClaimFigure(f"{differing} of {one.size} coordinates differ", float(differing))
 
 
-def balance(work: Workshop) -> Finding:
+def balance(work: Workshop) -> ClaimFigure:
     """The largest energy that appears or vanishes in a gesture, over the energies that are at work."""
     summary = cast(TransientSummary, work.run("vowel-i"))
     off = summary["energy_balance_error"]
     if off is None:
         raise RunError("the energies of the run are not finite.")
-    return Finding(f"off by {off:.1g} of the energy at most, in {summary['steps']} steps", off)
+    return ClaimFigure(f"off by {off:.1g} of the energy at most, in {summary['steps']} steps", off)
 
 
 def _advance(course: Transient, time_s: float) -> None:

@@ -17,7 +17,7 @@ Evidence = Literal["closed form", "other program", "published", "measured data",
 
 
 @dataclass(frozen=True)
-class Finding:
+class ClaimFigure:
     """What a claim came to.
 
     Attributes
@@ -83,5 +83,5 @@ class Claim:
     unit: str
     because: str
     fails: str
-    figure: Callable[[Workshop], Finding]
+    figure: Callable[[Workshop], ClaimFigure]
     seconds: float

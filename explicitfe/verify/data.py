@@ -18,7 +18,7 @@ from explicitfe.measured.read import read_dataset
 from explicitfe.measured.select import select
 from explicitfe.predict.setup import Setup, SpecimenKeys, ToolKeys
 from explicitfe.solve.load_outcome import Equilibrium
-from explicitfe.verify.claim import Finding, Workshop
+from explicitfe.verify.claim import ClaimFigure, Workshop
 
 # Of Gérard et al. (2005), front of the tongue with its mucosa [Pa], from whose forces the test is made.
 CONSTANTS_PA = (190.0, 87.0)
@@ -61,7 +61,7 @@ SEALED_SEED, SEALED_KINDS = 20260, {"control": 4, "single": 6}
 PROCESSES = 2
 
 
-def constants_come_back(work: Workshop) -> Finding:
+def constants_come_back(work: Workshop) -> ClaimFigure:
     """The larger relative error of C10 and C20, in units of what is allowed for each: 1 and 4 per cent."""
     body = Setup(SPECIMEN, TOOL, 0.499, 1040.0).relaxation(*CONSTANTS_PA, tolerance=3e-5)
     rows = ["time_s,displacement_mm,force_N"]
@@ -77,10 +77,10 @@ def constants_come_back(work: Workshop) -> Finding:
     constants = identify(folder, refinement=REFINEMENT_OF_FIT)["groups"]["all"]["constants"]
     values = [constants[name]["value"] for name in ("C10_Pa", "C20_Pa")]
     errors = [abs(value / wanted - 1.0) for value, wanted in zip(values, CONSTANTS_PA, strict=True)]
-    return Finding(f"C10 {values[0]:.1f} Pa, C20 {values[1]:.1f} Pa", max(errors[0], errors[1] / 4.0))
+    return ClaimFigure(f"C10 {values[0]:.1f} Pa, C20 {values[1]:.1f} Pa", max(errors[0], errors[1] / 4.0))
 
 
-def other_casting(_: Workshop) -> Finding:
+def other_casting(_: Workshop) -> ClaimFigure:
     """The rms error of one casting by constants that were fitted to another one, over the largest force; of the worst mix."""
     groups, _left_out = select(read_dataset(shipped.dataset_folder(SILICONE)), ["sample=A"])
     models = ForwardModels(groups, 0.499, 1.0)
@@ -90,10 +90,10 @@ def other_casting(_: Workshop) -> Finding:
         shares = [models.observed(curve, group.rows[curve.id]).errors(fit.constants)["nrmse"] for curve in group.predicted]
         errors[group.name] = float(np.mean(shares))
     text = ", ".join(f"{name} {100.0 * share:.2f} %" for name, share in errors.items())
-    return Finding(f"left out: {text} of the largest force", max(errors.values()))
+    return ClaimFigure(f"left out: {text} of the largest force", max(errors.values()))
 
 
-def sealed_cases(work: Workshop) -> Finding:
+def sealed_cases(work: Workshop) -> ClaimFigure:
     """How many of the sealed cases end with a cause that is not in them, or with no answer at all."""
     folder = work.folder / "sealed-cases"
     processes = min(PROCESSES, os.cpu_count() or 1)
@@ -107,4 +107,4 @@ def sealed_cases(work: Workshop) -> Finding:
         f"{wrong} wrong of {len(cases)}; silent in {silent} of {SEALED_KINDS['control']} without an effect, the effect named in "
         f"{right} of {SEALED_KINDS['single']} with one"
     )
-    return Finding(text, float(wrong))
+    return ClaimFigure(text, float(wrong))

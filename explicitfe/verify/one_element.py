@@ -13,7 +13,7 @@ from explicitfe.materials.yeoh import Yeoh
 from explicitfe.mesh.box import box
 from explicitfe.model.model import Model
 from explicitfe.solve.simulation import Simulation
-from explicitfe.verify.claim import Finding, Workshop
+from explicitfe.verify.claim import ClaimFigure, Workshop
 
 C10_PA, C20_PA, POISSON = 191.5, 90.6, 0.4999
 BULK_PA = 4.0 * C10_PA * (1.0 + POISSON) / (3.0 * (1.0 - 2.0 * POISSON))
@@ -38,7 +38,7 @@ FEBIO_PA = {
 }
 
 
-def closed_form(_: Workshop) -> Finding:
+def closed_form(_: Workshop) -> ClaimFigure:
     """The largest difference of all nine components of the first Piola-Kirchhoff stress, over the largest of them."""
     worst = 0.0
     for test, values in CURVES.items():
@@ -46,17 +46,17 @@ def closed_form(_: Workshop) -> Finding:
             F = stretched(test, float(value))
             wanted = np.linalg.det(F) * cauchy_stress(F) @ np.linalg.inv(F).T
             worst = max(worst, float(np.abs(of_the_element(F) - wanted).max() / np.abs(wanted).max()))
-    return Finding(f"20 states, the stress off by {worst:.1g} at most", worst)
+    return ClaimFigure(f"20 states, the stress off by {worst:.1g} at most", worst)
 
 
-def other_program(_: Workshop) -> Finding:
+def other_program(_: Workshop) -> ClaimFigure:
     """The largest relative difference of the Cauchy stress along the load to FEBio's."""
     worst = 0.0
     for (test, value), wanted in FEBIO_PA.items():
         F = stretched(test, value)
         stress = of_the_element(F) @ F.T / np.linalg.det(F)
         worst = max(worst, abs(float(stress[(0, 1) if test == "shear" else (0, 0)]) / wanted - 1.0))
-    return Finding(f"{len(FEBIO_PA)} states, the stress off by {worst:.1g} at most", worst)
+    return ClaimFigure(f"{len(FEBIO_PA)} states, the stress off by {worst:.1g} at most", worst)
 
 
 def cauchy_stress(F: np.ndarray) -> np.ndarray:

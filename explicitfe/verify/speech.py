@@ -12,7 +12,7 @@ from explicitfe.acoustics.losses import LOSSLESS, SPEED_OF_SOUND_M_S
 from explicitfe.errors import RunError
 from explicitfe.measure.document import Measures
 from explicitfe.measure.measure import measure
-from explicitfe.verify.claim import Finding, Workshop
+from explicitfe.verify.claim import ClaimFigure, Workshop
 
 # Areas in cm2 from the glottis to the lips, every 5 mm, of three Russian vowels after X-ray pictures of one speaker (Fant 1960),
 # and the first three peaks [Hz] that Praat 6.1.38 computes of them without loss, on a grid of 0.25 Hz, with its speed of sound.
@@ -46,7 +46,7 @@ VOWELS = {"i": "vowel-i-palatal", "a": "vowel-a", "u": "vowel-u"}
 COARSE = "model.resolution=coarse"
 
 
-def tubes(_: Workshop) -> Finding:
+def tubes(_: Workshop) -> ClaimFigure:
     """The largest difference of the formants of Fant's tubes to Praat's [Hz]."""
     off = 0.0
     for vowel, wanted in PRAAT_HZ.items():
@@ -55,10 +55,10 @@ def tubes(_: Workshop) -> Finding:
         share = PRAAT_SPEED_M_S / SPEED_OF_SOUND_M_S
         ours = [share * f.frequency_hz for f in formants(Tube(np.full(len(areas), SECTION_M), areas), len(wanted), LOSSLESS)]
         off = max(off, float(np.abs(np.array(ours) - wanted).max()))
-    return Finding(f"nine formants of [a], [i], [u], off by {off:.2f} Hz at most", off)
+    return ClaimFigure(f"nine formants of [a], [i], [u], off by {off:.2f} Hz at most", off)
 
 
-def muscles(work: Workshop) -> Finding:
+def muscles(work: Workshop) -> ClaimFigure:
     """How many muscles that pull alone do not move the tongue as the anatomy says."""
     wrong = []
     for scenario, (point, should, holds) in MUSCLES.items():
@@ -66,10 +66,10 @@ def muscles(work: Workshop) -> Finding:
         if not holds((moved.forward_mm, moved.up_mm)):
             wrong.append(f"{scenario.partition('-')[0].upper()} does not move the {point} {should}")
     right = len(MUSCLES) - len(wrong)
-    return Finding("; ".join([f"{right} of {len(MUSCLES)} muscles", *wrong]), float(len(wrong)))
+    return ClaimFigure("; ".join([f"{right} of {len(MUSCLES)} muscles", *wrong]), float(len(wrong)))
 
 
-def vowel_triangle(work: Workshop) -> Finding:
+def vowel_triangle(work: Workshop) -> ClaimFigure:
     """How many of the five orders of F1 and F2 that speakers have are the other way round."""
     ours = {}
     for vowel, scenario in VOWELS.items():
@@ -80,7 +80,7 @@ def vowel_triangle(work: Workshop) -> Finding:
     orders = [("a", "i", 0), ("a", "u", 0), ("i", "a", 1), ("a", "u", 1), ("i", "u", 1)]
     wrong = sum(ours[high][k] <= ours[low][k] for high, low, k in orders)
     text = ", ".join(f"[{vowel}] {first:.0f} {second:.0f} Hz" for vowel, (first, second) in ours.items())
-    return Finding(text, float(wrong))
+    return ClaimFigure(text, float(wrong))
 
 
 def _measured(work: Workshop, scenario: str, with_formants: bool = False) -> Measures:

@@ -11,7 +11,7 @@ from support import ROOT
 
 from explicitfe.errors import InputError, RunError
 from explicitfe.verify import one_element, verify
-from explicitfe.verify.claim import Finding, Workshop
+from explicitfe.verify.claim import ClaimFigure, Workshop
 from explicitfe.verify.claims import CLAIMS
 
 PAGE = ROOT / "docs" / "is-it-true.md"
@@ -57,7 +57,7 @@ def test_a_claim_that_does_not_hold_fails(monkeypatch: pytest.MonkeyPatch, capsy
 
 
 def test_what_cannot_be_computed_does_not_hold_and_stops_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(_: Workshop) -> Finding:
+    def fails(_: Workshop) -> ClaimFigure:
         raise RunError("the run stopped early.")
 
     first, second = replace(CLAIMS[0], figure=fails), CLAIMS[1]

@@ -22,6 +22,7 @@ Stage = Literal[
     "make",
     "warm",
     "bench",
+    "verify",
 ]
 """What a long task is doing; ``view/progress.py`` has words for each."""
 

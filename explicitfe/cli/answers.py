@@ -37,6 +37,7 @@ from explicitfe.results.run_summary import (
     TransientCheckReport,
     TransientSummary,
 )
+from explicitfe.results.verification import Verification
 from explicitfe.run.lists import (
     ListedDataset,
     ListedEffect,
@@ -142,6 +143,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     ),
     "doctor": (Examination,),
     "warmup": (MachineCode,),
+    "verify": (Verification,),
     "bench": (SpeedReport,),
 }
 

@@ -32,6 +32,7 @@ from explicitfe.cli.resume import resume
 from explicitfe.cli.run import run
 from explicitfe.cli.schema import schema
 from explicitfe.cli.streams import stdout
+from explicitfe.cli.verify import verify
 from explicitfe.cli.view import view
 from explicitfe.cli.warmup import warmup
 from explicitfe.host.code_cache import refuse_foreign_code
@@ -51,7 +52,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "export": export,
     },
     "Measured data": {"identify": identify, "predict": predict, "close-loop": close_loop, "design-test": design_test},
-    "The program": {"doctor": doctor, "list": list_, "schema": schema, "warmup": warmup, "bench": bench},
+    "The program": {"doctor": doctor, "list": list_, "schema": schema, "warmup": warmup, "bench": bench, "verify": verify},
 }
 # Panel -> name of a group -> its help and its commands.
 GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {

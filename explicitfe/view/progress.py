@@ -29,6 +29,7 @@ STAGES: dict[Stage, str] = {
     "make": "making cases",
     "warm": "making machine code",
     "bench": "timing",
+    "verify": "computing claims",
     "close-loop": "closing the loop on cases",
 }
 BETWEEN_LINES_S = 10.0  # of a log, which nobody watches

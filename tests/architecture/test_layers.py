@@ -37,6 +37,7 @@ RANKS = [
     {"identify"},
     {"close_loop"},
     {"blind"},
+    {"verify"},
     {"__init__"},
     {"cli"},
     {"__main__"},

@@ -1,0 +1,38 @@
+"""``explicitfe verify``."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from explicitfe.cli.answer import console, print_answer
+from explicitfe.cli.options import JsonOption
+from explicitfe.view.progress import following
+
+
+def verify(
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="NAME", help="Compute only this claim; repeat for more.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compute the claims of the page "Is it true?" on this machine, each beside its reference; a few minutes in all.
+
+    Exit code 3 if one of them does not hold.
+
+    Example: [bold]explicitfe verify --only febio --only tubes[/bold]
+    """
+    with following(console, "starting") as progress:
+        from explicitfe.verify.verify import verify as compute_claims
+        from explicitfe.view.terminal.verify import verification_tables
+
+        verification = compute_claims(only or (), progress=progress)
+    broken = [row["name"] for row in verification["claims"] if not row["holds"]]
+    count = f"{len(broken)} of {len(verification['claims'])} claims"
+    print_answer(
+        verification,
+        as_json,
+        lambda: verification_tables(verification),
+        failure=("check", f"{count} do not hold here: {', '.join(broken)}.") if broken else None,
+    )

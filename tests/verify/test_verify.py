@@ -1,0 +1,73 @@
+"""``explicitfe verify``: the claims of the page; those that take seconds are computed, and one that does not hold fails."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from answers import check_answer
+from command import command
+from support import ROOT
+
+from explicitfe.errors import InputError, RunError
+from explicitfe.verify import one_element, verify
+from explicitfe.verify.claim import ClaimFigure, Workshop
+from explicitfe.verify.claims import CLAIMS
+
+PAGE = ROOT / "docs" / "is-it-true.md"
+QUICK = ("one-element", "febio", "order-in-time", "tubes", "other-casting")
+LONGEST_S = 600.0
+
+
+def test_the_page_is_the_list() -> None:
+    """Written anew by: python -c "from explicitfe.verify.verify import markdown_table; print(markdown_table(), end='')" """
+    text = PAGE.read_text(encoding="utf-8")
+    table = text.partition("<!-- begin claims")[2].partition("-->\n")[2].partition("<!-- end claims")[0]
+    assert table.strip() == verify.markdown_table().strip()
+
+
+def test_every_claim_says_what_it_rests_on_and_where_it_ends() -> None:
+    names = [claim.name for claim in CLAIMS]
+    assert len(set(names)) == len(names) >= 12
+    for claim in CLAIMS:
+        assert claim.sentence.endswith(".") and claim.fails.endswith(".") and claim.source and claim.because and claim.reference
+        assert claim.allowed >= 0.0 and claim.seconds > 0.0
+    assert sum(claim.seconds for claim in CLAIMS) < LONGEST_S
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_quick_claims_hold(name: str) -> None:
+    (row,) = verify.verify([name])["claims"]
+    assert row["holds"] and row["off"] is not None and row["off"] <= row["allowed"] and row["measured"], row
+
+
+def test_a_claim_that_does_not_hold_fails(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """FEBio's stress in one state moved by a thousandth: the claim fails, and with it the command: a check does not hold."""
+    wrong = dict(one_element.FEBIO_PA)
+    wrong["tension", 1.5] *= 1.001
+    monkeypatch.setattr(one_element, "FEBIO_PA", wrong)
+    assert command(["verify", "--only", "febio", "--only", "tubes", "--json"]) == 3
+    answer = check_answer("verify", capsys.readouterr().out)
+    assert answer["holding"] == 1 and [row["holds"] for row in answer["claims"]] == [False, True]
+    assert answer["failure"]["kind"] == "check" and "febio" in answer["failure"]["message"]
+    assert answer["claims"][0]["off"] == pytest.approx(1e-3, rel=0.01)
+    assert command(["verify", "--only", "febio"]) == 3
+    printed = capsys.readouterr()
+    assert "fails" in printed.out and "0 of 1" in printed.out and "do not hold here: febio" in printed.err.replace("\n", " ")
+
+
+def test_what_cannot_be_computed_does_not_hold_and_stops_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(_: Workshop) -> ClaimFigure:
+        raise RunError("the run stopped early.")
+
+    first, second = replace(CLAIMS[0], figure=fails), CLAIMS[1]
+    monkeypatch.setattr(verify, "CLAIMS", (first, second))
+    verification = verify.verify()
+    rows = verification["claims"]
+    assert [row["holds"] for row in rows] == [False, True] and verification["holding"] == 1
+    assert rows[0]["message"] == "the run stopped early." and rows[0]["off"] is None
+
+
+def test_a_claim_that_is_not_there_is_named() -> None:
+    with pytest.raises(InputError, match=r'there is no claim .febbio.; did you mean "febio"'):
+        verify.verify(["febbio"])

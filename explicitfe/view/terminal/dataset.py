@@ -11,18 +11,20 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.dataset_check import ColumnRange, DatasetCheckReport
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs, text_of
 
 
-def new_dataset_table(dataset: Mapping[str, Any]) -> Table:
+def new_dataset_table(dataset: Mapping[str, Any]) -> Group:
     """A dataset that was made: which column became what, and its curves."""
-    table = pairs(f"{dataset['dataset']}: {dataset['test']}")
+    table = pairs("")
+    table.add_row("test", dataset["test"])
     for name, column in dataset["columns"].items():
         table.add_row(name, escape(f"from {column}"))
     for curve in dataset["curves"]:
         text = f"{curve['rows']} rows, {curve['duration_s']:.4g} s, from {Path(curve['source']).name}"
         table.add_row(f"curve {escape(curve['id'])}", escape(text))
-    return table
+    return Group(table, file_lines([("dataset", dataset["dataset"])]))
 
 
 def dataset_check_tables(report: DatasetCheckReport) -> Group:

@@ -1,28 +1,24 @@
-"""Tables of what was drawn."""
+"""What was drawn, in the terminal."""
 
 from __future__ import annotations
 
+from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
 from explicitfe.results.drawn import DrawnPictures, ShownScene
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
 
-def drawn_table(drawn: DrawnPictures) -> Table:
+def drawn_table(drawn: DrawnPictures) -> Group:
     """The files of ``explicitfe plot``."""
-    table = pairs(drawn["result"])
-    for path in drawn["files"]:
-        table.add_row("picture", escape(path))
-    return table
+    return file_lines([("result", drawn["result"]), *(("picture", path) for path in drawn["files"])])
 
 
-def scene_table(shown: ShownScene) -> Table:
+def scene_table(shown: ShownScene) -> Group:
     """The files of ``explicitfe view``, or that it was a window."""
-    table = pairs(shown["result"])
-    table.add_row("view", f"{shown['view']}, {shown['field']}")
-    for path in shown["files"]:
-        table.add_row("file", escape(path))
+    table = pairs("")
+    table.add_row("view", escape(f"{shown['view']}, {shown['field']}"))
     if not shown["files"]:
         table.add_row("window", "closed")
-    return table
+    return Group(table, file_lines([("result", shown["result"]), *(("file", path) for path in shown["files"])]))

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.host.load import is_busy
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs, text_of
 
 if TYPE_CHECKING:
@@ -44,15 +45,14 @@ def machine_code_table(seconds_of: dict[str, float]) -> Table:
     return table
 
 
-def new_scenario_table(scenario: Mapping[str, Any]) -> Table:
+def new_scenario_table(scenario: Mapping[str, Any]) -> Group:
     """A scenario that was written."""
     table = pairs(scenario["title"])
-    table.add_row("file", escape(scenario["scenario"]))
     if scenario["like"]:
         table.add_row("a copy of", escape(scenario["like"]))
     for name, force_N in scenario["muscles"].items():
         table.add_row(f"muscle {escape(name)}", f"{force_N:g} N")
-    return table
+    return Group(table, file_lines([("file", scenario["scenario"])]))
 
 
 # State of a thing that was looked at -> how it is shown.

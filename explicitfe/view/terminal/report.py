@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from rich.console import Group
 from rich.markup import escape
-from rich.table import Table
 
 from explicitfe.view.run_page.write import ReportAnswer
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
 
-def report_table(answer: ReportAnswer) -> Table:
+def report_table(answer: ReportAnswer) -> Group:
     """The page, and whether each result may be quoted."""
     table = pairs("report")
-    table.add_row("page", f"{escape(answer['report'])} ({answer['size_MB']:.1f} MB)")
-    for run in answer["results"]:
+    several = len(answer["results"]) > 1
+    labels = [f"result {number}" if several else "result" for number in range(1, len(answer["results"]) + 1)]
+    for label, run in zip(labels, answer["results"], strict=True):
         reasons = "\n".join(f"- {reason}" for reason in run["reasons"])
         verdict = "quotable" if run["quotable"] else f"not quotable, because\n{escape(reasons)}"
-        table.add_row(escape(run["result"]), verdict)
-    if len(answer["results"]) > 1:
+        table.add_row(label, verdict)
+    if several:
         table.add_row("scenarios differ in", escape(", ".join(answer["differing_keys"])) or "nothing")
-    return table
+    table.add_row("size", f"{answer['size_MB']:.1f} MB")
+    return Group(
+        table,
+        file_lines(
+            [*((label, run["result"]) for label, run in zip(labels, answer["results"], strict=True)), ("page", answer["report"])]
+        ),
+    )

@@ -120,7 +120,7 @@ def test_results_side_by_side(gesture: Path, tmp_path: Path) -> None:
     answer = write_report([gesture, other], tmp_path / "two.html")
     assert answer["differing_keys"] == ["muscle.GGp.force_N", "muscle.GGp.end_ms"]
     text = (tmp_path / "two.html").read_text(encoding="utf-8")
-    assert text.count("<article data-run") == 2 and "not given" in text
+    assert text.count("<article data-run") == 2 and "not given" in text and "<details open><summary>2 keys" in text
     forward = re.findall(r'data-y="([^"]*)"[^>]*>\s*<figcaption>Named points: forward', text)
     assert len(forward) == 2 and len(set(forward)) == 1
     with pytest.raises(InputError, match=f"at most {MOST_RESULTS} results"):

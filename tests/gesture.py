@@ -46,7 +46,8 @@ def scenario(**changes: Any) -> dict[str, Any]:
 
 
 def write_gesture(path: Path, warnings: list[str] | None = None, frames: int = FRAMES, push: float = 1.0, **changes: Any) -> Path:
-    """A finished result of a push; ``changes`` are keys of its scenario."""
+    """A finished result of a push; ``changes`` are keys of its scenario, or the material of its model."""
+    material = changes.pop("material", {})
     mesh, stated = tongue().mesh, scenario(**changes)
     title = str(stated["title"])
     history = {name: Quantity("J") for name in ENERGIES}
@@ -60,7 +61,13 @@ def write_gesture(path: Path, warnings: list[str] | None = None, frames: int = F
         point_fields={"velocity": Quantity("m/s", 3)},
         history=history,
         scenario_text="# --set muscle.GGp.force_N=2.0\n# --set title=It's a push\ntitle = 'push'\n# --set no setting\n",
-        model={"name": "tongue", "scenario": stated, "scenario_file": "push.toml", "muscles": stated["muscle"]},
+        model={
+            "name": "tongue",
+            "scenario": stated,
+            "scenario_file": "push.toml",
+            "muscles": stated["muscle"],
+            "material": material,
+        },
         provenance={"explicitfe": "test", "processor": "<none>"},
         overwrite=True,
     ) as result:

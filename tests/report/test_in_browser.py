@@ -195,6 +195,8 @@ def test_two_runs_move_together(browser: Any, gesture: Path, tmp_path: Path) -> 
     other = write_gesture(tmp_path / "other.vtkhdf", push=-1.0, muscle=[{"name": "GGp", "force_N": 1.0}])
     opened = Opened(browser, Path(write_report([gesture, other], tmp_path / "two.html")["report"]), WIDE)
     outlines = opened.page.locator(".contour .body path")
+    outlines.last.scroll_into_view_if_needed()  # only what is on the screen is drawn
+    opened.page.wait_for_selector(".contour .body path[d] >> nth=1", timeout=PATIENCE_MS)
     end = [outlines.nth(k).get_attribute("d") for k in range(2)]
     opened.slide(0.0)
     start = [outlines.nth(k).get_attribute("d") for k in range(2)]

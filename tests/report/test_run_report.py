@@ -120,7 +120,7 @@ def test_results_side_by_side(gesture: Path, tmp_path: Path) -> None:
     answer = write_report([gesture, other], tmp_path / "two.html")
     assert answer["differing_keys"] == ["muscle.GGp.force_N", "muscle.GGp.end_ms"]
     text = (tmp_path / "two.html").read_text(encoding="utf-8")
-    assert text.count("<article data-run") == 2 and "not given" in text
+    assert text.count("<article data-run") == 2 and "not given" in text and "<details open><summary>2 keys" in text
     forward = re.findall(r'data-y="([^"]*)"[^>]*>\s*<figcaption>Named points: forward', text)
     assert len(forward) == 2 and len(set(forward)) == 1
     with pytest.raises(InputError, match=f"at most {MOST_RESULTS} results"):
@@ -193,3 +193,13 @@ def test_the_duration_is_on_the_axis(gesture: Path) -> None:
     text = Path(write_report([gesture], overwrite=True)["report"]).read_text(encoding="utf-8")
     spans = set(re.findall(r'data-x="([^"]*)" data-y="[^"]*" data-follows="time"', text))
     assert spans == {f"0.0 {1e3 * DURATION_S}"}
+
+
+def test_numbers_are_as_they_may_be_quoted(tmp_path: Path) -> None:
+    """Constants are not rounded, a column of zeros is left out, and decades are written alike."""
+    path = write_gesture(tmp_path / "quoted.vtkhdf", material={"law": "yeoh", "C10_Pa": 1037.25, "density_kg_m3": 1040.0})
+    text = Path(write_report([path])["report"]).read_text(encoding="utf-8")
+    assert "yeoh, C10 1037.25 Pa, density 1040 kg/m³" in text
+    assert "forward (mm)" in text and "right (mm)" not in text and ">-0.00<" not in text
+    errors = chart("error", [Line("", np.arange(3.0), np.array([1e-6, 1e-5, 1e-3]))], logarithmic=True)
+    assert errors is not None and [tick.label for tick in errors.y_ticks] == ["10⁻⁶", "10⁻⁵", "10⁻⁴", "10⁻³"]

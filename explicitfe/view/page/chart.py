@@ -13,6 +13,8 @@ from typing import Literal
 
 import numpy as np
 
+from explicitfe.view.report.words import SUPERSCRIPTS
+
 CHART_SIDE = 1000.0
 # More points than this cannot be told apart on a screen; of longer lines the extremes are kept.
 MOST_POINTS_OF_A_LINE = 600
@@ -177,7 +179,9 @@ def _decades(low: float, high: float) -> tuple[list[float], list[str]]:
         numbers, _ = round_ticks(low, high, 3)
         return numbers, [f"{DECADE_FACTOR**x:.1e}" for x in numbers]
     exponents = exponents[:: math.ceil(len(exponents) / MOST_DECADES_MARKED)]
-    return [float(k) for k in exponents], [f"{DECADE_FACTOR**k:g}" for k in exponents]
+    plain = exponents[0] >= -3 and exponents[-1] <= 4
+    labels = [f"{DECADE_FACTOR**k:g}" if plain else f"10{str(k).translate(SUPERSCRIPTS)}" for k in exponents]
+    return [float(k) for k in exponents], labels
 
 
 def _ticks(values: list[float], labels: list[str], low: float, high: float) -> list[Tick]:

@@ -16,6 +16,7 @@ from explicitfe.measure.measure import measures_of
 from explicitfe.results import Result
 from explicitfe.results.differing_keys import differing_keys
 from explicitfe.results.run_summary import kind_of
+from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.view.heading import title_of
 from explicitfe.view.muscles import muscles_of, pull_in_words
 from explicitfe.view.page.chart import Chart
@@ -26,6 +27,8 @@ from explicitfe.view.run_page.quotable import Quotability, quotability
 
 # So many characters of a value of a scenario stand in the table of what differs.
 LONGEST_VALUE_CHARACTERS = 80
+# What is less than this everywhere is 0.00 in a table, and says nothing.
+SMALLEST_SHOWN_MM = 0.005
 # So begins each line in which a stored scenario notes a setting that it was run with.
 SETTING = "# --set "
 
@@ -126,8 +129,10 @@ def _facts(result: Result) -> Iterator[tuple[str, str]]:
     yield "status", result.status
     size = f"{result.mesh.element_count} elements, {result.mesh.node_count} nodes"
     yield "mesh", f"{model['name']}, {size}" if model.get("name") else size
-    if model.get("material"):
-        yield "material", ", ".join(_constant(key, value) for key, value in model["material"].items())
+    if material := dict(model.get("material") or {}):
+        source = material.pop("source", "")
+        yield "material", ", ".join(_constant(key, value) for key, value in material.items())
+        yield "source of the material", str(source)
     if muscles := muscles_of(result):
         yield "muscles", "; ".join(pull_in_words(muscle) for muscle in muscles)
     if result.bones:
@@ -143,7 +148,7 @@ def _facts(result: Result) -> Iterator[tuple[str, str]]:
         depth_mm = 1e3 * result.history("indentation")[most]
         yield "largest force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
     if finite(summary.get("energy_balance_error")):
-        yield "energy balance", f"off by at most {percent(summary['energy_balance_error'])}"
+        yield "energy balance", f"off by at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
     if finite(summary.get("hourglass_share")):
         yield "hourglass share", f"{percent(summary['hourglass_share'])} of the elastic energy at most"
     if finite(summary.get("min_J")):
@@ -161,10 +166,10 @@ def _facts(result: Result) -> Iterator[tuple[str, str]]:
 
 
 def _constant(key: str, value: object) -> str:
-    name, _, unit = key.rpartition("_")
-    if finite(value) and name:
-        return f"{name} {bare(value)} {unit}"
-    return str(value) if key in ("law", "shape") else f"{key} {bare(value) if finite(value) else value}"
+    """Such as "C10 1037 Pa": the number as it stands, for it may be quoted."""
+    words, unit = words_and_unit(key)
+    text = f"{value:.10g}" if finite(value) else str(value)
+    return text if key in ("law", "shape") else f"{words} {text} {unit}".rstrip()
 
 
 def _moved(result: Result, last: int) -> PageTable | None:
@@ -172,10 +177,12 @@ def _moved(result: Result, last: int) -> PageTable | None:
     if kind_of(result.model) != "transient" or not result.mesh.named_points:
         return None
     points = measures_of(result, last).points
+    moves_aside = any(abs(point.right_mm) >= SMALLEST_SHOWN_MM for point in points.values())
     rows = [
         (
             name,
-            *(f"{mm:z.2f}" for mm in (point.forward_mm, point.up_mm, point.right_mm)),
+            *(f"{mm:z.2f}" for mm in (point.forward_mm, point.up_mm)),
+            f"{point.right_mm:z.2f}" if moves_aside else "",
             f"{point.peak_speed_mm_s:.0f}",
             "" if point.time_to_90_ms is None else f"{point.time_to_90_ms:.0f}",
         )

@@ -7,7 +7,6 @@ before, and the whole is deflated: a second of a tongue is some hundred kilobyte
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
@@ -204,7 +203,7 @@ def _outlines(cut: PlaneCut, points: np.ndarray) -> Iterator[list[list[float]]]:
         yield np.round(at[loop][:, [0, 2]], 2).tolist()
 
 
-def _pack_point(packed: Packed, result: Result, name: str, steps: np.ndarray) -> dict[str, Any]:
+def _pack_point(packed: Packed, result: Result, name: str, steps: np.ndarray) -> dict[str, object]:
     """Add where a named point is in each frame."""
     point = result.mesh.named_points[name]
     packed.add(f"point_{name}", 1e3 * (point.position[0] + result.probe(name)[steps]), "<f4")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from explicitfe.results import Result
@@ -16,7 +14,7 @@ FACETS_AROUND = 48
 SHOWN_ABOVE_SHARE = 0.35
 
 
-def tool_of(packed: Packed, result: Result, steps: np.ndarray) -> dict[str, Any] | None:
+def tool_of(packed: Packed, result: Result, steps: np.ndarray) -> dict[str, object] | None:
     """Add the tool of an indentation, turned around the axis, and its height in each frame; None for a run in time."""
     if kind_of(result.model) != "relaxation" or "indentation" not in result.history_names:
         return None

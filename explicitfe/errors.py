@@ -38,6 +38,10 @@ class InputError(ValueError):
     """A scenario, model, mesh or option that cannot be used. The command line prints the sentence and exits with 2."""
 
 
+class RunWarning(UserWarning):
+    """A sentence for the user while work goes on. The command line prints it; warnings of libraries are for programmers."""
+
+
 class RunError(RuntimeError):
     """A run that started and could not be finished. The command line prints the sentence and exits with 3."""
 

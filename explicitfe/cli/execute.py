@@ -14,7 +14,7 @@ from explicitfe.cli.app import app
 from explicitfe.cli.completion import PROGRAM, answer_to_shell
 from explicitfe.cli.ending import DONE_EXIT_CODE, INPUT_EXIT_CODE, debug_first, failure_of, wants_json
 from explicitfe.cli.streams import stderr, stdout
-from explicitfe.errors import MachineError
+from explicitfe.errors import MachineError, RunWarning
 
 HELP = frozenset({"--help", "-h"})
 UNKNOWN_SHELL_EXIT_CODE = 1  # typer's own, of --install-completion and --show-completion
@@ -65,5 +65,5 @@ def _exit_code_of(words: list[str]) -> int:
 
 def _tell_warning(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
     """Say what a room warns of; libraries warn their programmers, who ask for it with --debug."""
-    if category is UserWarning:
+    if issubclass(category, RunWarning):
         print_note(str(message))

@@ -6,7 +6,7 @@ import shutil
 import warnings
 from pathlib import Path
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, RunWarning
 from explicitfe.host.memory import in_words
 
 # The smallest tongue takes 3 us a step: with more steps than this it takes five weeks, and any other mesh years.
@@ -60,5 +60,6 @@ def warn_of_long_run(seconds: float, work: str) -> None:
         time = f"{days:.2g} days" if days < _DAYS_OF_A_YEAR else f"{days / _DAYS_OF_A_YEAR:.2g} years"
         warnings.warn(
             f"at its present speed this run takes {time} ({work}); it can be stopped with Ctrl-C and gone on with later.",
+            RunWarning,
             stacklevel=2,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,11 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, RunWarning
 from explicitfe.mesh.box import box
 from explicitfe.results import FINISHED, ResultWriter, open_result
 from explicitfe.run.run import result_path, run
-from explicitfe.view.draw import draw
+from explicitfe.view.draw import PICTURES, draw
 from explicitfe.view.heading import variant_of
 from explicitfe.view.tongue import contour_figure, coronal_figure
 
@@ -93,3 +94,14 @@ def test_a_mesh_that_begins_at_zero_is_cut_in_its_middle(tmp_path):
     with open_result(path) as result:
         line = contour_figure(result, 1).axes[0].lines[1].get_xydata()
     assert np.nanmax(line[:, 1]) == pytest.approx(20.0 + 4.0 + 2.0)  # mm: in the middle half of what the far side rises by
+
+
+def test_warnings_of_libraries_are_not_for_users(tiny, tmp_path, capsys, monkeypatch):
+    def picture(*given: object) -> None:
+        warnings.warn("constrained_layout not applied", UserWarning, stacklevel=1)
+        warnings.warn("this takes long", RunWarning, stacklevel=1)
+
+    monkeypatch.setitem(PICTURES["transient"], "contour", picture)
+    assert command(["plot", str(tiny), "--only", "contour", "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().err
+    assert "note: this takes long" in said and "constrained_layout" not in said

@@ -15,6 +15,7 @@ from explicitfe.compiled.threads import cores
 from explicitfe.errors import Progress, silent
 from explicitfe.host.code_cache import VARIABLE
 from explicitfe.host.extras import PACKAGES, has_extra, how_to_install
+from explicitfe.host.load import is_busy, load
 from explicitfe.host.memory import available_bytes, in_words
 from explicitfe.results.examination import Examination, Finding, State
 from explicitfe.results.provenance import provenance
@@ -23,8 +24,6 @@ from explicitfe.view.opengl import tried_renderer
 LIBRARIES = ("numpy", "numba", "scipy", "h5py", "meshio", "pydantic", "typer")
 # What an extra is for.
 USES = {"view": "3D, GIF and MP4", "plots": "pictures as PNG, PDF, SVG", "parquet": "export to Parquet"}
-# A load of this share of the cores slows a run down, and makes figures of speed useless.
-BUSY_SHARE_OF_CORES = 0.5
 # A run of the finest tongue needs less memory, and its result less room.
 SMALLEST_MEMORY_BYTES = 2e9
 SMALLEST_ROOM_BYTES = 1e9
@@ -71,11 +70,10 @@ def _machine() -> Iterator[Finding]:
     usable, present = cores(), os.cpu_count() or 1
     stated = " (EXPLICITFE_CORES)" if os.environ.get("EXPLICITFE_CORES") else ""
     yield _finding("cores", f"{usable} of {present} may be used{stated}")
-    if hasattr(os, "getloadavg"):
-        load = os.getloadavg()[0]
-        busy = load > BUSY_SHARE_OF_CORES * present
+    processes = load()
+    if processes is not None:
         advice = "the machine is busy: runs take longer, and times of `explicitfe bench` say nothing; wait until it is idle."
-        yield _finding("load", f"{load:.2f} in the last minute", *(("attention", advice) if busy else ()))
+        yield _finding("load", f"{processes:.2f} in the last minute", *(("attention", advice) if is_busy(processes) else ()))
     memory = available_bytes()
     little = memory < SMALLEST_MEMORY_BYTES
     advice = "close other programs before you run a fine mesh."

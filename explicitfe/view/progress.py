@@ -34,6 +34,8 @@ STAGES: dict[Stage, str] = {
 }
 BETWEEN_LINES_S = 10.0  # of a log, which nobody watches
 SECONDS_OF_A_MINUTE = 60
+# What begins a stage, such as machine code that is compiled, says nothing of its pace.
+SHARE_THAT_TELLS_PACE = 0.02
 
 
 @contextmanager
@@ -105,7 +107,7 @@ class _InLog:
         elif time.monotonic() - self._said_at > BETWEEN_LINES_S and share < 1.0:
             begun_at, first = self._begun[stage]
             gone_s, done = time.monotonic() - begun_at, share - first
-            left = f", {_duration(gone_s * (1.0 - share) / done)} left" if done > 0.0 else ""
+            left = f", {_duration(gone_s * (1.0 - share) / done)} left" if done >= SHARE_THAT_TELLS_PACE else ""
             self._say(f"{words}: {100 * share:.0f} %{left}")
 
     def end(self) -> None:

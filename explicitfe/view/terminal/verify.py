@@ -14,10 +14,10 @@ from explicitfe.view.terminal.rows import pairs
 def verification_tables(verification: Verification) -> Group:
     """A row a claim, and how many hold."""
     table = Table(title=f"explicitfe {escape(verification['version'] or '')}: is it true?", title_justify="left", show_lines=True)
-    table.add_column("claim, and what it is compared with", overflow="fold", ratio=3)
-    table.add_column("here", overflow="fold", ratio=3)
-    table.add_column("off by", overflow="fold", ratio=1)
-    table.add_column("allowed", overflow="fold", ratio=1)
+    table.add_column("claim, and what it is compared with", overflow="fold")
+    table.add_column("here", overflow="fold")
+    table.add_column("off by", max_width=11)
+    table.add_column("allowed", max_width=11)
     table.add_column("", no_wrap=True)
     for row in verification["claims"]:
         evidence = f"[dim]{escape(row['evidence'])}: {escape(row['reference'])}[/dim]"

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from explicitfe.errors import InputError
 from explicitfe.scenario.read import Scenario
-from explicitfe.scenario.transient import TransientScenario
 
 
 def sums_of(path: Path, scenario: Scenario) -> dict[str, str]:
@@ -19,10 +18,7 @@ def sums_of(path: Path, scenario: Scenario) -> dict[str, str]:
     ------
     InputError : a file cannot be read.
     """
-    if not isinstance(scenario, TransientScenario):
-        return {}
-    names = [scenario.model.file, *(bone.file for bone in scenario.bone)]
-    return {name: _sum(path.parent / name) for name in names if name is not None}
+    return {name: _sum(path.parent / name) for name in scenario.file_names}
 
 
 def _sum(path: Path) -> str:

@@ -182,3 +182,8 @@ class IndentationScenario(Table):
     effects: EffectsTable = EffectsTable()
     analysis: RelaxationTable
     record: SpecimenRecordTable = SpecimenRecordTable()
+
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """The files that it names, relative to its own: none."""
+        return ()

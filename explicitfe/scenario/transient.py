@@ -204,3 +204,9 @@ class TransientScenario(Table):
         if self.scar is not None and not (self.resection or self.graft):
             raise ValueError("[scar] needs a [[resection]] or a [[graft]] beside which the tissue is a scar")
         return self
+
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """The files that it names, relative to its own: a model file, surfaces of bones."""
+        names = [self.model.file, *(bone.file for bone in self.bone)]
+        return tuple(name for name in names if name is not None)

@@ -242,7 +242,8 @@ def test_a_summary_says_of_the_history_what_it_said_at_first(tmp_path):
         fields = {"displacement": displacement(0), "velocity": displacement(0)}
         row = {"probe_tip_displacement": [1e-3, 2e-3, 3e-3], "probe_tip_velocity": [0.0, 3.0, 4.0]}
         run.sample(0.0, row, fields, {"J": jacobian(0), "hourglass_energy": jacobian(0)})
-        probes = {"tip": {"displacement_mm": [1e3 * x for x in row["probe_tip_displacement"]], "speed_mm_s": 5000.0}}
+        words = {"forward_mm": -1.0, "right_mm": 2.0, "up_mm": 3.0}
+        probes = {"tip": {"displacement_mm": [1.0, 2.0, 3.0], **words, "speed_mm_s": 5000.0}}
         run.finish(FINISHED, "", {"probes": probes})
     with open_result(tmp_path / "b.vtkhdf") as result:
         assert result.summary == {"probes": probes}

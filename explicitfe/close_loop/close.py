@@ -8,6 +8,7 @@ from pathlib import Path
 
 from explicitfe.close_loop.report import SUMMARY, write
 from explicitfe.close_loop.specimens.close import close_specimens
+from explicitfe.close_loop.specimens.groups import grouping_of, reported_groups
 from explicitfe.close_loop.split import split
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.effects import EFFECTS
@@ -39,7 +40,8 @@ def close_loop(
     dataset_path : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
     holdout : ids of curves that are only predicted; chosen by the dataset or by a rule if left out.
-    constants_by : condition, or "group", by which curves share their constants.
+    constants_by : condition, or "group", by which curves share their constants; as the dataset says if left out, unless equal
+        tests on several specimens show that one set cannot serve all of them.
     effects : names of those that are considered; all if left out.
     max_effects : most effects (or terms of one) that are added.
     processes : at most so many; one a core if left out.
@@ -63,6 +65,9 @@ def close_loop(
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
     if dataset.test == "trajectory" and constants_by is not None:
         raise InputError(f"{dataset.path}: a trajectory has no constants to group; leave --constants-by out.")
+    grouping = grouping_of(dataset, holdout) if constants_by is None and dataset.test != "trajectory" else None
+    if grouping is not None:
+        constants_by = grouping.by
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)
     sides = split(dataset, holdout)
@@ -70,6 +75,9 @@ def close_loop(
         documents = close_trajectories(dataset, sides, effects, max_effects, processes, progress)
     else:
         documents = close_specimens(dataset, sides, constants_by, effects, max_effects, processes, progress)
+    if grouping is not None and documents.report.verdict != "failed":
+        documents.report.groups = reported_groups(grouping, documents.report.final)
+        documents.report.warnings = [grouping.text, *documents.report.warnings]
     documents.report.provenance["wall_s"] = time.perf_counter() - begin
     if target is not None:
         write(target, documents)

@@ -23,6 +23,7 @@ CURVES_BESIDE_A_REPEAT = 2
 
 Test = tuple[Curve, ...]  # curves that are measured one after the other
 Programme = tuple[float, ...]  # how far and how fast, rounded
+Size = tuple[float, ...]  # radius of the tool and height of the specimen, rounded
 Family = tuple[object, ...]  # what makes tests of another kind
 
 
@@ -92,33 +93,53 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
 
 
 def _by_rule(curves: Sequence[Curve]) -> tuple[set[str], str]:
-    """Ids of the curves to hold out, and the rule: repeats and other specimens first, then conditions between two others."""
+    """Ids of the curves to hold out, and the rule: what differs from all that is fitted; a repeat only where nothing does.
+
+    A repeat is foretold by any model that was fitted to its twin, so it says less of a model than another size or rate.
+    """
     held: set[str] = set()
-    families: dict[Family, list[Test]] = {}
+    kinds: dict[Family, dict[Size, list[Test]]] = {}
     for test in experiments(curves):
-        families.setdefault(_family(test[0]), []).append(test)
-    for tests in families.values():
-        by_programme: dict[Programme, list[Test]] = {}
-        for test in tests:
-            by_programme.setdefault(_programme(test[0]), []).append(test)
-        wanted = round(THRESHOLDS.held_out_share * len(tests))
-        out: list[Test] = []
-        for repeats in by_programme.values():
-            out += _repeats(repeats)
-        between = [p for p in _between(list(by_programme)) if not any(test in out for test in by_programme[p])]
-        while len(out) < wanted and between:
-            out += by_programme[between.pop(0)]
+        kinds.setdefault(_kind(test[0]), {}).setdefault(_size(test[0]), []).append(test)
+    for sizes in kinds.values():
+        out = _of_inner_sizes(sizes)
+        if not out:
+            for tests in sizes.values():
+                out += _of_inner_programmes(tests)
         held |= {curve.id for test in out for curve in test}
     fitted = [c for c in curves if c.id not in held]
     rule = (
-        "of tests that were repeated, about a third (whole specimens where there are several) is held out; then conditions that "
-        "lie between two others, until a third of the tests of a kind is held out"
+        "about a third of the tests of a kind is held out: sizes between two others, else programmes between two others, else "
+        "whole specimens, and repeats only where nothing else is there"
     )
     most = THRESHOLDS.fitted_curves_under_a_tool
     if len(fitted) > most and fitted[0].tool is not None and fitted[0].tool.shape != "platen":
         held |= _surplus(fitted)
         rule += f"; no more than about {most} curves under a tool are fitted, for time"
     return held, rule
+
+
+def _of_inner_sizes(sizes: dict[Size, list[Test]]) -> list[Test]:
+    """Tests of the sizes that lie between two others, up to a third of all."""
+    out: list[Test] = []
+    wanted = round(THRESHOLDS.held_out_share * sum(map(len, sizes.values())))
+    for size in _between(list(sizes)):
+        if len(out) + len(sizes[size]) <= wanted:
+            out += sizes[size]
+    return out
+
+
+def _of_inner_programmes(tests: Sequence[Test]) -> list[Test]:
+    """Tests of the programmes that lie between two others, up to a third of all; where there are none, repeats."""
+    by_programme: dict[Programme, list[Test]] = {}
+    for test in tests:
+        by_programme.setdefault(_programme(test[0]), []).append(test)
+    wanted = round(THRESHOLDS.held_out_share * len(tests))
+    out: list[Test] = []
+    between = _between(list(by_programme))
+    while len(out) < wanted and between:
+        out += by_programme[between.pop(0)]
+    return out or [test for repeats in by_programme.values() for test in _repeats(repeats)]
 
 
 def _repeats(tests: Sequence[Test]) -> list[Test]:
@@ -131,9 +152,12 @@ def _repeats(tests: Sequence[Test]) -> list[Test]:
     return list(tests[len(tests) - count :])
 
 
-def _between(programmes: Sequence[Programme]) -> list[Programme]:
-    """Programmes that lie between two others on a line, along which one number changes; first those that end no line."""
-    inner: dict[Programme, tuple[int, int]] = {}
+def _between(programmes: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """Programmes, or sizes, that lie between two others on a line, along which one number changes.
+
+    Those that end no other line come first.
+    """
+    inner: dict[tuple[float, ...], tuple[int, int]] = {}
     for one in programmes:
         between = end = 0
         for k in range(len(one)):
@@ -181,12 +205,22 @@ def _keep_a_repeat(kept: list[Curve], fitted: Sequence[Curve]) -> None:
 
 
 def _family(curve: Curve) -> Family:
-    """What makes tests of another kind: constants, direction, material, tool, size of the specimen, columns."""
-    specimen = curve.specimen
+    """What makes tests of another kind or size."""
+    return _kind(curve), _size(curve)
+
+
+def _kind(curve: Curve) -> Family:
+    """What makes tests of another kind: constants, direction, material, shape of the tool, columns."""
+    tool = None if curve.tool is None else curve.tool.shape
+    return curve.constants, str(curve.conditions.get("direction")), str(curve.conditions.get("material")), tool, curve.kind
+
+
+def _size(curve: Curve) -> Size:
+    """Size of the tool and of the specimen; 0 where there is none."""
+    specimen, radius_mm = curve.specimen, None if curve.tool is None else curve.tool.radius_mm
     sized = specimen is not None and specimen.shape != "point"
-    size = round(np.log(specimen.thickness_mm) * SIZE_STEPS_PER_LOG) if specimen is not None and sized else None
-    tool = None if curve.tool is None else (curve.tool.shape, curve.tool.radius_mm)
-    return curve.constants, str(curve.conditions.get("direction")), str(curve.conditions.get("material")), tool, size, curve.kind
+    height = round(np.log(specimen.thickness_mm) * SIZE_STEPS_PER_LOG) if specimen is not None and sized else 0
+    return _rounded(radius_mm or 0.0), float(height)
 
 
 def _programme(curve: Curve) -> Programme:

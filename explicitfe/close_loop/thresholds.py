@@ -53,6 +53,12 @@ class Thresholds:
     equal_length_share: float = threshold(
         0.1, "share of a length", "Specimens that are cut to one size differ by less, and specimens of two sizes by more."
     )
+    specimen_spread: float = threshold(
+        0.2,
+        "standard deviation of the log of stiffness",
+        "Specimens that differ by less are served by one set of constants and a scatter of tests. Beyond it one specimen in "
+        "three is off by more than a fifth, which is no small change of scale any more.",
+    )
     assumed_length_error_share: float = threshold(
         0.1,
         "share of an assumed length, one standard deviation",

@@ -95,6 +95,35 @@ class CurveError(ReportPart):
     message: str | None = None
 
 
+class GroupedConstant(ReportPart):
+    """A constant over several specimens.
+
+    Attributes
+    ----------
+    mean : geometric mean of all such specimens, with its 95 % interval.
+    spread : standard deviation of the log from specimen to specimen.
+    """
+
+    mean: Estimate | None = None
+    spread: float | None = None
+
+
+class ReportedGroups(ReportPart):
+    """Why each specimen has constants of its own, and what they have in common.
+
+    Attributes
+    ----------
+    by : what names the specimens.
+    p : that equal specimens would differ as much by the scatter of tests; none where each was tested once.
+    text : why, in a sentence.
+    """
+
+    by: str | None = None
+    p: float | None = None
+    text: _Text = ""
+    constants: _Table[GroupedConstant] = {}
+
+
 class ErrorsOfModel(ReportPart):
     """Errors of a model: means over the fitted and over the held-out curves, and each curve."""
 
@@ -273,6 +302,7 @@ class LoopReport(Document, ReportPart):
     undetermined : parameter of the final model's effects that the data do not determine -> why.
     strength_undetermined : effects that were found, but whose interval of the strength includes none at all.
     n_eff : number of independent data.
+    groups : of the constants, where the program chose to fit each specimen by itself.
     baseline, final : the models before and after.
     steps : the rounds of the search.
     ambiguous_with : effects that these data cannot tell from the last one of ``effects``.
@@ -298,6 +328,7 @@ class LoopReport(Document, ReportPart):
     nearest: _Entries[str] = []
     n_eff: float | None = None
     noise: _Part[NoiseAndFloors] = NoiseAndFloors()
+    groups: ReportedGroups | None = None
     baseline: _Part[ReportedModel] = ReportedModel()
     final: _Part[ReportedModel] = ReportedModel()
     steps: _Entries[ReportedRound] = []

@@ -120,3 +120,29 @@ def test_what_cannot_be(tmp_path, lines, holdout, words):
     with pytest.raises(InputError) as caught:
         split(data, holdout)
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_what_differs_is_held_out_and_repeats_stay(tmp_path):
+    """Two repeats at each of three rates: both of the middle rate, so that a prediction is asked for and not a copy."""
+    curves = {
+        f"r{k}-{n}": {"rate": 10.0**-k, "lines": f'group = "one"\nconditions = {{ repeat = {n} }}'}
+        for k in range(3)
+        for n in (1, 2)
+    }
+    assert held(split(dataset(tmp_path, curves))) == ["r1-1", "r1-2"]
+
+
+def test_the_size_between_two_others_is_held_out(tmp_path):
+    """Cylinders of three heights between platens, pressed alike: the middle one, and no second test of the others."""
+    text = 'format = "explicitfe-dataset/1"\nname = "heights"\ntitle = "Heights"\ntest = "compression"\n'
+    text += (
+        '[specimen]\nshape = "cylinder"\nradius_mm = 10.0\nheight_mm = 10.0\n[tool]\nshape = "platen"\ncontrol = "displacement"\n'
+    )
+    for height in (5, 10, 20):
+        for n in (1, 2):
+            text += f'[[curve]]\nid = "h{height}-{n}"\nfile = "{height}-{n}.csv"\nspecimen = {{ height_mm = {height}.0 }}\n'
+            text += f"conditions = {{ repeat = {n} }}\n"
+            rows = "time_s,displacement_mm,force_N\n0,0,0\n1,1,1\n2,2,2.1\n"
+            tmp_path.joinpath(f"{height}-{n}.csv").write_text(rows, encoding="utf-8")
+    tmp_path.joinpath("dataset.toml").write_text(text, encoding="utf-8")
+    assert held(split(read_dataset(tmp_path))) == ["h10-1", "h10-2"]

@@ -271,6 +271,8 @@ class _SpecimenLoop:
             )
         if len(self.system.tests) == 1:
             notes.append("one test only: nothing that it shows can be confirmed by another, so no effect is claimed.")
+        elif len(self.system.tests) < THRESHOLDS.cross_validated_tests:
+            notes.append("two tests only: of these one does not say what the other will be, so nothing could be cross-validated.")
         for entry in report.noise.numerical:
             what, share = entry.what or "", entry.share_of_noise or 0.0
             if share > THRESHOLDS.numerical_share_of_noise and ASSUMED.strip() not in what:

@@ -44,6 +44,12 @@ class Thresholds:
         "One standard deviation: of all correlations and scatters this near to the best, the largest is taken. "
         "If noise is taken for smaller than it is, the rest of it is taken for physics.",
     )
+    loose_tool_noise_factor: float = threshold(
+        3.0,
+        "times the noise of an imposed force",
+        "At no more force than this the tool may hang in the air, and such a row says nothing of the displacement. Noise "
+        "exceeds it in one row of a thousand.",
+    )
     trend_repeats: int = threshold(
         3, "repeats of one specimen", "A trend has two numbers, so only a third repeat can tell it from scatter."
     )

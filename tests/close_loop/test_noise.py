@@ -106,6 +106,21 @@ def test_noise_of_the_imposed_column_counts_where_the_curve_is_steep():
     np.testing.assert_allclose(row.sd, each, rtol=1e-12)
 
 
+def test_noise_of_what_is_imposed_is_no_correlation():
+    """Under force control the force is noisy too: a record of 0.01 mm beside 0.02 mm that the force's noise is worth. The record
+    itself is as rough as its own noise, and rougher rows of both would be its only trace of correlation. With noise that is
+    independent, half of the estimates are 0 or less, and those within one standard error are none.
+    """
+    correlations = []
+    for seed in range(SEEDS):
+        rng = np.random.default_rng(100 + seed)
+        measured = [smooth(60) + SD * rng.standard_normal(60) for _ in range(3)]
+        rows = row_noise([ramp(k, y, sd=SD, imposed_sd=np.full(60, 2.0 * SD)) for k, y in enumerate(measured)])
+        assert all(row.stated and row.sd.mean() == pytest.approx(np.sqrt(5.0) * SD, rel=1e-12) for row in rows)
+        correlations.append(rows[0].correlation)
+    assert np.median(correlations) == 0.0 and np.mean(correlations) < 0.1
+
+
 def test_an_exact_column_has_a_floor():
     """0 means exact; a covariance of 0 has no inverse."""
     (row,) = row_noise([ramp(0, smooth(50), sd=0.0)])

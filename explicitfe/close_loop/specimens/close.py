@@ -10,6 +10,7 @@ import numpy as np
 from explicitfe.close_loop.next_test import next_experiment
 from explicitfe.close_loop.report import LoopDocuments, add_failure, add_outcome, bound_warnings, errors_of_model, new_report
 from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, search
+from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Specimens
 from explicitfe.close_loop.split import Split
@@ -203,7 +204,8 @@ class _SpecimenLoop:
                     factor = PRINTED_UNITS[curve.predicted][1]
                     measured = factor * curve.columns[curve.predicted]
                     values = factor * run[number]
-                    rmse = float(np.sqrt(np.mean((values - measured) ** 2)))
+                    rows = determined(curve)
+                    rmse = float(np.sqrt(np.mean((values - measured)[rows] ** 2)))
                     floor = factor * floors[curve.id]
                     largest = max(float(np.abs(measured).max()), 1e-300)
                     errors[curve.id] = CurveError(split=curve.split, rmse=rmse, nrmse=rmse / largest, floor=floor / largest)

@@ -24,6 +24,8 @@ BEND_SHARE_OF_RANGE = 5e-3
 BEND_NOISE_FACTOR = 3.0
 # The variance of fourth differences of independent rows over that of a row.
 FOURTH_DIFFERENCE_VARIANCE = 70.0
+# A curve keeps rows on which its displacement does not depend rather than be left with fewer rows than this.
+FEWEST_ROWS = 3
 # Programmes are compared at so many instants.
 COMPARED_INSTANTS = 50
 
@@ -33,8 +35,21 @@ def rest_of(curve: Curve) -> float:
     return 1.0 if curve.imposed == "stretch" else 0.0
 
 
+def determined(curve: Curve) -> np.ndarray:
+    """Which rows (k,) a model can answer.
+
+    Where the force is imposed and no more than noise, the tool may hang in the air anywhere above the specimen: no model says
+    where. A tool that is tied to the specimen cannot.
+    """
+    every = np.ones(len(curve.time_s), dtype=bool)
+    if curve.tool is None or curve.tool.control != "force" or curve.tool.shape == "bonded-disc":
+        return every
+    pressed = curve.force_N > THRESHOLDS.loose_tool_noise_factor * _imposed_sd(curve)
+    return pressed if pressed.sum() >= FEWEST_ROWS else every
+
+
 def series_of(curve: Curve, test: str, peers: str) -> Series:
-    """A measured curve as the loop sees it.
+    """A measured curve as the loop sees it, with the rows that a model can answer.
 
     Parameters
     ----------
@@ -43,11 +58,7 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
     """
     programme, values = programme_of(curve), curve.columns[curve.predicted]
     span = max(float(np.ptp(programme)), 1e-300)
-    sd = sd_of(curve, curve.imposed)
-    if sd is None:  # the programme is as noisy as it is rough
-        fourth = np.abs(np.diff(programme, 4))
-        roughness = MEDIAN_OF_ABSOLUTE_NORMAL * np.sqrt(FOURTH_DIFFERENCE_VARIANCE)
-        sd = float(np.median(fourth)) / roughness if len(fourth) else 0.0
+    sd = _imposed_sd(curve)
     corners = bends(curve.time_s, programme, max(BEND_SHARE_OF_RANGE * span, BEND_NOISE_FACTOR * sd))
     moved = np.abs(np.interp(curve.time_s, curve.time_s[corners], programme[corners]) - rest_of(curve))
     pace = np.gradient(moved, curve.time_s)
@@ -56,6 +67,8 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
     phase = np.where(pace > still, "loading", np.where(pace < -still, "unloading", "hold"))
     slope = _slope(programme, values, span)
     unit, factor = PRINTED_UNITS[curve.predicted]
+    rows = np.flatnonzero(determined(curve))
+    ends = np.searchsorted(rows, corners)
     number = curve.conditions.get("repeat", curve.conditions.get("order", 0))
     return Series(
         id=curve.id,
@@ -64,17 +77,27 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
         peers=peers,
         specimen="" if curve.group == curve.id else curve.group,
         constants=curve.constants,
-        measured=values,
-        time_s=curve.time_s,
+        measured=values[rows],
+        time_s=curve.time_s[rows],
         noise_sd=sd_of(curve, curve.predicted),
-        imposed_sd=slope * sd,
-        bends=corners,
+        imposed_sd=slope[rows] * sd,
+        bends=np.unique(np.clip(np.concatenate([[0], ends, [len(rows) - 1]]), 0, len(rows) - 1)),
         scatter=curve.noise.repeat_sd_fraction,
         trend=float(number) if isinstance(number, int | float) else 0.0,
-        phase=phase,
+        phase=phase[rows],
         unit=unit,
         factor=factor,
     )
+
+
+def _imposed_sd(curve: Curve) -> float:
+    """Standard deviation of the noise of the imposed column, SI: as stated, or as large as the programme is rough."""
+    sd = sd_of(curve, curve.imposed)
+    if sd is not None:
+        return sd
+    fourth = np.abs(np.diff(programme_of(curve), 4))
+    roughness = MEDIAN_OF_ABSOLUTE_NORMAL * np.sqrt(FOURTH_DIFFERENCE_VARIANCE)
+    return float(np.median(fourth)) / roughness if len(fourth) else 0.0
 
 
 def _slope(programme: np.ndarray, values: np.ndarray, span: float) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from explicitfe.close_loop.specimens.features import features_of
 from explicitfe.close_loop.specimens.plan import plan_of
 from explicitfe.close_loop.specimens.scales import scales_of
-from explicitfe.close_loop.specimens.series import peers_of, series_of
+from explicitfe.close_loop.specimens.series import determined, peers_of, series_of
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.close_loop.thresholds import THRESHOLDS
@@ -247,7 +247,7 @@ class Specimens:
                 run = next(runs)
                 if not isinstance(run, str):
                     by_curve |= plan.read(run)
-            answers.append([by_curve[c.id] for c in curves] if len(by_curve) == len(curves) else None)
+            answers.append([by_curve[c.id][determined(c)] for c in curves] if len(by_curve) == len(curves) else None)
         return answers
 
     def _first_tissues(self) -> list[Tissue]:

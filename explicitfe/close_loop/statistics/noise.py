@@ -8,6 +8,7 @@ from math import comb
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import brentq
 
 from explicitfe.close_loop.statistics.system import Series
 from explicitfe.close_loop.thresholds import THRESHOLDS
@@ -23,6 +24,8 @@ TRIED_CORRELATIONS = tuple(float(r) for r in np.linspace(0.0, 0.96, 49))
 DIFFERENCE_ORDERS = (2, 3, 4)
 # The variance of second differences of independent rows over that of a row.
 SECOND_DIFFERENCE_VARIANCE = 6.0
+# The standard error of the square of a median of absolute normal values, as a share of it, times the root of their number.
+SQUARED_MEDIAN_ERROR = 2.33
 # Sizes of a scatter that are tried, 5 % apart.
 TRIED_SCATTERS = 150
 # A column whose noise is a smaller share of its largest value counts as free of noise.
@@ -111,13 +114,12 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     median is taken, so that a kink does not count, and the least over several orders of differences, so that a bend does not.
     Where no sd is stated, sd and correlation of what a smooth curve leaves are found by restricted maximum likelihood. All series
     share one correlation because they come from one machine.
+
+    The correlation is looked for in the predicted column's own noise. That of the imposed column enters what a model answers to
+    that column, and not the measured rows, which would look too smooth beside the sum of both, that is correlated.
     """
-    rough, weights = [], []
-    for one in series:
-        left = _left_by_smooth_curve(one)
-        sizes = [np.median(np.abs(np.diff(left, k))) / np.sqrt(comb(2 * k, k)) for k in DIFFERENCE_ORDERS if len(left) > k]
-        rough.append(float(np.sqrt(SECOND_DIFFERENCE_VARIANCE) * min(sizes) / MEDIAN_OF_ABSOLUTE_NORMAL))
-        weights.append(max(len(left) - 2, 1))
+    lefts = [_left_by_smooth_curve(one) for one in series]
+    rough = [float(np.sqrt(SECOND_DIFFERENCE_VARIANCE) * min(_roughness(left).values(), default=0.0)) for left in lefts]
     stated = [np.hypot(one.noise_sd or 0.0, float(np.sqrt(np.mean(one.imposed_sd**2)))) for one in series]
     known = [
         one.noise_sd is not None and sd > SMALLEST_NOISE_SHARE * np.abs(one.measured).max()
@@ -125,9 +127,8 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     ]
     most = [THRESHOLDS.stated_noise_factor * np.sqrt(SECOND_DIFFERENCE_VARIANCE) * sd for sd in stated]
     believed = [k for k in range(len(series)) if known[k] and rough[k] <= most[k]]
-    ratios = [(rough[k] / stated[k]) ** 2 for k in believed]
-    parts = [weights[k] for k in believed]
-    shared = _correlation(float(np.average(ratios, weights=parts))) if ratios else None
+    own = [(lefts[k], sd) for k in believed if (sd := series[k].noise_sd)]
+    shared = _shared_correlation(own) if believed else None
     unknown = [k for k in range(len(series)) if not known[k]]
     estimated = _likely([series[k] for k in unknown], shared) if unknown else ([], 0.0)
     noise = []
@@ -150,9 +151,53 @@ def _left_by_smooth_curve(series: Series) -> np.ndarray:
     return series.measured - basis @ (basis.T @ series.measured)
 
 
-def _correlation(ratio: float) -> float:
-    """r of 2 (1 - r) (3 - r) = ratio, between 0 and the highest."""
-    return float(np.clip(2.0 - np.sqrt(1.0 + 0.5 * max(ratio, 0.0)), 0.0, HIGHEST_CORRELATION))
+def _roughness(left: np.ndarray) -> dict[int, float]:
+    """Order -> the sd of independent rows whose differences of that order would have the same median."""
+    sizes = {k: np.median(np.abs(np.diff(left, k))) / np.sqrt(comb(2 * k, k)) for k in DIFFERENCE_ORDERS if len(left) > k}
+    return {k: float(size) / MEDIAN_OF_ABSOLUTE_NORMAL for k, size in sizes.items()}
+
+
+def _shared_correlation(rows: Sequence[tuple[np.ndarray, float]]) -> float:
+    """The correlation of neighbouring rows, from what smooth curves leave (k,) and the sd that is stated of each.
+
+    Second differences know it best. A bend makes them too large, and the correlation too small, so that of a higher order is
+    taken where it exceeds theirs by two standard errors. A correlation within one standard error of none is none: half of the
+    independent series would have one otherwise.
+    """
+    count = sum(len(left) for left, _ in rows)
+    by_order = {}
+    for order in DIFFERENCE_ORDERS:
+        sizes = [(_roughness(left)[order] / sd, len(left)) for left, sd in rows if len(left) > order]
+        if sizes:
+            variance = sum(size**2 * number for size, number in sizes) / sum(number for _, number in sizes)
+            by_order[order] = _correlation(variance, order)
+    if not by_order:
+        return 0.0
+    second = by_order[min(by_order)]
+    # The error of a median, by the slope of 2 (1 - r) (3 - r).
+    error = SQUARED_MEDIAN_ERROR / np.sqrt(count) * (1.0 - second) * (3.0 - second) / (4.0 - 2.0 * second)
+    highest = max(by_order.values())
+    likely = highest if highest > second + 2.0 * error else second
+    return float(likely) if likely > error else 0.0
+
+
+def _correlation(variance: float, order: int) -> float:
+    """The correlation of AR(1) rows of unit variance, between 0 and the highest, from the variance of their differences.
+
+    Parameters
+    ----------
+    variance : as a multiple of that of independent rows.
+    order : of the differences.
+    """
+    lags = np.arange(-order, order + 1)
+    weights = np.array([(-1.0) ** k * comb(2 * order, order + k) for k in lags]) / comb(2 * order, order)
+
+    def excess(r: float) -> float:
+        return float(weights @ r ** np.abs(lags)) - variance
+
+    if excess(0.0) <= 0.0:
+        return 0.0
+    return HIGHEST_CORRELATION if excess(HIGHEST_CORRELATION) >= 0.0 else float(brentq(excess, 0.0, HIGHEST_CORRELATION))
 
 
 def _likely(series: Sequence[Series], shared: float | None) -> tuple[list[float], float]:

@@ -13,6 +13,7 @@ from explicitfe.blind.closed_forms import Effects
 from explicitfe.blind.grid import Conditions
 from explicitfe.blind.protocols import FIRST_ROW_OF_HOLD_SHARE
 from explicitfe.effects import EFFECTS, Effect, Measurement, physics_of, readings_of
+from explicitfe.effects.record import Record
 from explicitfe.errors import RunError
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
@@ -151,9 +152,9 @@ def _curve(
     body: Relaxation, curve: SimulatedTest, readings: Sequence[Measurement], numerics: MeshChoice, start_s: float, waits: bool
 ) -> np.ndarray:
     """One curve of a test, from the state where the last one ended; ``waits``: something happens while nothing moves."""
-    offset = 0.0
+    offset, record = 0.0, Record("force-displacement", curve.rows)
     if not curve.by_force:
-        offset = 1e3 * sum(float(effect.true_displacement(np.zeros(1))[0]) for effect in readings)
+        offset = 1e3 * sum(float(effect.true_motion(np.zeros(1), record)[0]) for effect in readings)
     at, imposed, corners = curve.instants(numerics, offset)
     answers = np.zeros(len(at))
     for k, (t, x) in enumerate(zip(at, imposed, strict=True)):
@@ -173,8 +174,5 @@ def _curve(
         rows = np.clip(curve.rows[inside], t[0], t[-1])
         values[inside] = PchipInterpolator(t, y)(rows) if len(t) > 2 else np.interp(rows, t, y)
     for effect in readings:
-        if curve.by_force:
-            values = values - (effect.true_displacement(values) - values)
-        else:
-            values = effect.read_force(values, curve.rows, 1.0)
+        values = effect.read_motion(values, record) if curve.by_force else effect.read_load(values, record)
     return values

@@ -10,10 +10,13 @@ from explicitfe.effects.material.softening import Softening
 from explicitfe.effects.material.third_yeoh import ThirdYeoh
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.effects.muscle.activation_lag import ActivationLag
+from explicitfe.effects.reading.backlash import Backlash
 from explicitfe.effects.reading.contact_offset import ContactOffset
 from explicitfe.effects.reading.cycle_drift import CycleDrift
 from explicitfe.effects.reading.force_drift import ForceDrift
 from explicitfe.effects.reading.force_offset import ForceOffset
+from explicitfe.effects.reading.gauge_length import GaugeLength
+from explicitfe.effects.reading.lag import Lag
 from explicitfe.effects.specimen.base_slip import BaseSlip
 from explicitfe.effects.specimen.gravity import Gravity
 from explicitfe.effects.specimen.layer import Layer
@@ -45,6 +48,9 @@ EFFECTS: dict[str, type[Effect]] = {
     "force-drift": ForceDrift,
     "force-offset": ForceOffset,
     "cycle-drift": CycleDrift,
+    "gauge-length": GaugeLength,
+    "lag": Lag,
+    "backlash": Backlash,
 }
 
 __all__ = ["EFFECTS", "Effect", "MaterialEffect", "Measurement", "Rig", "physics_of", "readings_of", "with_leaves"]

@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, model_validator
 
 from explicitfe.compiled.jit import Template, leaf
 from explicitfe.compiled.simd import WIDTH, load, store
 from explicitfe.effects.affected import LawT, ModelT, SpecimenT, ToolT
+from explicitfe.effects.record import Record
 
 Conditions = Mapping[str, object]  # of a measured test, as its dataset states them
 
@@ -94,10 +95,12 @@ class Rig:
     ----------
     compliance_m_N : what the rig gives way by [m/N].
     preload_N : the force at which displacements begin to count [N].
+    compliance_per_Pa : what the rig gives way by in a test of strain and stress, as a strain per nominal stress [1/Pa].
     """
 
     compliance_m_N: float = 0.0
     preload_N: float = 0.0
+    compliance_per_Pa: float = 0.0
 
 
 class Effect(BaseModel, ABC):
@@ -109,8 +112,9 @@ class Effect(BaseModel, ABC):
     ----------
     about : the effect in words.
     sought : parameter -> how it is looked for; the first one is the strength.
-    requires : what the data must have to show it: time | unloading | two directions | repeats | tool | flat tool | bonded base |
-        force that pulls | muscles.
+    sought_without_tool : the same for a test of strain and stress, where that has parameters of its own.
+    requires : what the data must have to show it: time | unloading | two directions | repeats | tool | strain (without a
+        tool) | flat tool | bonded base | force that pulls | muscles.
     terms : how often it can be added, each time with parameters of its own.
     shares_of_remainder : parameters that are a share of what the terms before leave, where there are several terms.
     acts_on : what it changes: the material, the specimen (its shape, its layers, what holds it, its weight), the tool and the rig
@@ -126,6 +130,7 @@ class Effect(BaseModel, ABC):
 
     about: ClassVar[Description]
     sought: ClassVar[Mapping[str, Sought]]
+    sought_without_tool: ClassVar[Mapping[str, Sought]] = {}
     requires: ClassVar[tuple[str, ...]] = ()
     terms: ClassVar[int] = 1
     shares_of_remainder: ClassVar[tuple[str, ...]] = ()
@@ -136,11 +141,29 @@ class Effect(BaseModel, ABC):
     depends_on_path: ClassVar[bool] = False
     needs_half_body: ClassVar[bool] = False
 
+    @model_validator(mode="after")
+    def _some_key(self) -> Self:
+        keys = [key for kind in (self.sought, self.sought_without_tool) for key in kind]
+        if self.sought_without_tool and not self.model_fields_set:
+            raise ValueError(f"give {' or '.join(dict.fromkeys(keys))}")
+        return self
+
     @classmethod
     def from_terms(cls, terms: Sequence[Mapping[str, float]]) -> Self:
         """The effect from the values of what is sought, one mapping a term."""
         (values,) = terms
         return cls.model_validate(values)
+
+    @classmethod
+    def sought_in(cls, *, tool: bool) -> Mapping[str, Sought]:
+        """How its parameters are looked for in tests with a tool, or without one."""
+        return cls.sought if tool or not cls.sought_without_tool else cls.sought_without_tool
+
+    def stands_in(self, *, tool: bool) -> bool:
+        """Whether a key of it is given that tests with a tool have, or those without one."""
+        if not self.sought_without_tool:
+            return tool or self.without_tool
+        return bool(self.model_fields_set & set(self.sought_in(tool=tool)))
 
     @classmethod
     def stated_in(cls, conditions: Conditions) -> Self | None:
@@ -184,18 +207,30 @@ class Effect(BaseModel, ABC):
 
 
 class Measurement(Effect):
-    """An effect of the measurement: the model is what it is, and is read differently."""
+    """An effect of the measurement: the model is what it is, and is read differently.
+
+    It says what the specimen does where the machine reads something, and the other way round: of the motion and of the load, see
+    :class:`explicitfe.effects.record.Record`. Keys of ``sought_without_tool`` stand for tests without a tool.
+    """
 
     acts_on = "reading"
     pointwise = True
 
-    def true_displacement(self, displacement_m: np.ndarray) -> np.ndarray:
-        """The tool's displacement [m] where the data say ``displacement_m``."""
-        return displacement_m
+    def true_motion(self, read: np.ndarray, record: Record) -> np.ndarray:
+        """The motion of the specimen (k,) where the machine reads ``read``."""
+        return read
 
-    def read_force(self, force_N: np.ndarray, time_s: np.ndarray, cycle: float) -> np.ndarray:
-        """What is read [N] where the force is ``force_N``."""
-        return force_N
+    def read_motion(self, true: np.ndarray, record: Record) -> np.ndarray:
+        """What the machine reads (k,) where the motion is ``true``: the inverse of ``true_motion``."""
+        return true
+
+    def true_load(self, read: np.ndarray, record: Record) -> np.ndarray:
+        """The load on the specimen (k,) where the machine reads ``read``: the inverse of ``read_load``."""
+        return read
+
+    def read_load(self, true: np.ndarray, record: Record) -> np.ndarray:
+        """What the machine reads (k,) where the load is ``true``."""
+        return true
 
 
 class MaterialEffect(Effect):

@@ -38,7 +38,7 @@ COLUMNS: dict[Kind, dict[str, tuple[str, float]]] = {
 NOISE: dict[Kind, dict[str, str]] = {
     "force-displacement": {"force_sd_N": "force_N", "displacement_sd_mm": "displacement_mm"},
     "uniaxial": {"stress_sd_Pa": "nominal_stress_Pa", "stretch_sd": "stretch"},
-    "shear": {"stress_sd_Pa": "shear_stress_Pa"},
+    "shear": {"stress_sd_Pa": "shear_stress_Pa", "stretch_sd": "shear_strain"},
     "trajectory": {"displacement_sd_mm": "the coordinates"},
 }
 # Column in SI -> unit in which it is printed, and factor.

@@ -172,7 +172,7 @@ class MeasuredNoise(Table):
     force_sd_N: float | None = Field(default=None, ge=0.0, description="of a force [N]")
     displacement_sd_mm: float | None = Field(default=None, ge=0.0, description="of a displacement, or of a coordinate [mm]")
     stress_sd_Pa: float | None = Field(default=None, ge=0.0, description="of a stress [Pa]")
-    stretch_sd: float | None = Field(default=None, ge=0.0, description="of a stretch")
+    stretch_sd: float | None = Field(default=None, ge=0.0, description="of a stretch; in shear, of the shear strain")
     repeat_sd_fraction: float | None = Field(default=None, ge=0.0, le=1.0, description="scatter between equal tests, as a share")
 
 

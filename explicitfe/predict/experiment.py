@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from explicitfe.effects import Effect
+from explicitfe.errors import InputError
 from explicitfe.measured.curve import Curve
 from explicitfe.predict.tissue import Tissue
 
@@ -53,7 +54,20 @@ def experiments(curves: Sequence[Curve]) -> list[tuple[Curve, ...]]:
 
 
 def effects_of(curve: Curve, tissue: Tissue) -> tuple[Effect, ...]:
-    """The tissue's effects as they stand in the test of a curve: with fibres turned, and the preload that was measured."""
+    """The tissue's effects as they stand in the test of a curve: with fibres turned, and the preload that was measured.
+
+    Raises
+    ------
+    InputError : an effect needs a tool, or none of its keys stands for a test of this kind.
+    """
+    tool = curve.tool is not None
+    for effect in tissue.effects.chosen:
+        if effect.stands_in(tool=tool):
+            continue
+        if not effect.without_tool:
+            raise InputError(f'curve "{curve.id}": {effect.about.title} needs a tool, and this is a homogeneous state.')
+        keys, columns = " and ".join(effect.sought_in(tool=tool)), "displacement and force" if tool else "strain and stress"
+        raise InputError(f'curve "{curve.id}": {effect.about.title} has no {keys}, and this is a test of {columns}; give it.')
     return tuple(effect.in_test(curve.conditions) for effect in tissue.effects.chosen)
 
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from explicitfe.effects import Effect, MaterialEffect
-from explicitfe.effects.effect import readings_of, with_leaves
-from explicitfe.errors import InputError
+from explicitfe.effects.effect import Rig, readings_of, with_leaves
+from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve, programme_of
-from explicitfe.predict.experiment import CurveAnswer, cycle_of, start_times
+from explicitfe.predict.experiment import CurveAnswer, start_times
+from explicitfe.predict.reading import reading, true_programme
 from explicitfe.solve import point
 
 # A column of stretches that follows its nominal programme within this is the programme, and no measurement.
@@ -21,6 +23,13 @@ NOMINAL_STRETCH_DEVIATION = 1e-5
 INCREMENT_ERROR_PEAK_SHARE = 2e-3
 # Increments are halved no more often than this: then they are 32 times finer than the rows.
 MOST_HALVINGS_OF_INCREMENTS = 5
+# In a rig that gives way the search for the strain ends at this tolerance, or is given up after so many corrections.
+STRAIN_TOLERANCE = 1e-9
+MOST_CORRECTIONS_OF_STRAIN = 100
+# The stiffness is a central difference over this change of the strain.
+STIFFNESS_STRAIN_CHANGE = 1e-5
+# No correction makes the stretch smaller than this share of the imposed one.
+LEAST_STRETCH_SHARE = 0.5
 
 
 def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect]) -> list[CurveAnswer]:
@@ -28,60 +37,103 @@ def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effe
 
     Raises
     ------
-    InputError : an effect needs a tool.
+    RunError : no state is found at an instant.
     """
     begin = time.perf_counter()
+    readings, rig = readings_of(effects), Rig()
     for effect in effects:
-        if not effect.without_tool:
-            raise InputError(f'curve "{test[0].id}": {effect.about.title} needs a tool, and this is a homogeneous state.')
-        law = effect.in_law(law)
-    time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, start_times(test), strict=True)])
-    programme = np.concatenate([programme_of(curve) for curve in test])
-    rows = np.searchsorted(time_s, time_s)
-    if len(test) == 1:
-        time_s, programme = _with_corner(test[0])
-        rows = np.searchsorted(time_s, test[0].time_s)
-    stress, count = _stress(test[0].kind, law, with_leaves(effects), time_s, programme)
-    remaining = stress[rows]
+        law, rig = effect.in_law(law), effect.on_rig(rig)
+    driven = [_with_corner(curve) for curve in test] if len(test) == 1 else list(test)
+    time_s = np.concatenate([curve.time_s + start for curve, start in zip(driven, start_times(test), strict=True)])
+    programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force=False) for curve in driven])
+    stress, count = _stress(_RiggedSpecimen(test[0].kind, law, with_leaves(effects), rig.compliance_per_Pa), time_s, programme)
     answers = []
     seconds = (time.perf_counter() - begin) / len(test)
-    for curve in test:
-        values, remaining = remaining[: len(curve.time_s)], remaining[len(curve.time_s) :]
-        for effect in readings_of(effects):
-            values = effect.read_force(values, curve.time_s, cycle_of(curve))
-        answers.append(CurveAnswer(values, count, 0, seconds))
+    for curve, rows in zip(test, driven, strict=True):
+        values, stress = stress[: len(rows.time_s)], stress[len(rows.time_s) :]
+        read = reading(values, rows, readings, by_force=False)
+        answers.append(CurveAnswer(read[np.searchsorted(rows.time_s, curve.time_s)], count, 0, seconds))
     return answers
 
 
-def _with_corner(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
-    """Times and programme of the rows, with the corner between ramp and hold where the stretch is nominal and not measured."""
+def _with_corner(curve: Curve) -> Curve:
+    """The curve with a row for the corner between ramp and hold, where the stretch is nominal and not measured."""
     t, stretch = curve.time_s, programme_of(curve)
     rate, largest = curve.number("rate_per_s"), curve.number("max_strain")
     if curve.kind != "uniaxial" or not rate or not largest:
-        return t, stretch
+        return curve
     sign = -1.0 if stretch[np.argmax(np.abs(stretch - 1.0))] < 1.0 else 1.0
     corner = largest / rate
     nominal = 1.0 + sign * np.minimum(rate * t, largest)
     measured = np.abs(stretch - nominal).max() > NOMINAL_STRETCH_DEVIATION
     if measured or not t[0] < corner < t[-1] or np.abs(t - corner).min() < 1e-9 * corner:
-        return t, stretch
+        return curve
     row = int(np.searchsorted(t, corner))
-    return np.insert(t, row, corner), np.insert(stretch, row, 1.0 + sign * largest)
+    columns = {name: np.insert(column, row, np.interp(corner, t, column)) for name, column in curve.columns.items()}
+    columns[curve.imposed][row] = 1.0 + sign * largest
+    return replace(curve, time_s=np.insert(t, row, corner), columns=columns)
 
 
-def _stress(
-    kind: str, law: Yeoh, effects: Sequence[MaterialEffect], time_s: np.ndarray, programme: np.ndarray
-) -> tuple[np.ndarray, int]:
+@dataclass(frozen=True)
+class _RiggedSpecimen:
+    """A homogeneous specimen in its rig.
+
+    Attributes
+    ----------
+    kind : uniaxial or shear.
+    law, effects : the tissue.
+    compliance_per_Pa : strain that the machine reads and the specimen does not have, per nominal stress [1/Pa].
+    """
+
+    kind: str
+    law: Yeoh
+    effects: Sequence[MaterialEffect]
+    compliance_per_Pa: float
+
+    def answer(self, time_s: np.ndarray, imposed: np.ndarray) -> np.ndarray:
+        """Stress (n,) Pa along a programme that begins at rest.
+
+        Raises
+        ------
+        RunError : no state is found at an instant.
+        """
+        if self.compliance_per_Pa == 0.0:
+            return self._tissue(self.effects, time_s, imposed)
+        # All instants are corrected together, with the stiffness of the tissue in a sudden small change.
+        true, stiffness = imposed, self._stiffness(imposed)
+        for _ in range(MOST_CORRECTIONS_OF_STRAIN):
+            stress = self._tissue(self.effects, time_s, true)
+            change = (imposed - self.compliance_per_Pa * stress - true) / (1.0 + self.compliance_per_Pa * stiffness)
+            if np.abs(change).max() <= STRAIN_TOLERANCE:
+                return stress
+            true = true + change
+            if self.kind == "uniaxial":
+                true = np.maximum(true, LEAST_STRETCH_SHARE * imposed)
+        raise RunError("the strain of a specimen in a rig that gives way is not found; take a smaller compliance.")
+
+    def _tissue(self, effects: Sequence[MaterialEffect], time_s: np.ndarray, strain: np.ndarray) -> np.ndarray:
+        test = point.shear if self.kind == "shear" else point.uniaxial
+        return test(self.law, effects, time_s, strain)
+
+    def _stiffness(self, strain: np.ndarray) -> np.ndarray:
+        """Slope (n,) Pa of the stress in a sudden change, in which nothing is remembered."""
+        sudden = [effect for effect in self.effects if not effect.memory]
+        both = np.concatenate([strain - STIFFNESS_STRAIN_CHANGE, strain + STIFFNESS_STRAIN_CHANGE])
+        low, high = np.split(self._tissue(sudden, np.zeros(len(both)), both), 2)
+        return (high - low) / (2.0 * STIFFNESS_STRAIN_CHANGE)
+
+
+def _stress(specimen: _RiggedSpecimen, time_s: np.ndarray, programme: np.ndarray) -> tuple[np.ndarray, int]:
     """Stress [Pa] at the rows, with increments halved until that changes little; the number of instants."""
 
     def in_parts(parts: int) -> np.ndarray:
         times = np.interp(np.arange((len(time_s) - 1) * parts + 1) / parts, np.arange(len(time_s)), time_s)
         imposed = np.interp(times, time_s, programme)
-        times, imposed = _from_rest(kind, times, imposed)
-        stress = point.shear(law, effects, times, imposed) if kind == "shear" else point.uniaxial(law, effects, times, imposed)
+        times, imposed = _from_rest(specimen.kind, times, imposed)
+        stress = specimen.answer(times, imposed)
         return stress[len(times) - 1 - (len(time_s) - 1) * parts :: parts]
 
-    if not any(effect.memory for effect in effects):
+    if not any(effect.memory for effect in specimen.effects):
         return in_parts(1), len(time_s)
     parts, now = 1, in_parts(1)
     for _ in range(MOST_HALVINGS_OF_INCREMENTS):

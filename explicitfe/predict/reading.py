@@ -7,29 +7,50 @@ from collections.abc import Sequence
 import numpy as np
 
 from explicitfe.effects import Measurement
-from explicitfe.measured.curve import Curve
+from explicitfe.effects.record import Record
+from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.experiment import cycle_of
+
+# A test is one-sided if it goes to the other side by no more than this share of its largest motion: sensors are not at zero.
+OTHER_SIDE_SHARE = 0.05
+
+
+def record_of(curve: Curve) -> Record:
+    """A curve as effects of the reading see it."""
+    assert curve.kind != "trajectory"
+    if curve.tool is not None:
+        return Record("force-displacement", curve.time_s, cycle_of(curve))
+    motion = programme_of(curve) - undeformed(curve)
+    side = -1.0 if -motion.min() > motion.max() else 1.0
+    one_sided = -(side * motion).min() <= OTHER_SIDE_SHARE * (side * motion).max()
+    return Record(curve.kind, curve.time_s, cycle_of(curve), side, bool(one_sided))
+
+
+def undeformed(curve: Curve) -> float:
+    """The imposed column of the specimen at rest: a stretch of 1, and 0 of all others."""
+    return 1.0 if curve.imposed == "stretch" else 0.0
 
 
 def true_programme(read: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
     """The programme that was really imposed (k,), from the one that the machine read."""
+    if not readings:
+        return np.maximum(read, 0.0) if by_force and _touches(curve) else read
+    record, zero = record_of(curve), undeformed(curve)
     for effect in reversed(readings):
-        if by_force:
-            # What is read is linear in the force.
-            zero, one = (effect.read_force(np.full(len(read), x), curve.time_s, cycle_of(curve)) for x in (0.0, 1.0))
-            read = (read - zero) / (one - zero)
-        else:
-            read = effect.true_displacement(read)
-    if by_force and (curve.tool is None or curve.tool.shape != "bonded-disc"):
-        return np.maximum(read, 0.0)
-    return read
+        read = effect.true_load(read, record) if by_force else effect.true_motion(read - zero, record) + zero
+    return np.maximum(read, 0.0) if by_force and _touches(curve) else read
 
 
 def reading(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
     """What the machine reads (k,), from the answer that is really there."""
+    if not readings:
+        return true
+    record = record_of(curve)
     for effect in readings:
-        if by_force:
-            true = true - (effect.true_displacement(true) - true)  # An offset of displacement is the same in both directions.
-        else:
-            true = effect.read_force(true, curve.time_s, cycle_of(curve))
+        true = effect.read_motion(true, record) if by_force else effect.read_load(true, record)
     return true
+
+
+def _touches(curve: Curve) -> bool:
+    """Whether the tool can leave the tissue, so that it cannot pull at it."""
+    return curve.tool is not None and curve.tool.shape != "bonded-disc"

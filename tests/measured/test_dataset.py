@@ -16,7 +16,7 @@ import pytest
 from outside_data import SHARED_DATA, needs
 
 from explicitfe.errors import InputError
-from explicitfe.measured.curve import Curve, Dataset, same_measurement
+from explicitfe.measured.curve import Curve, Dataset, same_measurement, sd_of
 from explicitfe.measured.read import read_dataset
 
 MEASURED = SHARED_DATA / "measured"
@@ -62,7 +62,7 @@ def compression() -> Case:
 
 
 def shear() -> Case:
-    return homogeneous("shear", SHEAR_CSV, stress_sd_Pa=1.0)
+    return homogeneous("shear", SHEAR_CSV, stress_sd_Pa=1.0, stretch_sd=0.002)
 
 
 def trajectory() -> Case:
@@ -408,6 +408,7 @@ def test_homogeneous_and_shear(tmp_path: Path) -> None:
     assert curve.stretch.tolist() == [1.0, 0.9, 0.8] and curve.nominal_stress_Pa.tolist() == [0.0, -100.0, -300.0]
     (tmp_path / "b").mkdir()
     curve = read_dataset(write(tmp_path / "b", shear())).curves[0]
+    assert sd_of(curve, "shear_strain") == 0.002 and sd_of(curve, "shear_stress_Pa") == 1.0
     assert curve.shear_strain.tolist() == [0.0, 0.1, -0.2] and curve.shear_stress_Pa.tolist() == [0.0, 50.0, -100.0]
 
 

@@ -91,7 +91,7 @@ def test_without_the_corner_of_its_programme_the_curve_would_be_off(tmp_path):
 def test_fibres_lie_as_the_curve_says():
     def direction(conditions: dict, *given: float) -> tuple[float, ...]:
         fibres = Fibres(k1_Pa=100.0, direction=given or (0.0, 0.0, 1.0))
-        return effects_of(SimpleNamespace(conditions=conditions), model(fibres))[0].direction
+        return effects_of(SimpleNamespace(id="c", tool=None, conditions=conditions), model(fibres))[0].direction
 
     assert direction({"direction": "cross-fibre"}) == (1.0, 0.0, 0.0)
     assert direction({"direction": "fibre"}, 0.0, 1.0, 0.0) == (0.0, 0.0, 1.0)
@@ -459,4 +459,4 @@ def test_what_does_not_go_with_the_dataset_is_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         run(tmp_path / "none.toml")
     with pytest.raises(InputError, match="needs a tool"):
-        run(saved(tmp_path, model().text + "[effects]\nforce-offset = { offset_N = 0.1 }\n"))
+        run(saved(tmp_path, model().text + "[effects]\nfriction = { coefficient = 0.1 }\n"))

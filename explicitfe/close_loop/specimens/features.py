@@ -24,6 +24,8 @@ def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
         loose = ("frictionless", "unknown") if first.tool.shape == "platen" else ("frictionless",)
         if first.specimen is not None and first.specimen.base not in loose:
             features.add("bonded base")
+    else:
+        features.add("strain")
     paces: dict[str, list[float]] = {}
     cycles: dict[str, set[float]] = {}
     directions: dict[str, set[str]] = {}

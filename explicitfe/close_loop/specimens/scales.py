@@ -29,9 +29,11 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
         if curve.kind == "uniaxial":
             squares.append(float(np.max(programme**2 + 2.0 / programme - 3.0)))
             energies.append(_work(programme, values))
+            _enlarge(scales, _of_strain(programme - 1.0, values, duration))
         elif curve.kind == "shear":
             squares.append(float(np.max(programme**2)))
             energies.append(_work(programme, values))
+            _enlarge(scales, _of_strain(programme, values, duration))
         else:
             assert curve.tool is not None and curve.specimen is not None
             d, F = curve.displacement_m, curve.force_N
@@ -41,16 +43,18 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
             squares.append(3.0 * min(float(np.abs(d).max()) / length, LARGEST_STRAIN_UNDER_A_TOOL) ** 2)
             energies.append(_work(d, F) / (area * length))
             largest = {"force_N": float(np.abs(F).max()), "displacement_mm": 1e3 * float(np.abs(d).max())}
-            for key, value in (
-                *largest.items(),
-                ("pressure_Pa", largest["force_N"] / area),
-                ("height_mm", curve.specimen.thickness_mm),
-                ("compliance_mm_N", largest["displacement_mm"] / largest["force_N"]),
-                ("drift_N_s", largest["force_N"] / duration),
-                ("slip_mm_kPa", curve.specimen.thickness_mm / (1e-3 * C10)),
-            ):
-                least = key == "height_mm"  # a layer must fit into the flattest specimen
-                scales[key] = (min if least else max)(scales.get(key, value), value)
+            height_mm = curve.specimen.thickness_mm
+            scales["height_mm"] = min(scales.get("height_mm", height_mm), height_mm)  # a layer must fit into the flattest one
+            _enlarge(
+                scales,
+                {
+                    **largest,
+                    "pressure_Pa": largest["force_N"] / area,
+                    "compliance_mm_N": largest["displacement_mm"] / largest["force_N"],
+                    "drift_N_s": largest["force_N"] / duration,
+                    "slip_mm_kPa": height_mm / (1e-3 * C10),
+                },
+            )
     square = max(squares)
     scales |= {
         "duration_s": duration,
@@ -58,9 +62,25 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
         "third_Pa": (C10 + 2.0 * C20 * square) / (3.0 * square**2),
         "energy_Pa": max(max(energies), 1e-9),
     }
-    # The scales of a tool are asked for without one too, but then nothing is tried in them.
-    names = {entry.scale for effect in EFFECTS.values() for entry in effect.sought.values() if entry.scale}
-    return Scales({name: scales.get(name, 1.0) for name in names})
+    # The scales of a tool are asked for without one too, and the other way round, but then nothing is tried in them.
+    sought = [entry for effect in EFFECTS.values() for tool in (True, False) for entry in effect.sought_in(tool=tool).values()]
+    return Scales({entry.scale: scales.get(entry.scale, 1.0) for entry in sought if entry.scale})
+
+
+def _of_strain(strain: np.ndarray, stress_Pa: np.ndarray, duration_s: float) -> dict[str, float]:
+    """Sizes in a test of strain and stress."""
+    largest_strain, largest_Pa = float(np.abs(strain).max()), float(np.abs(stress_Pa).max())
+    return {
+        "strain": largest_strain,
+        "stress_Pa": largest_Pa,
+        "drift_Pa_s": largest_Pa / duration_s,
+        "strain_per_kPa": largest_strain / (1e-3 * largest_Pa),
+    }
+
+
+def _enlarge(scales: dict[str, float], sizes: dict[str, float]) -> None:
+    """Keep the larger of each size."""
+    scales |= {key: max(scales.get(key, value), value) for key, value in sizes.items()}
 
 
 def _work(programme: np.ndarray, values: np.ndarray) -> float:

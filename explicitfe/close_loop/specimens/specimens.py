@@ -210,7 +210,7 @@ class Specimens:
     def _candidate(self, name: str, number: int, model: Hypothesis, scales: Scales) -> Candidate:
         """The ``number``-th term of an effect."""
         effect = EFFECTS[name]
-        term = candidate(name, number, effect.sought, scales)
+        term = candidate(name, number, effect.sought_in(tool=self.curves[0].tool is not None), scales)
         lacking = [need for need in effect.requires if need not in self.features]
         if lacking:
             reason = f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"

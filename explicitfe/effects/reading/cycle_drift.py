@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from explicitfe.effects.effect import Description, Measurement, Sought
+from explicitfe.effects.record import Record
 
 
 class CycleDrift(Measurement):
-    """Relative change of the force from one repeat to the next."""
+    """Relative change of the load from one repeat to the next."""
 
     about: ClassVar[Description] = Description(
         title="drift from repeat to repeat",
@@ -33,5 +34,11 @@ class CycleDrift(Measurement):
     def strength(self) -> float:
         return self.per_cycle
 
-    def read_force(self, force_N: np.ndarray, time_s: np.ndarray, cycle: float) -> np.ndarray:
-        return force_N * (1.0 + self.per_cycle * (cycle - 1.0))
+    def read_load(self, true: np.ndarray, record: Record) -> np.ndarray:
+        return true * self._factor(record)
+
+    def true_load(self, read: np.ndarray, record: Record) -> np.ndarray:
+        return read / self._factor(record)
+
+    def _factor(self, record: Record) -> float:
+        return 1.0 + self.per_cycle * (record.cycle - 1.0)

@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from explicitfe.effects.effect import Description, Measurement, Sought
+from explicitfe.effects.record import Record
 
 
 class ForceOffset(Measurement):
-    """Constant error of the force."""
+    """Constant error of the force, or of the stress."""
 
     about: ClassVar[Description] = Description(
         title="offset of the load cell",
@@ -25,12 +26,22 @@ class ForceOffset(Measurement):
         neighbours="preload, contact-offset",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"offset_N": Sought((-0.02, -0.1, 0.02, 0.1), -0.5, 0.5, scale="force_N")}
-    requires: ClassVar[tuple[str, ...]] = ("tool",)
-    offset_N: float = Field(description="reading without a load [N]")
+    sought_without_tool: ClassVar[Mapping[str, Sought]] = {
+        "offset_Pa": Sought((-0.02, -0.1, 0.02, 0.1), -0.5, 0.5, scale="stress_Pa")
+    }
+    without_tool = True
+    offset_N: float = Field(default=0.0, description="reading without a load [N]")
+    offset_Pa: float = Field(default=0.0, description="the same where stresses are read [Pa]")
 
     @property
     def strength(self) -> float:
-        return self.offset_N
+        return self.offset_N or self.offset_Pa
 
-    def read_force(self, force_N: np.ndarray, time_s: np.ndarray, cycle: float) -> np.ndarray:
-        return force_N + self.offset_N
+    def read_load(self, true: np.ndarray, record: Record) -> np.ndarray:
+        return true + self._offset(record)
+
+    def true_load(self, read: np.ndarray, record: Record) -> np.ndarray:
+        return read - self._offset(record)
+
+    def _offset(self, record: Record) -> float:
+        return self.offset_N if record.with_tool else self.offset_Pa

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.close_loop import words
+from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of, sureness
 from explicitfe.close_loop.search import Outcome, Round, numerical_shares
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit, intervals
+from explicitfe.close_loop.statistics.system import System
 from explicitfe.close_loop.thresholds import entries
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
@@ -185,6 +187,14 @@ def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
     return why
 
 
+def add_probabilities(report: LoopReport, outcome: Outcome, system: System) -> None:
+    """Put into a report how probable each cause is, and how sure the verdict."""
+    posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
+    report.posterior = posterior.causes
+    report.something_else = posterior.something_else
+    report.sure = sureness(outcome, posterior)
+
+
 def add_failure(report: LoopReport, message: str) -> None:
     """Put into a report that nothing could be fitted, and why."""
     report.verdict = "failed"
@@ -200,6 +210,7 @@ def add_failure(report: LoopReport, message: str) -> None:
     report.baseline = ReportedModel(parameters={}, error=ErrorsOfModel())
     report.final = ReportedModel(parameters={}, error=ErrorsOfModel())
     report.steps = []
+    report.posterior = {}
     report.ambiguous_with = []
     report.separations = []
     report.next_experiment = None

@@ -12,6 +12,7 @@ from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.fingerprints import (
     NOT_SIGNIFICANT,
     SIGNIFICANT,
+    Fingerprint,
     LackOfFit,
     Score,
     fingerprints,
@@ -47,6 +48,7 @@ class Round:
     p : p-value of the residual, from the lack of fit and from the best candidate together.
     p_is_bound : p is an upper bound, because no draw of the bootstrap reached the best candidate's drop.
     scores : of all candidates.
+    prints : fingerprints of those that could be computed.
     refits : effect -> the model with it, at its best.
     failures : effect -> why that could not be computed.
     cv : effect -> cross-validated error of each test; "" is the model without a further effect.
@@ -63,6 +65,7 @@ class Round:
     p: float
     scores: list[Score]
     p_is_bound: bool = False
+    prints: tuple[Fingerprint, ...] = ()
     refits: dict[str, BestFit] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)
     cv: CrossValidation = field(default_factory=dict)
@@ -215,7 +218,7 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
     scored = scores(fit, prints, candidates, seed)
     # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
     least, is_bound = min([(lack.p, False), *((s.p_holm, s.p_is_bound) for s in scored)])
-    seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound)
+    seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound, prints=tuple(prints))
     significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
     if seen.at_floor or not significant or last:
         why = "not added: what is left is no more than noise" if seen.at_floor else NO_MORE_EFFECTS

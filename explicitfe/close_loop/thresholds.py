@@ -165,6 +165,19 @@ class Thresholds:
         "Effects that leave more than half of what is missing help, but they are not what is missing.",
     )
 
+    # ---- how sure a verdict is ----
+    discrepancy_odds: float = threshold(
+        0.1, "odds", "Before the data, that something is at work that no effect does: about what real datasets have shown."
+    )
+    evidence_temperature: float = threshold(
+        2.0,
+        "divides the log evidence",
+        "Numerics, estimated noise and a coarse grid of shapes make evidence surer than it may be; of this many nats one counts.",
+    )
+    unforeseen_probability: float = threshold(
+        0.02, "probability", "Left to causes that neither the effects nor a smooth discrepancy describe, however clear the data."
+    )
+
     # ---- which curves are held out ----
     held_out_share: float = threshold(1.0 / 3.0, "share of the tests", "Enough to check a prediction, and most are left to fit.")
     fitted_curves_under_a_tool: int = threshold(6, "curves", "A bound on the time: each costs seconds for every model.")

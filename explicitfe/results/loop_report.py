@@ -305,6 +305,10 @@ class LoopReport(Document, ReportPart):
     groups : of the constants, where the program chose to fit each specimen by itself.
     baseline, final : the models before and after.
     steps : the rounds of the search.
+    posterior : cause -> its probability, the most probable first: "nothing", effects joined by " + ", or "other" for something
+        that no effect does. Less than one in a thousand is left out.
+    something_else : probability that something is at work that no effect does, alone or beside effects.
+    sure : probability that the verdict is right; None where there is none.
     ambiguous_with : effects that these data cannot tell from the last one of ``effects``.
     sensitivity_to_assumed : assumed quantity -> what follows from other values of it.
     thresholds : name -> a number that decides a verdict.
@@ -332,6 +336,9 @@ class LoopReport(Document, ReportPart):
     baseline: _Part[ReportedModel] = ReportedModel()
     final: _Part[ReportedModel] = ReportedModel()
     steps: _Entries[ReportedRound] = []
+    posterior: _Table[float] = {}
+    something_else: float | None = None
+    sure: float | None = None
     ambiguous_with: _Entries[str] = []
     separations: _Entries[ReportedSeparation] = []
     next_experiment: NextExperiment | None = None

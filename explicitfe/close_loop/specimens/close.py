@@ -8,7 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from explicitfe.close_loop.next_test import next_experiment
-from explicitfe.close_loop.report import LoopDocuments, add_failure, add_outcome, bound_warnings, errors_of_model, new_report
+from explicitfe.close_loop.report import (
+    LoopDocuments,
+    add_failure,
+    add_outcome,
+    add_probabilities,
+    bound_warnings,
+    errors_of_model,
+    new_report,
+)
 from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, search
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
@@ -147,6 +155,7 @@ class _SpecimenLoop:
         self._enter("predict", 0.0, PREDICT_PROGRESS)
         report = self._new_report()
         add_outcome(report, outcome, before, after, last)
+        add_probabilities(report, outcome, replace(self.system, numerics=COARSE))
         curves = self._add_errors(report, before, after, last)
         report.sensitivity_to_assumed = self._sensitivity(outcome, before, after, last)
         self._enter("predict", PREDICT_PROGRESS, 1.0)

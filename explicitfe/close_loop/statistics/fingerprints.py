@@ -132,8 +132,8 @@ def _room(candidate: Candidate, values: tuple[float, ...]) -> tuple[float, float
     return max((bound - none) / size, 1.0), max(usual, 1.0)
 
 
-def _grow(candidate: Candidate, values: tuple[float, ...], times: float) -> tuple[float, ...]:
-    """Values with the strength's coordinate multiplied, well inside its bounds."""
+def grow(candidate: Candidate, values: tuple[float, ...], times: float) -> tuple[float, ...]:
+    """Values of a trial with the strength's coordinate multiplied, well inside its bounds."""
     strength = candidate.term.parameters[0].sought
     none = strength.coordinate(strength.none)
     ends = sorted(strength.coordinate(v) for v in (strength.low, strength.high))
@@ -183,7 +183,7 @@ def scores(
             number = int(np.argmax(observed[part]))
             growth = float(tested.secants[:, number] @ residual) / max(float(size[part][number]), 1e-300)
             times = float(np.clip(growth, SMALLEST_GROWTH, tested.limits[number]))
-            best.append(_grow(tested.candidate, tested.values[number], times))
+            best.append(grow(tested.candidate, tested.values[number], times))
             reached = int((by_chance[:, part].max(axis=1) >= drops[-1]).sum())
             chance.append((1.0 + reached) / (draws + 1.0))
             bounded.append(reached == 0)
@@ -240,12 +240,8 @@ class LackOfFit:
         return max(self.chi2 - self.free, 0.0)
 
 
-def lack_of_fit(fit: BestFit, covariance: Covariance) -> LackOfFit:
-    """A test of a residual against smooth functions of the programme: physics is smooth between bends, and noise is not.
-
-    The plain sum over all rows would test the stated noise rather than the model, because 5 % more noise in a thousand rows is
-    significant there. Where the noise was estimated from what a smooth curve leaves, the test is an F-test.
-    """
+def smooth_directions(fit: BestFit, covariance: Covariance) -> np.ndarray:
+    """Orthonormal directions (n, m), whitened, of smooth curves between the bends, outside what the model's parameters can do."""
     blocks = []
     total = len(fit.answer)
     for one, part in zip(covariance.series, covariance.slices(), strict=True):
@@ -257,7 +253,16 @@ def lack_of_fit(fit: BestFit, covariance: Covariance) -> LackOfFit:
     directions, _ = np.linalg.qr(directions / np.linalg.norm(directions, axis=0))
     U, s, _ = np.linalg.svd(outside(fit.movable, directions), full_matrices=False)
     # What the constants leave of a direction that they nearly imitate is the noise of the imposed column in their derivatives.
-    U = U[:, s > THRESHOLDS.imitation_sine]
+    return U[:, s > THRESHOLDS.imitation_sine]
+
+
+def lack_of_fit(fit: BestFit, covariance: Covariance) -> LackOfFit:
+    """A test of a residual against smooth functions of the programme: physics is smooth between bends, and noise is not.
+
+    The plain sum over all rows would test the stated noise rather than the model, because 5 % more noise in a thousand rows is
+    significant there. Where the noise was estimated from what a smooth curve leaves, the test is an F-test.
+    """
+    U = smooth_directions(fit, covariance)
     along = U.T @ outside(fit.movable, fit.residual)
     free, size = U.shape[1], float(along @ along)
     if not free:

@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.close_loop.report import LoopDocuments, add_failure, add_outcome, bound_warnings, errors_of_model, new_report
+from explicitfe.close_loop.report import (
+    LoopDocuments,
+    add_failure,
+    add_outcome,
+    add_probabilities,
+    bound_warnings,
+    errors_of_model,
+    new_report,
+)
 from explicitfe.close_loop.search import search
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
@@ -53,6 +61,7 @@ def close_trajectories(
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
         before, after = outcome.rounds[0].fit, last.fit
         add_outcome(report, outcome, before, after, last)
+        add_probabilities(report, outcome, system)
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
     except RunError as error:

@@ -34,6 +34,7 @@ from explicitfe.view.report.words import (
     effect_title,
     finite,
     headline,
+    how_sure,
     joined,
     model_names,
     name_and_unit,
@@ -154,7 +155,7 @@ def first_screen(report: LoopReport) -> FirstScreen:
     """What is seen without scrolling."""
     names = [shortened(name, 130) for name in (report.dataset, report.title) if name]
     following = report.next_experiment if report.verdict == "ambiguous" else None
-    left = [REMAINDERS.get(report.remainder or "", ""), sentence(report.remainder_where)]
+    left = [REMAINDERS.get(report.remainder or "", ""), sentence(report.remainder_where), how_sure(report)]
     before, after = model_names(report)
     head = headline(report)
     return FirstScreen(

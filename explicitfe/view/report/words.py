@@ -207,3 +207,11 @@ def headline(report: LoopReport) -> str:
         case "ambiguous":
             return f"These data cannot tell apart {joined(rivals)}"
     return f"Verdict: {report.verdict or 'none'}"
+
+
+def how_sure(report: LoopReport, most: int = 4) -> str:
+    """How sure the verdict is, with the most probable causes; "" where nothing is known of it."""
+    if report.sure is None:
+        return ""
+    causes = ", ".join(f"{name} {p:.2f}" for name, p in list(report.posterior.items())[:most])
+    return f"The verdict is right with a probability of {report.sure:.2f} ({causes})."

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.loop_report import LoopReport, ReportedCandidate, estimates
-from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, number, percent
+from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, how_sure, number, percent
 from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
@@ -25,6 +25,8 @@ def loop_tables(report: LoopReport) -> Group:
         head.add_row("", escape(report.remainder_where))
     if report.verdict == "failed":
         return Group(head)
+    if report.sure is not None:
+        head.add_row("how sure", escape(how_sure(report)))
     before, after = report.baseline.error, report.final.error
     for words, errors in (("held-out curves", (before.holdout, after.holdout)), ("fitted curves", (before.fit, after.fit))):
         shares = [100.0 * error.nrmse for error in errors if error is not None and error.nrmse is not None]

@@ -22,6 +22,7 @@ from explicitfe.close_loop.statistics.fingerprints import (
 )
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit
+from explicitfe.close_loop.statistics.starts import refit_with, settled
 from explicitfe.close_loop.statistics.system import Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
@@ -157,11 +158,12 @@ def search(
     rows = row_noise(system.series) if rows is None else rows
     spread = scatter(system.series, rows)
     watch("fit the baseline", BASELINE_PROGRESS)
-    baseline = refit(system, start or system.start(), Covariance(system.series, rows, spread))
+    by_tests = Covariance(system.series, rows, spread)
+    baseline = settled(system, refit(system, start or system.start(), by_tests), by_tests)
     watch("floors", FLOORS_PROGRESS)
     assumed = {f"{ASSUMED}{name}": stack(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()}
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
-    fit = refit(system, baseline.model, covariance, slopes=baseline.slopes)
+    fit = settled(system, refit(system, baseline.model, covariance, slopes=baseline.slopes), covariance)
     rounds: list[Round] = []
     while True:
         covariance = covariance.at(fit.answer)
@@ -290,7 +292,8 @@ def _refits(
         if system.costly(model) and hoped > least + THRESHOLDS.far_misfit:
             continue  # a fit would not bring it near the best
         try:
-            refits[name] = refit(system, model, covariance)
+            starts = (score.values, *score.others)
+            refits[name] = refit_with(system, fit, score.candidate.term, starts, covariance, score.drop)
         except RunError as error:
             failures[name] = str(error)
     return refits, failures

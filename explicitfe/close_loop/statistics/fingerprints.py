@@ -24,6 +24,8 @@ SMALLEST_GROWTH = 0.02
 BOUND_MARGIN_SHARE = 0.05
 # The F-test takes the noise for known no better than from so many rows.
 LEAST_DEGREES_OF_NOISE = 5.0
+# A search that has to begin elsewhere begins at no more trials than this.
+OTHER_STARTS = 2
 # Directions whose singular value is smaller, as a share of the largest, are none.
 RANK_SHARE = 1e-10
 
@@ -69,6 +71,7 @@ class Score:
     p_is_bound : both are upper bounds, because no draw of the bootstrap reached the drop.
     values : parameters that explain most, with the strength that explains most.
     reason : for the status, in words.
+    others : the same of the trials that explain most after that, for searches that have to begin elsewhere.
     """
 
     candidate: Candidate
@@ -79,6 +82,7 @@ class Score:
     values: tuple[float, ...]
     reason: str
     p_is_bound: bool = False
+    others: tuple[tuple[float, ...], ...] = ()
 
 
 def outside(J: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -180,10 +184,10 @@ def scores(
             part = slice(start, start + tested.secants.shape[1])
             start = part.stop
             drops.append(float(observed[part].max()))
-            number = int(np.argmax(observed[part]))
-            growth = float(tested.secants[:, number] @ residual) / max(float(size[part][number]), 1e-300)
-            times = float(np.clip(growth, SMALLEST_GROWTH, tested.limits[number]))
-            best.append(grow(tested.candidate, tested.values[number], times))
+            ranked = _by_drop(tested, observed[part])[: 1 + OTHER_STARTS]
+            growth = tested.secants.T @ residual / np.maximum(size[part], 1e-300)
+            times = np.clip(growth, SMALLEST_GROWTH, tested.limits)
+            best.append(tuple(grow(tested.candidate, tested.values[k], float(times[k])) for k in ranked))
             reached = int((by_chance[:, part].max(axis=1) >= drops[-1]).sum())
             chance.append((1.0 + reached) / (draws + 1.0))
             bounded.append(reached == 0)
@@ -196,10 +200,10 @@ def scores(
         if own is None:
             scored.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), candidate.reason))
         elif id(candidate) in by_candidate:
-            drop, values, p, p_holm, is_bound = by_candidate[id(candidate)]
+            drop, (values, *others), p, p_holm, is_bound = by_candidate[id(candidate)]
             status = SIGNIFICANT if p_holm < THRESHOLDS.significance_p else NOT_SIGNIFICANT
             reason = "explains more than chance would" if status == SIGNIFICANT else "explains no more than chance may"
-            scored.append(Score(candidate, status, drop, p, p_holm, values, reason, is_bound))
+            scored.append(Score(candidate, status, drop, p, p_holm, values, reason, is_bound, tuple(others)))
         elif not own.values:
             scored.append(Score(candidate, FAILED, 0.0, 1.0, 1.0, (), "the model cannot be computed with it"))
         else:
@@ -207,6 +211,17 @@ def scores(
             reason = f"even the largest plausible one stays under the floors ({needed})"
             scored.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), reason))
     return scored
+
+
+def _by_drop(tested: Fingerprint, drops: np.ndarray) -> list[int]:
+    """The trial that lowers chi2 most of each shape and sign, the best first."""
+    strength = tested.candidate.term.parameters[0].sought
+    none = strength.coordinate(strength.none)
+    ranked: dict[tuple[object, ...], int] = {}
+    for k in np.argsort(-drops):
+        first, *shape = tested.values[k]
+        ranked.setdefault((strength.coordinate(first) > none, *shape), int(k))
+    return list(ranked.values())
 
 
 def holm(p: Sequence[float]) -> list[float]:

@@ -94,7 +94,7 @@ def refit(
     target: np.ndarray | None = None,
     slopes: np.ndarray | None = None,
 ) -> BestFit:
-    """The best parameters of a model, by the method of Levenberg and Marquardt inside the bounds.
+    """The best parameters of a model, by the method of Levenberg and Marquardt inside the bounds; never worse than the start.
 
     Parameters
     ----------
@@ -125,6 +125,7 @@ def refit(
     def misfit_by_rows(at: _Position) -> float:
         return float(np.sum(rows.whiten(y - at.answer) ** 2))
 
+    begin = position
     by_rows: float | None = None
     if rows is not covariance and system.costly(start) and system.exact(start):
         # Both fits cost, and smooth answers lead from anywhere to the same one: where the misfit of the second is not gross, that
@@ -137,7 +138,15 @@ def refit(
         by_rows = misfit_by_rows(position)
     elif rows is not covariance:
         position = _descend(system, position, covariance, y)
+        if _misfit(begin, covariance, y) < _misfit(position, covariance, y):
+            # The way by the rows alone led to a worse place than it began at.
+            position = _descend(system, begin, covariance, y)
     return _best_fit(position, covariance, y, by_rows)
+
+
+def _misfit(at: _Position, covariance: Covariance, y: np.ndarray) -> float:
+    """The whitened sum of squares."""
+    return float(np.sum(covariance.at(at.answer).whiten(y - at.answer) ** 2))
 
 
 def _best_fit(position: _Position, covariance: Covariance, y: np.ndarray, by_rows: float | None) -> BestFit:

@@ -6,6 +6,10 @@ from explicitfe.effects.effect import Effect, MaterialEffect, Measurement, Rig, 
 from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects.material.nonlinear_relaxation import NonlinearRelaxation
+from explicitfe.effects.material.payne import Payne
+from explicitfe.effects.material.permanent_set import PermanentSet
+from explicitfe.effects.material.power_law import PowerLaw
 from explicitfe.effects.material.softening import Softening
 from explicitfe.effects.material.third_yeoh import ThirdYeoh
 from explicitfe.effects.material.viscoelastic import Viscoelastic
@@ -29,7 +33,11 @@ from explicitfe.effects.tool.tilt import Tilt
 
 EFFECTS: dict[str, type[Effect]] = {
     "viscoelastic": Viscoelastic,
+    "nonlinear-relaxation": NonlinearRelaxation,
+    "power-law": PowerLaw,
     "softening": Softening,
+    "permanent-set": PermanentSet,
+    "payne": Payne,
     "third-yeoh": ThirdYeoh,
     "fibres": Fibres,
     "compressible": Compressible,

@@ -116,6 +116,7 @@ class Effect(BaseModel, ABC):
     requires : what the data must have to show it: time | unloading | two directions | repeats | tool | strain (without a
         tool) | flat tool | bonded base | force that pulls | muscles.
     terms : how often it can be added, each time with parameters of its own.
+    extends : the effect that it changes, without which it means nothing; "" is none.
     shares_of_remainder : parameters that are a share of what the terms before leave, where there are several terms.
     acts_on : what it changes: the material, the specimen (its shape, its layers, what holds it, its weight), the tool and the rig
         that drives it, the reading, or the muscles.
@@ -133,6 +134,7 @@ class Effect(BaseModel, ABC):
     sought_without_tool: ClassVar[Mapping[str, Sought]] = {}
     requires: ClassVar[tuple[str, ...]] = ()
     terms: ClassVar[int] = 1
+    extends: ClassVar[str] = ""
     shares_of_remainder: ClassVar[tuple[str, ...]] = ()
     acts_on: ClassVar[Literal["material", "specimen", "tool", "reading", "muscle"]]
     pointwise: ClassVar[bool] = False
@@ -197,6 +199,10 @@ class Effect(BaseModel, ABC):
         """A rig with the effect in it, for tests that are computed without a tool's mesh."""
         return rig
 
+    def in_materials(self, effects: Sequence[MaterialEffect]) -> tuple[MaterialEffect, ...]:
+        """The effects that the kernels compute beside the law, with this one among them, or in one of them."""
+        return tuple(effects)
+
     def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         """The tables of a specimen and its tool with the effect in them, before they are meshed."""
         return specimen, tool
@@ -249,8 +255,11 @@ class MaterialEffect(Effect):
                 f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; without, neither"
             )
 
+    def in_materials(self, effects: Sequence[MaterialEffect]) -> tuple[MaterialEffect, ...]:
+        return (*effects, self)
+
     def apply(self, model: ModelT) -> ModelT:
-        return replace(model, effects=(*model.effects, self))
+        return in_materials(self, model)
 
     @property
     def transient(self) -> bool:
@@ -298,7 +307,15 @@ def physics_of(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 
 def with_leaves(effects: Iterable[Effect]) -> tuple[MaterialEffect, ...]:
     """Those that the kernels compute beside the law."""
-    return tuple(effect for effect in effects if isinstance(effect, MaterialEffect))
+    materials: tuple[MaterialEffect, ...] = ()
+    for effect in effects:
+        materials = effect.in_materials(materials)
+    return materials
+
+
+def in_materials(effect: Effect, model: ModelT) -> ModelT:
+    """A model with an effect of the material beside those that it has."""
+    return replace(model, effects=effect.in_materials([e for e in model.effects if isinstance(e, MaterialEffect)]))
 
 
 @leaf

@@ -16,8 +16,9 @@ from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS, Effect
-from explicitfe.effects.effect import Sought
-from explicitfe.errors import RunError
+from explicitfe.effects.effect import Sought, with_leaves
+from explicitfe.errors import InputError, RunError
+from explicitfe.forces.response import layout_of
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.predict.experiment import experiments
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
@@ -215,6 +216,9 @@ class Specimens:
         if lacking:
             reason = f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"
             return replace(term, trials=(), reason=reason)
+        refusal = self._refusal(term, model)
+        if refusal:
+            return replace(term, trials=(), reason=refusal)
         if self.homogeneous and effect.pointwise:
             return term
         # Runs on a mesh are dear, so the middle strength alone is tried.
@@ -226,6 +230,17 @@ class Specimens:
             none = term.term.parameters[0].sought.none
             term = replace(term, reference=tuple((none, *row[0][1:]) for row in term.trials))
         return term
+
+    def _refusal(self, term: Candidate, model: Hypothesis) -> str:
+        """Why a model cannot have a term beside those that it has; "" if it can."""
+        base = EFFECTS[term.effect].extends
+        if base and base not in model.effects:
+            return f"it says how {EFFECTS[base].about.title} goes on, which the model has not"
+        try:
+            layout_of(with_leaves(self.tissue(model.plus(term.term, term.trials[0][0])).effects.chosen))
+        except InputError as error:
+            return str(error)
+        return ""
 
     @cached_property
     def features(self) -> set[str]:

@@ -15,12 +15,14 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from explicitfe.compiled.jit import Template
+from explicitfe.compiled.simd import WIDTH, exp, load, log
 from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
 from explicitfe.materials.law import Law
 from explicitfe.materials.volumetric import bulk_modulus
 
 AT = MEMORY = 0
 TERMS = 1
+NONLINEAR = 0  # 1 where the branches stiffen with strain in their own way, see nonlinear_relaxation.py
 
 
 class Viscoelastic(MaterialEffect):
@@ -88,12 +90,16 @@ class Viscoelastic(MaterialEffect):
         return {"relax": relax, "branch_energy": branch_energy}
 
     def values(self, increment_s: float) -> tuple[float, ...]:
-        """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
-        numbers = [self.long_term_share]
-        for g, tau in zip(self.g, self.tau_s, strict=True):
-            x = increment_s / tau
-            numbers += [g * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), g]
-        return tuple(float(value) for value in numbers)
+        return prony_numbers(self.g, self.tau_s, increment_s)
+
+
+def prony_numbers(g: Sequence[float], tau_s: Sequence[float], increment_s: float) -> tuple[float, ...]:
+    """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
+    numbers = [1.0 - sum(g)]
+    for share, tau in zip(g, tau_s, strict=True):
+        x = increment_s / tau
+        numbers += [share * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), share]
+    return tuple(float(value) for value in numbers)
 
 
 def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelastic]:
@@ -109,6 +115,12 @@ def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelast
     return law.model_copy(update=moduli | {"poisson": poisson}), Viscoelastic(g=(1.0 - 1.0 / times,), tau_s=(tau_s,))
 
 
+def note_invariant(I1_bar, blocks, block):
+    """Nothing is added to the slope or the energy; the leaf that relaxes reads I1_bar."""
+    remember(blocks, block, MEMORY + 6 + 6 * TERMS, I1_bar)
+    return 0.0 * I1_bar, 0.0 * I1_bar
+
+
 def relax(S, blocks, block):
     """The isochoric stress (6 components) [Pa] that is left of the elastic one S, and the share that hourglass control keeps.
 
@@ -117,6 +129,10 @@ def relax(S, blocks, block):
     """
     left = number(blocks, block, AT)
     T = (left * S[0], left * S[1], left * S[2], left * S[3], left * S[4], left * S[5])
+    if NONLINEAR:
+        I1_bar = load(blocks.new, (block * blocks.new.shape[1] + MEMORY + 6 + 6 * TERMS) * WIDTH)
+        f = exp(number(blocks, block, AT + 1 + 3 * TERMS) * log(I1_bar * (1.0 / 3.0)))
+        S = (f * S[0], f * S[1], f * S[2], f * S[3], f * S[4], f * S[5])
     for term in range(TERMS):
         gain, decay = number(blocks, block, AT + 1 + 3 * term), number(blocks, block, AT + 2 + 3 * term)
         q = MEMORY + 6 + 6 * term

@@ -95,7 +95,7 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     best = outcome.rounds[-1].best
     ambiguous = outcome.rounds[-1].ambiguous_with if outcome.verdict in ("ambiguous", "effect-found") else ()
     effects = list(outcome.effects) or ([first.best] if ambiguous and first.best else [])
-    named = [*effects, *ambiguous, *outcome.nearest, *([best] if best else [])]
+    named = [*effects, *ambiguous, *outcome.nearest, *outcome.no_consequence, *([best] if best else [])]
     report.verdict = outcome.verdict
     report.remainder = outcome.remainder
     report.remainder_where = words.where(last)
@@ -103,6 +103,7 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     report.effects = effects
     report.effect_titles = {name: words.title(name) for name in named}
     report.nearest = list(outcome.nearest)
+    report.no_consequence = list(outcome.no_consequence)
     report.n_eff = covariance.effective
     report.noise = NoiseAndFloors(
         rows=[

@@ -58,6 +58,7 @@ class Round:
     best : the effect that was chosen, or that cannot be told from others.
     ambiguous_with : effects that these data cannot tell from the best.
     separations : (a, b, |y_a - y_b|^2).
+    no_consequence : significant effects that do not lower the errors of left-out tests by more than the error of that gain.
     """
 
     fit: BestFit
@@ -75,6 +76,7 @@ class Round:
     best: str | None = None
     ambiguous_with: tuple[str, ...] = ()
     separations: tuple[tuple[str, str, float], ...] = ()
+    no_consequence: tuple[str, ...] = ()
 
     @property
     def at_floor(self) -> bool:
@@ -91,6 +93,7 @@ class Outcome:
     rounds : the last one is that of the final model.
     effects : what is missing, in the order in which it was added.
     nearest : effects that help without explaining what is missing.
+    no_consequence : effects that are significant, and of no consequence for tests that were left out.
     message : why a fit failed.
     """
 
@@ -99,6 +102,7 @@ class Outcome:
     rounds: list[Round]
     effects: tuple[str, ...]
     nearest: tuple[str, ...] = ()
+    no_consequence: tuple[str, ...] = ()
     message: str = ""
 
 
@@ -124,12 +128,18 @@ def numerical_shares(covariance: Covariance, fit: BestFit, names: Sequence[str])
     return shares
 
 
-def _numerical_chi2(covariance: Covariance, fit: BestFit) -> float:
-    """Chi2 of what numerics change, where the misfit is gross and chi2 is that of the rows alone. Elsewhere it is in Sigma."""
+def _numerical_chi2(covariance: Covariance, fit: BestFit, other: BestFit) -> float:
+    """What numerics may change of the gain of another model over a fit, where the misfit is gross and chi2 is that of the rows
+    alone; elsewhere numerics are in Sigma.
+
+    A change d of what both answer changes a gain 2 r D - D D by 2 d D, where D is the difference of their answers.
+    """
     if fit.by_rows is None:
         return 0.0
-    shares = numerical_shares(covariance, fit, [name for name in covariance.floors if not name.startswith(ASSUMED)])
-    return len(fit.answer) * sum(share**2 for share in shares.values())
+    floors = [d for name, d in covariance.floors.items() if not name.startswith(ASSUMED)]
+    rows = covariance.by_rows(np.column_stack([other.answer - fit.answer, *floors, fit.slopes]))
+    changes = outside(rows[:, 1 + len(floors) :], rows[:, 1 : 1 + len(floors)])
+    return float(np.linalg.norm(2.0 * rows[:, 0] @ changes))
 
 
 def search(
@@ -186,9 +196,11 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
     """The verdict, by the first line that applies."""
     first, last = rounds[0], rounds[-1]
     effects = last.fit.model.effects
-    remainder: Remainder = "at-floor" if last.at_floor else "ambiguous" if last.ambiguous_with else "unexplained"
-    if first.at_floor:
-        return Outcome("no-missing-effect", "at-floor", rounds, ())
+    slight = last.no_consequence
+    quiet = last.at_floor or bool(slight)
+    remainder: Remainder = "at-floor" if quiet else "ambiguous" if last.ambiguous_with else "unexplained"
+    if first.at_floor or first.no_consequence:
+        return Outcome("no-missing-effect", "at-floor", rounds, (), no_consequence=slight)
     if first.best is None:
         return Outcome("unexplained", "unexplained", rounds, ())
     if not effects:
@@ -197,11 +209,11 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
         return Outcome("unexplained", "unexplained", rounds, ())
     # Where two effects cannot be told apart, what either of them explains counts as explained.
     more = last.fit.whitened - last.refits[last.best].whitened if last.ambiguous_with and last.best else 0.0
-    if not last.at_floor and last.lack.excess - more > THRESHOLDS.unexplained_excess_share * first.lack.excess:
+    if not quiet and last.lack.excess - more > THRESHOLDS.unexplained_excess_share * first.lack.excess:
         return Outcome("unexplained", "unexplained", rounds, (), nearest=effects)
     if single:
-        return Outcome("ambiguous", remainder, rounds, effects)
-    return Outcome("effect-found", remainder, rounds, effects)
+        return Outcome("ambiguous", remainder, rounds, effects, no_consequence=slight)
+    return Outcome("effect-found", remainder, rounds, effects, no_consequence=slight)
 
 
 def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool) -> Round:
@@ -227,13 +239,14 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
         return replace(seen, why_not={s.candidate.effect: why for s in significant})
     promising, near = _worth_a_refit(system, fit, significant, scored)
     refits, failures = _refits(system, fit, covariance, promising, near)
-    selection = select(
-        system, fit, refits, {s.candidate.effect for s in significant}, covariance, _numerical_chi2(covariance, fit)
-    )
+    numerical = {name: _numerical_chi2(covariance, fit, other) for name, other in refits.items()}
+    selection = select(system, fit, refits, {s.candidate.effect for s in significant}, covariance, numerical)
     fitted = [s for s in significant if s.candidate.effect in refits]
     why_not = {s.candidate.effect: why_not_fitted(s, fitted) for s in significant if s not in fitted} | selection.why_not
     best = selection.best
-    seen = replace(seen, refits=refits, failures=failures, cv=selection.cv, why_not=why_not)
+    seen = replace(
+        seen, refits=refits, failures=failures, cv=selection.cv, why_not=why_not, no_consequence=selection.no_consequence
+    )
     if best is None:
         return seen
     separations = _separations(system, best, refits, covariance)

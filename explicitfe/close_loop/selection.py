@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from explicitfe.close_loop.statistics.covariance import Covariance
-from explicitfe.close_loop.statistics.fingerprints import Score
-from explicitfe.close_loop.statistics.refit import BestFit, cross_validation_errors
+from explicitfe.close_loop.statistics.fingerprints import Score, lack_of_fit
+from explicitfe.close_loop.statistics.left_out import Deviations, Gain, deviations, errors, gain_of
+from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 
@@ -26,11 +27,13 @@ class Selection:
     best : the effect to add; None where the data speak against all of them.
     cv : effect -> cross-validated error of each test.
     why_not : effect that is not the best -> the reason, in words.
+    no_consequence : significant effects with which left-out tests are foretold no better, where nothing else is to be found.
     """
 
     best: str | None
     cv: CrossValidation
     why_not: dict[str, str] = field(default_factory=dict)
+    no_consequence: tuple[str, ...] = ()
 
 
 def select(
@@ -39,7 +42,7 @@ def select(
     refits: dict[str, BestFit],
     allowed: Set[str],
     covariance: Covariance,
-    numerical_chi2: float,
+    numerical_chi2: Mapping[str, float],
 ) -> Selection:
     """The effect to add: of the models that are about as good in cross-validation as the best one, that with the least chi2 for
     its size (BIC); none where left-out tests, BIC or the numerics speak against it.
@@ -48,10 +51,11 @@ def select(
     ----------
     fit : the model without a further effect.
     allowed : effects that may be added.
-    numerical_chi2 : what numerics may change of chi2.
+    numerical_chi2 : effect -> what numerics may change of what it gains.
     """
-    cv: CrossValidation = {"": cross_validation_errors(system, fit, covariance)}
-    cv |= {name: cross_validation_errors(system, other, covariance) for name, other in refits.items()}
+    left: dict[str, Deviations] = {"": deviations(system, fit, covariance)}
+    left |= {name: deviations(system, other, covariance) for name, other in refits.items()}
+    cv: CrossValidation = {name: errors(system, deviation) for name, deviation in left.items()}
     size = np.log(max(covariance.effective, 2.0))  # what a parameter more must gain (BIC)
     cost = {name: refits[name].chi2 + size * len(refits[name].model.x) for name in refits if name in allowed}
     if not cost:
@@ -63,7 +67,11 @@ def select(
         near = [name for name in cost if _standard_errors_worse(cv[name], cv[first]) <= 1.0]
     best = min(near, key=cost.__getitem__)
     why_not = {name: _why_another(name, best, cv, near) for name in cost if name != best}
-    against = _against(best, fit, refits[best], cv, size, numerical_chi2)
+    gain = gain_of(covariance, left[""], left[best])
+    if cv[""] and fit.by_rows is None and _of_no_consequence(gain, fit, refits[best], covariance):
+        slight = [name for name in cost if gain_of(covariance, left[""], left[name]).none]
+        return Selection(None, cv, why_not | {name: _no_consequence(name, cv) for name in slight}, tuple(slight))
+    against = _against(best, fit, refits[best], cv, size, numerical_chi2[best])
     if against:
         return Selection(None, cv, why_not | {best: against})
     return Selection(best, cv, why_not)
@@ -76,6 +84,27 @@ def why_not_fitted(score: Score, refitted: Sequence[Score]) -> str:
         return "not fitted: no candidate could be"
     own, best = _chi2(score.drop), _chi2(top.drop)
     return f"not fitted: its trial lowers chi2 by {own}, that of {top.candidate.effect} by {best}, too far ahead to be reached"
+
+
+def _of_no_consequence(gain: Gain, fit: BestFit, fitted: BestFit, covariance: Covariance) -> bool:
+    """Whether an effect, significant as it is, changes nothing that anybody would notice in another test.
+
+    Its gain on tests that were left out is no larger than the error of that gain. Something else may still be missing where the
+    misfit is significant by itself and left-out tests get worse with the effect, or most of the misfit stays.
+    """
+    if not gain.none:
+        return False
+    lack = lack_of_fit(fit, covariance)
+    if lack.p > THRESHOLDS.significance_p:
+        return True
+    left = lack_of_fit(fitted, covariance)
+    return gain.chi2 >= -gain.error and left.excess <= THRESHOLDS.unexplained_excess_share * lack.excess
+
+
+def _no_consequence(name: str, cv: CrossValidation) -> str:
+    """What is said of an effect of no consequence."""
+    missed = f"left-out tests are missed by {_percent(cv[name])} with it, by {_percent(cv[''])} without"
+    return f"significant, and of no consequence: {missed}"
 
 
 def _why_another(name: str, best: str, cv: CrossValidation, near: Sequence[str]) -> str:

@@ -44,6 +44,12 @@ class Thresholds:
         "One standard deviation: of all correlations and scatters this near to the best, the largest is taken. "
         "If noise is taken for smaller than it is, the rest of it is taken for physics.",
     )
+    unknown_noise_share: float = threshold(
+        0.01,
+        "share of a curve's largest value",
+        "Where noise is not stated and the programme bends at every row, nothing shows it. Load cells and pictures of curves are "
+        "seldom worse.",
+    )
     loose_tool_noise_factor: float = threshold(
         3.0,
         "times the noise of an imposed force",

@@ -40,6 +40,9 @@ def sentence(outcome: Outcome, undetermined: Sequence[str] = ()) -> str:
     """The verdict in one sentence; ``undetermined`` are effects that were found, but whose strength is not determined."""
     if outcome.verdict == "failed":
         return failure(outcome.message)
+    if outcome.verdict == "no-missing-effect" and outcome.no_consequence:
+        slight = f"{sentence_case(list_of(outcome.no_consequence))} is significant, and of no consequence"
+        return f"Nothing is missing that matters. {slight}: tests that were left out are foretold no better with it."
     if outcome.verdict == "no-missing-effect":
         return "Nothing is missing that these data can show: the elastic model leaves no more than noise."
     if outcome.verdict == "unexplained":

@@ -298,6 +298,7 @@ class LoopReport(Document, ReportPart):
     remainder, remainder_where : what is left, and where most of it lives.
     sentence : the verdict in words; ``message`` says why a fit failed.
     effects : those of the final model; ``nearest`` are those that help without explaining what is missing.
+    no_consequence : effects that are significant, and lower the errors of left-out tests by no more than the error of that gain.
     effect_titles : effect -> its name in words.
     undetermined : parameter of the final model's effects that the data do not determine -> why.
     strength_undetermined : effects that were found, but whose interval of the strength includes none at all.
@@ -330,6 +331,7 @@ class LoopReport(Document, ReportPart):
     undetermined: _Table[str] = {}
     strength_undetermined: _Entries[str] = []
     nearest: _Entries[str] = []
+    no_consequence: _Entries[str] = []
     n_eff: float | None = None
     noise: _Part[NoiseAndFloors] = NoiseAndFloors()
     groups: ReportedGroups | None = None

@@ -218,14 +218,15 @@ def test_numerics_are_a_floor():
 
 
 def test_against_a_gross_misfit_an_effect_must_bring_more_than_numerics_change():
-    """Something that no candidate knows leaves 4 noises of 0.01 a row, so that chi2 is one of rows alone. A wave of 0.03 explains
-    0.03^2 / 2 / 1e-4 = 4.5 a row; numerics that change 0.05 are worth 12.5.
+    """Something that no candidate knows leaves 4 noises of 0.01 a row, so that chi2 is one of rows alone. A wave D of 0.03
+    explains 0.03^2 / 2 / 1e-4 = 4.5 a row. Numerics d that change 0.02 along it may change that by 2 d D = 6 a row; those that
+    change 0.05 across it, although they are worth more, by next to nothing.
     """
-    unknown = 0.06 * np.cos(9.0 * np.pi * D)
-    numerics = {"mesh": 0.05 * np.cos(11.0 * np.pi * D)}
-    without, behind = (outcome_of(hidden={"wave": 0.03}, extra=unknown, checked=c).rounds[0] for c in ({}, numerics))
-    assert without.fit.by_rows is not None and behind.fit.by_rows is not None
-    assert (without.chosen, behind.chosen) == ("wave", None)
+    unknown, across = 0.06 * np.cos(9.0 * np.pi * D), np.cos(11.0 * np.pi * D)
+    checks = {"": {}, "along": {"mesh": 0.02 * (WAVE + across)}, "across": {"mesh": 0.05 * across}}
+    rounds = {name: outcome_of(hidden={"wave": 0.03}, extra=unknown, checked=c).rounds[0] for name, c in checks.items()}
+    assert all(one.fit.by_rows is not None for one in rounds.values())
+    assert {name: one.chosen for name, one in rounds.items()} == {"": "wave", "along": None, "across": "wave"}
 
 
 def test_what_is_assumed_is_a_floor():
@@ -239,6 +240,19 @@ def test_scatter_between_tests_is_no_rate():
     system.series = [replace(one, scatter=0.05) for one in system.series]
     assert search(system, max_effects=3).verdict == "no-missing-effect"
     assert unstated.verdict != "no-missing-effect"
+
+
+def test_what_is_significant_may_be_of_no_consequence():
+    """A bump of 0.02 in one test of four lowers chi2 by 15 for two parameters, so p < 0.01, and foretells no other test; one of
+    0.008 in all of them does.
+    """
+    seed, effects = 7, {name: EFFECTS[name] for name in ("bump", "wave")}
+    once, always = (np.repeat(sizes, ROWS) * BUMP for sizes in ([0.02, 0.0, 0.0, 0.0], [0.008] * TESTS))
+    slight, real = (outcome_of(seed, effects=effects, extra=extra) for extra in (once, always))
+    assert (slight.verdict, slight.remainder, slight.no_consequence) == ("no-missing-effect", "at-floor", ("bump",))
+    assert not slight.rounds[0].at_floor and slight.rounds[0].scores[0].status == "significant"
+    assert "of no consequence" in slight.rounds[0].why_not["bump"] and "of no consequence" in words.sentence(slight)
+    assert real.verdict != "no-missing-effect" and real.rounds[0].best == "bump" and real.no_consequence == ()
 
 
 def test_two_tests_do_not_veto_what_explains_all():

@@ -121,6 +121,17 @@ def test_noise_of_what_is_imposed_is_no_correlation():
     assert np.median(correlations) == 0.0 and np.mean(correlations) < 0.1
 
 
+def test_a_programme_of_steps_shows_no_noise():
+    """It bends at every row, so that a smooth curve goes through all of them. That says nothing of their noise: what is stated is
+    believed and independent, and what is not is supposed to be one percent.
+    """
+    rng = np.random.default_rng(6)
+    measured = smooth(30) + SD * rng.standard_normal(30)
+    stated, unstated = (row_noise([ramp(0, measured, sd=sd, bends=np.arange(30))])[0] for sd in (SD, None))
+    assert stated.stated and stated.correlation == 0.0 and stated.effective == 30.0
+    assert not unstated.stated and unstated.sd.max() == pytest.approx(0.01 * measured.max())
+
+
 def test_an_exact_column_has_a_floor():
     """0 means exact; a covariance of 0 has no inverse."""
     (row,) = row_noise([ramp(0, smooth(50), sd=0.0)])

@@ -10,8 +10,9 @@ from scipy.optimize import lsq_linear
 from synthetic import WIDE, Linear, Planted, autoregressive, elastic, programme, ramp, split_up, white
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows
+from explicitfe.close_loop.statistics.left_out import deviations, errors
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.refit import _update, cross_validation_errors, derivatives, intervals, refit
+from explicitfe.close_loop.statistics.refit import _update, derivatives, intervals, refit
 from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
@@ -182,10 +183,10 @@ def test_cross_validation_is_really_leaving_a_test_out():
     rng = np.random.default_rng(10)
     system = elastic(rng, tests=4, extra=np.repeat(rng.standard_normal(4), 40) * programme(4))
     fit = refit(system, system.start(), correlated(system))
-    errors = cross_validation_errors(system, fit, correlated(system))
-    assert list(errors) == [f"test-{k}" for k in range(4)]
+    missed = errors(system, deviations(system, fit, correlated(system)))
+    assert list(missed) == [f"test-{k}" for k in range(4)]
     for k in range(4):
-        assert errors[f"test-{k}"] == pytest.approx(left_out(system, k, 40), rel=1e-8)
+        assert missed[f"test-{k}"] == pytest.approx(left_out(system, k, 40), rel=1e-8)
 
 
 def test_cycles_are_left_out_with_their_test():
@@ -194,12 +195,12 @@ def test_cycles_are_left_out_with_their_test():
     system = elastic(rng, tests=4)
     names = ("a", "a", "b", "c")
     system.series = [replace(one, test=name) for one, name in zip(system.series, names, strict=True)]
-    errors = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
-    assert list(errors) == ["a", "b", "c"]
+    missed = errors(system, deviations(system, refit(system, system.start(), white(system)), white(system)))
+    assert list(missed) == ["a", "b", "c"]
     y, tested = measured_rows(system.series), np.arange(160) < 80
     x = np.linalg.lstsq(system.X[~tested], y[~tested], rcond=None)[0]
     of_cycles = [np.sqrt(np.mean((y - system.X @ x)[part] ** 2)) / y[part].max() for part in (slice(0, 40), slice(40, 80))]
-    assert errors["a"] == pytest.approx(np.mean(of_cycles), rel=1e-8)
+    assert missed["a"] == pytest.approx(np.mean(of_cycles), rel=1e-8)
 
 
 def test_constants_of_one_test_alone_cannot_be_predicted():
@@ -209,5 +210,5 @@ def test_constants_of_one_test_alone_cannot_be_predicted():
     X = np.zeros((120, 2))
     X[:80, 0], X[80:, 1] = programme(2), programme(1)
     system = Linear(series, X)
-    errors = cross_validation_errors(system, refit(system, system.start(), white(system)), white(system))
-    assert list(errors) == ["test-0", "test-1"]
+    missed = errors(system, deviations(system, refit(system, system.start(), white(system)), white(system)))
+    assert list(missed) == ["test-0", "test-1"]

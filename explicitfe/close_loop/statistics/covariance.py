@@ -39,6 +39,18 @@ class Covariance:
         """The covariance where a model answers (n,)."""
         return replace(self, shape=answer) if self.scatter.scale > 0.0 else self
 
+    def rows_of(self, test: str) -> np.ndarray:
+        """Which rows (n,) belong to a test."""
+        return np.concatenate([np.full(len(one.measured), one.test == test) for one in self.series])
+
+    def of_test(self, test: str) -> Covariance:
+        """The covariance of the rows of one test."""
+        rows = self.rows_of(test)
+        numbers = [k for k, one in enumerate(self.series) if one.test == test]
+        shape = None if self.shape is None else self.shape[rows]
+        floors = {name: d[rows] for name, d in self.floors.items()}
+        return Covariance([self.series[k] for k in numbers], [self.rows[k] for k in numbers], self.scatter, floors, shape)
+
     def of_rows(self) -> Covariance:
         """The part of the rows alone."""
         if not self.floors and self.scatter.scale == self.scatter.offset == 0.0:

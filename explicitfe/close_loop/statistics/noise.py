@@ -26,6 +26,8 @@ DIFFERENCE_ORDERS = (2, 3, 4)
 SECOND_DIFFERENCE_VARIANCE = 6.0
 # The standard error of the square of a median of absolute normal values, as a share of it, times the root of their number.
 SQUARED_MEDIAN_ERROR = 2.33
+# A series of which a smooth curve leaves a smaller share shows no noise; nor does a difference with less of its variance.
+LEAST_FREE_SHARE = LEAST_VARIANCE_LEFT_SHARE = 0.1
 # Sizes of a scatter that are tried, 5 % apart.
 TRIED_SCATTERS = 150
 # A column whose noise is a smaller share of its largest value counts as free of noise.
@@ -118,8 +120,8 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     The correlation is looked for in the predicted column's own noise. That of the imposed column enters what a model answers to
     that column, and not the measured rows, which would look too smooth beside the sum of both, that is correlated.
     """
-    lefts = [_left_by_smooth_curve(one) for one in series]
-    rough = [float(np.sqrt(SECOND_DIFFERENCE_VARIANCE) * min(_roughness(left).values(), default=0.0)) for left in lefts]
+    sizes = [_roughness(one) for one in series]
+    rough = [float(np.sqrt(SECOND_DIFFERENCE_VARIANCE) * min(one.values(), default=0.0)) for one in sizes]
     stated = [np.hypot(one.noise_sd or 0.0, float(np.sqrt(np.mean(one.imposed_sd**2)))) for one in series]
     known = [
         one.noise_sd is not None and sd > SMALLEST_NOISE_SHARE * np.abs(one.measured).max()
@@ -127,7 +129,7 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     ]
     most = [THRESHOLDS.stated_noise_factor * np.sqrt(SECOND_DIFFERENCE_VARIANCE) * sd for sd in stated]
     believed = [k for k in range(len(series)) if known[k] and rough[k] <= most[k]]
-    own = [(lefts[k], sd) for k in believed if (sd := series[k].noise_sd)]
+    own = [({k: size / sd for k, size in sizes[n].items()}, _free(series[n])) for n in believed if (sd := series[n].noise_sd)]
     shared = _shared_correlation(own) if believed else None
     unknown = [k for k in range(len(series)) if not known[k]]
     estimated = _likely([series[k] for k in unknown], shared) if unknown else ([], 0.0)
@@ -135,7 +137,8 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     for k, one in enumerate(series):
         floor = SMALLEST_NOISE_SHARE * float(np.abs(one.measured).max())
         if not known[k]:
-            sd = max(estimated[0][unknown.index(k)], floor)
+            shown = estimated[0][unknown.index(k)] if _free(one) else THRESHOLDS.unknown_noise_share * np.abs(one.measured).max()
+            sd = max(shown, floor)
             noise.append(RowNoise(np.full(len(one.measured), sd), estimated[1], False))
         elif k in believed:
             each = np.hypot(one.noise_sd or 0.0, one.imposed_sd)
@@ -145,29 +148,43 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     return noise
 
 
-def _left_by_smooth_curve(series: Series) -> np.ndarray:
-    """What the nearest smooth curve leaves of a series (k,), SI."""
+def _free(series: Series) -> int:
+    """How many rows show noise beyond those that a smooth curve takes up: none of a programme that bends at every row."""
+    free = len(series.measured) - smooth_basis(series).shape[1]
+    return free if free > LEAST_FREE_SHARE * len(series.measured) else 0
+
+
+def _roughness(series: Series) -> dict[int, float]:
+    """Order -> the sd of independent rows of which a smooth curve would leave differences of that order with the same median."""
+    sizes: dict[int, float] = {}
+    if not _free(series):
+        return sizes
     basis = smooth_basis(series)
-    return series.measured - basis @ (basis.T @ series.measured)
+    left = series.measured - basis @ (basis.T @ series.measured)
+    for order in DIFFERENCE_ORDERS:
+        every = comb(2 * order, order)
+        variance = every - np.sum(np.diff(basis, order, axis=0) ** 2, axis=1)  # for rows of unit variance
+        kept = variance > LEAST_VARIANCE_LEFT_SHARE * every
+        if kept.any():
+            each = np.abs(np.diff(left, order)[kept]) / np.sqrt(variance[kept])
+            sizes[order] = float(np.median(each)) / MEDIAN_OF_ABSOLUTE_NORMAL
+    return sizes
 
 
-def _roughness(left: np.ndarray) -> dict[int, float]:
-    """Order -> the sd of independent rows whose differences of that order would have the same median."""
-    sizes = {k: np.median(np.abs(np.diff(left, k))) / np.sqrt(comb(2 * k, k)) for k in DIFFERENCE_ORDERS if len(left) > k}
-    return {k: float(size) / MEDIAN_OF_ABSOLUTE_NORMAL for k, size in sizes.items()}
-
-
-def _shared_correlation(rows: Sequence[tuple[np.ndarray, float]]) -> float:
-    """The correlation of neighbouring rows, from what smooth curves leave (k,) and the sd that is stated of each.
+def _shared_correlation(rows: Sequence[tuple[dict[int, float], int]]) -> float:
+    """The correlation of neighbouring rows.
 
     Second differences know it best. A bend makes them too large, and the correlation too small, so that of a higher order is
     taken where it exceeds theirs by two standard errors. A correlation within one standard error of none is none: half of the
     independent series would have one otherwise.
+
+    Parameters
+    ----------
+    rows : of each series the roughness over the sd that is stated, by the order of differences, and how many rows show it.
     """
-    count = sum(len(left) for left, _ in rows)
     by_order = {}
     for order in DIFFERENCE_ORDERS:
-        sizes = [(_roughness(left)[order] / sd, len(left)) for left, sd in rows if len(left) > order]
+        sizes = [(by[order], number) for by, number in rows if order in by]
         if sizes:
             variance = sum(size**2 * number for size, number in sizes) / sum(number for _, number in sizes)
             by_order[order] = _correlation(variance, order)
@@ -175,6 +192,7 @@ def _shared_correlation(rows: Sequence[tuple[np.ndarray, float]]) -> float:
         return 0.0
     second = by_order[min(by_order)]
     # The error of a median, by the slope of 2 (1 - r) (3 - r).
+    count = sum(number for by, number in rows if by)
     error = SQUARED_MEDIAN_ERROR / np.sqrt(count) * (1.0 - second) * (3.0 - second) / (4.0 - 2.0 * second)
     highest = max(by_order.values())
     likely = highest if highest > second + 2.0 * error else second

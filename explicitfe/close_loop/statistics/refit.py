@@ -1,4 +1,4 @@
-"""Weighted least squares with bounds, intervals, and cross-validation by whole curves.
+"""Weighted least squares with bounds, and intervals.
 
 Every evaluation may be a finite-element run. Derivatives are therefore taken once, all at a time, and are then kept up to date
 from the steps themselves (Broyden 1965, Schubert 1970).
@@ -299,45 +299,7 @@ def intervals(fit: BestFit, covariance: Covariance, worse: float = 1.0) -> list[
     return limits
 
 
-def cross_validation_errors(system: System, fit: BestFit, covariance: Covariance) -> dict[str, float]:
-    """Test -> rms deviation as a share of its largest value, with parameters from the other tests only.
-
-    The derivatives at the optimum give these parameters, because leaving one test out moves a good model little. A test whose
-    constants no other one shares cannot be predicted and is left out.
-    """
-    tests = list(dict.fromkeys(one.test for one in system.series))
-    slices = covariance.slices()
-    y = measured_rows(system.series)
-    sd = np.concatenate([row.sd for row in covariance.rows])
-    r = (y - fit.answer) / sd
-    J = fit.slopes / sd[:, None]
-    largest: dict[str, float] = {}
-    for one in system.series:
-        largest[one.curve] = max(largest.get(one.curve, 0.0), float(np.abs(one.measured).max()))
-    mean_errors = {}
-    for test in tests:
-        tested = np.zeros(len(y), dtype=bool)
-        groups: set[str] = set()
-        others: set[str] = set()
-        for one, part in zip(system.series, slices, strict=True):
-            tested[part] = one.test == test
-            (groups if one.test == test else others).add(one.constants)
-        if not groups <= others:
-            continue
-        free = np.linalg.norm(J[~tested], axis=0) > UNSEEN_SHARE * np.linalg.norm(J, axis=0)
-        step = np.zeros(J.shape[1])
-        step[free] = _step_inside_bounds(J[~tested][:, free], r[~tested], fit.model, free)
-        deviation = (r - J @ step) * sd
-        errors = [
-            np.sqrt(np.mean(deviation[part] ** 2)) / largest[one.curve]
-            for one, part in zip(system.series, slices, strict=True)
-            if one.test == test
-        ]
-        mean_errors[test] = float(np.mean(errors))
-    return mean_errors
-
-
-def _step_inside_bounds(J: np.ndarray, r: np.ndarray, model: Hypothesis, free: np.ndarray) -> np.ndarray:
+def step_inside_bounds(J: np.ndarray, r: np.ndarray, model: Hypothesis, free: np.ndarray) -> np.ndarray:
     """The step of the free parameters (q,) that makes |J step - r| least inside their bounds."""
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     low = np.array([p.low for p in model.parameters])[free] - model.x[free]

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from explicitfe.blind.foreign.contact import SurfaceLine, RigidTool, push
-from explicitfe.blind.foreign.law import AT_REST, Material, Memory, StateLostError, Stress, HiddenTissue
+from explicitfe.blind.foreign.contact import RigidTool, SurfaceLine, push
+from explicitfe.blind.foreign.law import AT_REST, HiddenTissue, Material, Memory, StateLostError, Stress
 from explicitfe.errors import InputError, RunError
 
 PENALTY_OVER_MODULUS = 1000.0  # of contact [1/mm]: a pressure of the shear modulus is borne at a depth of 1 um
@@ -95,7 +95,7 @@ class Press:
 
     def __init__(self, specimen: RoundSpecimen, tool: RigidTool, tissue: HiddenTissue, fineness: float = 1.0) -> None:
         try:
-            from skfem import Basis, ElementQuad2, FacetBasis, MeshQuad  # type: ignore[import-untyped]
+            from skfem import Basis, ElementQuad2, FacetBasis, MeshQuad
         except ImportError:
             raise InputError(
                 "scikit-fem is missing, which computes the foreign tests under a tool; install it with: pip install scikit-fem"

@@ -33,6 +33,9 @@ ASSUMED = "assumed "
 # Shares of the whole search that are done when each stage begins; the rounds take what lies between the last two.
 BASELINE_PROGRESS, FLOORS_PROGRESS, ROUNDS_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.06, 0.1, 0.8
 
+# The forward model is taken again at the parameters of a fit so often: they move little, and the model less.
+MOST_RENEWALS = 2
+
 NO_MORE_EFFECTS = "not added: the model has as many effects as may be added (--max-effects)"
 
 Watch = Callable[[str, float], None]
@@ -170,6 +173,7 @@ def search(
     watch("fit the baseline", BASELINE_PROGRESS)
     by_tests = Covariance(system.series, rows, spread)
     baseline = settled(system, refit(system, start or system.start(), by_tests), by_tests)
+    system, baseline = renewed(system, baseline, by_tests)
     watch("floors", FLOORS_PROGRESS)
     assumed = {f"{ASSUMED}{name}": stack(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()}
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
@@ -179,14 +183,15 @@ def search(
         covariance = covariance.at(fit.answer)
         share = ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1)
         watch("trace the residual", share)
-        rounds.append(_round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds))
+        seen, systems = _round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds)
+        rounds.append(seen)
         if not fit.converged and len(rounds) == 1:
             return Outcome("failed", "unexplained", rounds, (), message="the search for the best parameters gave up.")
         chosen = rounds[-1].chosen
         if chosen is None:
             break
         watch("add an effect", ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1))
-        fit = rounds[-1].refits[chosen]
+        system, fit = systems[chosen], rounds[-1].refits[chosen]
         covariance = covariance_of(system, fit.model, rows, spread, assumed)
         fit = refit(system, fit.model, covariance, slopes=fit.slopes)
     return _outcome(rounds, single)
@@ -216,8 +221,20 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
     return Outcome("effect-found", remainder, rounds, effects, no_consequence=slight)
 
 
-def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool) -> Round:
-    """What a model lacks, and which effect explains it best.
+def renewed(system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS) -> tuple[System, BestFit]:
+    """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
+    for _ in range(times):
+        here = system.at(fit.model)
+        if here is system:
+            break
+        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes)
+    return system, fit
+
+
+def _round(
+    system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool
+) -> tuple[Round, dict[str, System]]:
+    """What a model lacks, and which effect explains it best; with the forward model of each effect that was fitted.
 
     Parameters
     ----------
@@ -227,7 +244,8 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
     candidates = system.candidates(fit.model)
     if not first and system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p:
         why = "not tried: no smooth curve would explain anything of what is left"
-        return Round(fit, covariance, lack, lack.p, [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates])
+        quiet = [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates]
+        return Round(fit, covariance, lack, lack.p, quiet), {}
     prints = fingerprints(system, fit, covariance, candidates)
     scored = scores(fit, prints, candidates, seed)
     # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
@@ -236,9 +254,9 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
     significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
     if seen.at_floor or not significant or last:
         why = "not added: what is left is no more than noise" if seen.at_floor else NO_MORE_EFFECTS
-        return replace(seen, why_not={s.candidate.effect: why for s in significant})
+        return replace(seen, why_not={s.candidate.effect: why for s in significant}), {}
     promising, near = _worth_a_refit(system, fit, significant, scored)
-    refits, failures = _refits(system, fit, covariance, promising, near)
+    refits, systems, failures = _refits(system, fit, covariance, promising, near)
     numerical = {name: _numerical_chi2(covariance, fit, other) for name, other in refits.items()}
     selection = select(system, fit, refits, {s.candidate.effect for s in significant}, covariance, numerical)
     fitted = [s for s in significant if s.candidate.effect in refits]
@@ -248,8 +266,8 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
         seen, refits=refits, failures=failures, cv=selection.cv, why_not=why_not, no_consequence=selection.no_consequence
     )
     if best is None:
-        return seen
-    separations = _separations(system, best, refits, covariance)
+        return seen, systems
+    separations = _separations(systems, best, refits, covariance)
     unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
     # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
     likely_drop = fit.whitened - refits[best].whitened - THRESHOLDS.told_apart_separation
@@ -257,7 +275,7 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
     if unsure:
         alike = {rival: f"not added: these data cannot tell it from {best}" for rival in unsure}
         why_not = why_not | alike | {best: f"not added: these data cannot tell it from {' and '.join(unsure)}"}
-    return replace(
+    judged = replace(
         seen,
         chosen=None if unsure else best,
         why_not=why_not,
@@ -265,6 +283,7 @@ def _round(system: System, fit: BestFit, covariance: Covariance, seed: int, *, l
         ambiguous_with=tuple(unsure),
         separations=tuple(separations),
     )
+    return judged, systems
 
 
 def _worth_a_refit(
@@ -291,11 +310,12 @@ def _worth_a_refit(
 
 def _refits(
     system: System, fit: BestFit, covariance: Covariance, promising: Sequence[Score], near: Sequence[Score]
-) -> tuple[dict[str, BestFit], dict[str, str]]:
-    """The model with each of the best candidates, fitted; and why some cannot be."""
+) -> tuple[dict[str, BestFit], dict[str, System], dict[str, str]]:
+    """The model with each of the best candidates, fitted; the forward model of each; and why some cannot be."""
     most = THRESHOLDS.refitted_candidates if system.exact(fit.model) else THRESHOLDS.refitted_candidates_on_a_mesh
     cheap = sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)
     refits: dict[str, BestFit] = {}
+    systems: dict[str, System] = {}
     failures: dict[str, str] = {}
     for score in [*promising[:most], *cheap[:most]]:
         name = score.candidate.effect
@@ -306,13 +326,17 @@ def _refits(
             continue  # a fit would not bring it near the best
         try:
             starts = (score.values, *score.others)
-            refits[name] = refit_with(system, fit, score.candidate.term, starts, covariance, score.drop)
+            local = system.at(model)
+            fitted = refit_with(local, fit, score.candidate.term, starts, covariance, score.drop)
+            systems[name], refits[name] = renewed(local, fitted, covariance, times=1)
         except RunError as error:
             failures[name] = str(error)
-    return refits, failures
+    return refits, systems, failures
 
 
-def _separations(system: System, best: str, refits: dict[str, BestFit], covariance: Covariance) -> list[tuple[str, str, float]]:
+def _separations(
+    systems: dict[str, System], best: str, refits: dict[str, BestFit], covariance: Covariance
+) -> list[tuple[str, str, float]]:
     """(best, rival, |y_best - y_rival|^2) with each rival fitted to the answer of the best model."""
     chosen = refits[best]
     separations = []
@@ -321,6 +345,6 @@ def _separations(system: System, best: str, refits: dict[str, BestFit], covarian
             continue
         apart = rival.chi2 - chosen.chi2
         if apart <= THRESHOLDS.far_misfit:  # beyond it the data themselves tell the models apart
-            apart = refit(system, rival.model, covariance, chosen.answer, rival.slopes).chi2
+            apart = refit(systems[name], rival.model, covariance, chosen.answer, rival.slopes).chi2
         separations.append((best, name, apart))
     return separations

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from pydantic import ValidationError
@@ -17,6 +18,7 @@ from explicitfe.errors import InputError, Progress, RunError, nearest, shortened
 from explicitfe.host import stopping
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.measured.read import read_dataset
+from explicitfe.predict.correction import Correction, Job, Run, corrections_of
 from explicitfe.predict.experiment import CurveAnswer, effects_of, experiments
 from explicitfe.predict.homogeneous import predict_homogeneous
 from explicitfe.predict.tissue import Numerics, Tissue, effect_name, parse_tissue, read_tissue
@@ -83,7 +85,8 @@ def predict(
             raise InputError(f'{dataset.path}: there is no curve "{shortened(name)}"; {nearest(name, known)}')
     wanted = set(curves or known)
     tests = [test for test in experiments(dataset.curves) if wanted & {curve.id for curve in test}]
-    answers = _predict_tests(tests, tissue, processes, progress)
+    corrections = corrections_of(tissue, [curve for test in tests for curve in test], _run)
+    answers = _predict_tests(tests, tissue, corrections, processes, progress)
     rows = {curve.id: _row(curve, answers[curve.id]) for curve in dataset.curves if curve.id in wanted}
     prediction = Prediction(
         dataset=dataset.name,
@@ -105,9 +108,14 @@ def predict_test(
     refinement: float | None = None,
     density: float | None = None,
     tolerance: float | None = None,
+    corrections: Mapping[str, Correction] = MappingProxyType({}),
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[CurveAnswer]:
     """What a tissue answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
+
+    Parameters
+    ----------
+    corrections : curve -> the correction of its answer; what has none is as it is computed.
 
     Raises
     ------
@@ -121,7 +129,11 @@ def predict_test(
         answers = predict_homogeneous(test, law, effects)
         progress(1.0)
         return answers
-    return predict_under_a_tool(test, law, effects, _with_numerics(tissue, refinement, density, tolerance).numerics, progress)
+    numerics = _with_numerics(tissue, refinement, density, tolerance).numerics
+    correction = corrections.get(first.id)
+    if correction is None:
+        return predict_under_a_tool(test, law, effects, numerics, progress)
+    return predict_under_a_tool(test, law, effects, numerics, progress, correction.applied)
 
 
 def _with_numerics(tissue: Tissue, refinement: float | None, density: float | None, tolerance: float | None) -> Tissue:
@@ -137,10 +149,18 @@ def _with_numerics(tissue: Tissue, refinement: float | None, density: float | No
 # ---- all tests ----
 
 
-def _answers_or_message(test: Sequence[Curve], text: str) -> list[CurveAnswer] | str:
+def _run(jobs: list[Job]) -> list[Run]:
+    """The ramps of corrections, one after the other."""
+    return [
+        answers if isinstance(answers, str) else [answer.values for answer in answers]
+        for answers in (_answers_or_message(test, text, {}) for test, text in jobs)
+    ]
+
+
+def _answers_or_message(test: Sequence[Curve], text: str, corrections: Mapping[str, Correction]) -> list[CurveAnswer] | str:
     """What the tissue of a model file's text answers, or why it does not."""
     try:
-        return predict_test(test, parse_tissue(text))
+        return predict_test(test, parse_tissue(text), corrections=corrections)
     except RunError as error:
         return str(error)
 
@@ -148,6 +168,7 @@ def _answers_or_message(test: Sequence[Curve], text: str) -> list[CurveAnswer] |
 def _predict_tests(
     tests: Sequence[Sequence[Curve]],
     tissue: Tissue,
+    corrections: Mapping[str, Correction],
     processes: int | None,
     progress: Progress,
 ) -> dict[str, CurveAnswer | str]:
@@ -162,7 +183,7 @@ def _predict_tests(
     progress("predict", 0.0)
     # This process computes the first test: that makes the machine code, which the other processes then only load.
     text = tissue.text
-    keep(tests[0], _answers_or_message(tests[0], text))
+    keep(tests[0], _answers_or_message(tests[0], text, corrections))
     remaining = list(tests[1:])
     workers = min(cores(), len(remaining))
     workers = min(workers, processes or workers)
@@ -171,7 +192,7 @@ def _predict_tests(
             with ProcessPoolExecutor(
                 workers, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
             ) as pool:
-                jobs = {pool.submit(_answers_or_message, test, text): test for test in remaining}
+                jobs = {pool.submit(_answers_or_message, test, text, corrections): test for test in remaining}
                 for job in as_completed(jobs):
                     keep(jobs[job], job.result())
             return answers
@@ -179,7 +200,7 @@ def _predict_tests(
             stopping.check()
             remaining = [test for test in remaining if test[0].id not in answers]
     for test in remaining:
-        keep(test, _answers_or_message(test, text))
+        keep(test, _answers_or_message(test, text, corrections))
     return answers
 
 

@@ -35,14 +35,26 @@ def time_matters(effects: Sequence[Effect]) -> bool:
     return any(effect.transient and effect.acts_on != "muscle" for effect in effects)
 
 
+def is_homogeneous(curve: Curve, physics: Sequence[Effect]) -> bool:
+    """Whether a test with a tool needs no mesh: every point of the specimen is strained alike."""
+    assert curve.tool is not None
+    uniform = curve.tool.control == "displacement" and all(effect.pointwise for effect in physics)
+    return uniform and is_uniform(setup_of(curve, 0.0, 1.0))
+
+
 def predict_under_a_tool(
     test: Sequence[Curve],
     law: Yeoh,
     effects: Sequence[Effect],
     numerics: Numerics,
     progress: Callable[[float], None],
+    corrected: Callable[[np.ndarray, np.ndarray, bool], np.ndarray] = lambda answer, programme, by_force: answer,
 ) -> list[CurveAnswer]:
     """What a tissue answers to the curves of a test with a tool.
+
+    Parameters
+    ----------
+    corrected : (answer, true programme, whether the force is imposed) -> what a finer mesh would answer.
 
     Raises
     ------
@@ -57,7 +69,7 @@ def predict_under_a_tool(
     time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, start_times(test), strict=True)])
     programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force) for curve in test])
     tied = first.tool.shape == "bonded-disc"
-    uniform = is_uniform(setup) and not by_force and all(effect.pointwise for effect in physics)
+    uniform = is_homogeneous(first, physics)
     sd = sd_of(first, first.imposed) or 0.0
     contact_power = None if by_force or tied else CONTACT_POWERS.get(first.tool.shape, 1.0)
     course = course_of(time_s, programme, sd=sd, waits=time_matters(physics), density=numerics.density, touches=not tied)
@@ -80,6 +92,8 @@ def predict_under_a_tool(
         body.compile()
         course, answers, iterations = _drive(body, course, by_force, contact_power is not None, first.id, progress)
     values = course.at(answers, time_s, contact_power)
+    if not uniform:
+        values = corrected(values, programme, by_force)
     seconds = (time.perf_counter() - begin) / len(test)
     instants, iterations_of_each = len(course.time_s) // len(test), iterations // len(test)
     predictions = []

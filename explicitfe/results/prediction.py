@@ -74,6 +74,7 @@ class Prediction(Document, PredictionPart):
     dataset, model : name of the dataset, path of the model file.
     effects : names of the model's effects.
     refinement, density, tolerance : how tests under a tool were computed.
+    finer : refinement to which fine ramps corrected the answers; 0 if none did.
     curves : id -> curve.
     error : "fit", "holdout" or "all" (curves without a side) -> mean error.
     assumed : what was supposed because the dataset does not state it, in words.
@@ -86,6 +87,7 @@ class Prediction(Document, PredictionPart):
     refinement: float
     density: float
     tolerance: float
+    finer: float
     curves: dict[str, PredictedCurve]
     error: dict[str, PredictionError]
     assumed: list[str]

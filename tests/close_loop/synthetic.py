@@ -76,6 +76,9 @@ class Linear:
                 candidates.append(replace(own, trials=(), reason=planted.reason) if planted.reason else own)
         return candidates
 
+    def at(self, model: Hypothesis) -> Linear:
+        return self
+
     def sketch(self, model: Hypothesis) -> Hypothesis:
         return model
 

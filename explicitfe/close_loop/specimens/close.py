@@ -17,10 +17,10 @@ from explicitfe.close_loop.report import (
     errors_of_model,
     new_report,
 )
-from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, search
+from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, renewed, search
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import COARSE, FINE, Specimens
+from explicitfe.close_loop.specimens.specimens import CORRECTED, Specimens
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
@@ -31,7 +31,6 @@ from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import Progress, RunError, Stage
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
-from explicitfe.predict.experiment import experiments
 from explicitfe.results import provenance
 from explicitfe.results.loop_report import (
     AssumedValue,
@@ -99,7 +98,7 @@ class _SpecimenLoop:
     ) -> None:
         self.dataset, self.sides, self.simulator = dataset, sides, simulator
         self.max_effects, self.progress = max_effects, progress
-        self.system = Specimens(dataset, sides.fit, simulator, COARSE, constants_by, effects)
+        self.system = Specimens(dataset, sides.fit, simulator, CORRECTED, constants_by, effects)
         self._stage: tuple[Stage, float, float] = ("trace", 0.0, 0.0)
         self._runs_before = 0
         self._shown_share: dict[Stage, float] = {}
@@ -147,15 +146,14 @@ class _SpecimenLoop:
         before, after = outcome.rounds[0].fit, last.fit
         if not self.system.exact(after.model):
             self._enter("decide", 0.0, DECIDE_PROGRESS)
-            self.system = replace(self.system, numerics=FINE)
-            before = refit(self.system, before.model, last.covariance, slopes=before.slopes)
+            _, before = renewed(self.system, before, outcome.rounds[0].covariance, times=1)
             self._enter("decide", DECIDE_PROGRESS, 1.0)
-            after = refit(self.system, after.model, last.covariance, slopes=after.slopes) if changed else before
+            after = renewed(self.system, after, last.covariance, times=1)[1] if changed else before
             self._enter("decide", 1.0, 1.0)
         self._enter("predict", 0.0, PREDICT_PROGRESS)
         report = self._new_report()
         add_outcome(report, outcome, before, after, last)
-        add_probabilities(report, outcome, replace(self.system, numerics=COARSE))
+        add_probabilities(report, outcome, self.system)
         curves = self._add_errors(report, before, after, last)
         report.sensitivity_to_assumed = self._sensitivity(outcome, before, after, last)
         self._enter("predict", PREDICT_PROGRESS, 1.0)
@@ -196,29 +194,25 @@ class _SpecimenLoop:
     def _add_errors(self, report: LoopReport, before: BestFit, after: BestFit, last: Round) -> list[ReportCurve]:
         """Put the errors of all curves before and after into the report, and return the curves for its pictures."""
         every = (*self.system.curves, *self.sides.holdout)
-        tests = experiments(every)
-        tissues = [self.system.tissue(fit.model) for fit in (before, after)]
-        runs = self.simulator.run([(test, tissue.text) for tissue in tissues for test in tests])
+        system = replace(self.system, curves=every)
         floors = self._floors(last.covariance)
         answers: list[dict[str, np.ndarray]] = []
         models: tuple[ReportedModel, ReportedModel] = (report.baseline, report.final)
-        for model, part in zip(models, (runs[: len(tests)], runs[len(tests) :]), strict=True):
+        for model, fit in zip(models, (before, after), strict=True):
             errors: dict[str, CurveError] = {}
             answers.append({})
-            for test, run in zip(tests, part, strict=True):
-                for number, curve in enumerate(test):
-                    if isinstance(run, str):
-                        errors[curve.id] = CurveError(split=curve.split, rmse=None, nrmse=None, floor=None, message=run)
-                        continue
-                    factor = PRINTED_UNITS[curve.predicted][1]
-                    measured = factor * curve.columns[curve.predicted]
-                    values = factor * run[number]
-                    rows = determined(curve)
-                    rmse = float(np.sqrt(np.mean((values - measured)[rows] ** 2)))
-                    floor = factor * floors[curve.id]
-                    largest = max(float(np.abs(measured).max()), 1e-300)
-                    errors[curve.id] = CurveError(split=curve.split, rmse=rmse, nrmse=rmse / largest, floor=floor / largest)
-                    answers[-1][curve.id] = values
+            for curve, answer in system.at(fit.model).answers_or_reasons(fit.model):
+                if isinstance(answer, str):
+                    errors[curve.id] = CurveError(split=curve.split, rmse=None, nrmse=None, floor=None, message=answer)
+                    continue
+                factor = PRINTED_UNITS[curve.predicted][1]
+                measured = factor * curve.columns[curve.predicted]
+                values = factor * answer
+                rmse = float(np.sqrt(np.mean((values - measured)[determined(curve)] ** 2)))
+                floor = factor * floors[curve.id]
+                largest = max(float(np.abs(measured).max()), 1e-300)
+                errors[curve.id] = CurveError(split=curve.split, rmse=rmse, nrmse=rmse / largest, floor=floor / largest)
+                answers[-1][curve.id] = values
             model.error = errors_of_model(errors)
         first, final = answers
         return [_drawn(c, first[c.id], final[c.id], floors[c.id]) for c in every if c.id in first and c.id in final]
@@ -242,7 +236,7 @@ class _SpecimenLoop:
             for name, curves in self.system.assumed(factor).items():
                 table, _, key = name.partition(".")
                 value = float(getattr(getattr(curves[0], table), key))
-                changed = replace(self.system, curves=curves, numerics=COARSE)
+                changed = replace(self.system.at(last.fit.model), curves=curves)
                 row = _with_assumed(value, name, changed, outcome, last, after is not before)
                 rows.setdefault(name, []).append((value, row))
         return {name: [row for _, row in sorted(pairs, key=lambda pair: pair[0])] for name, pairs in rows.items()}
@@ -252,10 +246,9 @@ class _SpecimenLoop:
         last = outcome.rounds[-1]
         if not last.ambiguous_with or last.best is None:
             return None
-        system = replace(self.system, numerics=COARSE)
         best = last.refits[last.best]
         proposals = [
-            next_experiment(system, best, last.refits[rival], last.covariance, (last.best, rival))
+            next_experiment(self.system, best, last.refits[rival], last.covariance, (last.best, rival))
             for rival in last.ambiguous_with
             if rival in last.refits
         ]

@@ -2,43 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from explicitfe.close_loop.specimens.simulator import Job
 from explicitfe.effects import Effect, Measurement, readings_of
 from explicitfe.measured.curve import Curve, programme_of
+from explicitfe.predict.correction import Correction, Job, kind_of, ramp_of
 from explicitfe.predict.reading import reading, true_programme
 from explicitfe.predict.tissue import Tissue
-
-# Rows of the ramp that stands for all courses: between two of them an answer is nearly straight.
-RAMP_ROWS = 49
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A run, and how the curves of a test are read off it: directly, or from a ramp by their own programme."""
+    """A run, and how the curves of a test are read off it: directly, or from a ramp by their own programme.
+
+    Attributes
+    ----------
+    job : the run.
+    test : curves as they were measured, which are read off it.
+    readings : what the machine misreads.
+    by_force : the force is imposed.
+    by_ramp : the run is a ramp.
+    """
 
     job: Job
     test: tuple[Curve, ...]
     readings: tuple[Measurement, ...] = ()
     by_force: bool = False
+    by_ramp: bool = False
 
-    def read(self, answer: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+    def read(self, answer: Sequence[np.ndarray], corrections: Mapping[str, Correction]) -> dict[str, np.ndarray]:
         """Curve -> what it would measure, SI."""
-        (run, *_), _ = self.job
-        if run is self.test[0]:
-            return {c.id: reading(values, c, self.readings, self.by_force) for c, values in zip(self.test, answer, strict=True)}
-        line = PchipInterpolator(programme_of(run), answer[0])
+        courses, _ = self.job
+        line = PchipInterpolator(programme_of(courses[0]), answer[0]) if self.by_ramp else None
         by_curve = {}
-        for curve in self.test:
-            programme = true_programme(programme_of(curve), curve, self.readings, self.by_force)
-            inside = np.clip(programme, 0.0, programme_of(run)[-1])
-            by_curve[curve.id] = reading(line(inside), curve, self.readings, self.by_force)
+        for number, curve in enumerate(self.test):
+            if line is None:
+                programme, values = programme_of(courses[number]), answer[number]
+            else:
+                programme = true_programme(programme_of(curve), curve, self.readings, self.by_force)
+                values = line(np.clip(programme, 0.0, programme_of(courses[0])[-1]))
+            if curve.id in corrections:
+                values = corrections[curve.id].applied(values, programme, self.by_force)
+            by_curve[curve.id] = reading(values, curve, self.readings, self.by_force)
         return by_curve
 
 
@@ -60,21 +69,19 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     by_point = homogeneous and all(effect.pointwise for effect in effects)
     # What a mesh changes in a state that is homogeneous without it is small, so a ramp does for friction too.
     by_ramp = _forgets_its_past(first, effects) or (homogeneous and not any(effect.remembers for effect in effects))
-    plain = tissue.model_copy(update={"effects": tissue.effects.without(readings)})
+    text = tissue.model_copy(update={"effects": tissue.effects.without(readings)}).text
     if by_point or not by_ramp:
-        as_read = [programme_of(c) for c in test]
-        same = all(np.array_equal(true_programme(p, c, readings, by_force), p) for p, c in zip(as_read, test, strict=True))
-        if not readings or not same:
-            return Plan((test, tissue.text), test)
-        # Effects of the reading alone are read off the run without them.
-        return Plan((test, plain.text), test, readings, by_force)
-    alike = [c for c in curves if _kind_of(c) == _kind_of(first)]
-    top = max(float(true_programme(programme_of(c), c, readings, by_force).max()) for c in alike)
-    share = np.linspace(0.0, 1.0, RAMP_ROWS)
-    guess = max(float(np.abs(c.columns[first.predicted]).max()) for c in alike)
-    columns = {first.imposed: share * top, first.predicted: share * guess}
-    ramp = replace(first, time_s=share, columns={name: columns[name] for name in first.columns})
-    return Plan(((ramp,), plain.text), test, readings, by_force)
+        # The run is what really happens; tests whose readings leave the programme as it is share it.
+        return Plan((tuple(_really(curve, readings, by_force) for curve in test), text), test, readings, by_force)
+    alike = [c for c in curves if kind_of(c) == kind_of(first)]
+    return Plan(((ramp_of(first, alike, readings),), text), test, readings, by_force, by_ramp=True)
+
+
+def _really(curve: Curve, readings: Sequence[Measurement], by_force: bool) -> Curve:
+    """A curve with the programme that was really imposed."""
+    read = programme_of(curve)
+    programme = true_programme(read, curve, readings, by_force)
+    return curve if np.array_equal(programme, read) else replace(curve, columns=curve.columns | {curve.imposed: programme})
 
 
 def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:
@@ -82,10 +89,3 @@ def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:
     assert curve.tool is not None
     by_path = any(effect.depends_on_path for effect in effects)
     return not by_path and curve.tool.shape != "bonded-disc" and curve.tool.friction in (0.0, "unknown", "stick")
-
-
-@lru_cache(maxsize=10_000)
-def _kind_of(curve: Curve) -> str:
-    """Equal for tests that differ in their course only."""
-    known = [curve.conditions.get(key) for key in ("preload_N", "direction")]
-    return f"{curve.specimen!r} {curve.tool!r} {curve.constants} {known}"

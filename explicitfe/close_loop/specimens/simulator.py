@@ -15,11 +15,9 @@ from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
 from explicitfe.measured.curve import Curve, programme_of
+from explicitfe.predict.correction import Job, Run
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import parse_tissue
-
-Job = tuple[tuple[Curve, ...], str]  # a test, and the text of a tissue
-Run = list[np.ndarray] | str  # what each curve of the test answers in SI, or why it cannot be computed
 
 
 def _answer(job: Job) -> Run:

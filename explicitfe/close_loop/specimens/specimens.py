@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from explicitfe.close_loop.specimens.features import features_of
-from explicitfe.close_loop.specimens.plan import plan_of
+from explicitfe.close_loop.specimens.plan import Plan, plan_of
 from explicitfe.close_loop.specimens.scales import scales_of
 from explicitfe.close_loop.specimens.series import determined, peers_of, series_of
 from explicitfe.close_loop.specimens.simulator import Simulator
@@ -19,12 +19,17 @@ from explicitfe.effects import EFFECTS, Effect
 from explicitfe.effects.effect import Sought, with_leaves
 from explicitfe.errors import InputError, RunError
 from explicitfe.forces.response import layout_of
-from explicitfe.measured.curve import Curve, Dataset
+from explicitfe.measured.curve import Curve, Dataset, programme_of
+from explicitfe.predict.correction import Correction, corrections_of
 from explicitfe.predict.experiment import experiments
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
-# Poisson's ratio of the baseline: soft tissue and silicone hardly change their volume.
-BASELINE_POISSON_RATIO = 0.499
+# Poisson's ratio of the baseline: soft tissue and silicone hardly change their volume. A homogeneous state loses 2e-5 of its
+# stress by this one. On a mesh so stiff a volume would cost many times the steps.
+INCOMPRESSIBLE_POISSON_RATIO = 0.49999
+MESH_POISSON_RATIO = 0.499
+# One standard deviation from that of the mesh: the volume changes twice as easily.
+SOFTER_POISSON_RATIO = 0.498
 # C10 [Pa] of the first answers; these are scaled to the data, so its size does not matter.
 FIRST_C10_PA = 200.0
 # Ratios of C20 to C10 that are tried at the start, and the largest one that a fit may reach.
@@ -35,10 +40,10 @@ C10_BOUND_FACTORS = (1e-4, 1e4)
 # A step of C20, as a share of C10, that changes an answer noticeably.
 C20_STEP_RATIO = 0.3
 EXACT = Numerics()
-COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # with which effects are searched
-FINE = Numerics(refinement=0.6, density=0.7, tolerance=5e-4)  # with which the final constants are fitted
-# The numerical checks refine the mesh, add instants and tighten the tolerance by these factors.
-CHECK_REFINEMENT_FACTOR = 1.5
+COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # with which tests are planned, by differences of answers
+# With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
+CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, finer=1.5)
+# The check of a history adds instants and tightens the tolerance by these factors.
 CHECK_DENSITY_FACTOR = 2.0
 CHECK_TOLERANCE_FACTOR = 0.25
 SMALLEST_TOLERANCE = 1e-5
@@ -55,6 +60,7 @@ class Specimens:
     simulator : shared by all that ask.
     numerics : how tests under a tool are computed.
     only : effects that are considered; all if empty.
+    corrections : curve -> what a finer mesh changes, see :meth:`at`.
     """
 
     dataset: Dataset
@@ -63,7 +69,7 @@ class Specimens:
     numerics: Numerics = EXACT
     constants_by: str | None = None
     only: tuple[str, ...] = ()
-    poisson: float = BASELINE_POISSON_RATIO
+    corrections: Mapping[str, Correction] = field(default_factory=dict)
 
     @cached_property
     def tests(self) -> list[tuple[Curve, ...]]:
@@ -112,6 +118,17 @@ class Specimens:
         """Whether a model needs a mesh."""
         return not self.exact(model)
 
+    def at(self, model: Hypothesis) -> Specimens:
+        """The same tests, with what a finer mesh changes taken at a model."""
+        if self.exact(model):
+            return self
+        tissue = self.tissue(model)
+        corrections: dict[str, Correction] = {}
+        for group in self.groups:
+            curves = [c for c in self.curves if c.constants == group]
+            corrections |= corrections_of(_for_group(tissue, group), curves, self.simulator.run)
+        return replace(self, corrections=corrections)
+
     def start(self) -> Hypothesis:
         """The elastic model, at constants to begin with."""
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))
@@ -125,12 +142,9 @@ class Specimens:
         for group in self.groups if several else [EVERY]:
             label = group if several else ""
             constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=max(known["C20_Pa", label], 0.0))
-        # Between platens a coarse mesh may be off by more than the mesh changes, so a fine one is taken where it is cheap: one
-        # ramp is all that it costs without a memory, and with symmetry it has few elements.
-        dear = any(EFFECTS[name].remembers or EFFECTS[name].needs_half_body for name in hypothesis.effects)
-        by_ramp = self.homogeneous and not self.exact(hypothesis) and not dear
-        usual = FINE if by_ramp else self.numerics
-        tissue = Tissue(poisson=self.poisson, constants_by=self.constants_by, constants=constants, numerics=numerics or usual)
+        poisson = INCOMPRESSIBLE_POISSON_RATIO if self.exact(hypothesis) else MESH_POISSON_RATIO
+        numerics = numerics or self.numerics
+        tissue = Tissue(poisson=poisson, constants_by=self.constants_by, constants=constants, numerics=numerics)
         for effect in self.known:
             tissue = tissue.with_effect(effect)
         terms: dict[str, list[dict[str, float]]] = {}
@@ -165,22 +179,53 @@ class Specimens:
         return reasons
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed with a finer mesh and with smaller steps, where either matters."""
-        tissue, exact = self.tissue(model), self.exact(model)
-        usual = tissue.numerics
-        numerics: dict[str, Numerics] = {}
-        if not exact:
-            numerics["a finer mesh"] = usual.model_copy(update={"refinement": CHECK_REFINEMENT_FACTOR * usual.refinement})
-        if any(effect.remembers for effect in tissue.effects.chosen) or not exact:
-            tolerance = max(CHECK_TOLERANCE_FACTOR * usual.tolerance, SMALLEST_TOLERANCE)
-            finer = {"density": CHECK_DENSITY_FACTOR * usual.density, "tolerance": tolerance}
-            numerics["smaller steps"] = usual.model_copy(update=finer)
-        answers = self._answers([self.tissue(model, changed) for changed in numerics.values()], self.curves)
-        return {name: answer for name, answer in zip(numerics, answers, strict=True) if answer is not None}
+        """What is computed if the mesh errs by one standard deviation, test by test; and with smaller steps where they matter."""
+        tissue = self.tissue(model)
+        answers: dict[str, Answer] = {}
+        (usual,) = self._answers([tissue], self.curves)
+        if usual is not None:
+            for number, kind in enumerate(self._kinds_on_a_mesh):
+                answers |= self._with_errors_of_the_mesh(kind, f" of geometry {number + 1}", usual)
+        if any(effect.depends_on_path for effect in tissue.effects.chosen):
+            tolerance = max(CHECK_TOLERANCE_FACTOR * self.numerics.tolerance, SMALLEST_TOLERANCE)
+            finer = {"density": CHECK_DENSITY_FACTOR * self.numerics.density, "tolerance": tolerance}
+            (answer,) = self._answers([self.tissue(model, self.numerics.model_copy(update=finer))], self.curves)
+            if answer is not None:
+                answers["smaller steps"] = answer
+        return answers
+
+    @cached_property
+    def _kinds_on_a_mesh(self) -> list[list[Curve]]:
+        """Curves with one correction each."""
+        kinds: dict[int, list[Curve]] = {}
+        for curve in self.curves:
+            if curve.id in self.corrections:
+                kinds.setdefault(id(self.corrections[curve.id]), []).append(curve)
+        return list(kinds.values())
+
+    def _with_errors_of_the_mesh(self, kind: Sequence[Curve], of: str, usual: Answer) -> dict[str, Answer]:
+        """Error of a correction -> the answers with one standard deviation of it."""
+        correction = self.corrections[kind[0].id]
+        ids = {curve.id for curve in kind}
+        changed: dict[str, Answer] = {}
+        for name in correction.errors:
+            answer = [
+                y * (1.0 + correction.error_of(name, y, programme_of(c)[determined(c)], c.imposed == "force_N"))
+                if c.id in ids
+                else y
+                for c, y in zip(self.curves, usual, strict=True)
+            ]
+            changed[name + of] = answer
+        return changed
 
     def assumptions(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed with each assumed length larger by its likely error."""
+        """What is computed with each assumed length larger by its likely error, and with another Poisson's ratio."""
         answers = {}
+        if not self.exact(model):
+            other = self.tissue(model).model_copy(update={"poisson": SOFTER_POISSON_RATIO})
+            (answer,) = self._answers([other], self.curves)
+            if answer is not None:
+                answers["Poisson's ratio"] = answer
         for name, curves in self.assumed(1.0 + THRESHOLDS.assumed_length_error_share).items():
             (answer,) = self._answers([self.tissue(model)], curves)
             if answer is not None:
@@ -247,13 +292,22 @@ class Specimens:
         """What the data have, of what effects require."""
         return features_of(self.curves, self.series)
 
+    def answers_or_reasons(self, model: Hypothesis) -> list[tuple[Curve, np.ndarray | str]]:
+        """Each curve with what a model predicts of it, SI, or with why that cannot be computed; in the order of ``curves``."""
+        tissue = self.tissue(model)
+        plans = [self._plan(tissue, test, self.curves) for test in self.tests]
+        by_curve: dict[str, np.ndarray | str] = {}
+        for plan, run in zip(plans, self.simulator.run([plan.job for plan in plans]), strict=True):
+            by_curve |= {c.id: run for c in plan.test} if isinstance(run, str) else plan.read(run, self.corrections)
+        return [(c, by_curve[c.id]) for c in self.curves]
+
+    def _plan(self, tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve]) -> Plan:
+        return plan_of(_for_group(tissue, test[0].constants), test, curves, self.homogeneous)
+
     def _answers(self, tissues: Sequence[Tissue], curves: Sequence[Curve]) -> list[Answer | None]:
         """What each tissue answers in the tests of some curves, SI; None where one of them cannot be computed."""
         tests = experiments(curves)
-        plans = [
-            [plan_of(_for_group(tissue, test[0].constants), test, curves, self.homogeneous) for test in tests]
-            for tissue in tissues
-        ]
+        plans = [[self._plan(tissue, test, curves) for test in tests] for tissue in tissues]
         runs = iter(self.simulator.run([plan.job for row in plans for plan in row]))
         answers: list[Answer | None] = []
         for row in plans:
@@ -261,14 +315,15 @@ class Specimens:
             for plan in row:
                 run = next(runs)
                 if not isinstance(run, str):
-                    by_curve |= plan.read(run)
+                    by_curve |= plan.read(run, self.corrections)
             answers.append([by_curve[c.id][determined(c)] for c in curves] if len(by_curve) == len(curves) else None)
         return answers
 
     def _first_tissues(self) -> list[Tissue]:
         """Tissues of one size, with different ratios of C20 to C10."""
         constants = [Constants(C10_Pa=FIRST_C10_PA, C20_Pa=q * FIRST_C10_PA) for q in FIRST_C20_RATIOS]
-        return [Tissue(poisson=self.poisson, constants={EVERY: c}, numerics=self.numerics) for c in constants]
+        poisson = INCOMPRESSIBLE_POISSON_RATIO if self.homogeneous else MESH_POISSON_RATIO
+        return [Tissue(poisson=poisson, constants={EVERY: c}, numerics=self.numerics) for c in constants]
 
     def _first_constants(self, group: str) -> tuple[float, float]:
         """C10 and C20 to begin with: of a few ratios, the one whose scaled answer misses the group's curves least.
@@ -277,7 +332,8 @@ class Specimens:
         """
         curves = [_by_displacement(c) for c in self.curves if c.constants == group]
         least, constants = np.inf, (FIRST_C10_PA, 0.0)
-        for q, answer in zip(FIRST_C20_RATIOS, self._answers(self._first_tissues(), curves), strict=True):
+        coarse = replace(self, corrections={})
+        for q, answer in zip(FIRST_C20_RATIOS, coarse._answers(self._first_tissues(), curves), strict=True):
             if answer is None:
                 continue
             top = bottom = total = 0.0

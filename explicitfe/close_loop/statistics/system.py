@@ -180,6 +180,10 @@ class System(Protocol):
     def start(self) -> Hypothesis:
         """The baseline, at constants to begin with."""
 
+    def at(self, model: Hypothesis) -> System:
+        """The same data with the forward model that is best near a model, such as with what a finer mesh changes there; itself
+        where there is only one."""
+
     def exact(self, model: Hypothesis) -> bool:
         """Whether a model's answers are free of numerical roughness, so that small differences between them mean something."""
 

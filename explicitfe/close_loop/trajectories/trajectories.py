@@ -160,6 +160,10 @@ class Trajectories:
                 candidates.append(candidate(name, 1, {lever.parameter: sought}, Scales()))
         return candidates
 
+    def at(self, model: Hypothesis) -> Trajectories:
+        """One mesh serves all models of a tongue."""
+        return self
+
     def sketch(self, model: Hypothesis) -> Hypothesis:
         """The model itself: every candidate is tried in it."""
         return model

@@ -210,6 +210,10 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
         return Outcome("unexplained", "unexplained", rounds, ())
     if not effects:
         if first.ambiguous_with:
+            alike = (first.best, *first.ambiguous_with)
+            least = min(lack_of_fit(first.refits[name], first.covariance).excess for name in alike if name in first.refits)
+            if least > THRESHOLDS.unexplained_excess_share * first.lack.excess:
+                return Outcome("unexplained", "unexplained", rounds, (), nearest=alike)
             return Outcome("ambiguous", "ambiguous", rounds, ())
         return Outcome("unexplained", "unexplained", rounds, ())
     # Where two effects cannot be told apart, what either of them explains counts as explained.

@@ -176,7 +176,7 @@ def test_a_candidate_that_helps_a_little_is_not_what_is_missing():
 
 
 def test_what_leaves_most_of_the_misfit_is_no_answer_though_two_effects_share_it():
-    """Two effects that nobody can tell apart, worth 100 of chi2, beside half a wave that is worth 0.03^2 / 2 / 1e-4 = 4.5 a row."""
+    """Two effects that nobody can tell apart, worth 100 of chi2, beside a wave that is worth 0.03^2 / 2 / 1e-4 = 4.5 a row."""
     effects = {"rate": EFFECTS["rate"], "twin": TWIN}
     outcome = outcome_of(hidden={"rate": 0.012}, effects=effects, extra=0.03 * np.cos(3.0 * np.pi * D))
     assert outcome.rounds[0].ambiguous_with

@@ -12,9 +12,10 @@ from explicitfe.close_loop import words
 from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of, sureness
 from explicitfe.close_loop.search import Outcome, Round, numerical_shares
 from explicitfe.close_loop.split import Split
-from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit, intervals
+from explicitfe.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit
+from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit
 from explicitfe.close_loop.statistics.system import System
-from explicitfe.close_loop.thresholds import entries
+from explicitfe.close_loop.thresholds import THRESHOLDS, entries
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
 from explicitfe.results.folder import drawing, whole_folder
@@ -147,7 +148,10 @@ def parameters(fit: BestFit, judged: Round) -> Parameters:
     """
     remainder = judged.lack.chi2 if fit.by_rows is None else fit.by_rows
     worse = 1.0 if judged.at_floor else max(remainder / max(judged.lack.free, 1), 1.0)
-    limits = iter(intervals(fit, judged.covariance, worse))
+    if judged.at_floor or judged.no_consequence:
+        limits = iter(intervals(fit, judged.covariance, worse))
+    else:
+        limits = iter(intervals_beside_a_misfit(fit, judged.covariance, worse, not_rejected(judged)))
     values = iter(fit.model.values)
     reported: Parameters = {}
     for p in fit.model.base:
@@ -170,6 +174,16 @@ def parameters(fit: BestFit, judged: Round) -> Parameters:
                 left[term.effect] = by * (1.0 - value)
             reported[p.name] = Estimate(value=by * value, ci95=[by * low, by * high])
     return reported
+
+
+def not_rejected(judged: Round) -> list[BestFit]:
+    """The models with one effect more that explain about as much as the best of them: these data do not say which it is."""
+    alike = [fit for fit in judged.refits.values() if (fit.by_rows is None) == (judged.fit.by_rows is None)]
+    gains = [judged.fit.chi2 - fit.chi2 for fit in alike]
+    most = max(gains, default=0.0)
+    return [
+        fit for fit, gain in zip(alike, gains, strict=True) if gain >= THRESHOLDS.unexplained_excess_share * most and gain > 0.0
+    ]
 
 
 def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:

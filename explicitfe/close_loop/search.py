@@ -20,7 +20,7 @@ from explicitfe.close_loop.statistics.fingerprints import (
     outside,
     scores,
 )
-from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, scatter
+from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.starts import refit_with, settled
 from explicitfe.close_loop.statistics.system import Hypothesis, System
@@ -168,12 +168,16 @@ def search(
     ------
     RunError : the baseline cannot be computed.
     """
+    estimated = rows is None
     rows = row_noise(system.series) if rows is None else rows
     spread = scatter(system.series, rows)
     watch("fit the baseline", BASELINE_PROGRESS)
     by_tests = Covariance(system.series, rows, spread)
     baseline = settled(system, refit(system, start or system.start(), by_tests), by_tests)
     system, baseline = renewed(system, baseline, by_tests)
+    if estimated:
+        rows = row_noise_beside(system.series, rows, baseline.answer)
+        spread = scatter(system.series, rows)
     watch("floors", FLOORS_PROGRESS)
     assumed = {f"{ASSUMED}{name}": stack(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()}
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
@@ -192,8 +196,10 @@ def search(
             break
         watch("add an effect", ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1))
         system, fit = systems[chosen], rounds[-1].refits[chosen]
+        if estimated:
+            rows = row_noise_beside(system.series, rows, fit.answer)
         covariance = covariance_of(system, fit.model, rows, spread, assumed)
-        fit = refit(system, fit.model, covariance, slopes=fit.slopes)
+        fit = settled(system, refit(system, fit.model, covariance, slopes=fit.slopes), covariance)
     return _outcome(rounds, single)
 
 
@@ -210,6 +216,10 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
         return Outcome("unexplained", "unexplained", rounds, ())
     if not effects:
         if first.ambiguous_with:
+            alike = (first.best, *first.ambiguous_with)
+            least = min(lack_of_fit(first.refits[name], first.covariance).excess for name in alike if name in first.refits)
+            if least > THRESHOLDS.unexplained_excess_share * first.lack.excess:
+                return Outcome("unexplained", "unexplained", rounds, (), nearest=alike)
             return Outcome("ambiguous", "ambiguous", rounds, ())
         return Outcome("unexplained", "unexplained", rounds, ())
     # Where two effects cannot be told apart, what either of them explains counts as explained.

@@ -175,6 +175,14 @@ def test_a_candidate_that_helps_a_little_is_not_what_is_missing():
     assert "none of the effects that were considered" in words.sentence(outcome)
 
 
+def test_what_leaves_most_of_the_misfit_is_no_answer_though_two_effects_share_it():
+    """Two effects that nobody can tell apart, worth 100 of chi2, beside a wave that is worth 0.03^2 / 2 / 1e-4 = 4.5 a row."""
+    effects = {"rate": EFFECTS["rate"], "twin": TWIN}
+    outcome = outcome_of(hidden={"rate": 0.012}, effects=effects, extra=0.03 * np.cos(3.0 * np.pi * D))
+    assert outcome.rounds[0].ambiguous_with
+    assert (outcome.verdict, set(outcome.nearest), outcome.effects) == ("unexplained", {"rate", "twin"}, ())
+
+
 def test_a_single_test_is_ambiguous_at_most():
     effects = {"wave": Planted(lambda: WAVE[:ROWS])}
     outcome = outcome_of(tests=1, effects=effects, hidden={"wave": 0.1}, single=True)

@@ -15,6 +15,7 @@ from explicitfe.close_loop.statistics.noise import (
     RowNoise,
     Scatter,
     row_noise,
+    row_noise_beside,
     scatter,
     smooth_basis,
     whiten_rows,
@@ -130,6 +131,22 @@ def test_a_programme_of_steps_shows_no_noise():
     stated, unstated = (row_noise([ramp(0, measured, sd=sd, bends=np.arange(30))])[0] for sd in (SD, None))
     assert stated.stated and stated.correlation == 0.0 and stated.effective == 30.0
     assert not unstated.stated and unstated.sd.max() == pytest.approx(0.01 * measured.max())
+
+
+def test_a_bend_that_a_model_answers_is_no_noise():
+    """A tool that has no contact for a third of the way: the force stays at 0. Where nothing is stated a smooth curve takes the
+    bend for noise that goes on from row to row; beside a model that has no contact either, it is that of the rows.
+    """
+    d = np.linspace(0.0, 1.0, 90)
+    force = 3.0 * np.maximum(d - 1.0 / 3.0, 0.0)
+    series = [ramp(k, force + SD * np.random.default_rng(k).standard_normal(90), sd=None) for k in range(3)]
+    before = row_noise(series)
+    after = row_noise_beside(series, before, np.tile(0.9 * force, 3))
+    # By the sampling error of 250 rows, and the caution that correlation is not taken for smaller than it may be.
+    assert before[0].weight_sd.mean() > 2.0 * after[0].weight_sd.mean()
+    assert SD * 0.9 < after[0].weight_sd.mean() < 1.5 * SD
+    exact = row_noise_beside(series, before, np.concatenate([one.measured for one in series]))
+    assert exact == before  # no noise at all is not believed
 
 
 def test_an_exact_column_has_a_floor():

@@ -11,8 +11,9 @@ from sensor_study import SHIFT_M, TURN, simulate_sensors
 
 from explicitfe.close_loop.search import Outcome, search
 from explicitfe.close_loop.statistics.covariance import Covariance
+from explicitfe.close_loop.statistics.intervals import intervals
 from explicitfe.close_loop.statistics.noise import scatter
-from explicitfe.close_loop.statistics.refit import intervals, refit
+from explicitfe.close_loop.statistics.refit import refit
 from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.errors import InputError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb
 from typing import Literal
 
@@ -146,6 +146,23 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
         else:  # rows differ by more than the dataset says
             noise.append(RowNoise(np.full(len(one.measured), rough[k] / np.sqrt(SECOND_DIFFERENCE_VARIANCE)), 0.0, False))
     return noise
+
+
+def row_noise_beside(series: Sequence[Series], rows: Sequence[RowNoise], answer: np.ndarray) -> list[RowNoise]:
+    """Noise of each series beside what a model answers (n,) SI.
+
+    Where a dataset states no noise, it is known from what smooth curves leave, and what bends where the programme does not, such
+    as a tool that loses contact, counts as noise. A smooth curve through what the model leaves has fewer such bends. Both are
+    bounds from above, so the smaller one is taken.
+    """
+    ends = np.cumsum([len(one.measured) for one in series])[:-1]
+    left = [replace(one, measured=one.measured - part) for one, part in zip(series, np.split(answer, ends), strict=True)]
+    beside = []
+    for one, before, after in zip(series, rows, row_noise(left), strict=True):
+        least = SMALLEST_NOISE_SHARE * float(np.abs(one.measured).max())
+        smaller = after.weight_sd.mean() < before.weight_sd.mean() and after.sd.min() > least
+        beside.append(after if smaller and not before.stated else before)
+    return beside
 
 
 def _free(series: Series) -> int:

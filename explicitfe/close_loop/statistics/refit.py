@@ -1,4 +1,4 @@
-"""Weighted least squares with bounds, and intervals.
+"""Weighted least squares with bounds.
 
 Every evaluation may be a finite-element run. Derivatives are therefore taken once, all at a time, and are then kept up to date
 from the steps themselves (Broyden 1965, Schubert 1970).
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.stats import norm
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.close_loop.statistics.system import Hypothesis, System
@@ -40,7 +39,6 @@ SMALLEST_DAMPING = 1e-9
 BOUND_SHARE = 1e-6
 # A parameter on which the other tests depend by less than this share of what all tests do stays where it is.
 UNSEEN_SHARE = 1e-9
-Z_OF_95_PER_CENT = float(norm.ppf(0.975))
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,36 +265,6 @@ def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarra
     for answer, step in zip(answers, steps, strict=True):
         columns.append(np.zeros(len(now)) if answer is None else (stack(answer) - now) / step)
     return np.array(columns).reshape(len(columns), len(now)).T  # (n, 0) where nothing is fitted
-
-
-def intervals(fit: BestFit, covariance: Covariance, worse: float = 1.0) -> list[tuple[float, float]]:
-    """95 % intervals of the values, from the curvature at the optimum.
-
-    Where the misfit is gross the model was fitted by the rows alone, and what they have in common moves its parameters.
-
-    Parameters
-    ----------
-    covariance : the one that the model was fitted with.
-    worse : multiplies the unit of chi2.
-    """
-    gross = fit.by_rows is not None
-    J = covariance.by_rows(fit.slopes) if gross else fit.jacobian
-    size = np.linalg.norm(J, axis=0)
-    shown = size > 0.0
-    unit = J[:, shown] / size[shown]
-    inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-12)
-    each = worse * np.diag(inverse)
-    if gross:
-        each = each + np.sum((inverse @ (unit.T @ covariance.at(fit.answer).shared)) ** 2, axis=1)
-    variance = np.full(len(size), np.inf)  # where the data do not depend on a parameter
-    variance[shown] = each / size[shown] ** 2
-    limits = []
-    for k, p in enumerate(fit.model.parameters):
-        half = Z_OF_95_PER_CENT * float(np.sqrt(variance[k]))
-        ends = np.clip([fit.model.x[k] - half, fit.model.x[k] + half], p.low, p.high)
-        low, high = (p.sought.value(float(x)) for x in ends)
-        limits.append((min(low, high), max(low, high)))
-    return limits
 
 
 def step_inside_bounds(J: np.ndarray, r: np.ndarray, model: Hypothesis, free: np.ndarray) -> np.ndarray:

@@ -152,7 +152,7 @@ def _curve(
     body: Relaxation, curve: SimulatedTest, readings: Sequence[Measurement], numerics: MeshChoice, start_s: float, waits: bool
 ) -> np.ndarray:
     """One curve of a test, from the state where the last one ended; ``waits``: something happens while nothing moves."""
-    offset, record = 0.0, Record("force-displacement", curve.rows)
+    offset, record = 0.0, Record("force-displacement", curve.rows, np.zeros(len(curve.rows)))
     if not curve.by_force:
         offset = 1e3 * sum(float(effect.true_motion(np.zeros(1), record)[0]) for effect in readings)
     at, imposed, corners = curve.instants(numerics, offset)

@@ -21,12 +21,15 @@ from explicitfe.effects.reading.force_drift import ForceDrift
 from explicitfe.effects.reading.force_offset import ForceOffset
 from explicitfe.effects.reading.gauge_length import GaugeLength
 from explicitfe.effects.reading.lag import Lag
+from explicitfe.effects.reading.stick_slip import StickSlip
 from explicitfe.effects.specimen.base_slip import BaseSlip
 from explicitfe.effects.specimen.gravity import Gravity
+from explicitfe.effects.specimen.inclusion import InclusionBelowTool
 from explicitfe.effects.specimen.layer import Layer
 from explicitfe.effects.specimen.stiffness_gradient import StiffnessGradient
 from explicitfe.effects.tool.adhesion import Adhesion
 from explicitfe.effects.tool.compliance import Compliance
+from explicitfe.effects.tool.edge import Edge
 from explicitfe.effects.tool.friction import Friction
 from explicitfe.effects.tool.preload import Preload
 from explicitfe.effects.tool.tilt import Tilt
@@ -44,10 +47,12 @@ EFFECTS: dict[str, type[Effect]] = {
     "drainage": Drainage,
     "layer": Layer,
     "stiffness-gradient": StiffnessGradient,
+    "inclusion": InclusionBelowTool,
     "friction": Friction,
     "adhesion": Adhesion,
     "base-slip": BaseSlip,
     "tilt": Tilt,
+    "edge": Edge,
     "preload": Preload,
     "gravity": Gravity,
     "activation-lag": ActivationLag,
@@ -59,6 +64,7 @@ EFFECTS: dict[str, type[Effect]] = {
     "gauge-length": GaugeLength,
     "lag": Lag,
     "backlash": Backlash,
+    "stick-slip": StickSlip,
 }
 
 __all__ = ["EFFECTS", "Effect", "MaterialEffect", "Measurement", "Rig", "physics_of", "readings_of", "with_leaves"]

@@ -114,7 +114,7 @@ class Effect(BaseModel, ABC):
     sought : parameter -> how it is looked for; the first one is the strength.
     sought_without_tool : the same for a test of strain and stress, where that has parameters of its own.
     requires : what the data must have to show it: time | unloading | two directions | repeats | tool | strain (without a
-        tool) | flat tool | bonded base | force that pulls | muscles.
+        tool) | flat tool | edge | bonded base | force that pulls | muscles.
     terms : how often it can be added, each time with parameters of its own.
     extends : the effect that it changes, without which it means nothing; "" is none.
     shares_of_remainder : parameters that are a share of what the terms before leave, where there are several terms.

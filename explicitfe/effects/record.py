@@ -19,6 +19,7 @@ class Record:
     ----------
     kind : force-displacement, uniaxial or shear: what its columns are.
     time_s : (k,) s.
+    motion : (k,) as it was measured.
     cycle : number of the repeat, from 1.
     side : 1 where the largest motion is positive, -1 where it is negative, as in compression of a homogeneous state.
     one_sided : all motion lies on that side, so that there is a state that bears nothing beyond the first touch.
@@ -26,6 +27,7 @@ class Record:
 
     kind: Literal["force-displacement", "uniaxial", "shear"]
     time_s: np.ndarray
+    motion: np.ndarray
     cycle: float = 1.0
     side: float = 1.0
     one_sided: bool = True

@@ -19,11 +19,11 @@ def record_of(curve: Curve) -> Record:
     """A curve as effects of the reading see it."""
     assert curve.kind != "trajectory"
     if curve.tool is not None:
-        return Record("force-displacement", curve.time_s, cycle_of(curve))
+        return Record("force-displacement", curve.time_s, curve.displacement_m, cycle_of(curve))
     motion = programme_of(curve) - undeformed(curve)
     side = -1.0 if -motion.min() > motion.max() else 1.0
     one_sided = -(side * motion).min() <= OTHER_SIDE_SHARE * (side * motion).max()
-    return Record(curve.kind, curve.time_s, cycle_of(curve), side, bool(one_sided))
+    return Record(curve.kind, curve.time_s, motion, cycle_of(curve), side, bool(one_sided))
 
 
 def undeformed(curve: Curve) -> float:

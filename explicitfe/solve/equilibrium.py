@@ -159,11 +159,11 @@ class Relaxation(Body):
 
     def settle(self, progress: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
         """Equilibrium under the dead loads alone, the tool out of reach or, where it is tied, without a load; it then touches."""
-        if not self._external.any() and not self.contact.tilted:
+        if not (self._external.any() or self.contact.tilted):
             return self._touched(0.0)
         self.contact.retreat()
-        failure = self._attempt(progress, slowly=True)
-        if failure is not None:
+        # Without a load the body is at rest as it is: a residual of zero over a load of zero would be rounding.
+        if self._external.any() and (failure := self._attempt(progress, slowly=True)) is not None:
             return self._stuck(failure, 0.0, 0.0)
         if not self.contact.tied:
             self.contact.descend_to_first_touch(self.state.u)

@@ -96,6 +96,17 @@ def test_backlash_holds_the_load_after_a_turn(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_drive_slips_after_each_way(kind):
+    """A saw's tooth for each way: at half of the second one half of the drag, in the direction of the motion."""
+    size, side = abs(KINDS[kind]), np.sign(KINDS[kind])
+    drag = stress(curve_of(kind), stick_slip={"drag_Pa": 8.0, "slip_distance_strain": size / 2.5}) - stress(curve_of(kind))
+    ways = 2.5 * COURSE[:31]
+    inside = np.abs(ways - np.round(ways)) > 1e-9  # at a slip itself rounding decides
+    assert drag[:31][inside] == pytest.approx(8.0 * side * (ways % 1.0)[inside], abs=1e-6)
+    assert drag[32] < drag[31] if side > 0.0 else drag[32] > drag[31]  # the way back pulls the other way
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_rig_of_a_homogeneous_test_gives_way(kind):
     """The strain that the machine reads is that of the specimen and c times the stress, with a memory too."""
     memory = {"viscoelastic": {"g": (0.4,), "tau_s": (2.0,)}}
@@ -113,6 +124,7 @@ EVERY = {
     "cycle-drift": ({"per_cycle": 0.1}, {"per_cycle": 0.1}),
     "gauge-length": ({"error": 0.1}, {"error": 0.1}),
     "lag": ({"lag_s": 0.2}, {"lag_s": 0.2}),
+    "stick-slip": ({"drag_N": 0.05, "slip_distance_mm": 0.3}, {"drag_Pa": 5.0, "slip_distance_strain": 0.05}),
     "backlash": ({"play_mm": 0.1}, {"play_strain": 0.02}),
 }
 

@@ -83,6 +83,20 @@ def test_tilt_is_even(record_property):
     assert 0.0 < d[2.0] - d[0.0] < first_touch[0] and 0.0 < d[4.0] - d[0.0] < first_touch[1]
 
 
+def test_a_body_without_a_load_is_at_rest_under_a_tilted_tool():
+    """Nothing is relaxed: the residual of no load is rounding, over a load of zero, and the search for rest may never end."""
+    for C10_Pa in (193.49393063548413, 200.0):
+        table = SpecimenTable(
+            radius_mm=16.0, height_mm=10.0, edge_size_mm=2.0, symmetry="half", material=MATERIAL | {"C10_Pa": C10_Pa}
+        )
+        tool = ToolTable(shape="flat-cylinder", radius_mm=6.0)
+        body = Relaxation(specimen_model(table, tool, (effect("tilt", angle_deg=5.0),)), 1.5e-3)
+        settled = body.settle()
+        assert isinstance(settled, Equilibrium)
+        assert settled.iterations == 0 and settled.force_N == 0.0
+        assert body.move(1e-4).force_N > 0.0
+
+
 def test_rig_that_gives_way_is_a_spring_in_series():
     """Under a force the machine reads c F more, exactly; by displacement the tissue gets d - c F and answers as it does there."""
     c = 5.0  # mm/N
@@ -102,6 +116,40 @@ def test_preload_moves_the_zero():
     d0, d1 = (plain.press(force).displacement_m for force in FORCES_N)
     body = body_with(effect("preload", force_N=FORCES_N[0]))
     assert body.press(FORCES_N[1]).displacement_m == pytest.approx(d1 - d0, rel=1e-3)
+
+
+def test_inclusion_adds_the_energy_inside_it(record_property):
+    """At a given depth the energy changes with the ratio by the energy inside the ball, to first order (Hellmann and Feynman)."""
+    ball = {"radius_mm": 3.0, "depth_mm": 4.0}
+
+    def pressed(ratio: float) -> tuple[float, Relaxation]:
+        body = body_with(effect("inclusion", ratio=ratio, **ball), tolerance=1e-7)
+        reached = body.move(5e-5)
+        assert isinstance(reached, Equilibrium)
+        return reached.internal_J + reached.hourglass_J, body
+
+    step = 0.05
+    change = (pressed(1.0 + step)[0] - pressed(1.0 - step)[0]) / (2.0 * step)
+    _, plain = pressed(1.0)
+    mesh, fields = plain.model.mesh, plain.element_fields()
+    volumes = np.empty(len(plain.volumes))
+    volumes[plain.element_order] = plain.volumes
+    share = (
+        np.asarray(effect("inclusion", ratio=2.0, **ball).apply(plain.model).stiffness) / np.asarray(plain.model.stiffness) - 1.0
+    )
+    inside = plain.model.copies * float(np.sum(share * volumes * fields["strain_energy_density"]))
+    record_property("change_over_energy", change / inside)
+    assert share.min() >= 0.0 and share.max() == 1.0 and len(share) == len(mesh.hexes)
+    assert plain.model.copies * float(np.sum(share * volumes)) == pytest.approx(4.0 / 3.0 * np.pi * 3e-3**3, rel=0.03)
+    assert change == pytest.approx(inside, rel=0.02)
+
+
+def test_a_rounder_edge_is_that_of_a_rounder_tool():
+    tool = {"shape": "flat-cylinder", "radius_mm": 6.0}
+    rounder = body_with(effect("edge", rounder_mm=0.5), tool=tool | {"edge_radius_mm": 1.0})
+    assert rounder.model.tool.edge_radius_m == pytest.approx(1.5e-3)
+    plain = body_with(tool=tool | {"edge_radius_mm": 1.5})
+    assert rounder.press(0.02).displacement_m == plain.press(0.02).displacement_m
 
 
 def test_gradient_is_a_stack_of_layers(record_property):

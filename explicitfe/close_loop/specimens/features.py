@@ -21,6 +21,8 @@ def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
         features.add("tool")
         if first.tool.shape in ("flat-cylinder", "platen"):
             features.add("flat tool")
+        if first.tool.shape == "flat-cylinder":
+            features.add("edge")
         loose = ("frictionless", "unknown") if first.tool.shape == "platen" else ("frictionless",)
         if first.specimen is not None and first.specimen.base not in loose:
             features.add("bonded base")

@@ -53,6 +53,7 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
                     "compliance_mm_N": largest["displacement_mm"] / largest["force_N"],
                     "drift_N_s": largest["force_N"] / duration,
                     "slip_mm_kPa": height_mm / (1e-3 * C10),
+                    "radius_mm": 1e3 * length,
                 },
             )
     square = max(squares)

@@ -2,7 +2,7 @@
 
     python benchmarks/blind_study.py OUT [--seed 2026] [--processes 2] [--limit 1800] [--small] [--only homogeneous]
 
-OUT receives a folder for each family, with its cases, reports, score.json, score.md and confusion.png; tables.md holds both
+OUT receives a folder for each family, with its cases, reports, score.json, score.md and confusion.png; tables.md holds all
 families. Cases and reports that exist are kept, so that a stopped study goes on. Making the cases takes about half an hour for
 each family on one core; the tables say how long the tool takes.
 """
@@ -21,6 +21,7 @@ from explicitfe.blind.score import score
 STUDY = {
     "homogeneous": {"control": 100, "single": 300, "double": 30, "outside": 24},
     "indentation": {"control": 16, "single": 26},
+    "foreign": {"control": 100, "single": 184, "double": 33, "outside": 110},
 }
 FEWER_CASES = 10  # A small study has so many times fewer cases.
 

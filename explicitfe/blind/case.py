@@ -17,7 +17,7 @@ Table = dict[str, Value]
 KINDS = ("control", "single", "double", "outside")
 # Standard deviation of a row, as a share of the dataset's largest value. Simulated data are noisier, as they are no better than
 # their mesh.
-LEVELS = {"homogeneous": (0.003, 0.01, 0.03), "indentation": (0.01, 0.02, 0.05)}
+LEVELS = {"homogeneous": (0.003, 0.01, 0.03), "indentation": (0.01, 0.02, 0.05), "foreign": (0.003, 0.01, 0.03)}
 UNSTATED_NOISE_SHARE = 0.25  # in this share of the cases the dataset does not state its noise
 
 

@@ -78,7 +78,7 @@ def draw(rng: np.random.Generator, request: CaseRequest) -> Case:
     whole = bench.values(C10, C20, effects, COARSE_INCREMENTS_PER_ROW if "power-law" in effects else None)
     noise = _noise(rng, request, float(np.abs(whole).max()))
     measured = noise.add_to(rng, bench.curves(whole))
-    specimen = _specimen(rng, protocol, request)
+    specimen = specimen_of(rng, protocol, request)
     statement = NoiseStatement(rng.random() >= UNSTATED_NOISE_SHARE, noise.scale_sd > 0.0 and rng.random() < 0.5)
     group = "specimen-1" if noise.scale_sd == 0.0 and rng.random() < 0.5 else None
     distances = _distances(bench, request, effects, (C10, C20), noise)
@@ -99,12 +99,12 @@ def draw(rng: np.random.Generator, request: CaseRequest) -> Case:
         specimen=specimen.table,
         tool={"shape": "platen", "control": "displacement", "friction": 0.0} if platen else None,
         noise=statement.table(noise, *NOISE[protocol.mode]),
-        curves=[_curve(protocol, k, values, specimen, group) for k, values in enumerate(measured)],
+        curves=[curve_of(protocol, k, values, specimen, group) for k, values in enumerate(measured)],
         truth=truth,
     )
 
 
-class _Specimen(NamedTuple):
+class StatedSpecimen(NamedTuple):
     """The table [specimen] as the dataset states it, the stated height, and which length is wrong, if any."""
 
     table: Table
@@ -112,7 +112,7 @@ class _Specimen(NamedTuple):
     wrong: WrongLength | None
 
 
-def _curve(protocol: Protocol, number: int, values: np.ndarray, specimen: _Specimen, group: str | None) -> CaseCurve:
+def curve_of(protocol: Protocol, number: int, values: np.ndarray, specimen: StatedSpecimen, group: str | None) -> CaseCurve:
     curve, first = protocol.plan[number], protocol.plan[0]
     if sum(other.test == curve.test for other in protocol.plan) > 1:
         group = f"specimen-{curve.test + 1}"
@@ -146,9 +146,9 @@ def _noise(rng: np.random.Generator, request: CaseRequest, largest: float) -> No
     return Noise(request.level, request.level * largest, rho, scale, 0.01 * largest if scatter else 0.0)
 
 
-def _specimen(rng: np.random.Generator, protocol: Protocol, request: CaseRequest) -> _Specimen:
+def specimen_of(rng: np.random.Generator, protocol: Protocol, request: CaseRequest) -> StatedSpecimen:
     if protocol.radius_mm is None:
-        return _Specimen({"shape": "point"}, np.nan, None)
+        return StatedSpecimen({"shape": "point"}, np.nan, None)
     heights = [1e3 * curve.height_m for curve in protocol.plan]
     lengths = {"radius_mm": protocol.radius_mm, "height_mm": round(heights[0], 6)}
     assumed: Table = {}
@@ -161,7 +161,7 @@ def _specimen(rng: np.random.Generator, protocol: Protocol, request: CaseRequest
         assumed = {"assumed": [key]}
     elif rng.random() < 0.3:
         assumed = {"assumed": [str(rng.choice(["radius_mm", "height_mm"]))]}
-    return _Specimen({"shape": "cylinder", **lengths, **assumed, "base": "frictionless"}, lengths["height_mm"], wrong)
+    return StatedSpecimen({"shape": "cylinder", **lengths, **assumed, "base": "frictionless"}, lengths["height_mm"], wrong)
 
 
 def _distances(

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from explicitfe.blind.closed_forms import Bench
-from explicitfe.blind.grid import Effects
+from explicitfe.blind.grid import Effects, HomogeneousRun, Mode
 from explicitfe.blind.noise import Whitener
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.errors import RunError
@@ -27,6 +27,23 @@ LARGEST_RIVAL_C20_OVER_C10 = 100.0  # C20 of a rival over the true C10
 LARGEST_C10_FACTOR = 30.0  # C10 of a rival lies within this factor of the true one.
 SMALLEST_STRENGTH = 1e-9  # as good as no effect, where a logarithm needs a positive bound
 UNREACHED_STATE_SDS = 1e3  # the distance, in standard deviations, of a state that a rival cannot reach
+
+
+LARGEST_POISSON = 0.499  # of a law whose volume may drain
+
+
+class PlannedBench(Protocol):
+    """Planned curves that can be computed for any constants and effects, such as :class:`explicitfe.blind.closed_forms.Bench`."""
+
+    poisson: float
+    plan: tuple[HomogeneousRun, ...]
+    mode: Mode
+
+    def values(
+        self, C10_Pa: float, C20_Pa: float, effects: Effects | None = None, parts: int | None = None, recovers: bool = True
+    ) -> np.ndarray:
+        """The predicted column at all rows (n,)."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -93,7 +110,7 @@ class CaseSizes:
     force_N: float
 
 
-def case_sizes(bench: Bench, C10_Pa: float, C20_Pa: float, values: np.ndarray) -> CaseSizes:
+def case_sizes(bench: PlannedBench, C10_Pa: float, C20_Pa: float, values: np.ndarray) -> CaseSizes:
     """Sizes of a case with these constants and true values (n,)."""
     strain = np.concatenate([curve.imposed / curve.height_m for curve in bench.plan])
     if bench.mode == "shear":
@@ -112,7 +129,7 @@ def case_sizes(bench: Bench, C10_Pa: float, C20_Pa: float, values: np.ndarray) -
     )
 
 
-def possible_effects(bench: Bench) -> tuple[str, ...]:
+def possible_effects(bench: PlannedBench) -> tuple[str, ...]:
     """The effects of the library that a test can show at all; they are the rivals of each other."""
     conditions = [curve.conditions for curve in bench.plan]
     names = ["viscoelastic", "softening", "third-yeoh"]
@@ -174,11 +191,12 @@ def free_parameters(name: str, size: CaseSizes, C10_Pa: float) -> list[FreeParam
 
 
 def separation(
-    bench: Bench,
+    bench: PlannedBench,
     true: np.ndarray,
     whiten: Whitener,
     constants: tuple[float, float],
     hidden: Sequence[str],
+    free: Mapping[str, Sequence[FreeParameter]] | None = None,
 ) -> Separation:
     """How far true curves stay from the law alone, and from each single effect that is not hidden in them.
 
@@ -187,15 +205,17 @@ def separation(
     true : (n,) values without noise, computed as quickly as those of the rivals (:data:`COARSE_INCREMENTS_PER_ROW`).
     constants : true C10, C20 [Pa]; searches start there.
     hidden : effects in the true values. Where there are two, each of them alone is a rival.
+    free : the rivals and their parameters; without it those that the bench can show.
     """
-    size = case_sizes(bench, *constants, true)
-    names = [name for name in possible_effects(bench) if [name] != list(hidden)]
+    if free is None:
+        size = case_sizes(bench, *constants, true)
+        free = {name: free_parameters(name, size, constants[0]) for name in possible_effects(bench)}
     baseline = _nearest(bench, true, whiten, constants, lambda values: {}, [])
     rivals = {}
     # Every rival contains the law alone, as the effect without strength, and cannot be farther away.
-    for name in names:
-        free = free_parameters(name, size, constants[0])
-        rivals[name] = min(baseline, _nearest(bench, true, whiten, constants, _maker(name, free), free))
+    for name, parameters in free.items():
+        if [name] != list(hidden):
+            rivals[name] = min(baseline, _nearest(bench, true, whiten, constants, _maker(name, parameters), parameters))
     return Separation(baseline, rivals)
 
 
@@ -214,7 +234,7 @@ def _maker(name: str, free: Sequence[FreeParameter]) -> Callable[[np.ndarray], E
 
 
 def _nearest(
-    bench: Bench,
+    bench: PlannedBench,
     true: np.ndarray,
     whiten: Whitener,
     constants: tuple[float, float],
@@ -250,9 +270,9 @@ def _nearest(
     return best
 
 
-def drainage_change(bench: Bench, C10_Pa: float, C20_Pa: float, effect: Mapping[str, float]) -> np.ndarray:
+def drainage_change(bench: PlannedBench, C10_Pa: float, C20_Pa: float, effect: Mapping[str, float]) -> np.ndarray:
     """The change by drainage (n,), in the unit of the rows: the difference of two runs of the simulator's own point."""
-    law = Yeoh(C10_Pa=C10_Pa, C20_Pa=C20_Pa, poisson=bench.poisson)
+    law = Yeoh(C10_Pa=C10_Pa, C20_Pa=C20_Pa, poisson=min(bench.poisson, LARGEST_POISSON))
     changes = []
     tests: dict[int, list[int]] = {}
     for number, curve in enumerate(bench.plan):

@@ -24,11 +24,12 @@ import numpy as np
 from explicitfe.blind import homogeneous, under_a_tool
 from explicitfe.blind.case import KINDS, LEVELS, CaseRequest, write
 from explicitfe.blind.folder import MANIFEST, Manifest, alone_in, manifest_of
+from explicitfe.blind.foreign import family as foreign
 from explicitfe.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.host.stopping import leave_signals_to_the_parent
 from explicitfe.results.folder import whole_file, whole_folder
 
-FAMILIES = {"homogeneous": homogeneous, "indentation": under_a_tool}
+FAMILIES = {"homogeneous": homogeneous, "indentation": under_a_tool, "foreign": foreign}
 KIND_SHARES = {"control": 0.275, "single": 0.55, "double": 0.1, "outside": 0.075}  # where only a number of cases is given
 ORDER_SEED = 1_000_003  # With the seed of the set it seeds the order of the cases, apart from what is drawn for each case.
 MOST_CASES_OF_A_SET = 9999  # their names have four digits
@@ -53,7 +54,8 @@ def make(
     seed : of all random numbers; case k depends on the seed, on k and on its kind.
     count : number of cases, of all kinds together. Give either this or ``kinds``.
     kinds : number of cases of each kind: control, single, double, outside.
-    family : homogeneous (milliseconds a test) or indentation (simulated).
+    family : homogeneous (milliseconds a test), indentation (simulated), or foreign (closed forms and an implicit solver that
+        share no code with the simulator; the solver needs scikit-fem).
     processes : cases that are made at the same time.
     progress : called with the stage and the share of it that is done.
 
@@ -117,7 +119,7 @@ def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> 
     """How many cases of each kind."""
     if (count is None) == (kinds is None):
         raise InputError("give either a count of cases or a number for each kind.")
-    possible = KINDS if family == "homogeneous" else KINDS[:2]
+    possible = KINDS[:2] if family == "indentation" else KINDS
     asked = sum(kinds.values()) if count is None and kinds is not None else count
     if asked is None or not 1 <= asked <= MOST_CASES_OF_A_SET:
         raise InputError(

@@ -86,6 +86,7 @@ def tables_of(rows: Sequence[ScoredCase]) -> Tables:
     wrong = "confidently wrong"
     return {
         "headline": {
+            **_by_source(rows),
             "false alarms in controls": proportion(len(alarms), len(kinds["control"])),
             "right, identifiable singles": _count(clear, "right"),
             "confidently wrong, identifiable singles": _count(clear, wrong),
@@ -105,6 +106,34 @@ def tables_of(rows: Sequence[ScoredCase]) -> Tables:
         "intervals": _coverage(rows),
         "seconds": _seconds(rows),
     }
+
+
+def _by_source(rows: Sequence[ScoredCase]) -> dict[str, Proportion]:
+    """The headline of homogeneous tests and of tests under a tool apart, where a set has both."""
+    sources = {"under a tool": [row for row in rows if row["truth"]["mode"] == "indentation"]}
+    sources["homogeneous"] = [row for row in rows if row["truth"]["mode"] != "indentation"]
+    if not all(sources.values()):
+        return {}
+    headline: dict[str, Proportion] = {}
+    for source, several in sources.items():
+        controls = [row for row in several if row["truth"]["kind"] == "control"]
+        clear = [row for row in several if row["truth"]["kind"] == "single" and row["truth"]["identifiable"]]
+        outside = [row for row in several if row["truth"]["kind"] == "outside"]
+        doubles = [row for row in several if row["truth"]["kind"] == "double" and row["truth"]["identifiable"]]
+        alarms = sum(row["outcome"] in words.ALARMS for row in controls)
+        headline[f"{source}: false alarms in controls"] = proportion(alarms, len(controls))
+        headline[f"{source}: right, identifiable singles"] = _count(clear, "right")
+        headline[f"{source}: confidently wrong, identifiable singles"] = _count(clear, "confidently wrong")
+        headline[f"{source}: both, identifiable doubles"] = _count(doubles, "both")
+        headline[f"{source}: confidently wrong, outside the library"] = _count(outside, "confidently wrong")
+        covered = [
+            interval["covers"]
+            for row in several
+            if words.recovers_truth(row["report"], row["truth"])
+            for interval in words.intervals(row["report"], row["truth"])
+        ]
+        headline[f"{source}: 95 % intervals that cover"] = proportion(sum(covered), len(covered))
+    return headline
 
 
 def _subject(row: ScoredCase) -> str:

@@ -20,7 +20,7 @@ def blind_make(
     folder: CasesArgument,
     seed: Annotated[int, typer.Option("--seed", help="Draws the cases.")],
     count: Annotated[int, typer.Option("--count", help="How many.")] = 20,
-    family: Annotated[str, typer.Option("--family", help="homogeneous | indentation")] = "homogeneous",
+    family: Annotated[str, typer.Option("--family", help="homogeneous | indentation | foreign")] = "homogeneous",
     as_json: JsonOption = False,
 ) -> None:
     """Draw cases: datasets in FOLDER/cases, and what is hidden in them in FOLDER/sealed.

@@ -101,7 +101,12 @@ class Press:
                 "scikit-fem is missing, which computes the foreign tests under a tool; install it with: pip install scikit-fem"
             ) from None
         self.specimen, self.tool, self.tissue = specimen, tool, tissue
-        mesh = MeshQuad.init_tensor(*mesh_lines(specimen, tool, fineness))
+        r_lines, z_lines = mesh_lines(specimen, tool, fineness)
+        if tissue.layer is not None:  # a line of the mesh lies where the moduli jump
+            z_lines[1 + np.argmin(np.abs(z_lines[1:-1] - (specimen.height_mm - tissue.layer[0])))] = (
+                specimen.height_mm - tissue.layer[0]
+            )
+        mesh = MeshQuad.init_tensor(r_lines, z_lines)
         inside = Basis(mesh, ElementQuad2(), intorder=VOLUME_ORDER)
         height = specimen.height_mm
         top = mesh.facets_satisfying(lambda x: np.isclose(x[1], height))
@@ -146,7 +151,7 @@ class Press:
         self.Np = np.stack([np.ones((e, q)), *((at - middle) / spread)], axis=-1)
         self.mass = np.einsum("eqi,eqj,eq->eij", self.Np, self.Np, self.weight)
         self.mass_inverse = np.linalg.inv(self.mass)
-        self.material = Material(self.tissue, at[0], at[1])
+        self.material = Material(self.tissue, at[0], at[1], self.specimen.height_mm)
 
     def _take_freedoms(self, r: np.ndarray, z: np.ndarray) -> None:
         slides = self.tissue.base_compliance_mm_kPa > 0.0

@@ -30,7 +30,9 @@ class HiddenTissue:
     poisson : at small strains; 0.5 keeps the volume.
     prony : (share of the sudden stress, relaxation time [s]) of each term (Simo, 1987).
     softening : 1/r, m [Pa] and beta of Ogden and Roxburgh (1999).
-    factor : of the moduli, by the place at rest r, z [mm].
+    layer : thickness of a surface layer [mm], and its moduli over those below.
+    gradient : change of the moduli with depth: the factor is 1 + gradient (1 - 2 z / height).
+    factor : more of the moduli, by the place at rest r, z and the height [mm].
     density_kg_m3, gravity_m_s2 : of its weight.
     base_compliance_mm_kPa : sideways give of the base; 0 is bonded.
     """
@@ -41,10 +43,19 @@ class HiddenTissue:
     poisson: float = 0.5
     prony: tuple[tuple[float, float], ...] = ()
     softening: tuple[float, float, float] | None = None
-    factor: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
+    layer: tuple[float, float] | None = None
+    gradient: float = 0.0
+    factor: Callable[[np.ndarray, np.ndarray, float], np.ndarray] | None = None
     density_kg_m3: float = 1000.0
     gravity_m_s2: float = 0.0
     base_compliance_mm_kPa: float = 0.0
+
+    def moduli_factor(self, r: np.ndarray, z: np.ndarray, height_mm: float) -> np.ndarray:
+        """The factor of the moduli at places at rest."""
+        factor = 1.0 + self.gradient * (1.0 - 2.0 * z / height_mm)
+        if self.layer is not None:
+            factor = factor * np.where(z > height_mm - self.layer[0], self.layer[1], 1.0)
+        return factor if self.factor is None else factor * self.factor(r, z, height_mm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,12 +89,12 @@ class Material:
 
     Parameters
     ----------
-    r, z (e, q) : where they are at rest [mm].
+    r, z (e, q) : where they are at rest [mm], in a specimen of a height.
     """
 
-    def __init__(self, tissue: HiddenTissue, r: np.ndarray, z: np.ndarray) -> None:
+    def __init__(self, tissue: HiddenTissue, r: np.ndarray, z: np.ndarray, height_mm: float) -> None:
         self.tissue = tissue
-        factor = np.ones(r.shape) if tissue.factor is None else tissue.factor(r, z)
+        factor = tissue.moduli_factor(r, z, height_mm)
         self.moduli = [1e-6 * constant * factor for constant in (tissue.C10_Pa, tissue.C20_Pa, tissue.C30_Pa)]
         zero = np.zeros((*r.shape, 4))
         self.at_rest = Memory(zero, tuple(zero for _ in tissue.prony), np.zeros(r.shape))

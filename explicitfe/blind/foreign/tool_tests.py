@@ -41,6 +41,14 @@ class RigReading:
     lag_s: float = 0.0
 
 
+@dataclass(frozen=True)
+class ColumnNoise:
+    """Standard deviations of the rows of both columns; 0 is exact."""
+
+    force_N: float
+    displacement_mm: float
+
+
 @dataclass(frozen=True, eq=False)
 class ToolTest:
     """One curve.
@@ -75,10 +83,18 @@ class ToolTest:
 class ElasticCurve:
     """Force against depth of an elastic tissue without friction: a spline through equilibria."""
 
-    def __init__(self, specimen: RoundSpecimen, tool: RigidTool, tissue: HiddenTissue, depth_mm: float, fineness: float) -> None:
+    def __init__(
+        self,
+        specimen: RoundSpecimen,
+        tool: RigidTool,
+        tissue: HiddenTissue,
+        depth_mm: float,
+        fineness: float,
+        points: int = RAMP_POINTS,
+    ) -> None:
         press = Press(specimen, tool, tissue, fineness)
         self.end_mm = (1.0 + RAMP_MARGIN_SHARE) * depth_mm
-        share = (np.arange(1, RAMP_POINTS + 1) / RAMP_POINTS) ** RAMP_EXPONENT
+        share = (np.arange(1, points + 1) / points) ** RAMP_EXPONENT
         d = self.end_mm * share
         F = np.array([press.advance(0.0, Drive(True, depth))[1] for depth in d])
         self._spline = make_interp_spline(np.sqrt(d / self.end_mm), F / d, k=3)

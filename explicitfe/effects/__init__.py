@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from explicitfe.effects.effect import Effect, MaterialEffect, Measurement, Rig, physics_of, readings_of, with_leaves
 from explicitfe.effects.material.compressible import Compressible
+from explicitfe.effects.material.discovered_law import DiscoveredLaw
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.effects.material.fibres import Fibres
 from explicitfe.effects.material.nonlinear_relaxation import NonlinearRelaxation
@@ -45,6 +46,7 @@ EFFECTS: dict[str, type[Effect]] = {
     "fibres": Fibres,
     "compressible": Compressible,
     "drainage": Drainage,
+    "discovered-law": DiscoveredLaw,
     "layer": Layer,
     "stiffness-gradient": StiffnessGradient,
     "inclusion": InclusionBelowTool,

@@ -120,6 +120,7 @@ class Effect(BaseModel, ABC):
     shares_of_remainder : parameters that are a share of what the terms before leave, where there are several terms.
     acts_on : what it changes: the material, the specimen (its shape, its layers, what holds it, its weight), the tool and the rig
         that drives it, the reading, or the muscles.
+    searched : it is a candidate like the others. One that is composed from what they leave is not.
     pointwise : a homogeneous state stays homogeneous with it, so that one point of material answers and no mesh is needed.
     without_tool : a test without a tool, such as a uniaxial one, can have it.
     remembers : the material has a memory, so that a whole history must be computed.
@@ -137,6 +138,7 @@ class Effect(BaseModel, ABC):
     extends: ClassVar[str] = ""
     shares_of_remainder: ClassVar[tuple[str, ...]] = ()
     acts_on: ClassVar[Literal["material", "specimen", "tool", "reading", "muscle"]]
+    searched: ClassVar[bool] = True
     pointwise: ClassVar[bool] = False
     without_tool: ClassVar[bool] = False
     remembers: ClassVar[bool] = False

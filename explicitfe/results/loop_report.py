@@ -124,6 +124,36 @@ class ReportedGroups(ReportPart):
     constants: _Table[GroupedConstant] = {}
 
 
+class ReportedTerm(ReportPart):
+    """A term of a law: a polynomial of the invariants, its coefficient, and the time in which its stress fades; 0 never does."""
+
+    polynomial: str | None = None
+    coefficient_Pa: float | None = None
+    tau_s: float | None = None
+
+
+class DiscoveredLawReport(ReportPart):
+    """A compact law that was composed where named effects leave something unexplained; it decides no verdict.
+
+    Attributes
+    ----------
+    text : the law as an equation.
+    instead_of : effects of the final model that it takes the place of.
+    cv_nrmse, cv_nrmse_before : error on tests left out in turn, with it and with the final model.
+    error_fit, error_holdout : mean errors with it, as shares of each curve's largest value.
+    file : the model with it.
+    """
+
+    text: _Text = ""
+    terms: _Entries[ReportedTerm] = []
+    instead_of: _Entries[str] = []
+    cv_nrmse: float | None = None
+    cv_nrmse_before: float | None = None
+    error_fit: float | None = None
+    error_holdout: float | None = None
+    file: str | None = None
+
+
 class ErrorsOfModel(ReportPart):
     """Errors of a model: means over the fitted and over the held-out curves, and each curve."""
 
@@ -305,6 +335,7 @@ class LoopReport(Document, ReportPart):
     n_eff : number of independent data.
     groups : of the constants, where the program chose to fit each specimen by itself.
     baseline, final : the models before and after.
+    discovered_law : what follows the data better where the final model leaves something unexplained.
     steps : the rounds of the search.
     posterior : cause -> its probability, the most probable first: "nothing", effects joined by " + ", or "other" for something
         that no effect does. Less than one in a thousand is left out.
@@ -337,6 +368,7 @@ class LoopReport(Document, ReportPart):
     groups: ReportedGroups | None = None
     baseline: _Part[ReportedModel] = ReportedModel()
     final: _Part[ReportedModel] = ReportedModel()
+    discovered_law: DiscoveredLawReport | None = None
     steps: _Entries[ReportedRound] = []
     posterior: _Table[float] = {}
     something_else: float | None = None

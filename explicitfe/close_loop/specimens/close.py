@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from explicitfe.close_loop.discovery.report import add_discovered_law
 from explicitfe.close_loop.next_test import next_experiment
 from explicitfe.close_loop.report import (
     LoopDocuments,
@@ -159,8 +160,9 @@ class _SpecimenLoop:
         self._enter("predict", PREDICT_PROGRESS, 1.0)
         report.next_experiment = self._next_experiment(outcome)
         report.warnings = self._warnings(report, before, after)
-        self._enter("predict", 1.0, 1.0)
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
+        files |= add_discovered_law(report, self.system, self.sides.holdout, last)
+        self._enter("predict", 1.0, 1.0)
         return LoopDocuments(report, curves, files)
 
     def _leave_out_what_fails(self) -> None:

@@ -248,7 +248,8 @@ class Specimens:
         return [
             self._candidate(name, number, model, scales)
             for name, effect in EFFECTS.items()
-            if (number := 1 + sum(term.effect == name for term in model.terms)) <= effect.terms
+            if effect.searched
+            and (number := 1 + sum(term.effect == name for term in model.terms)) <= effect.terms
             and (not self.only or name in self.only)
             and not any(isinstance(e, effect) for e in self.known)
         ]

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of, sureness
+from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, posterior_of, sureness
 from explicitfe.close_loop.search import Outcome, Round, numerical_shares
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit, intervals
-from explicitfe.close_loop.statistics.system import System
 from explicitfe.close_loop.thresholds import entries
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
@@ -188,12 +187,13 @@ def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
     return why
 
 
-def add_probabilities(report: LoopReport, outcome: Outcome, system: System) -> None:
+def add_probabilities(report: LoopReport, outcome: Outcome, evidence: Sequence[Evidence]) -> Posterior:
     """Put into a report how probable each cause is, and how sure the verdict."""
-    posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
+    posterior = posterior_of(evidence, count_of_testable(outcome))
     report.posterior = posterior.causes
     report.something_else = posterior.something_else
     report.sure = sureness(outcome, posterior)
+    return posterior
 
 
 def add_failure(report: LoopReport, message: str) -> None:
@@ -215,6 +215,7 @@ def add_failure(report: LoopReport, message: str) -> None:
     report.ambiguous_with = []
     report.separations = []
     report.next_experiment = None
+    report.proposed_tests = []
     report.sensitivity_to_assumed = {}
     report.warnings = []
 

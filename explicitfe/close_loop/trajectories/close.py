@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from explicitfe.close_loop.posterior import evidence_of
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -61,7 +62,7 @@ def close_trajectories(
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
         before, after = outcome.rounds[0].fit, last.fit
         add_outcome(report, outcome, before, after, last)
-        add_probabilities(report, outcome, system)
+        add_probabilities(report, outcome, evidence_of(outcome, system))
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
     except RunError as error:

@@ -127,12 +127,21 @@ def count_of_testable(outcome: Outcome) -> int:
     return sum(p.visible >= THRESHOLDS.visible_separation for p in outcome.rounds[0].prints)
 
 
+def weighed(outcome: Outcome, posterior: Posterior) -> Outcome:
+    """The outcome, without an alarm where it is too probable that nothing is missing."""
+    alarms = ("effect-found", "ambiguous", "unexplained")
+    if outcome.verdict not in alarms or posterior.of(frozenset()) <= THRESHOLDS.nothing_probability:
+        return outcome
+    return Outcome("no-missing-effect", "at-floor", outcome.rounds, ())
+
+
 def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
-    """Probability that the verdict is right; None where there is none."""
-    if outcome.verdict == "failed":
+    """Probability that the verdict is right; None where it says nothing of causes."""
+    if outcome.verdict in ("failed", "limited-by-numerics"):
         return None
     if outcome.verdict == "no-missing-effect":
-        return posterior.of(frozenset())
+        slight = frozenset(outcome.no_consequence)
+        return sum(posterior.of(causes) for causes in {*posterior.closed, *posterior.open} if causes <= slight)
     if outcome.verdict == "unexplained":
         return posterior.something_else
     last = outcome.rounds[-1]
@@ -143,7 +152,7 @@ def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
     if outcome.remainder == "at-floor":
         return posterior.of(named)
     # More than these effects is at work, the verdict says.
-    supersets = {causes for causes in (*posterior.closed, *posterior.open) if named <= causes}
+    supersets = {causes for causes in {*posterior.closed, *posterior.open} if named <= causes}
     return sum(posterior.of(causes) for causes in supersets)
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, posterior_of, sureness
+from explicitfe.close_loop.posterior import Posterior, sureness
 from explicitfe.close_loop.search import Outcome, Round, numerical_shares
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit, intervals
@@ -187,13 +187,11 @@ def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
     return why
 
 
-def add_probabilities(report: LoopReport, outcome: Outcome, evidence: Sequence[Evidence]) -> Posterior:
+def add_probabilities(report: LoopReport, outcome: Outcome, posterior: Posterior) -> None:
     """Put into a report how probable each cause is, and how sure the verdict."""
-    posterior = posterior_of(evidence, count_of_testable(outcome))
     report.posterior = posterior.causes
     report.something_else = posterior.something_else
     report.sure = sureness(outcome, posterior)
-    return posterior
 
 
 def add_failure(report: LoopReport, message: str) -> None:

@@ -179,6 +179,12 @@ class Thresholds:
         0.05, "probability", "Left to causes that neither the effects nor a smooth discrepancy describe, however clear the data."
     )
 
+    nothing_probability: float = threshold(
+        0.3,
+        "probability",
+        "A verdict that something is missing is not given where nothing is missing with a larger probability: an alarm on a good "
+        "model is worse than a missed effect. Of 118 cases for tuning it changed one, an effect that the data hardly show.",
+    )
     surviving_probability: float = threshold(
         0.005, "probability", "Causes that are less probable do not compete where the next test is chosen."
     )

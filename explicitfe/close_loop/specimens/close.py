@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from explicitfe.close_loop.next_test import next_tests, survivors
-from explicitfe.close_loop.posterior import Evidence, Posterior, evidence_of, sureness
+from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, evidence_of, posterior_of, sureness, weighed
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -142,6 +142,9 @@ class _SpecimenLoop:
             report = self._new_report()
             add_failure(report, str(error))
             return LoopDocuments(report)
+        evidence = evidence_of(outcome, self.system)
+        posterior = posterior_of(evidence, count_of_testable(outcome))
+        outcome = weighed(outcome, posterior)
         self._enter("trace", 1.0, 1.0)
         changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
@@ -155,8 +158,7 @@ class _SpecimenLoop:
         self._enter("predict", 0.0, PREDICT_PROGRESS)
         report = self._new_report()
         add_outcome(report, outcome, before, after, last)
-        evidence = evidence_of(outcome, self.system)
-        posterior = add_probabilities(report, outcome, evidence)
+        add_probabilities(report, outcome, posterior)
         curves = self._add_errors(report, before, after, last)
         report.sensitivity_to_assumed = self._sensitivity(outcome, before, after, last)
         self._enter("predict", PREDICT_PROGRESS, 1.0)

@@ -38,13 +38,15 @@ class ReportedFit(TypedDict, total=False):
 
 
 class ToolReport(TypedDict, total=False):
-    """The verdict and the models before and after; ``problem`` says why there is none."""
+    """The verdict and the models before and after; ``problem`` says why there is none; ``sure`` is the
+    probability that the verdict is right."""
 
     verdict: str
     remainder: str
     effects: list[str]
     ambiguous_with: list[str]
     problem: str
+    sure: float | None
     baseline: ReportedFit
     final: ReportedFit
     provenance: Mapping[str, Any]

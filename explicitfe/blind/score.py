@@ -17,6 +17,7 @@ from typing_extensions import TypedDict
 
 from explicitfe.blind.folder import alone_in, manifest_of, table_of
 from explicitfe.blind.outcome import outcome
+from explicitfe.blind.reliability import reliability_picture
 from explicitfe.blind.report import ScoredCase, ToolReport
 from explicitfe.blind.tables import Tables, markdown, picture, tables_of
 from explicitfe.blind.truth import Truth
@@ -78,7 +79,8 @@ def score(
 
     Parameters
     ----------
-    directory : a folder of :func:`explicitfe.blind.make.make`; receives ``reports/``, score.json, score.md, confusion.png.
+    directory : a folder of :func:`explicitfe.blind.make.make`; receives ``reports/``, score.json, score.md,
+        confusion.png and reliability.png.
     processes : cases at the same time, each in a process of its own.
     max_effects : the largest number of effects that ``close-loop`` may add.
     limit_s : a case that takes longer is stopped, and counts as failed.
@@ -135,6 +137,7 @@ def _score(directory: Path, names: list[str]) -> StudyScore:
         rows.append({"case": name, "truth": truth, "report": report, "outcome": outcome(report, truth), "wall_s": wall_s})
     result: StudyScore = {"tables": tables_of(rows), "cases": [_brief(row) for row in rows]}
     whole_file(directory / "confusion.png", picture(result["tables"]["confusion"]))
+    whole_file(directory / "reliability.png", reliability_picture(result["tables"]["reliability"]))
     whole_file(directory / "score.md", markdown(result["tables"]))
     whole_file(directory / "score.json", json.dumps(result, indent=1) + "\n")
     return result

@@ -11,6 +11,7 @@ from scipy.stats import binomtest
 from typing_extensions import TypedDict
 
 from explicitfe.blind import outcome as words
+from explicitfe.blind.reliability import ReliabilityBin, reliability, reliability_lines
 from explicitfe.blind.report import ReportedHoldout, ScoredCase, ToolReport
 
 OTHER = ("several", "ambiguous", "unexplained", "none", "failed")  # columns of the confusion matrix beside effects
@@ -64,6 +65,7 @@ Tables = TypedDict(
         "held-out error": dict[str, HeldOut],
         "intervals": dict[str, ParameterCoverage],
         "seconds": Seconds,
+        "reliability": list[ReliabilityBin],
     },
 )
 
@@ -105,6 +107,7 @@ def tables_of(rows: Sequence[ScoredCase]) -> Tables:
         "held-out error": {kind: _held_out(group) for kind, group in kinds.items() if group},
         "intervals": _coverage(rows),
         "seconds": _seconds(rows),
+        "reliability": reliability(rows),
     }
 
 
@@ -278,6 +281,7 @@ def markdown(tables: Tables) -> str:
         ["parameter", "covers", "95 % interval", "cases", "median width, of the value"],
         ([name, *_cells(entry), _percent(entry["median_width"], 1)] for name, entry in tables["intervals"].items()),
     )
+    parts += reliability_lines(tables["reliability"])
     seconds = tables["seconds"]
     if seconds["median"] is not None:
         line = f"Seconds a case: median {seconds['median']:.0f}, largest {seconds['largest']:.0f}; all {seconds['sum']:.0f}."

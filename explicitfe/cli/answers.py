@@ -29,6 +29,7 @@ from explicitfe.results.identification import Identification
 from explicitfe.results.loop_report import LoopReport
 from explicitfe.results.planned_test import PlannedTest
 from explicitfe.results.prediction import Prediction
+from explicitfe.results.proposed_tests import ProposedTests
 from explicitfe.results.run_summary import (
     IndentationCheckReport,
     IndentationSummary,
@@ -127,7 +128,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "identify": (Identification,),
     "predict": (Prediction,),
     "close-loop": (LoopReport,),
-    "design-test": (PlannedTest,),
+    "design-test": (PlannedTest, ProposedTests),
     "blind-make": (Manifest,),
     "blind-score": (StudyScore,),
     "new-scenario": (NewScenario,),

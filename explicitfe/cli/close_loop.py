@@ -20,6 +20,10 @@ def close_loop(
             "--out", metavar="DIR", help="Folder of the report; outputs/close-loop-NAME if left out.", show_default=False
         ),
     ] = None,
+    add: Annotated[
+        list[Path] | None,
+        typer.Option("--add", metavar="DATASET", help="Fit the curves of this dataset too, such as of a proposed test; repeat."),
+    ] = None,
     holdout: Annotated[
         list[str] | None, typer.Option("--holdout", metavar="ID", help="Only predict this curve; repeat for more.")
     ] = None,
@@ -46,6 +50,7 @@ def close_loop(
         report = close(
             dataset,
             out=out or Path("outputs") / f"close-loop-{folder_name(dataset)}",
+            add=add or (),
             holdout=holdout or (),
             constants_by=constants_by,
             effects=effects or (),

@@ -17,22 +17,35 @@ def design_test(
     protocol: Annotated[
         Path,
         typer.Argument(
-            help="Protocol file (TOML), or the name of one that `explicitfe list protocols` shows.",
+            help="Protocol file (TOML), or the name of one that `explicitfe list protocols` shows; with --propose a dataset, "
+            "or a report of close-loop.",
             show_default=False,
             autocompletion=complete_protocol,
         ),
     ],
+    propose: Annotated[
+        bool, typer.Option("--propose", help="Say which tests would settle best what a dataset or a report leaves open.")
+    ] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the numbers and a page of them.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier plan wrote.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Say which effects a planned test can find and tell apart, before anything is measured.
+    """Say which effects a planned test can find and tell apart, before anything is measured; or which test should come next.
 
     Example: [bold]explicitfe design-test gerard-2005[/bold]
     """
     with following(console, f"reading {protocol}") as progress:
-        from explicitfe.close_loop.design import design_test as design
-        from explicitfe.view.terminal.design import design_tables
+        from explicitfe.view.terminal.design import design_tables, proposal_tables
 
-        planned = design(protocol, out=out, overwrite=overwrite, progress=progress)
-    print_answer(planned.document, as_json, lambda: design_tables(planned))
+        if propose:
+            from explicitfe.close_loop.propose import propose_tests
+
+            proposed = propose_tests(protocol, out=out, overwrite=overwrite, progress=progress)
+        else:
+            from explicitfe.close_loop.design import design_test as design
+
+            planned = design(protocol, out=out, overwrite=overwrite, progress=progress)
+    if propose:
+        print_answer(proposed.document, as_json, lambda: proposal_tables(proposed))
+    else:
+        print_answer(planned.document, as_json, lambda: design_tables(planned))

@@ -9,7 +9,7 @@ from pathlib import Path
 from explicitfe.close_loop.report import SUMMARY, write
 from explicitfe.close_loop.specimens.close import close_specimens
 from explicitfe.close_loop.specimens.groups import grouping_of, reported_groups
-from explicitfe.close_loop.split import split
+from explicitfe.close_loop.split import split, with_added
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, nearest, shortened, silent
@@ -25,6 +25,7 @@ def close_loop(
     dataset_path: Path | str,
     *,
     out: Path | str | None = None,
+    add: Sequence[Path | str] = (),
     holdout: Sequence[str] = (),
     constants_by: str | None = None,
     effects: Sequence[str] = (),
@@ -39,6 +40,8 @@ def close_loop(
     ----------
     dataset_path : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
+    add : folders of further datasets of the same specimen and machine, whose curves are fitted beside the others: what was
+        measured because a report proposed it.
     holdout : ids of curves that are only predicted; chosen by the dataset or by a rule if left out.
     constants_by : condition, or "group", by which curves share their constants; as the dataset says if left out, unless equal
         tests on several specimens show that one set cannot serve all of them.
@@ -68,9 +71,13 @@ def close_loop(
     grouping = grouping_of(dataset, holdout) if constants_by is None and dataset.test != "trajectory" else None
     if grouping is not None:
         constants_by = grouping.by
+    more = [read_dataset(path) for path in add]
+    if dataset.test == "trajectory" and more:
+        raise InputError(f"{dataset.path}: nothing can be added to a trajectory; leave --add out.")
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)
-    sides = split(dataset, holdout)
+        more = [other.regrouped(constants_by) for other in more]
+    sides = with_added(split(dataset, holdout), dataset, more)
     if dataset.test == "trajectory":
         documents = close_trajectories(dataset, sides, effects, max_effects, processes, progress)
     else:

@@ -1,143 +1,263 @@
-"""Which test would tell two models apart: the same separation, predicted for tests that were not made."""
+"""Which test settles best what is open: the one from which most is expected to be learned in a minute of testing.
+
+All causes that the data leave compete, with their probabilities: also those that the data cannot show at all. Each foretells what
+a proposed test would read, with what is not known of its parameters after the data at hand. A test may be repeated: its rows and
+the scatter of tests then count with as much less noise.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from explicitfe.close_loop.specimens.series import rest_of
-from explicitfe.close_loop.specimens.specimens import Specimens, with_length
+from explicitfe.close_loop.information import Foretold, entropy_bits, expected_bits, separation
+from explicitfe.close_loop.posterior import Causes, Evidence, Posterior, count_of_testable, prior_precision
+from explicitfe.close_loop.proposals import ProposedCurve, proposals
+from explicitfe.close_loop.search import Outcome
+from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
-from explicitfe.close_loop.statistics.fingerprints import outside
-from explicitfe.close_loop.statistics.refit import BestFit, derivatives
-from explicitfe.measured.curve import Curve, programme_of
+from explicitfe.close_loop.statistics.fingerprints import NOT_TESTABLE
+from explicitfe.close_loop.statistics.refit import derivatives, refit
+from explicitfe.close_loop.statistics.system import Candidate, Hypothesis
+from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.errors import RunError
+from explicitfe.measured.curve import COLUMNS, programme_of
+from explicitfe.measured.rig import RigLimits
+from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
 from explicitfe.results.loop_report import NextExperiment
 
-# The same test is proposed so many times faster and slower: a factor at which relaxation shows.
-RATE_FACTOR = 10.0
-# A hold is proposed that lasts so many times the test, and the largest strain so many times the one that was reached.
-HOLD_FACTOR, STRAIN_FACTOR = 3.0, 1.3
-# A tool or a specimen of this share of the size is proposed.
-SIZE_SHARE = 0.5
-# Rows of a piece that is appended to a programme, and the first of those of a hold, as a share of the hold.
-APPENDED_ROWS = 40
-FIRST_HOLD_SHARE = 0.01
+# Causes that compete: where each answer is the run of a mesh, fewer.
+MOST_CAUSES, MOST_CAUSES_ON_A_MESH = 8, 3
+# Causes that the data cannot show are considered besides, so many of them.
+MOST_UNSEEN, MOST_UNSEEN_ON_A_MESH = 6, 1
+TRIED_REPEATS = (1, 2, 3)
+MOST_LISTED = 3
+# Precision that keeps a parameter finite which the data do not determine, as a share of the largest.
+SMALLEST_PRECISION_SHARE = 1e-10
 
 
-def proposals(curve: Curve) -> Iterator[tuple[str, Curve]]:
-    """Tests like one that was made, each with one thing changed, in words."""
-    yield f"the same {RATE_FACTOR:g} times faster", _with_pace(curve, 1.0 / RATE_FACTOR)
-    yield f"the same {RATE_FACTOR:g} times slower", _with_pace(curve, RATE_FACTOR)
-    yield f"a hold of {_seconds(HOLD_FACTOR * curve.time_s[-1])} at the largest load", _with_hold(curve)
-    yield "loading and unloading, then rest", _with_unloading(curve)
-    yield "the same twice in a row", _twice(curve)
-    if curve.kind != "force-displacement":
-        zero = rest_of(curve)
-        deeper = zero + STRAIN_FACTOR * (programme_of(curve) - zero)
-        yield f"{STRAIN_FACTOR:g} times the strain", _with_programme(curve, curve.time_s, deeper)
-    else:
-        if curve.tool is not None and curve.tool.radius_mm is not None:
-            radius = SIZE_SHARE * curve.tool.radius_mm
-            yield (
-                f"a tool of {radius:.3g} mm radius, {SIZE_SHARE:g} of the depth",
-                _with_smaller_programme(with_length(curve, "tool", "radius_mm", SIZE_SHARE)),
-            )
-        if curve.specimen is not None and curve.specimen.height_mm is not None:
-            height = SIZE_SHARE * curve.specimen.height_mm
-            yield (
-                f"a specimen {height:.3g} mm high, {SIZE_SHARE:g} of the depth",
-                _with_smaller_programme(with_length(curve, "specimen", "height_mm", SIZE_SHARE)),
-            )
+@dataclass(frozen=True, eq=False)
+class Survivor:
+    """A cause that the data leave.
 
-
-def next_experiment(
-    system: Specimens, one: BestFit, other: BestFit, covariance: Covariance, names: tuple[str, str]
-) -> NextExperiment | None:
-    """The proposal that separates two models best, if the second one may adapt to it; None if none can be computed."""
-    longest = max(range(len(system.curves)), key=lambda k: system.curves[k].time_s[-1])
-    source = system.curves[longest]
-    noise = covariance.rows[longest]
-    best: NextExperiment | None = None
-    largest = -np.inf
-    for what, curve in proposals(source):
-        test = replace(system, curves=(replace(curve, id="proposed"),))
-        apart = separation(test, one, other, covariance, float(noise.sd.mean()), noise.effective / len(noise.sd))
-        if apart is not None and apart > largest:
-            best = NextExperiment(protocol=f"{what} (as {source.id})", separates=list(names), separation=apart)
-            largest = apart
-    return best
-
-
-def separation(test: Specimens, one: BestFit, other: BestFit, covariance: Covariance, sd: float, share: float) -> float | None:
-    """|y_one - y_other|^2 over the data and a further test, with the parameters of ``other`` at their best to first order.
-
-    Parameters
+    Attributes
     ----------
-    sd : noise of a row of the further test, SI.
-    share : of its rows that are independent.
+    name : in words.
+    probability : of it.
+    model : with its best parameters.
+    precision : (p, p) of these, by the data and by what was believed before.
     """
-    first, second = test.answers([one.model, other.model])
-    if first is None or second is None:
+
+    name: str
+    probability: float
+    model: Hypothesis
+    precision: np.ndarray
+
+
+def survivors(system: Specimens, outcome: Outcome, evidence: Sequence[Evidence], posterior: Posterior) -> list[Survivor]:
+    """Causes that the data leave, the most probable first."""
+    costly = system.costly(outcome.rounds[0].fit.model)
+    best: dict[Causes, Evidence] = {}
+    for one in evidence:
+        if one.causes not in best or one.log > best[one.causes].log:
+            best[one.causes] = one
+    ranked = sorted(best, key=lambda causes: -posterior.of(causes))[: MOST_CAUSES_ON_A_MESH if costly else MOST_CAUSES]
+    left = [
+        _survivor(system, outcome, best[causes], posterior.of(causes))
+        for causes in ranked
+        if posterior.of(causes) >= THRESHOLDS.surviving_probability
+    ]
+    if not left:
+        return []
+    return [*left, *_unseen(system, outcome, left[0], MOST_UNSEEN_ON_A_MESH if costly else MOST_UNSEEN)]
+
+
+def _survivor(system: Specimens, outcome: Outcome, one: Evidence, probability: float) -> Survivor:
+    """A cause with its parameters: one that was only tried is fitted where that needs no mesh."""
+    covariance, model, J = outcome.rounds[0].covariance, one.model, one.jacobian
+    if not one.fitted and system.exact(model):
+        try:
+            fit = refit(system, model, covariance)
+            model, J = fit.model, fit.jacobian
+        except RunError:
+            pass  # its trial stands for it
+    count = sum(len(term.parameters) for term in model.terms)
+    precision = J.T @ J
+    for k, term in zip(_starts(model), model.terms, strict=True):
+        precision[k : k + len(term.parameters), k : k + len(term.parameters)] += np.diag(prior_precision(term.parameters))
+    assert len(precision) == len(model.base) + count
+    name = " + ".join(sorted(one.causes)) or "nothing"
+    return Survivor(name, probability, model, precision)
+
+
+def _starts(model: Hypothesis) -> list[int]:
+    """Place of the first parameter of each term."""
+    sizes = [len(term.parameters) for term in model.terms]
+    return [len(model.base) + sum(sizes[:k]) for k in range(len(sizes))]
+
+
+def _unseen(system: Specimens, outcome: Outcome, best: Survivor, most: int) -> list[Survivor]:
+    """The most probable model with each effect that these data cannot show but another test of the kind might.
+
+    The data say nothing of it, so it is as probable as before, and as strong as is usual.
+    """
+    odds = 1.0 / max(count_of_testable(outcome) - 1, 1)
+    hidden = {s.candidate.effect for s in outcome.rounds[0].scores if s.status == NOT_TESTABLE}
+    unseen: list[Survivor] = []
+    for candidate in system.possible(best.model):
+        if candidate.effect not in hidden or len(unseen) == most:
+            continue
+        model = best.model.plus(candidate.term, usual_values(candidate))
+        size = len(best.precision)
+        precision = np.zeros((len(model.x), len(model.x)))
+        precision[:size, :size] = best.precision
+        precision[size:, size:] = np.diag(prior_precision(candidate.term.parameters))
+        name = candidate.effect if best.name == "nothing" else f"{best.name} + {candidate.effect}"
+        unseen.append(Survivor(name, odds * best.probability, model, precision))
+    return unseen
+
+
+def usual_values(candidate: Candidate) -> tuple[float, ...]:
+    """A middle strength, of the larger sign, and middle shapes."""
+    strength, *shapes = candidate.term.parameters
+    none = strength.sought.coordinate(strength.sought.none)
+    largest = max(strength.sought.values, key=lambda v: abs(strength.sought.coordinate(v) - none))
+    side = strength.sought.coordinate(largest) > none
+    tried = sorted(v for v in strength.sought.values if (strength.sought.coordinate(v) > none) == side)
+    middles = [sorted(shape.sought.values)[len(shape.sought.values) // 2] for shape in shapes]
+    return (tried[len(tried) // 2], *middles)
+
+
+def next_tests(system: Specimens, causes: Sequence[Survivor], covariance: Covariance, limits: RigLimits) -> list[NextExperiment]:
+    """The tests that tell most about which cause is right in a minute of testing, the best first."""
+    if len(causes) < 2:
+        return []
+    ranked = []
+    for proposal in proposals(system.curves, limits):
+        foretold = _foretold(system, causes, covariance, proposal, limits)
+        if foretold is None:
+            continue
+        for repeats in TRIED_REPEATS:
+            again = [Foretold(m.probability, np.sqrt(repeats) * m.mean, _repeated(m, repeats)) for m in foretold]
+            bits, minutes = expected_bits(again), repeats * proposal.minutes(limits)
+            ranked.append((bits / minutes, bits, minutes, repeats, proposal, again))
+    ranked.sort(key=lambda entry: -entry[0])
+    chosen: dict[str, NextExperiment] = {}
+    enough = THRESHOLDS.worthwhile_information * entropy_bits([c.probability for c in causes])
+    for _, bits, minutes, repeats, proposal, again in ranked:
+        if proposal.words in chosen or bits < enough or len(chosen) == MOST_LISTED:
+            continue
+        chosen[proposal.words] = _reported(proposal, repeats, bits, minutes, causes, again)
+    return list(chosen.values())
+
+
+def _repeated(model: Foretold, repeats: int) -> np.ndarray:
+    """The spread where rows are averaged over repeats: the last two columns are the scatter of one test and shrink with them."""
+    spread = np.sqrt(repeats) * model.spread
+    spread[:, -2:] /= np.sqrt(repeats)
+    return spread
+
+
+def _foretold(
+    system: Specimens, causes: Sequence[Survivor], covariance: Covariance, proposal: ProposedCurve, limits: RigLimits
+) -> list[Foretold] | None:
+    """What each cause says of a test, whitened; None where one cannot be computed or the load cell cannot bear it."""
+    test = replace(system, curves=(proposal.curve,))
+    source = max(range(len(system.curves)), key=lambda k: system.curves[k].time_s[-1])
+    noise = covariance.rows[source]
+    answers = test.answers([cause.model for cause in causes])
+    if any(answer is None for answer in answers):
         return None
-    y = stack(second)
-    slopes = derivatives(test, other.model, y)
-    by = np.sqrt(share) / sd
-    gap = np.concatenate([covariance.whiten(one.answer - other.answer), by * (stack(first) - y)])
-    J = np.concatenate([other.jacobian, by * slopes])
-    return float((outside(J, gap[:, None]) ** 2).sum())
+    means = [stack(answer) for answer in answers if answer is not None]
+    foretold = []
+    for cause, y, slopes in zip(causes, means, _slopes(test, causes, means), strict=True):
+        if proposal.curve.predicted == "force_N" and limits.largest_force_N is not None and y.max() > limits.largest_force_N:
+            return None
+        by = 1.0 / (float(noise.sd.mean()) * np.sqrt(len(noise.sd) / noise.effective))
+        J = by * slopes
+        scale = by * covariance.scatter.scale * y
+        offset = np.full(len(y), by * covariance.scatter.offset * float(np.abs(y).max()))
+        foretold.append(Foretold(cause.probability, by * y, np.column_stack([J @ _root(cause.precision), scale, offset])))
+    return foretold
 
 
-def _with_programme(curve: Curve, time_s: np.ndarray, programme: np.ndarray) -> Curve:
-    """A curve with another programme; what it would measure is not known."""
-    columns = {curve.imposed: programme, curve.predicted: np.interp(time_s, curve.time_s, curve.columns[curve.predicted])}
-    conditions = {k: v for k, v in curve.conditions.items() if k not in ("rate_per_s", "max_strain")}
-    return replace(curve, time_s=time_s, columns={name: columns[name] for name in curve.columns}, conditions=conditions)
+def _slopes(test: Specimens, causes: Sequence[Survivor], means: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Derivatives (n, p) of what each cause answers by its parameters.
+
+    Where each answer is the run of a mesh, all share those of the constants, and an effect has the secant of its strength.
+    """
+    if not any(test.costly(cause.model) for cause in causes):
+        return [derivatives(test, cause.model, y) for cause, y in zip(causes, means, strict=True)]
+    first = causes[0].model
+    constants = derivatives(test, Hypothesis(first.base, (), first.x[: len(first.base)]), means[0])
+    slopes = []
+    for cause, y in zip(causes, means, strict=True):
+        J = np.zeros((len(y), len(cause.model.x)))
+        J[:, : len(first.base)] = constants
+        starts = _starts(cause.model)
+        bare = [
+            cause.model.at(np.where(np.arange(len(cause.model.x)) == k, _none(cause.model, k), cause.model.x)) for k in starts
+        ]
+        for k, answer in zip(starts, test.answers(bare), strict=True):
+            if answer is not None and cause.model.x[k] != _none(cause.model, k):
+                J[:, k] = (y - stack(answer)) / (cause.model.x[k] - _none(cause.model, k))
+        slopes.append(J)
+    return slopes
 
 
-def _with_pace(curve: Curve, times: float) -> Curve:
-    """A curve that lasts so many times as long."""
-    return _with_programme(curve, times * curve.time_s, programme_of(curve))
+def _without(model: Hypothesis, place: int) -> Hypothesis:
+    """The model with one strength at none."""
+    x = model.x.copy()
+    x[place] = _none(model, place)
+    return model.at(x)
 
 
-def _with_smaller_programme(curve: Curve) -> Curve:
-    """A curve whose programme is as much smaller as a tool or a specimen of the smaller size asks for."""
-    share = SIZE_SHARE if curve.imposed == "displacement_m" else SIZE_SHARE**2  # forces go with the area
-    return _with_programme(curve, curve.time_s, share * programme_of(curve))
+def _none(model: Hypothesis, place: int) -> float:
+    """The coordinate of a strength without its effect."""
+    sought = model.parameters[place].sought
+    return sought.coordinate(sought.none)
 
 
-def _until_peak(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
-    """Times (k,) s and programme (k,) up to the largest load."""
-    top = max(int(np.argmax(np.abs(programme_of(curve) - rest_of(curve)))), 1)
-    return curve.time_s[: top + 1], programme_of(curve)[: top + 1]
+def _root(precision: np.ndarray) -> np.ndarray:
+    """(p, p) L with L L^T the covariance of parameters of this precision."""
+    size = np.sqrt(np.maximum(np.diag(precision), SMALLEST_PRECISION_SHARE * max(float(np.diag(precision).max()), 1e-300)))
+    values, axes = np.linalg.eigh(precision / np.outer(size, size))
+    return (axes / np.sqrt(np.maximum(values, SMALLEST_PRECISION_SHARE))) / size[:, None]
 
 
-def _with_hold(curve: Curve) -> Curve:
-    """The loading, then a hold at the largest load."""
-    t, x = _until_peak(curve)
-    hold = t[-1] + np.geomspace(FIRST_HOLD_SHARE, 1.0, APPENDED_ROWS) * HOLD_FACTOR * curve.time_s[-1]
-    return _with_programme(curve, np.concatenate([t, hold]), np.concatenate([x, np.full(APPENDED_ROWS, x[-1])]))
+def _reported(
+    proposal: ProposedCurve, repeats: int, bits: float, minutes: float, causes: Sequence[Survivor], again: Sequence[Foretold]
+) -> NextExperiment:
+    """A proposal as the report has it, with what is expected of it."""
+    order = np.argsort([-c.probability for c in causes])[:2]
+    expected = {
+        "separates": [causes[k].name for k in order],
+        "separation": separation(again[order[0]], again[order[1]]),
+        "information_bits": bits,
+        "minutes": minutes,
+    }
+    return reported_programme(proposal, repeats).model_copy(update=expected)
 
 
-def _with_unloading(curve: Curve) -> Curve:
-    """The loading, unloading as fast, and as long a time at rest."""
-    t, x = _until_peak(curve)
-    zero = rest_of(curve)
-    back = t[-1] + np.arange(1, APPENDED_ROWS + 1) / APPENDED_ROWS * t[-1]
-    after = back[-1] + np.arange(1, APPENDED_ROWS + 1) / APPENDED_ROWS * t[-1]
-    programme = np.concatenate([x, np.linspace(x[-1], zero, APPENDED_ROWS + 1)[1:], np.full(APPENDED_ROWS, zero)])
-    return _with_programme(curve, np.concatenate([t, back, after]), programme)
+def reported_programme(proposal: ProposedCurve, repeats: int) -> NextExperiment:
+    """A proposal in words, with the programme in the unit of the file."""
+    curve = proposal.curve
+    column, factor = next((name, by) for name, (si, by) in COLUMNS[curve.kind].items() if si == curve.imposed)
+    return NextExperiment(
+        protocol=proposal.words + (f", {repeats} times" if repeats > 1 else ""),
+        repeats=repeats,
+        imposed=column,
+        programme=[[float(t), float(x / factor)] for t, x in zip(curve.time_s, programme_of(curve), strict=True)],
+        specimen=None
+        if curve.specimen is None
+        else curve.specimen.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+        tool=None if curve.tool is None else curve.tool.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
+        conditions=dict(curve.conditions),
+    )
 
 
-def _twice(curve: Curve) -> Curve:
-    """Loading, unloading and rest, two times."""
-    once = _with_unloading(curve)
-    x = programme_of(once)
-    gap = once.time_s[-1] - once.time_s[-2]
-    times = np.concatenate([once.time_s, once.time_s[-1] + gap + once.time_s])
-    return _with_programme(curve, times, np.concatenate([x, x]))
-
-
-def _seconds(t: float) -> str:
-    return f"{t:.3g} s"
+def _stated(table: MeasuredSpecimen | MeasuredTool | None) -> dict[str, object] | None:
+    """A table as a dataset states it."""
+    return None if table is None else table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)

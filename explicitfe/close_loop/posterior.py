@@ -20,7 +20,7 @@ from scipy.special import log_ndtr, logsumexp, ndtr
 from explicitfe.close_loop.search import Outcome, Round
 from explicitfe.close_loop.statistics.fingerprints import grow, lack_of_fit, outside, smooth_directions
 from explicitfe.close_loop.statistics.refit import BestFit, refit
-from explicitfe.close_loop.statistics.system import Candidate, Parameter, System
+from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
 
@@ -52,12 +52,17 @@ class Evidence:
     terms : how many terms they have together.
     log : of the evidence over that of the baseline.
     open : with a discrepancy beside the effects.
+    model, jacobian : at its best parameters, and the whitened derivatives (n, p) of its answer by these.
+    fitted : whether they are those of a fit; else of a trial, with the other parameters where they were.
     """
 
     causes: Causes
     terms: int
     log: float
     open: bool
+    model: Hypothesis
+    jacobian: np.ndarray
+    fitted: bool
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ def posterior_of(evidence: Sequence[Evidence], testable: int) -> Posterior:
     for one in evidence:
         log = one.log + odds * one.terms + other * one.open
         best[one.causes, one.open] = max(best.get((one.causes, one.open), -np.inf), log)
-    logs = np.array(list(best.values())) / THRESHOLDS.evidence_temperature
+    logs = np.array(list(best.values()))
     shares = np.exp(logs - logsumexp(logs)) * (1.0 - THRESHOLDS.unforeseen_probability)
     closed: dict[Causes, float] = {}
     unknown: dict[Causes, float] = {frozenset(): THRESHOLDS.unforeseen_probability}
@@ -122,19 +127,33 @@ def count_of_testable(outcome: Outcome) -> int:
     return sum(p.visible >= THRESHOLDS.visible_separation for p in outcome.rounds[0].prints)
 
 
+def weighed(outcome: Outcome, posterior: Posterior) -> Outcome:
+    """The outcome, without an alarm where it is too probable that nothing is missing."""
+    alarms = ("effect-found", "ambiguous", "unexplained")
+    if outcome.verdict not in alarms or posterior.of(frozenset()) <= THRESHOLDS.nothing_probability:
+        return outcome
+    return Outcome("no-missing-effect", "at-floor", outcome.rounds, ())
+
+
 def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
-    """Probability that the verdict is right; None where there is none."""
-    if outcome.verdict == "failed":
+    """Probability that the verdict is right; None where it says nothing of causes."""
+    if outcome.verdict in ("failed", "limited-by-numerics"):
         return None
     if outcome.verdict == "no-missing-effect":
-        return posterior.of(frozenset())
+        slight = frozenset(outcome.no_consequence)
+        return sum(posterior.of(causes) for causes in {*posterior.closed, *posterior.open} if causes <= slight)
     if outcome.verdict == "unexplained":
         return posterior.something_else
     last = outcome.rounds[-1]
     added = frozenset(last.fit.model.effects)
     if outcome.verdict == "ambiguous" and not outcome.effects and last.best is not None:
         return sum(posterior.of(added | {name}) for name in (last.best, *last.ambiguous_with))
-    return posterior.of(frozenset(outcome.effects))
+    named = frozenset(outcome.effects)
+    if outcome.remainder == "at-floor":
+        return posterior.of(named)
+    # More than these effects is at work, the verdict says.
+    supersets = {causes for causes in {*posterior.closed, *posterior.open} if named <= causes}
+    return sum(posterior.of(causes) for causes in supersets)
 
 
 def evidence_of(outcome: Outcome, system: System) -> list[Evidence]:
@@ -155,43 +174,59 @@ def evidence_of(outcome: Outcome, system: System) -> list[Evidence]:
         (name for name, pair in pairs.items() if pair.log > best - FAR_LOG_EVIDENCE), key=lambda name: -pairs[name].log
     )
     for names, pair in pairs.items():
-        causes, log, left = frozenset(names), pair.log, pair.left
+        causes = frozenset(names)
         if names in promising:
             fitted = _fitted_pair(system, first, pair) if system.exact(first.fit.model) else None
             if names in promising[MOST_FITTED_PAIRS:] or (fitted is None and first.fit.by_rows is not None):
                 continue
             if fitted is not None:
-                lack = lack_of_fit(fitted, first.covariance)
-                log, left = _refitted(first, fitted), discrepancy(lack.chi2, lack.free)
-        evidence += [Evidence(causes, 2, log, False), Evidence(causes, 2, log + left, True)]
+                evidence += _evidence(causes, first, fitted)
+                continue
+        evidence += _of_trial(causes, first, pair)
     return evidence
 
 
-def _fitted_pair(system: System, first: Round, pair: _Pair) -> BestFit | None:
+def _fitted_pair(system: System, first: Round, pair: Tried) -> BestFit | None:
     """The model with two effects at its best; None where it cannot be computed."""
-    model = first.fit.model
-    for candidate, values in pair.trials:
-        model = model.plus(candidate.term, values)
-    if not system.exact(model):
+    if not system.exact(pair.model):
         return None
     try:
-        return refit(system, model, first.covariance)
+        return refit(system, pair.model, first.covariance)
     except RunError:
         return None
 
 
 def _of_round(judged: Round) -> Iterator[Evidence]:
     """The evidence of a round's model and of the models with one effect more, over that of the first."""
-    base, terms = frozenset(judged.fit.model.effects), len(judged.fit.model.terms)
-    yield Evidence(base, terms, 0.0, False)
-    yield Evidence(base, terms, discrepancy(judged.lack.chi2, judged.lack.free), True)
-    for name, (log, left) in _Trials(judged).singles().items():
+    fit = judged.fit
+    base, terms = frozenset(fit.model.effects), len(fit.model.terms)
+    yield Evidence(base, terms, 0.0, False, fit.model, fit.jacobian, True)
+    yield Evidence(base, terms, discrepancy(judged.lack.chi2, judged.lack.free), True, fit.model, fit.jacobian, True)
+    for name, tried in _Trials(judged).singles().items():
         fitted = judged.refits.get(name)
-        if fitted is not None and _refitted(judged, fitted) > log:
-            lack = lack_of_fit(fitted, judged.covariance)
-            log, left = _refitted(judged, fitted), discrepancy(lack.chi2, lack.free)
-        yield Evidence(base | {name}, terms + 1, log, False)
-        yield Evidence(base | {name}, terms + 1, log + left, True)
+        if fitted is not None and _refitted(judged, fitted) > tried.log:
+            yield from _evidence(base | {name}, judged, fitted)
+        else:
+            yield from _of_trial(base | {name}, judged, tried)
+
+
+def _evidence(causes: Causes, judged: Round, fitted: BestFit) -> list[Evidence]:
+    """The evidence of a fitted model, without and with a discrepancy."""
+    lack, terms = lack_of_fit(fitted, judged.covariance), len(fitted.model.terms)
+    log, left = _refitted(judged, fitted), discrepancy(lack.chi2, lack.free)
+    return [
+        Evidence(causes, terms, log, False, fitted.model, fitted.jacobian, True),
+        Evidence(causes, terms, log + left, True, fitted.model, fitted.jacobian, True),
+    ]
+
+
+def _of_trial(causes: Causes, judged: Round, tried: Tried) -> list[Evidence]:
+    """The evidence of a model that was only tried, without and with a discrepancy."""
+    terms = len(tried.model.terms)
+    return [
+        Evidence(causes, terms, tried.log, False, tried.model, tried.jacobian, False),
+        Evidence(causes, terms, tried.log + tried.left, True, tried.model, tried.jacobian, False),
+    ]
 
 
 def discrepancy(chi2: float, free: int) -> float:
@@ -223,19 +258,26 @@ def _log_between(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return log_ndtr(b) + np.log1p(-np.exp(np.minimum(log_ndtr(a) - log_ndtr(b), -1e-12)))
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Two effects together: log evidence, what a discrepancy beside them adds, and the parameters that explain most."""
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A model that was tried: log evidence, what a discrepancy beside it adds, and where its trial explains most.
+
+    Attributes
+    ----------
+    model, jacobian : as in :class:`Evidence`.
+    """
 
     log: float
     left: float
-    trials: tuple[tuple[Candidate, tuple[float, ...]], ...]
+    model: Hypothesis
+    jacobian: np.ndarray
 
 
 class _Trials:
     """The trials of a round: linear models of their amplitudes about the round's model."""
 
     def __init__(self, judged: Round) -> None:
+        self.fit = judged.fit
         self.prints = [p for p in judged.prints if p.visible >= THRESHOLDS.visible_separation]
         residual = outside(judged.fit.movable, judged.fit.residual)
         rows = len(residual)
@@ -249,20 +291,32 @@ class _Trials:
         self.free = directions.shape[1]
         self.smooth_columns, self.smooth_residual = directions.T @ self.columns, directions.T @ residual
 
-    def singles(self) -> dict[str, tuple[float, float]]:
-        """Effect -> log evidence of it, and what a discrepancy beside it adds."""
+    def singles(self) -> dict[str, Tried]:
+        """Effect -> the model with it."""
         size = np.diag(self.products)
         logs = amplitude(self.along, size, self.prior_sds, self.limits)
         best = np.clip(self.along / (size + self.prior_sds**-2.0), 0.0, self.limits)
         entries = {}
         for number, own in enumerate(self.prints):
             part = np.flatnonzero(self.owner == number)
-            k = part[np.argmax(logs[part])]
-            left = self.smooth_residual - self.smooth_columns[:, k] * best[k]
-            entries[own.candidate.effect] = _mean(logs[part]), discrepancy(float(left @ left), self.free)
+            k = int(part[np.argmax(logs[part])])
+            entries[own.candidate.effect] = self._tried(_mean(logs[part]), [(k, float(best[k]))])
         return entries
 
-    def pairs(self) -> dict[tuple[str, str], _Pair]:
+    def _tried(self, log: float, amplitudes: Sequence[tuple[int, float]]) -> Tried:
+        """The model with some columns at so many times their strength."""
+        model, J, left = self.fit.model, [self.fit.jacobian], self.smooth_residual
+        for k, times in amplitudes:
+            own = self.prints[self.owner[k]]
+            values = own.values[k - int(np.searchsorted(self.owner, self.owner[k]))]
+            strength, *shapes = own.candidate.term.parameters
+            tried = strength.sought.coordinate(values[0]) - strength.sought.coordinate(strength.sought.none)
+            model = model.plus(own.candidate.term, grow(own.candidate, values, times))
+            J += [self.columns[:, [k]] / tried, np.zeros((len(self.columns), len(shapes)))]
+            left = left - self.smooth_columns[:, k] * times
+        return Tried(log, discrepancy(float(left @ left), self.free), model, np.concatenate(J, axis=1))
+
+    def pairs(self) -> dict[tuple[str, str], Tried]:
         """Two effects -> the model with both together.
 
         Only amplitudes inside their limits count: at a limit of none, a pair is one effect alone.
@@ -281,13 +335,9 @@ class _Trials:
                 continue
             logs = np.where(inside, logs, -np.inf)
             m, n = np.unravel_index(int(np.argmax(logs)), logs.shape)
-            left = self.smooth_residual - self.smooth_columns[:, i[m]] * x[m, n] - self.smooth_columns[:, j[n]] * y[m, n]
-            trials = tuple(
-                (print_.candidate, grow(print_.candidate, print_.values[k], float(times)))
-                for print_, k, times in ((self.prints[one], m, x[m, n]), (self.prints[other], n, y[m, n]))
-            )
             names = self.prints[one].candidate.effect, self.prints[other].candidate.effect
-            entries[names] = _Pair(_mean(logs.ravel()), discrepancy(float(left @ left), self.free), trials)
+            amplitudes = [(int(i[m]), float(x[m, n])), (int(j[n]), float(y[m, n]))]
+            entries[names] = self._tried(_mean(logs.ravel()), amplitudes)
         return entries
 
 
@@ -329,6 +379,11 @@ def _prior(parameters: Sequence[Parameter], x: np.ndarray) -> tuple[np.ndarray, 
         precision.append(EVEN_PRIOR_DIVISOR / width**2)
         log -= np.log(width)
     return np.array(precision), float(log)
+
+
+def prior_precision(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Precision (q,) of what is believed of the parameters of a term before the data, in their coordinates."""
+    return _prior(parameters, np.zeros(len(parameters)))[0]
 
 
 def _width(shape: Parameter) -> float:

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of, sureness
+from explicitfe.close_loop.posterior import Posterior, sureness
 from explicitfe.close_loop.search import Outcome, Round, numerical_shares
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit
 from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit
-from explicitfe.close_loop.statistics.system import System
 from explicitfe.close_loop.thresholds import THRESHOLDS, entries
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
@@ -202,9 +201,8 @@ def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
     return why
 
 
-def add_probabilities(report: LoopReport, outcome: Outcome, system: System) -> None:
+def add_probabilities(report: LoopReport, outcome: Outcome, posterior: Posterior) -> None:
     """Put into a report how probable each cause is, and how sure the verdict."""
-    posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
     report.posterior = posterior.causes
     report.something_else = posterior.something_else
     report.sure = sureness(outcome, posterior)
@@ -229,6 +227,7 @@ def add_failure(report: LoopReport, message: str) -> None:
     report.ambiguous_with = []
     report.separations = []
     report.next_experiment = None
+    report.proposed_tests = []
     report.sensitivity_to_assumed = {}
     report.warnings = []
 

@@ -92,6 +92,27 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
     return Split(fitted, held_out, left_out, rule)
 
 
+def with_added(sides: Split, dataset: Dataset, more: Sequence[Dataset]) -> Split:
+    """A split with the curves of further datasets on the side of the fit: they were measured to settle what the first left open.
+
+    Raises
+    ------
+    InputError : a dataset is of another test, or a name stands twice.
+    """
+    known = {c.id for c in dataset.curves}
+    fitted = list(sides.fit)
+    for other in more:
+        if other.test != dataset.test or other.curves[0].kind != dataset.curves[0].kind:
+            raise InputError(f'{other.path}: this is a test of "{other.test}", and {dataset.path} one of "{dataset.test}".')
+        for curve in other.curves:
+            if curve.id in known:
+                raise InputError(f'{other.path}: a curve "{curve.id}" is in {dataset.path} already; give it another id.')
+            known.add(curve.id)
+            fitted.append(replace(curve, split="fit"))
+    rule = f"{sides.rule}; what was added is fitted" if more else sides.rule
+    return replace(sides, fit=tuple(fitted), rule=rule)
+
+
 def _by_rule(curves: Sequence[Curve]) -> tuple[set[str], str]:
     """Ids of the curves to hold out, and the rule: what differs from all that is fitted; a repeat only where nothing does.
 

@@ -175,13 +175,24 @@ class Thresholds:
     discrepancy_odds: float = threshold(
         0.1, "odds", "Before the data, that something is at work that no effect does: about what real datasets have shown."
     )
-    evidence_temperature: float = threshold(
-        2.0,
-        "divides the log evidence",
-        "Numerics, estimated noise and a coarse grid of shapes make evidence surer than it may be; of this many nats one counts.",
-    )
     unforeseen_probability: float = threshold(
-        0.02, "probability", "Left to causes that neither the effects nor a smooth discrepancy describe, however clear the data."
+        0.05, "probability", "Left to causes that neither the effects nor a smooth discrepancy describe, however clear the data."
+    )
+
+    nothing_probability: float = threshold(
+        0.3,
+        "probability",
+        "A verdict that something is missing is not given where nothing is missing with a larger probability: an alarm on a good "
+        "model is worse than a missed effect. Of 118 cases for tuning it changed one, an effect that the data hardly show.",
+    )
+    surviving_probability: float = threshold(
+        0.005, "probability", "Causes that are less probable do not compete where the next test is chosen."
+    )
+    sure_enough: float = threshold(
+        0.95, "probability", "Where each answer is the run of a mesh, no test is proposed for a verdict that is surer than this."
+    )
+    worthwhile_information: float = threshold(
+        0.05, "share of the entropy of the causes", "A test that is expected to tell less of what is open is not proposed."
     )
 
     # ---- which curves are held out ----

@@ -43,6 +43,8 @@ def sentence(outcome: Outcome, undetermined: Sequence[str] = ()) -> str:
     if outcome.verdict == "no-missing-effect" and outcome.no_consequence:
         slight = f"{sentence_case(list_of(outcome.no_consequence))} is significant, and of no consequence"
         return f"Nothing is missing that matters. {slight}: tests that were left out are foretold no better with it."
+    if outcome.verdict == "no-missing-effect" and not outcome.rounds[0].at_floor:
+        return "Something may be missing, but that noise alone leaves as much is too probable for an alarm."
     if outcome.verdict == "no-missing-effect":
         return "Nothing is missing that these data can show: the elastic model leaves no more than noise."
     if outcome.verdict == "unexplained":

@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 
 from explicitfe.errors import InputError, nearest, shortened
+from explicitfe.measured.rig import RigLimits
 from explicitfe.measured.tables import (
     IDENTITY_CONDITIONS,
     PROGRAMME_CONDITIONS,
@@ -147,6 +148,7 @@ class Dataset:
     path : the dataset.toml.
     scenario, sensors, registration : of a trajectory; sensors maps a sensor to the model's named point. Without a scenario
         there is nothing to compare with.
+    rig : what the machine can do, where the dataset says it.
     """
 
     name: str
@@ -160,6 +162,7 @@ class Dataset:
     scenario: Path | None = None
     sensors: dict[str, str] = field(default_factory=dict)
     registration: RegistrationTable | None = None
+    rig: RigLimits | None = None
 
     def constants_groups(self) -> dict[str, tuple[Curve, ...]]:
         """Name of the constants -> the curves that share them, in the order of the file."""

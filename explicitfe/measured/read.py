@@ -58,6 +58,7 @@ def read_dataset(path: Path | str) -> Dataset:
         scenario=None if table.scenario is None else source.path.parent / table.scenario,
         sensors={sensor.name: sensor.model_point for sensor in table.sensor},
         registration=table.registration,
+        rig=table.rig,
     )
 
 

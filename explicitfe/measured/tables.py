@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from explicitfe.errors import nearest, shortened
+from explicitfe.measured.rig import RigLimits
 from explicitfe.scenario.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector
 
 TestKind = Literal["indentation", "compression", "tension", "shear", "trajectory"]
@@ -286,6 +287,7 @@ class DatasetFile(Table):
     specimen: RawTable | None = Field(default=None, description="what was tested; required but for a trajectory")
     tool: RawTable | None = Field(default=None, description="what pressed or pulled; without it the CSV has stretch and stress")
     noise: RawTable = Field(default={}, description="what is known of the noise; what is not known is estimated")
+    rig: RigLimits | None = Field(default=None, description="what the machine can do, for the tests that are proposed next")
     curve: list[CurveTable] = Field(min_length=1, max_length=MOST_TABLES_OF_A_KIND)
 
 

@@ -286,11 +286,31 @@ class ReportedSeparation(ReportPart):
 
 
 class NextExperiment(ReportPart):
-    """The test that would tell two effects apart best, in words, and the separation that it is predicted to give."""
+    """A test that would settle what is open.
+
+    Attributes
+    ----------
+    protocol : in words.
+    separates, separation : the two most probable causes, and the squared distance of what they foretell over the noise and over
+        what is not known of their parameters.
+    information_bits : what it is expected to tell about which cause is right.
+    minutes : that it takes, with its repeats.
+    repeats : so many times the same.
+    imposed, programme : the column that is imposed, and (time in s, its value) of each row.
+    specimen, tool, conditions : of the test, as a dataset states them.
+    """
 
     protocol: str | None = None
     separates: _Entries[str] = []
     separation: float | None = None
+    information_bits: float | None = None
+    minutes: float | None = None
+    repeats: int | None = None
+    imposed: str | None = None
+    programme: _Entries[list[float]] = []
+    specimen: dict[str, object] | None = None
+    tool: dict[str, object] | None = None
+    conditions: _Table[object] = {}
 
 
 class AssumedValue(ReportPart):
@@ -342,6 +362,7 @@ class LoopReport(Document, ReportPart):
     something_else : probability that something is at work that no effect does, alone or beside effects.
     sure : probability that the verdict is right; None where there is none.
     ambiguous_with : effects that these data cannot tell from the last one of ``effects``.
+    next_experiment, proposed_tests : the test that would settle best what is open, and it with the next best.
     sensitivity_to_assumed : assumed quantity -> what follows from other values of it.
     thresholds : name -> a number that decides a verdict.
     files : what was written.
@@ -376,6 +397,7 @@ class LoopReport(Document, ReportPart):
     ambiguous_with: _Entries[str] = []
     separations: _Entries[ReportedSeparation] = []
     next_experiment: NextExperiment | None = None
+    proposed_tests: _Entries[NextExperiment] = []
     sensitivity_to_assumed: _Table[_Entries[AssumedValue]] = {}
     warnings: _Entries[str] = []
     thresholds: _Table[ReportedThreshold] = {}

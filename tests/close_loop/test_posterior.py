@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -9,6 +11,7 @@ from scipy.stats import norm
 from synthetic import Linear, Planted, elastic
 from test_loop import BUMP, EFFECTS, TWIN, WAVE, D
 
+from explicitfe.close_loop import words
 from explicitfe.close_loop.posterior import (
     Posterior,
     amplitude,
@@ -17,6 +20,7 @@ from explicitfe.close_loop.posterior import (
     evidence_of,
     posterior_of,
     sureness,
+    weighed,
 )
 from explicitfe.close_loop.search import Outcome, search
 from explicitfe.close_loop.thresholds import THRESHOLDS
@@ -101,3 +105,16 @@ def test_no_case_is_certain():
     _, outcome, posterior = searched(hidden={"wave": 3.0})
     sure = sureness(outcome, posterior)
     assert sure is not None and 0.8 < sure <= 1.0 - THRESHOLDS.unforeseen_probability
+
+
+def test_no_alarm_where_nothing_is_too_probable():
+    """An outcome that names an effect falls where nothing is more probable than the threshold, and stands where it is less."""
+    _, outcome, posterior = searched(hidden={"wave": 0.05})
+    assert weighed(outcome, posterior) is outcome
+    doubtful = Posterior({frozenset(): 0.4, frozenset({"wave"}): 0.55}, {frozenset(): 0.05})
+    quiet = weighed(outcome, doubtful)
+    assert (quiet.verdict, quiet.effects, quiet.remainder) == ("no-missing-effect", (), "at-floor")
+    assert sureness(quiet, doubtful) == 0.4
+    assert "too probable for an alarm" in words.sentence(quiet)
+    slight = replace(quiet, no_consequence=("wave",))
+    assert sureness(slight, doubtful) == pytest.approx(0.95)

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from explicitfe.close_loop.discovery.report import add_discovered_law
-from explicitfe.close_loop.next_test import next_experiment
+from explicitfe.close_loop.next_test import next_tests, survivors
+from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, evidence_of, posterior_of, sureness, weighed
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -21,7 +22,7 @@ from explicitfe.close_loop.report import (
 from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, renewed, search
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import CORRECTED, Specimens
+from explicitfe.close_loop.specimens.specimens import COARSE, CORRECTED, Specimens
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
@@ -32,6 +33,7 @@ from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import Progress, RunError, Stage
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
+from explicitfe.measured.rig import RigLimits
 from explicitfe.results import provenance
 from explicitfe.results.loop_report import (
     AssumedValue,
@@ -141,6 +143,9 @@ class _SpecimenLoop:
             report = self._new_report()
             add_failure(report, str(error))
             return LoopDocuments(report)
+        evidence = evidence_of(outcome, self.system)
+        posterior = posterior_of(evidence, count_of_testable(outcome))
+        outcome = weighed(outcome, posterior)
         self._enter("trace", 1.0, 1.0)
         changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
@@ -154,11 +159,12 @@ class _SpecimenLoop:
         self._enter("predict", 0.0, PREDICT_PROGRESS)
         report = self._new_report()
         add_outcome(report, outcome, before, after, last)
-        add_probabilities(report, outcome, self.system)
+        add_probabilities(report, outcome, posterior)
         curves = self._add_errors(report, before, after, last)
         report.sensitivity_to_assumed = self._sensitivity(outcome, before, after, last)
         self._enter("predict", PREDICT_PROGRESS, 1.0)
-        report.next_experiment = self._next_experiment(outcome)
+        report.proposed_tests = self._proposed_tests(self.system, outcome, evidence, posterior)
+        report.next_experiment = next(iter(report.proposed_tests), None)
         report.warnings = self._warnings(report, before, after)
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
         files |= add_discovered_law(report, self.system, self.sides.holdout, last)
@@ -243,19 +249,17 @@ class _SpecimenLoop:
                 rows.setdefault(name, []).append((value, row))
         return {name: [row for _, row in sorted(pairs, key=lambda pair: pair[0])] for name, pairs in rows.items()}
 
-    def _next_experiment(self, outcome: Outcome) -> NextExperiment | None:
-        """A test that would tell apart what these data cannot."""
+    def _proposed_tests(
+        self, system: Specimens, outcome: Outcome, evidence: Sequence[Evidence], posterior: Posterior
+    ) -> list[NextExperiment]:
+        """Tests that would settle best what is open; none where a run of a mesh is dear and hardly anything is open."""
+        sure = sureness(outcome, posterior)
         last = outcome.rounds[-1]
-        if not last.ambiguous_with or last.best is None:
-            return None
-        best = last.refits[last.best]
-        proposals = [
-            next_experiment(self.system, best, last.refits[rival], last.covariance, (last.best, rival))
-            for rival in last.ambiguous_with
-            if rival in last.refits
-        ]
-        # The pair that is hardest to tell apart decides.
-        return min((one for one in proposals if one is not None), key=lambda one: one.separation or 0.0, default=None)
+        if sure is None or (sure > THRESHOLDS.sure_enough and not self.system.exact(last.fit.model)):
+            return []
+        causes = survivors(system, outcome, evidence, posterior)
+        system = replace(system, numerics=COARSE, corrections={})  # tests are compared by differences of answers
+        return next_tests(system, causes, last.covariance, self.dataset.rig or RigLimits())
 
     def _warnings(self, report: LoopReport, before: BestFit, after: BestFit) -> list[str]:
         """What a reader should know, in sentences."""

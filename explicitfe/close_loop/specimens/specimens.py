@@ -47,6 +47,8 @@ CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, finer=1.5)
 CHECK_DENSITY_FACTOR = 2.0
 CHECK_TOLERANCE_FACTOR = 0.25
 SMALLEST_TOLERANCE = 1e-5
+# What data need that a further test of the same kind can give.
+CAN_BE_ADDED = {"time", "unloading", "repeats"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,6 +254,15 @@ class Specimens:
             and (number := 1 + sum(term.effect == name for term in model.terms)) <= effect.terms
             and (not self.only or name in self.only)
             and not any(isinstance(e, effect) for e in self.known)
+        ]
+
+    def possible(self, model: Hypothesis) -> list[Candidate]:
+        """Effects that another test of this kind might show, whatever these data have."""
+        scales = self._scales(model)
+        return [
+            candidate(name, 1, EFFECTS[name].sought, scales)
+            for name in dict.fromkeys(one.effect for one in self.candidates(model))
+            if name not in model.effects and set(EFFECTS[name].requires) <= self.features | CAN_BE_ADDED
         ]
 
     def _candidate(self, name: str, number: int, model: Hypothesis, scales: Scales) -> Candidate:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of, weighed
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -57,11 +58,13 @@ def close_trajectories(
             watch=lambda _, share: progress("trace", share),
         )
         progress("trace", 1.0)
+        posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
+        outcome = weighed(outcome, posterior)
         changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
         before, after = outcome.rounds[0].fit, last.fit
         add_outcome(report, outcome, before, after, last)
-        add_probabilities(report, outcome, system)
+        add_probabilities(report, outcome, posterior)
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
     except RunError as error:

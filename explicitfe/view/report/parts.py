@@ -46,6 +46,7 @@ from explicitfe.view.report.words import (
     shortened,
     values_in_words,
     with_interval,
+    worth_of,
 )
 
 # A longer headline gets smaller letters, so that it takes two lines at most.
@@ -319,11 +320,7 @@ def separability(report: LoopReport) -> Separability | None:
     protocol = following.protocol if following else None
     if not pairs and not protocol:
         return None
-    would_tell = ""
-    if following and protocol and following.separates:
-        pair = " from ".join(effect_title(report, name) for name in following.separates)
-        size = f" (predicted separation {number(following.separation)})" if finite(following.separation) else ""
-        would_tell = f" This would tell {pair}{size}."
+    would_tell = f" This {worth_of(following)}." if following and protocol and following.separates else ""
     return Separability(f"{least:.0f}", table(("effects", "separation", ""), pairs, "tnt"), sentence(protocol), would_tell)
 
 

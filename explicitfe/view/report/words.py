@@ -8,7 +8,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from explicitfe.results.loop_report import Estimate, LoopReport, Parameters, estimates
+from explicitfe.results.loop_report import Estimate, LoopReport, NextExperiment, Parameters, estimates
 from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.view.report.reading import effects_of
 
@@ -215,3 +215,12 @@ def how_sure(report: LoopReport, most: int = 4) -> str:
         return ""
     causes = ", ".join(f"{name} {p:.2f}" for name, p in list(report.posterior.items())[:most])
     return f"The verdict is right with a probability of {report.sure:.2f} ({causes})."
+
+
+def worth_of(test: NextExperiment) -> str:
+    """What a proposed test is expected to tell, and what it costs."""
+    pair = " from ".join(test.separates)
+    parts = [f"would tell {pair}" + (f" (separation {number(test.separation)})" if finite(test.separation) else "")]
+    if finite(test.information_bits) and finite(test.minutes):
+        parts.append(f"is expected to settle {test.information_bits:.2g} bits of what is open, in {test.minutes:.3g} min")
+    return " and ".join(parts)

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.loop_report import LoopReport, ReportedCandidate, estimates
-from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, how_sure, number, percent
+from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chance, how_sure, number, percent, worth_of
 from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
@@ -46,10 +46,8 @@ def loop_tables(report: LoopReport) -> Group:
     end = pairs("")
     for reason in _reasons(report):
         end.add_row("not added", escape(reason))
-    experiment = report.next_experiment
-    if experiment is not None:
-        text = f"{experiment.protocol}: tells {' from '.join(experiment.separates)} ({experiment.separation:.3g}, 25 is enough)"
-        end.add_row("measure next", escape(text))
+    for test in report.proposed_tests or ([report.next_experiment] if report.next_experiment else []):
+        end.add_row("measure next", escape(f"{test.protocol}: {worth_of(test)}"))
     if end.row_count:
         tables.append(end)
     return Group(*tables, file_lines([("file", path) for path in report.files]))

@@ -7,9 +7,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
+from explicitfe.results.proposed_tests import ProposedTests
 from explicitfe.results.units_of_keys import words_and_unit
-from explicitfe.view.report.words import bare
+from explicitfe.view.report.words import bare, worth_of
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
+
+# So many of the most probable causes are shown.
+SHOWN_CAUSES = 6
 
 
 def design_tables(planned: PlannedTest) -> Group:
@@ -23,6 +28,19 @@ def design_tables(planned: PlannedTest) -> Group:
             table.add_row(escape(row.effect), escape(row.reason))
         tables.append(table)
     return Group(*tables)
+
+
+def proposal_tables(proposed: ProposedTests) -> Group:
+    """Which tests should come next, what each is expected to tell and what it costs."""
+    head = pairs(proposed.dataset)
+    sure = "" if proposed.sure is None else f", right with a probability of {proposed.sure:.2f}"
+    head.add_row("verdict", escape(f"{proposed.verdict}{sure}"))
+    head.add_row("causes", escape(", ".join(f"{name} {p:.2f}" for name, p in list(proposed.posterior.items())[:SHOWN_CAUSES])))
+    for test in proposed.tests:
+        head.add_row("measure next", escape(f"{test.protocol}: {worth_of(test)}"))
+    if not proposed.tests:
+        head.add_row("measure next", "no test within the limits of the rig is expected to tell much of what is open")
+    return Group(head, file_lines([("file", path) for path in proposed.files]))
 
 
 def _shown(title: str, rows: list[EffectInTest]) -> Table:

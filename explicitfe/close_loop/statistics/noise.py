@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.stats import norm
 
 from explicitfe.close_loop.statistics.system import Series
 from explicitfe.close_loop.thresholds import THRESHOLDS
@@ -29,7 +30,7 @@ SQUARED_MEDIAN_ERROR = 2.33
 # A series of which a smooth curve leaves a smaller share shows no noise; nor does a difference with less of its variance.
 LEAST_FREE_SHARE = LEAST_VARIANCE_LEFT_SHARE = 0.1
 # Sizes of a scatter that are tried, 5 % apart.
-TRIED_SCATTERS = 150
+TRIED_SCATTERS = 190
 # A column whose noise is a smaller share of its largest value counts as free of noise.
 SMALLEST_NOISE_SHARE = 1e-6
 # The noise of a row is no smaller than this share of the mean noise of its series, however little the imposed column adds to it.
@@ -307,7 +308,7 @@ def scatter(series: Sequence[Series], rows: Sequence[RowNoise]) -> Scatter:
 def _likely_scatter(sets: Sequence[tuple[int, np.ndarray, np.ndarray]]) -> tuple[float, float]:
     """Largest likely sd of scale and of offset, from (degrees of freedom, sums of squares (2, 2), noise (2, 2)) of each set."""
     squares = np.zeros(2) + sum(np.diag(entry[1]) for entry in sets)
-    tried = [np.concatenate([[0.0], np.sqrt(total) * np.geomspace(1e-2, 10.0, TRIED_SCATTERS)]) for total in squares]
+    tried = [np.concatenate([[0.0], np.sqrt(total) * np.geomspace(1e-2, 100.0, TRIED_SCATTERS)]) for total in squares]
     s, o = np.meshgrid(*tried, indexing="ij")
     value = np.zeros(s.shape)  # -2 log likelihood
     for count, square, noise in sets:
@@ -316,7 +317,33 @@ def _likely_scatter(sets: Sequence[tuple[int, np.ndarray, np.ndarray]]) -> tuple
         value += count * np.log(determinant)
         value += (b * square[0, 0] - 2.0 * c * square[0, 1] + a * square[1, 1]) / determinant
     likely = value <= value.min() + THRESHOLDS.likelihood_margin
-    return float(s[likely].max()), float(o[likely].max())
+    weights = np.exp(-0.5 * (value - value.min()))
+    known = np.mean([np.diag(entry[2]) for entry in sets], axis=0)
+    scale = max(s[likely].max(), _cautious(tried[0], weights.sum(axis=1), float(known[0])))
+    offset = max(o[likely].max(), _cautious(tried[1], weights.sum(axis=0), float(known[1])))
+    return float(scale), float(offset)
+
+
+def _cautious(sizes: np.ndarray, weights: np.ndarray, noise: float) -> float:
+    """The sd with which a difference is as seldom significant as with all that the sd may be, each by its weight.
+
+    Two or three repeats know their scatter badly. If the likeliest were taken for known, differences between further tests would
+    be significant far too often, as normal numbers over an estimated sd are: they are Student's (1908), and so is this with sizes
+    that are even on a logarithmic scale.
+
+    Parameters
+    ----------
+    noise : the variance that the noise of the rows adds to a difference.
+    """
+    total = np.sqrt(sizes**2 + noise)
+    shares = weights / weights.sum()
+    top = -float(norm.ppf(0.5 * THRESHOLDS.significance_p))
+
+    def excess(q: float) -> float:
+        return float(shares @ (2.0 * norm.sf(q / np.maximum(total, 1e-300)))) - THRESHOLDS.significance_p
+
+    q = brentq(excess, 0.0, 2.0 * top * float(total.max()))
+    return float(np.sqrt(max((q / top) ** 2 - noise, 0.0)))
 
 
 def _scales_and_offsets(peers: Sequence[Series], rows: Sequence[RowNoise]) -> tuple[np.ndarray, np.ndarray]:

@@ -279,9 +279,17 @@ def _round(
         return seen, systems
     separations = _separations(systems, best, refits, covariance)
     unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
+    usual = {s.candidate.effect: s.candidate.variant_of or s.candidate.effect for s in scored}
+    if usual[best] in unsure:
+        # Two forms of one mechanism that these data cannot tell apart: the usual one is taken.
+        why_not = why_not | {best: f"not added: these data cannot tell it from {usual[best]}, the usual form of the same"}
+        best = usual[best]
+        separations = _separations(systems, best, refits, covariance)
+        unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
     # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
     likely_drop = fit.whitened - refits[best].whitened - THRESHOLDS.told_apart_separation
     unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > likely_drop]
+    unsure = [rival for rival in unsure if usual[rival] != usual[best]]
     if unsure:
         alike = {rival: f"not added: these data cannot tell it from {best}" for rival in unsure}
         why_not = why_not | alike | {best: f"not added: these data cannot tell it from {' and '.join(unsure)}"}

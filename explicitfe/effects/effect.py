@@ -117,6 +117,7 @@ class Effect(BaseModel, ABC):
         tool) | flat tool | edge | bonded base | force that pulls | muscles.
     terms : how often it can be added, each time with parameters of its own.
     extends : the effect that it changes, without which it means nothing; "" is none.
+    variant_of : the effect that is the usual form of the same mechanism, which is named where data cannot tell the two apart.
     shares_of_remainder : parameters that are a share of what the terms before leave, where there are several terms.
     acts_on : what it changes: the material, the specimen (its shape, its layers, what holds it, its weight), the tool and the rig
         that drives it, the reading, or the muscles.
@@ -136,6 +137,7 @@ class Effect(BaseModel, ABC):
     requires: ClassVar[tuple[str, ...]] = ()
     terms: ClassVar[int] = 1
     extends: ClassVar[str] = ""
+    variant_of: ClassVar[str] = ""
     shares_of_remainder: ClassVar[tuple[str, ...]] = ()
     acts_on: ClassVar[Literal["material", "specimen", "tool", "reading", "muscle"]]
     searched: ClassVar[bool] = True

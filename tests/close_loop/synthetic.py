@@ -30,6 +30,7 @@ class Planted:
     column: Callable[..., np.ndarray]
     sought: Mapping[str, Sought] = field(default_factory=lambda: {"size": BOTH_WAYS})
     reason: str = ""
+    variant_of: str = ""
 
 
 @dataclass(eq=False)
@@ -72,7 +73,7 @@ class Linear:
         candidates = []
         for name, planted in self.effects.items():
             if name not in model.effects:
-                own = candidate(name, 1, planted.sought, Scales())
+                own = replace(candidate(name, 1, planted.sought, Scales()), variant_of=planted.variant_of)
                 candidates.append(replace(own, trials=(), reason=planted.reason) if planted.reason else own)
         return candidates
 

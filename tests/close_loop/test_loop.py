@@ -93,6 +93,17 @@ def test_two_that_cannot_be_told_apart():
     assert "cannot tell" in words.sentence(outcome) and "rate" in words.sentence(outcome) and "twin" in words.sentence(outcome)
 
 
+@pytest.mark.parametrize("usual", ["rate", "twin"])
+def test_two_forms_of_one_mechanism_are_no_rivals(usual):
+    """Of two that cannot be told apart the usual form is taken, whichever fits better by chance."""
+    other = {"rate": "twin", "twin": "rate"}[usual]
+    effects = {**EFFECTS, "twin": TWIN}
+    effects[other] = replace(effects[other], variant_of=usual)
+    outcome = outcome_of(effects=effects, hidden={"rate": 0.05})
+    assert (outcome.verdict, outcome.effects) == ("effect-found", (usual,))
+    assert outcome.rounds[0].ambiguous_with == ()
+
+
 def test_a_separation_is_the_least_misfit_of_the_rival():
     """min over the rival's parameters of |y_A - y_B|^2 / sd^2 is |(1 - P) y_A|^2, P on the baseline and the rival."""
     near = Planted(lambda: D * TEST + 0.25 * WAVE)

@@ -269,6 +269,7 @@ class Specimens:
         """The ``number``-th term of an effect."""
         effect = EFFECTS[name]
         term = candidate(name, number, effect.sought_in(tool=self.curves[0].tool is not None), scales)
+        term = replace(term, variant_of=effect.variant_of)
         lacking = [need for need in effect.requires if need not in self.features]
         if lacking:
             reason = f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"

@@ -70,6 +70,7 @@ class Candidate:
     reason : why these data cannot show it; "" if they may.
     reference : for each row of trials, the values without the effect, from which secants are taken. It is empty where that is the
         model itself; it is not where a trial is computed on a mesh and the model is a homogeneous state.
+    variant_of : the effect of which it is another form, so that the two are no rivals: "" is none.
     """
 
     effect: str
@@ -77,6 +78,7 @@ class Candidate:
     trials: tuple[tuple[tuple[float, ...], ...], ...] = ()
     reason: str = ""
     reference: tuple[tuple[float, ...], ...] = ()
+    variant_of: str = ""
 
 
 @dataclass(frozen=True)

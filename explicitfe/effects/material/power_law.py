@@ -45,6 +45,7 @@ class PowerLaw(MaterialEffect):
         "tau_s": Sought((5e-4, 5e-3, 5e-2), 2e-4, 0.5, scale="duration_s", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("time",)
+    variant_of: ClassVar[str] = "viscoelastic"
     remembers = True
     depends_on_path = True
     exponent: float = Field(ge=0.0, lt=1.0, description="n, the slope of the fall on logarithmic axes")

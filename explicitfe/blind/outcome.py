@@ -26,7 +26,7 @@ DOUBLE = (
     "unexplained",
     "failed",
 )
-OUTSIDE = ("unexplained", "an effect that predicts at the floor", "confidently wrong", "ambiguous", "missed", "failed")
+OUTSIDE = ("named", "unexplained", "an effect that predicts at the floor", "confidently wrong", "ambiguous", "missed", "failed")
 CONTROL = ("no-missing-effect", *ALARMS, "failed")
 WORDS = {"control": CONTROL, "single": SINGLE, "double": DOUBLE, "outside": OUTSIDE}
 
@@ -84,6 +84,8 @@ def _double(report: ToolReport, true: set[str]) -> str:
 def _outside(report: ToolReport, truth: Truth) -> str:
     if report["verdict"] == "ambiguous":
         return "ambiguous"
+    if set(report["effects"]) == {truth["sub"]}:  # The library has learnt what was outside of it.
+        return "named"
     return "an effect that predicts at the floor" if predicts_held_out(report, truth) else "confidently wrong"
 
 

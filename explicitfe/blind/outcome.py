@@ -84,7 +84,7 @@ def _double(report: ToolReport, true: set[str]) -> str:
 def _outside(report: ToolReport, truth: Truth) -> str:
     if report["verdict"] == "ambiguous":
         return "ambiguous"
-    if set(report["effects"]) == {truth["sub"]}:  # The library has learnt what was outside of it.
+    if set(report["effects"]) == {truth.get("sub")}:  # The library has learnt what was outside of it.
         return "named"
     return "an effect that predicts at the floor" if predicts_held_out(report, truth) else "confidently wrong"
 

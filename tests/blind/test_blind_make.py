@@ -16,7 +16,7 @@ from explicitfe.blind.grid import HomogeneousRun, Mode
 from explicitfe.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE, separation
 from explicitfe.blind.make import make, numbers, plan
 from explicitfe.blind.noise import Noise, Whitener
-from explicitfe.blind.outcome import intervals, outcome
+from explicitfe.blind.outcome import WORDS, intervals, outcome
 from explicitfe.blind.protocols import programme
 from explicitfe.blind.score import score
 from explicitfe.errors import InputError
@@ -292,6 +292,8 @@ def test_outcomes_of_other_kinds():
     assert outcome(report | {"final": {"error": {"curves": {"a": curve | {"rmse": 2.0}}}}}, beyond) == "confidently wrong"
     assert outcome(report, beyond | {"sub": "friction"}) == "named"  # The library has learnt it since.
     assert outcome({"verdict": "ambiguous"}, {"kind": "control"}) == "ambiguous"
+    for kind in WORDS:
+        assert outcome(report | {"verdict": "limited-by-numerics"}, TRUTH | {"kind": kind}) == "limited-by-numerics"
 
 
 def test_intervals():

@@ -14,8 +14,18 @@ from explicitfe.blind.truth import Truth
 ALARMS = ("effect-found", "ambiguous", "unexplained")
 # By so many standard deviations the mean square of noise alone may exceed its expectation.
 LARGEST_RMS_EXCESS_SDS = 3.0
+LIMITED = "limited-by-numerics"  # The tool says that its numerics are no better than what is left: no alarm, and no answer.
 # The words, in the order of the tables.
-SINGLE = ("right", "confidently wrong", "ambiguous, true named", "ambiguous, true not named", "missed", "unexplained", "failed")
+SINGLE = (
+    "right",
+    "confidently wrong",
+    "ambiguous, true named",
+    "ambiguous, true not named",
+    "missed",
+    "unexplained",
+    LIMITED,
+    "failed",
+)
 DOUBLE = (
     "both",
     "one, remainder says so",
@@ -24,10 +34,20 @@ DOUBLE = (
     "confidently wrong",
     "missed",
     "unexplained",
+    LIMITED,
     "failed",
 )
-OUTSIDE = ("unexplained", "an effect that predicts at the floor", "confidently wrong", "ambiguous", "missed", "failed")
-CONTROL = ("no-missing-effect", *ALARMS, "failed")
+OUTSIDE = (
+    "named",
+    "unexplained",
+    "an effect that predicts at the floor",
+    "confidently wrong",
+    "ambiguous",
+    "missed",
+    LIMITED,
+    "failed",
+)
+CONTROL = ("no-missing-effect", *ALARMS, LIMITED, "failed")
 WORDS = {"control": CONTROL, "single": SINGLE, "double": DOUBLE, "outside": OUTSIDE}
 
 
@@ -52,7 +72,7 @@ def outcome(report: ToolReport, truth: Truth) -> str:
         return verdict
     if verdict == "no-missing-effect":
         return "missed"
-    if verdict == "unexplained":
+    if verdict in ("unexplained", LIMITED):
         return verdict
     if kind == "outside":
         return _outside(report, truth)
@@ -84,6 +104,8 @@ def _double(report: ToolReport, true: set[str]) -> str:
 def _outside(report: ToolReport, truth: Truth) -> str:
     if report["verdict"] == "ambiguous":
         return "ambiguous"
+    if set(report["effects"]) == {truth.get("sub")}:  # The library has learnt what was outside of it.
+        return "named"
     return "an effect that predicts at the floor" if predicts_held_out(report, truth) else "confidently wrong"
 
 

@@ -14,7 +14,7 @@ from explicitfe.blind import outcome as words
 from explicitfe.blind.reliability import ReliabilityBin, reliability, reliability_lines
 from explicitfe.blind.report import ReportedHoldout, ScoredCase, ToolReport
 
-OTHER = ("several", "ambiguous", "unexplained", "none", "failed")  # columns of the confusion matrix beside effects
+OTHER = ("several", "ambiguous", "unexplained", "none", words.LIMITED, "failed")  # columns of the confusion matrix beside effects
 
 
 class Proportion(TypedDict):

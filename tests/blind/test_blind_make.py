@@ -16,7 +16,7 @@ from explicitfe.blind.grid import HomogeneousRun, Mode
 from explicitfe.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE, separation
 from explicitfe.blind.make import make, numbers, plan
 from explicitfe.blind.noise import Noise, Whitener
-from explicitfe.blind.outcome import intervals, outcome
+from explicitfe.blind.outcome import WORDS, intervals, outcome
 from explicitfe.blind.protocols import programme
 from explicitfe.blind.score import score
 from explicitfe.errors import InputError
@@ -290,7 +290,10 @@ def test_outcomes_of_other_kinds():
     curve = {"split": "holdout", "rmse": 1.0}
     assert outcome(report | {"final": {"error": {"curves": {"a": curve}}}}, beyond) == "an effect that predicts at the floor"
     assert outcome(report | {"final": {"error": {"curves": {"a": curve | {"rmse": 2.0}}}}}, beyond) == "confidently wrong"
+    assert outcome(report, beyond | {"sub": "friction"}) == "named"  # The library has learnt it since.
     assert outcome({"verdict": "ambiguous"}, {"kind": "control"}) == "ambiguous"
+    for kind in WORDS:
+        assert outcome(report | {"verdict": "limited-by-numerics"}, TRUTH | {"kind": kind}) == "limited-by-numerics"
 
 
 def test_intervals():

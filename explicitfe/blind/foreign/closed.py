@@ -18,7 +18,8 @@ from explicitfe.blind.grid import Effects, Grid, HomogeneousRun, Mode, Parameter
 
 RELAXING_PARTS = 8  # increments from row to row, where the past counts
 POWER_LAW_NODES = 90  # of the sum of Prony terms that stands for a power law
-POWER_LAW_RANGE = (-40.0, 4.0)  # of the logarithm of rate times t0
+POWER_LAW_RANGE = (-40.0, 4.0)  # of the logarithm of rate times tau
+SUM_OF_SHARES = 0.9999  # of the terms: something is left for ever
 BALANCE_ITERATIONS = 60  # of Newton's method for sides, volumes and rigs
 BALANCE_TOLERANCE = 1e-11
 STRAIN_STEP = 1e-6  # of differences
@@ -59,12 +60,12 @@ class PointLaw:
 
 
 def power_law_terms(parameters: Parameters) -> list[tuple[float, float]]:
-    """Prony terms of share (1 - (1 + t/t0)^-n): a gamma distribution of rates (Laplace's integral)."""
-    n, t0 = parameters["exponent"], parameters["t0_s"]
+    """Prony terms of 1 - (1 + t/tau)^-n: a gamma distribution of rates (Laplace's integral)."""
+    n, tau = parameters["exponent"], parameters["tau_s"]
     logs = np.linspace(*POWER_LAW_RANGE, POWER_LAW_NODES)
     weights = np.exp(n * logs - np.exp(logs)) * (logs[1] - logs[0]) / gamma(n)
-    weights *= parameters["share"] / weights.sum()
-    return [(float(g), float(t0 * np.exp(-y))) for g, y in zip(weights, logs, strict=True)]
+    weights *= SUM_OF_SHARES / weights.sum()
+    return [(float(g), float(tau * np.exp(-y))) for g, y in zip(weights, logs, strict=True)]
 
 
 class ForeignBench:

@@ -38,7 +38,20 @@ from explicitfe.blind.truth import Truth, common_truth
 
 HOMOGENEOUS_CONTROLS = ("white", "correlated", "scatter", "wrong-dimension")
 READINGS = ("contact-offset", "compliance", "force-offset", "force-drift")
-HOMOGENEOUS_SINGLES = ("viscoelastic", "softening", "third-yeoh", "fibres", "cycle-drift", "compressible", *READINGS)
+HOMOGENEOUS_SINGLES = (
+    "viscoelastic",
+    "power-law",
+    "softening",
+    "permanent-set",
+    "third-yeoh",
+    "fibres",
+    "cycle-drift",
+    "compressible",
+    "stick-slip",
+    "lag",
+    "backlash",
+    *READINGS,
+)
 HOMOGENEOUS_DOUBLES = (
     ("viscoelastic", "third-yeoh"),
     ("viscoelastic", "force-offset"),
@@ -48,15 +61,15 @@ HOMOGENEOUS_DOUBLES = (
     ("softening", "contact-offset"),
     ("fibres", "third-yeoh"),
 )
-HOMOGENEOUS_OUTSIDE = ("power-law", "permanent-set", "stick-slip", "threshold", "mooney", "viscous", "ageing", "saturation")
-LOADING_ONLY = ("ramps", "ramp-hold", "directions")  # programmes without a way back
-ELASTIC_OUTSIDERS = ("threshold", "mooney", "saturation")
+HOMOGENEOUS_OUTSIDE = ("threshold", "mooney", "viscous", "ageing", "saturation")
 # What an outsider or a reading needs to show.
 PROGRAMMES_SHOWING = {
     "force-drift": ("ramp-hold", "hold-unload-rest", "cycles-of-one", "cycles-in-one", "repeats"),
     "compressible": ("ramps", "ramp-hold", "hold-unload-rest"),
     "power-law": ("ramp-hold", "hold-unload-rest"),
     "permanent-set": ("hold-unload-rest", "cycles-of-one", "cycles-in-one"),
+    "lag": ("hold-unload-rest", "cycles-of-one", "cycles-in-one"),
+    "backlash": ("hold-unload-rest", "cycles-of-one", "cycles-in-one"),
     "stick-slip": ("ramps", "hold-unload-rest", "cycles-in-one"),
     "threshold": ("ramps", "ramp-hold", "hold-unload-rest", "cycles-in-one"),
     "mooney": ("ramps", "ramp-hold", "hold-unload-rest"),
@@ -151,6 +164,10 @@ def _rivals(bench: ForeignBench, size: CaseSizes, C10_Pa: float) -> dict[str, li
     long, F = size.longest_s, size.force_N
     rivals["gauge-length"] = [FreeParameter("error", -0.2, 0.2, (0.05, -0.05), log=False)]
     rivals["lag"] = [FreeParameter("lag_s", -0.1 * long, 0.1 * long, (0.01 * long, -0.01 * long), log=False)]
+    rivals["power-law"] = [
+        FreeParameter("exponent", 1e-6, 0.9, (0.1, 0.02)),
+        FreeParameter("tau_s", 1e-4 * long, long, (1e-3 * long, 1e-2 * long)),
+    ]
     play = "play_mm" if bench.mode == "platen" else "play_strain"
     reach = size.depth_mm if bench.mode == "platen" else _largest_strain(bench)
     rivals["backlash"] = [FreeParameter(play, 0.0, 0.3 * reach, (0.02 * reach,), log=False)]
@@ -213,8 +230,11 @@ def _parameters(
     if name == "force-drift":
         return {key: signed_strength(rng, 0.005 * F / span, 0.2 * F / span, most)}
     if name == "power-law":
-        t0 = strength(rng, 3e-4 * span, 0.02 * span)
-        return {"share": strength(rng, 0.3, 0.9), "exponent": strength(rng, 0.15, 0.35), "t0_s": t0}
+        return {"exponent": strength(rng, 0.02, 0.3), "tau_s": strength(rng, 3e-4 * span, 0.02 * span)}
+    if name == "lag":
+        return {"lag_s": signed_strength(rng, 0.002 * span, 0.03 * span)}
+    if name == "backlash":
+        return {"play_mm" if platen else "play_strain": strength(rng, 0.01 * depth, 0.1 * depth)}
     if name == "permanent-set":
         return {"share": strength(rng, 0.03, 0.3)}
     if name == "threshold":

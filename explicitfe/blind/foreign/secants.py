@@ -81,7 +81,7 @@ class Secants:
             at = depth + reading.offset_mm
             for _ in range(20 if reading.compliance_mm_N else 0):
                 at = 0.5 * (at + depth + reading.offset_mm - reading.compliance_mm_N * curve.force(at))
-            change = curve.force(at) - force + reading.force_offset_N + reading.force_drift_N_s * test.rows
+            change = reading.read(curve.force(at), test.rows) - force
             if reading.lag_s:
                 change += np.interp(test.rows - reading.lag_s, test.rows, force) - force
             changes.append(change)

@@ -35,6 +35,8 @@ TOOL_SINGLES = {  # effect -> protocols that can show it
     "contact-offset": (*TWO_GEOMETRIES, "force-two-heights"),
     "force-offset": TWO_GEOMETRIES,
     "force-drift": TWO_GEOMETRIES,
+    "lag": TWO_GEOMETRIES,
+    "inclusion": TWO_GEOMETRIES,
 }
 TOOL_DOUBLES = (
     ("compliance", "third-yeoh"),
@@ -42,7 +44,7 @@ TOOL_DOUBLES = (
     ("compressible", "force-offset"),
     ("contact-offset", "viscoelastic"),
 )
-TOOL_OUTSIDE = ("inclusion", "radial-gradient", "stiff-ring")
+TOOL_OUTSIDE = ("radial-gradient", "stiff-ring", "saturation")
 DATA_FINENESS = {"sphere": 1.6}  # else 0.8: errors of 0.02 % of the force, and ripples of 0.01 %
 FLAT_FINENESS = 0.8
 PAST_FINENESS = 0.5  # where the answer depends on the past and every instant is an equilibrium
@@ -237,6 +239,8 @@ def hide(
         "contact-offset": lambda: (tissue, replace(reading, offset_mm=value), friction),
         "force-offset": lambda: (tissue, replace(reading, force_offset_N=value), friction),
         "force-drift": lambda: (tissue, replace(reading, force_drift_N_s=value), friction),
+        "lag": lambda: (tissue, replace(reading, lag_s=value), friction),
+        "saturation": lambda: (tissue, replace(reading, saturation_N=value), friction),
         "inclusion": lambda: (replace(tissue, factor=partial(_inclusion, **parameters)), reading, friction),
         "radial-gradient": lambda: (replace(tissue, factor=partial(_radial, **parameters)), reading, friction),
         "stiff-ring": lambda: (replace(tissue, factor=partial(_ring, **parameters)), reading, friction),
@@ -278,6 +282,8 @@ def _strengths(rng: np.random.Generator, name: str, secants: Secants) -> Paramet
         "contact-offset": lambda: {"offset_mm": signed_strength(rng, 0.01 * d, 0.12 * d, most)},
         "force-offset": lambda: {"offset_N": signed_strength(rng, 0.01 * F, 0.2 * F, most)},
         "force-drift": lambda: {"rate_N_s": signed_strength(rng, 0.02 * F / span, 0.2 * F / span, most)},
+        "lag": lambda: {"lag_s": signed_strength(rng, 0.002 * span, 0.03 * span)},
+        "saturation": lambda: {"limit_N": F * strength(rng, 2.0, 20.0)},
         "inclusion": lambda: {
             "ratio": strength(rng, 2.0, 6.0) ** float(rng.choice([-1, 1])),
             "radius_mm": round(float(rng.uniform(2.0, 4.0)), 2),

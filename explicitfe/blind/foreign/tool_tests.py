@@ -32,6 +32,7 @@ class RigReading:
     compliance_mm_N : of the reading.
     force_offset_N, force_drift_N_s : of the load cell.
     lag_s : by which the force is read late.
+    saturation_N : force F is read as F / (1 + F / saturation).
     """
 
     offset_mm: float = 0.0
@@ -39,6 +40,11 @@ class RigReading:
     force_offset_N: float = 0.0
     force_drift_N_s: float = 0.0
     lag_s: float = 0.0
+    saturation_N: float = np.inf
+
+    def read(self, force_N: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """The force that is read [N]."""
+        return force_N / (1.0 + force_N / self.saturation_N) + self.force_offset_N + self.force_drift_N_s * time_s
 
 
 @dataclass(frozen=True)
@@ -168,7 +174,7 @@ def _elastic(curve: ElasticCurve, test: ToolTest, reading: RigReading) -> np.nda
         depth = depth + change
         if np.abs(change).max() < 1e-9 * curve.end_mm:
             break
-    return curve.force(depth) + reading.force_offset_N + reading.force_drift_N_s * test.rows
+    return reading.read(curve.force(depth), test.rows)
 
 
 def _history(press: Press, start_s: float, test: ToolTest, reading: RigReading) -> np.ndarray:
@@ -191,7 +197,7 @@ def _history(press: Press, start_s: float, test: ToolTest, reading: RigReading) 
         seen_t.append(float(t))
         seen.append(depth + reading.compliance_mm_N * force if test.by_force else force)
     column = np.interp(read, seen_t, seen)
-    return column - reading.offset_mm if test.by_force else column + reading.force_offset_N + reading.force_drift_N_s * test.rows
+    return column - reading.offset_mm if test.by_force else reading.read(column, test.rows)
 
 
 def _between(test: ToolTest) -> np.ndarray:

@@ -82,11 +82,13 @@ def discover(system: Specimens, last: Round) -> Discovery | None:
     ----------
     last : the round of the search's final model.
     """
-    model = last.fit.model
+    # Where two effects cannot be told apart, what either of them explains counts as explained.
+    named = last.refits.get(last.best or "", last.fit) if last.ambiguous_with else last.fit
+    model = named.model
     tests = list(dict.fromkeys(one.test for one in system.series))
     if (
         last.at_floor
-        or last.ambiguous_with
+        or (last.ambiguous_with and named.by_rows is None)
         or not system.exact(model)
         or len(system.groups) > 1
         or len(tests) < THRESHOLDS.cross_validated_tests
@@ -105,8 +107,8 @@ def discover(system: Specimens, last: Round) -> Discovery | None:
             fit = refit(system, needed, last.covariance)
     except RunError:
         return None
-    before, after = (_left_out_error(system, each, last.covariance) for each in (last.fit, fit))
-    if not fit.chi2 < last.fit.chi2 or not after < (1.0 - THRESHOLDS.cross_validation_gain_share) * before:
+    before, after = (_left_out_error(system, each, last.covariance) for each in (named, fit))
+    if not fit.chi2 < named.chi2 or not after < (1.0 - THRESHOLDS.cross_validation_gain_share) * before:
         return None
     gone = tuple(name for name in model.effects if name not in start.effects)
     return Discovery(fit, system.tissue(fit.model), gone, after, before)

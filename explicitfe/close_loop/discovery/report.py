@@ -27,7 +27,7 @@ def add_discovered_law(report: LoopReport, system: Specimens, held_out: Sequence
     -------
     Name and text of the model file with the law; empty where none is told.
     """
-    if report.remainder != "unexplained" or (system.only and LAW not in system.only):
+    if report.remainder == "at-floor" or (system.only and LAW not in system.only):
         return {}
     discovery = discover(system, last)
     if discovery is None:

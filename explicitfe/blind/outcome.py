@@ -27,7 +27,8 @@ DOUBLE = (
     "failed",
 )
 OUTSIDE = ("unexplained", "an effect that predicts at the floor", "confidently wrong", "ambiguous", "missed", "failed")
-CONTROL = ("no-missing-effect", *ALARMS, "failed")
+SILENT = ("no-missing-effect", "limited-by-numerics")
+CONTROL = (*SILENT, *ALARMS, "failed")
 WORDS = {"control": CONTROL, "single": SINGLE, "double": DOUBLE, "outside": OUTSIDE}
 
 
@@ -50,7 +51,7 @@ def outcome(report: ToolReport, truth: Truth) -> str:
     kind = truth["kind"]
     if kind == "control":
         return verdict
-    if verdict == "no-missing-effect":
+    if verdict in SILENT:
         return "missed"
     if verdict == "unexplained":
         return verdict
@@ -106,7 +107,7 @@ def recovers_truth(report: ToolReport, truth: Truth) -> bool:
         return False
     verdict = report.get("verdict")
     if truth["kind"] == "control":
-        return verdict == "no-missing-effect"
+        return verdict in SILENT
     return verdict == "effect-found" and set(report["effects"]) == set(truth["effects"])
 
 

@@ -2,7 +2,8 @@
 
 Where the tool's edge passes the nodes of a mesh, the force ripples with the depth. This error and the stiffness that a mesh adds
 depend on where the surface is, hardly on time and little on the constants. The ratio of the answers of a fine and of a coarse
-mesh to one ramp therefore corrects any course of the same test, with what the tissue remembers too.
+mesh to one ramp therefore corrects any course of the same test. Where a tissue remembers, the ripple of earlier depths is left in
+its memory; that is an error of the correction.
 
 What the fine mesh itself leaves is smooth in the depth. It falls with the square of the size of the elements, and is extrapolated
 from two fine meshes (Richardson 1911). An edge that is stated as sharp is computed with two radii of rounding and extrapolated to

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from explicitfe.close_loop.selection import CrossValidation, select, why_not_fitted
-from explicitfe.close_loop.statistics.covariance import Covariance, stack
+from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.close_loop.statistics.fingerprints import (
     NOT_SIGNIFICANT,
     SIGNIFICANT,
@@ -208,10 +208,12 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
     first, last = rounds[0], rounds[-1]
     effects = last.fit.model.effects
     slight = last.no_consequence
-    quiet = last.at_floor or bool(slight)
+    quiet = last.at_floor or bool(slight) or _below_floor(last)
     remainder: Remainder = "at-floor" if quiet else "ambiguous" if last.ambiguous_with else "unexplained"
-    if first.at_floor or first.no_consequence:
-        return Outcome("no-missing-effect", "at-floor", rounds, (), no_consequence=slight)
+    # An error below its own floor is nothing that is missing, whatever correlates in it.
+    if first.at_floor or first.no_consequence or (_below_floor(first) and not effects and not first.ambiguous_with):
+        verdict: Verdict = "limited-by-numerics" if _limited_by_numerics(first) else "no-missing-effect"
+        return Outcome(verdict, "at-floor", rounds, (), no_consequence=slight)
     if first.best is None:
         return Outcome("unexplained", "unexplained", rounds, ())
     if not effects:
@@ -229,6 +231,26 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
     if single:
         return Outcome("ambiguous", remainder, rounds, effects, no_consequence=slight)
     return Outcome("effect-found", remainder, rounds, effects, no_consequence=slight)
+
+
+def _below_floor(one: Round) -> bool:
+    """Whether each series is missed by no more than noise and numerics."""
+    off = measured_rows(one.covariance.series) - one.fit.answer
+    misses = [float(np.sqrt(np.mean(off[part] ** 2))) for part in one.covariance.slices()]
+    return all(miss <= one.covariance.floor_of(k) for k, miss in enumerate(misses))
+
+
+def _limited_by_numerics(one: Round) -> bool:
+    """Whether something would be left if the numerics were free of error, while their bound is no small part of the noise."""
+    covariance, fit = one.covariance, one.fit
+    names = [name for name in covariance.floors if not name.startswith(ASSUMED)]
+    shares = numerical_shares(covariance, fit, names)
+    if float(np.linalg.norm(list(shares.values()))) <= THRESHOLDS.numerics_bound_share:
+        return False
+    exact = replace(covariance, floors={name: d for name, d in covariance.floors.items() if name not in names})
+    residual = exact.whiten(measured_rows(covariance.series) - fit.answer)
+    bare = replace(fit, residual=residual, jacobian=exact.whiten(fit.slopes))
+    return lack_of_fit(bare, exact).p <= THRESHOLDS.significance_p
 
 
 def renewed(system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS) -> tuple[System, BestFit]:

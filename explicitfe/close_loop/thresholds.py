@@ -207,6 +207,12 @@ class Thresholds:
     numerical_share_of_noise: float = threshold(
         0.5, "share of the noise", "Numerics that change the answer by more are named in the warnings as a floor."
     )
+    numerics_bound_share: float = threshold(
+        1.0 / 3.0,
+        "share of the noise",
+        "Where the bound of all numerical errors is larger, what it explains is no proof that nothing is missing. "
+        "A smaller one adds less than 6 % to the noise of a row.",
+    )
     concentrated_factor: float = threshold(
         1.5, "times the mean square", "A part of the data with a larger misfit is named as where the remainder lives."
     )

@@ -47,6 +47,11 @@ def sentence(outcome: Outcome, undetermined: Sequence[str] = ()) -> str:
         return "Something may be missing, but that noise alone leaves as much is too probable for an alarm."
     if outcome.verdict == "no-missing-effect":
         return "Nothing is missing that these data can show: the elastic model leaves no more than noise."
+    if outcome.verdict == "limited-by-numerics":
+        return (
+            "What the elastic model leaves is no more than the errors of mesh and steps may explain; "
+            "they are too large here to say whether anything is missing."
+        )
     if outcome.verdict == "unexplained":
         helps = f" {sentence_case(list_of(outcome.nearest))} would help, and leaves most of it." if outcome.nearest else ""
         return f"Something is missing, and none of the effects that were considered explains it.{helps}"

@@ -2,7 +2,8 @@
 
 Where the tool's edge passes the nodes of a mesh, the force ripples with the depth. This error and the stiffness that a mesh adds
 depend on where the surface is, hardly on time and little on the constants. The ratio of the answers of a fine and of a coarse
-mesh to one ramp therefore corrects any course of the same test, with what the tissue remembers too.
+mesh to one ramp therefore corrects any course of the same test. Where a tissue remembers, the ripple of earlier depths is left in
+its memory; that is an error of the correction.
 
 What the fine mesh itself leaves is smooth in the depth. It falls with the square of the size of the elements, and is extrapolated
 from two fine meshes (Richardson 1911). An edge that is stated as sharp is computed with two radii of rounding and extrapolated to
@@ -40,6 +41,10 @@ SMOOTH_DEGREE = 2
 ERROR_SHARE_OF_STEP = 0.625
 # The step from a rounded edge to a sharp one is linear in the radius but for a part of this size, one standard deviation.
 ERROR_SHARE_OF_EDGE = 0.1
+# What a tissue remembers of the coarse mesh's ripple has mostly cancelled, while the factor undoes all of it at the depth of now.
+# About so much of the force of a tissue that relaxes is what it remembers.
+REMEMBERED_SHARE = 0.3
+RIPPLE_IN_MEMORY = "ripple that a tissue remembers"
 # Ripple may add to the answer any smooth curve up to this degree of the depth.
 RIPPLE_DEGREE = 3
 
@@ -56,6 +61,7 @@ class Correction:
     depth_m : (m,) depths of the tool in the coarse run, increasing.
     factor : (m,) fine answer over coarse answer.
     errors : name -> (m,) one standard deviation of the factor's relative error; the errors are independent of each other.
+        ``RIPPLE_IN_MEMORY`` is there only where a tissue remembers.
     """
 
     depth_m: np.ndarray
@@ -98,7 +104,8 @@ def corrections_of(tissue: Tissue, curves: Sequence[Curve], run: Callable[[list[
         answers = [answer[0] for answer in (next(runs) for _ in ladder) if not isinstance(answer, str)]
         if len(answers) < len(ladder):
             continue
-        correction = _correction(ladder[0][0][0], answers)
+        remembers = any(effect.remembers for effect in tissue.effects.chosen)
+        correction = _correction(ladder[0][0][0], answers, remembers)
         by_curve |= {curve.id: correction for curve in kinds[kind]}
     return by_curve
 
@@ -156,8 +163,8 @@ def _is_sharp(curve: Curve) -> bool:
     return curve.tool.shape == "flat-cylinder" and curve.tool.edge_radius_mm == 0.0
 
 
-def _correction(ramp: Curve, answers: Sequence[np.ndarray]) -> Correction:
-    """The correction from the answers (RAMP_ROWS,) to a ladder of ramps."""
+def _correction(ramp: Curve, answers: Sequence[np.ndarray], remembers: bool) -> Correction:
+    """The correction from the answers (RAMP_ROWS,) to a ladder of ramps, for a tissue that remembers or does not."""
     by_force = ramp.imposed == "force_N"
     programme = programme_of(ramp)
     pressed = np.all([answer > 0.0 for answer in answers], axis=0) & (programme > 0.0)
@@ -179,6 +186,8 @@ def _correction(ramp: Curve, answers: Sequence[np.ndarray]) -> Correction:
         rounding = _smoothed(share, (fine - answers[3][pressed]) / fine, fine)
         factor = factor * (1.0 + rounding)
         errors["the sharp edge"] = ERROR_SHARE_OF_EDGE * rounding
+    if remembers:
+        errors[RIPPLE_IN_MEMORY] = REMEMBERED_SHARE * (factor - _smoothed(share, factor, fine))
     order = np.argsort(depth, kind="stable")
     return Correction(depth[order], factor[order], {name: column[order] for name, column in errors.items()})
 

@@ -87,7 +87,7 @@ class Prediction(Document, PredictionPart):
     refinement: float
     density: float
     tolerance: float
-    finer: float
+    finer: float = 0.0
     curves: dict[str, PredictedCurve]
     error: dict[str, PredictionError]
     assumed: list[str]

@@ -7,7 +7,7 @@ import os
 import numpy as np
 
 from explicitfe.blind.make import make
-from explicitfe.blind.outcome import ALARMS
+from explicitfe.blind.outcome import ALARMS, SILENT
 from explicitfe.blind.score import score
 from explicitfe.errors import RunError
 from explicitfe.host import shipped
@@ -99,7 +99,7 @@ def sealed_cases(work: Workshop) -> ClaimFigure:
     processes = min(PROCESSES, os.cpu_count() or 1)
     make(folder, seed=SEALED_SEED, kinds=SEALED_KINDS, processes=processes)
     cases = score(folder, processes=processes, pages=False)["cases"]
-    silent = sum(case["outcome"] == "no-missing-effect" for case in cases)
+    silent = sum(case["outcome"] in SILENT for case in cases)
     right = sum(case["kind"] == "single" and case["outcome"] == "right" for case in cases)
     wrong = sum(case["outcome"] in ("confidently wrong", "failed") for case in cases)
     wrong += sum(case["kind"] == "control" and case["outcome"] in ALARMS for case in cases)

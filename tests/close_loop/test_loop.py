@@ -228,7 +228,7 @@ def test_numerics_are_a_floor():
     beyond the constants, by rows: |(1 - P) 0.05 wave| / sd / sqrt(n), whitened.
     """
     outcome = outcome_of(hidden={"wave": 0.05}, checked={"a finer mesh": 0.05 * WAVE})
-    assert outcome.verdict == "no-missing-effect"
+    assert outcome.verdict == "limited-by-numerics"
     first = outcome.rounds[0]
     share = numerical_shares(first.covariance, first.fit, ["a finer mesh"])["a finer mesh"]
     rows = first.covariance.by_rows(np.column_stack([0.05 * WAVE, D, D**3]))
@@ -309,3 +309,21 @@ def test_the_system_is_what_it_says():
     (answer,) = system.answers([model])
     np.testing.assert_allclose(np.concatenate(answer), 2.0 * D + D**3 + 0.5 * D * TEST, atol=1e-12)
     assert [len(part) for part in answer] == [ROWS] * TESTS
+
+
+def test_what_numerics_may_explain_is_said_to_be_limited_by_them():
+    """A misfit of the shape of a numerical error, as large as the noise of a row: neither something is missing nor nothing.
+    Where the same error is a tenth of that, nothing is.
+    """
+    wrong = 0.02 * WAVE
+    limited = outcome_of(effects={}, extra=wrong, checked={"the mesh": wrong})
+    assert (limited.verdict, limited.effects) == ("limited-by-numerics", ())
+    assert "too large here" in words.sentence(limited)
+    quiet = outcome_of(effects={}, extra=0.1 * wrong, checked={"the mesh": 0.1 * wrong})
+    assert quiet.verdict == "no-missing-effect"
+
+
+def test_an_error_below_its_floor_is_nothing_missing():
+    """Numerics that may do more elsewhere make the floor of each curve larger than its error, though it is significant."""
+    outcome = outcome_of(effects={}, extra=0.02 * WAVE, checked={"the mesh": 0.2 * BUMP})
+    assert outcome.rounds[0].p < THRESHOLDS.significance_p and outcome.verdict == "limited-by-numerics"

@@ -23,6 +23,7 @@ STATUSES = {
 VERDICTS = {
     "failed": "the fit failed",
     "no-missing-effect": "nothing missing",
+    "limited-by-numerics": "limited by numerics",
     "unexplained": "unexplained",
     "ambiguous": "ambiguous",
     "effect-found": "found",
@@ -192,6 +193,8 @@ def headline(report: LoopReport) -> str:
             return "The fit failed: nothing can be said about the model"
         case "no-missing-effect":
             return "Nothing is missing that these data can show"
+        case "limited-by-numerics":
+            return "What is left is no more than errors of the computation explain"
         case "unexplained":
             return "Something is missing, and none of the known effects explains it"
         case "effect-found" if effects:

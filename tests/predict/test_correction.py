@@ -1,0 +1,95 @@
+"""A coarse answer under a tool, corrected by ramps to what a fine mesh answers."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from explicitfe.effects import Effect
+from explicitfe.effects.material.viscoelastic import Viscoelastic
+from explicitfe.measured.curve import Curve
+from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.predict.correction import (
+    MESH_ORDER,
+    MESH_RATIO,
+    RIPPLE_IN_MEMORY,
+    Correction,
+    Run,
+    _ladder,
+    corrections_of,
+    ramp_of,
+)
+from explicitfe.predict.predict import predict_test
+from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
+
+COARSE = Numerics(refinement=0.4, density=1.0, tolerance=5e-4, finer=0.9)
+FINE = Numerics(refinement=1.3, density=1.0, tolerance=2e-4)
+RADIUS_MM, DEPTH_MM = 8.0, 2.4
+# Down in 4 s, 10 s of waiting, back in 4 s.
+TIME_S = np.concatenate([np.linspace(0.0, 4.0, 17), np.linspace(5.0, 14.0, 10), np.linspace(14.5, 17.0, 6)])
+WAY_MM = np.interp(TIME_S, [0.0, 4.0, 14.0, 18.0], [0.0, DEPTH_MM, DEPTH_MM, 0.0])
+
+
+def curve(edge_mm: float = 1.0) -> Curve:
+    """A flat cylinder on a specimen of 8 mm."""
+    tool = MeasuredTool(shape="flat-cylinder", radius_mm=RADIUS_MM, edge_radius_mm=edge_mm, control="displacement", friction=0.0)
+    specimen = MeasuredSpecimen(shape="cylinder", radius_mm=20.0, height_mm=8.0, base="bonded", density_kg_m3=1040.0)
+    known = {"displacement_m": 1e-3 * WAY_MM, "force_N": np.linspace(0.0, 0.3, len(TIME_S))}
+    return Curve("one", "one.csv", "force-displacement", EVERY, "one", None, specimen, tool, MeasuredNoise(), {}, TIME_S, known)
+
+
+def tissue(numerics: Numerics, *effects: Effect, C20_Pa: float = 80.0) -> Tissue:
+    made = Tissue(constants={EVERY: Constants(C10_Pa=200.0, C20_Pa=C20_Pa)}, numerics=numerics)
+    for effect in effects:
+        made = made.with_effect(effect)
+    return made
+
+
+def run(jobs) -> list[Run]:
+    return [[answer.values for answer in predict_test(test, parse_tissue(text))] for test, text in jobs]
+
+
+def answer(test: Curve, of: Tissue, correction: Correction | None = None) -> np.ndarray:
+    (only,) = predict_test((test,), of, corrections={} if correction is None else {test.id: correction})
+    return only.values
+
+
+@cache
+def corrected(effects: tuple[Effect, ...] = (), edge_mm: float = 1.0) -> Correction:
+    return corrections_of(tissue(COARSE, *effects), [curve(edge_mm)], run)["one"]
+
+
+PRONY = Viscoelastic(g=(0.4,), tau_s=(3.0,))
+
+
+def test_a_ramp_corrects_any_course():
+    """One ramp on fine meshes corrects the way in, a wait and the way out, at other constants too."""
+    test = curve()
+    fine = answer(test, tissue(FINE, C20_Pa=120.0))
+    coarse = answer(test, tissue(COARSE, C20_Pa=120.0))
+    better = answer(test, tissue(COARSE, C20_Pa=120.0), corrected())
+    before, after = (float(np.sqrt(np.mean((y - fine) ** 2))) / fine.max() for y in (coarse, better))
+    assert before > 0.015 and after < 0.4 * before, (before, after)
+
+
+def test_a_sharp_edge_is_extrapolated():
+    """The force is linear in a small rounding, so that the last half of it takes as much as the first."""
+    ladder = _ladder(ramp_of(curve(0.0), [curve(0.0)], ()), tissue(COARSE))
+    usual, fine, between, rounder = (values[1:] for (values,) in run(ladder))
+    change = np.average((fine - rounder) / fine, weights=fine**2)
+    step = np.average((fine - between) / fine, weights=fine**2) / (MESH_RATIO**MESH_ORDER - 1.0)
+    sharp = np.average(usual * corrected((), 0.0).factor / fine - 1.0, weights=fine**2)
+    assert change > 0.005 and sharp == pytest.approx(change + step, rel=0.2)
+    assert "the sharp edge" in corrected((), 0.0).errors and "the sharp edge" not in corrected().errors
+
+
+def test_the_error_of_a_correction():
+    """It is a small part of what is corrected; the ripple that a tissue remembers counts only where one remembers."""
+    correction, remembering = corrected(), corrected((PRONY,))
+    bound = np.sqrt(sum(column**2 for column in correction.errors.values()))
+    assert 0.0 < np.median(bound) < 0.25 * np.median(np.abs(correction.factor - 1.0))
+    assert set(remembering.errors) - set(correction.errors) == {RIPPLE_IN_MEMORY}
+    assert np.array_equal(remembering.factor, correction.factor)
+    assert corrections_of(tissue(Numerics(refinement=0.4)), [curve()], run) == {}

@@ -35,7 +35,7 @@ LEAST_LISTED_PROBABILITY = 1e-3
 EVEN_PRIOR_DIVISOR = 12.0
 
 # Pairs whose trial comes so near to the best model are fitted where that costs little, and no more than so many of them.
-FAR_LOG_EVIDENCE, MOST_FITTED_PAIRS = 3.0, 4
+FAR_LOG_EVIDENCE, MOST_FITTED_PAIRS = 2.0, 3
 # Two columns whose determinant is a smaller share of that of orthogonal ones are one.
 SMALLEST_DETERMINANT_SHARE = 1e-9
 
@@ -106,7 +106,7 @@ def posterior_of(evidence: Sequence[Evidence], testable: int) -> Posterior:
     ----------
     testable : effects that the data could show. A priori one of them is at work, on average, each independently of the others.
     """
-    odds = -np.log(max(testable - 1, 1))
+    odds = _log_odds(testable)
     other = np.log(THRESHOLDS.discrepancy_odds)
     best: dict[tuple[Causes, bool], float] = {}
     for one in evidence:
@@ -120,6 +120,11 @@ def posterior_of(evidence: Sequence[Evidence], testable: int) -> Posterior:
         table = unknown if is_open else closed
         table[causes] = table.get(causes, 0.0) + float(share)
     return Posterior(closed, unknown)
+
+
+def _log_odds(testable: int) -> float:
+    """A priori, of each effect: the odds that make one of them be at work on average."""
+    return -float(np.log(max(testable - 1, 1)))
 
 
 def count_of_testable(outcome: Outcome) -> int:
@@ -168,11 +173,11 @@ def evidence_of(outcome: Outcome, system: System) -> list[Evidence]:
         evidence += [replace(one, log=start + one.log) for one in _of_round(judged)]
         if judged.chosen is not None:
             start += max(_refitted(judged, judged.refits[judged.chosen]), 0.0)
-    best = max(one.log for one in evidence)
+    odds = _log_odds(count_of_testable(outcome))
+    best = max(one.log + odds * one.terms for one in evidence)
     pairs = _Trials(first).pairs()
-    promising = sorted(
-        (name for name, pair in pairs.items() if pair.log > best - FAR_LOG_EVIDENCE), key=lambda name: -pairs[name].log
-    )
+    near = [names for names, pair in pairs.items() if pair.log + 2.0 * odds > best - FAR_LOG_EVIDENCE]
+    promising = sorted(near, key=lambda names: -pairs[names].log)
     for names, pair in pairs.items():
         causes = frozenset(names)
         if names in promising:

@@ -160,6 +160,12 @@ class Thresholds:
     cross_validated_tests: int = threshold(
         3, "tests that are left out in turn", "Of two rates one does not say what the other will be, so fewer speak for no model."
     )
+    noticed_gain: float = threshold(
+        4.0,
+        "chi2 of left-out tests",
+        "The least gain that is of consequence. An effect that changes left-out tests by two standard deviations gains this "
+        "much, and the gain of a smaller one is less than its own error. It is also an odds ratio of 7.",
+    )
     cross_validation_gain_share: float = threshold(
         0.02,
         "share of the cross-validated error",

@@ -76,6 +76,11 @@ class Thresholds:
         "share of an assumed length, one standard deviation",
         "A length that the source does not state is inferred from pictures or from similar tests, no better than this.",
     )
+    stated_length_error_share: float = threshold(
+        0.01,
+        "share of a stated length, one standard deviation",
+        "Soft specimens are measured, and cut parallel, to some tenths of a millimetre in twenty.",
+    )
     unforeseen_numerics_factor: float = threshold(
         2.0,
         "times what mesh and element change together and neither alone",

@@ -47,7 +47,8 @@ OUTSIDE = (
     LIMITED,
     "failed",
 )
-CONTROL = ("no-missing-effect", *ALARMS, LIMITED, "failed")
+SILENT = ("no-missing-effect", LIMITED)
+CONTROL = (*SILENT, *ALARMS, "failed")
 WORDS = {"control": CONTROL, "single": SINGLE, "double": DOUBLE, "outside": OUTSIDE}
 
 

@@ -76,6 +76,11 @@ class Thresholds:
         "share of an assumed length, one standard deviation",
         "A length that the source does not state is inferred from pictures or from similar tests, no better than this.",
     )
+    stated_length_error_share: float = threshold(
+        0.01,
+        "share of a stated length, one standard deviation",
+        "Soft specimens are measured, and cut parallel, to some tenths of a millimetre in twenty.",
+    )
     unforeseen_numerics_factor: float = threshold(
         2.0,
         "times what mesh and element change together and neither alone",
@@ -159,6 +164,12 @@ class Thresholds:
     )
     cross_validated_tests: int = threshold(
         3, "tests that are left out in turn", "Of two rates one does not say what the other will be, so fewer speak for no model."
+    )
+    noticed_gain: float = threshold(
+        4.0,
+        "chi2 of left-out tests",
+        "The least gain that is of consequence. An effect that changes left-out tests by two standard deviations gains this "
+        "much, and the gain of a smaller one is less than its own error. It is also an odds ratio of 7.",
     )
     cross_validation_gain_share: float = threshold(
         0.02,

@@ -100,4 +100,21 @@ def test_the_scale_of_a_test_multiplies_what_a_model_answers():
     np.testing.assert_allclose(nothing @ nothing, ((y / rows) ** 2).sum(), rtol=1e-12)
     tenth = covariance.at(y / 1.1)
     assert tenth.whiten(y - y / 1.1) @ tenth.whiten(y - y / 1.1) < 0.1
-    np.testing.assert_allclose(tenth.factors(y - y / 1.1), 1.1, atol=0.01)
+    double = covariance.at(2.0 * y)
+    assert double.whiten(y) @ double.whiten(y) > tenth.whiten(y) @ tenth.whiten(y)  # answering too much is no way out either
+
+
+def test_slopes_with_the_scale_of_tests_are_those_of_chi2():
+    """d chi2 = -2 r J dx, by central differences of 1e-5 whose own error is 1e-10 of the third derivative."""
+    covariance = covariance_with(scale=0.1, offset=0.02, floors=True)
+    y = np.concatenate([one.measured for one in covariance.series])
+    answer, slopes = 0.8 * y + 0.05, np.column_stack([y, np.cos(np.arange(len(y)))])
+
+    def chi2(step: np.ndarray) -> float:
+        r = covariance.at(answer + slopes @ step).whiten(y - answer - slopes @ step)
+        return float(r @ r)
+
+    local = covariance.at(answer)
+    wanted = -2.0 * local.whiten(y - answer) @ local.whiten(local.scaled_slopes(y - answer, slopes))
+    numeric = [(chi2(1e-5 * e) - chi2(-1e-5 * e)) / 2e-5 for e in np.eye(2)]
+    np.testing.assert_allclose(numeric, wanted, rtol=1e-5)

@@ -274,6 +274,18 @@ def test_what_is_significant_may_be_of_no_consequence():
     assert real.verdict != "no-missing-effect" and real.rounds[0].best == "bump" and real.no_consequence == ()
 
 
+def test_no_model_makes_scatter_as_large_as_it_likes():
+    """Tests that drift by 5 % each, a scatter of 0.6 % and an assumed length that is worth 20 %. With constants of twice the size
+    the scatter would be worth twice as much, and the assumed length would take the rest.
+    """
+    force = 2.0 * D + D**3
+    drift = 0.05 * TEST * force
+    system = elastic(np.random.default_rng(4), tests=TESTS, sd=0.05, extra=drift, assumed={"radius_mm": 0.2 * force})
+    system.series = [replace(one, scatter=0.006) for one in system.series]
+    top = system.rows(search(system, max_effects=0).rounds[0].fit.model).max()
+    assert top == pytest.approx(3.0, rel=0.15)
+
+
 def test_two_tests_do_not_veto_what_explains_all():
     """An effect that makes one of two tests stiffer than the other, by a share that depends on a time. What is left when one of
     them is left out fits any strength and any time, so its prediction of the other says nothing, and the effect is found.

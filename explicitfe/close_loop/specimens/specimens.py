@@ -221,14 +221,15 @@ class Specimens:
         return changed
 
     def assumptions(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed with each assumed length larger by its likely error, and with another Poisson's ratio."""
+        """What is computed with each length larger by its likely error, assumed or stated, and with another Poisson's ratio."""
         answers = {}
         if not self.exact(model):
             other = self.tissue(model).model_copy(update={"poisson": SOFTER_POISSON_RATIO})
             (answer,) = self._answers([other], self.curves)
             if answer is not None:
                 answers["Poisson's ratio"] = answer
-        for name, curves in self.assumed(1.0 + THRESHOLDS.assumed_length_error_share).items():
+        changed = self.assumed(1.0 + THRESHOLDS.assumed_length_error_share) | self._with_errors_of_stated_lengths()
+        for name, curves in changed.items():
             (answer,) = self._answers([self.tissue(model)], curves)
             if answer is not None:
                 answers[name] = answer
@@ -242,6 +243,24 @@ class Specimens:
             for key in keys:
                 if key.endswith("_mm"):
                     changed[f"{table}.{key}"] = tuple(with_length(c, table, key, factor) for c in self.curves)
+        return changed
+
+    def _with_errors_of_stated_lengths(self) -> dict[str, tuple[Curve, ...]]:
+        """Name of each stated length -> the curves with it larger by its likely error.
+
+        Two heights are two measurements, each with an error of its own. How wide a specimen is matters between platens only.
+        """
+        share = THRESHOLDS.stated_length_error_share
+        keys = [("specimen", "height_mm"), ("specimen" if self.homogeneous else "tool", "radius_mm")]
+        changed: dict[str, tuple[Curve, ...]] = {}
+        for table, key in keys:
+            owners = [getattr(c, table) for c in self.curves]
+            stated = [None if owner is None or key in owner.assumed else getattr(owner, key) for owner in owners]
+            for length in dict.fromkeys(value for value in stated if value is not None):
+                changed[f"{100.0 * share:g} % of {table}.{key} = {length:g}"] = tuple(
+                    with_length(c, table, key, 1.0 + share) if value == length else c
+                    for c, value in zip(self.curves, stated, strict=True)
+                )
         return changed
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:

@@ -26,7 +26,8 @@ class Covariance:
     series, rows, scatter : see :mod:`explicitfe.close_loop.statistics.noise`.
     floors : name -> change (n,) SI of all rows, one standard deviation of it.
     shape : (n,) SI, the answer that a test's scale multiplies. If it were the measured rows, a model that answers nothing at all
-        would be off by a scale only (Peelle's puzzle, D'Agostini 1994).
+        would be off by a scale only (Peelle's puzzle, D'Agostini 1994). Beyond what was measured it counts less again: a
+        model could otherwise make the scatter as large as it likes by answering too much.
     """
 
     series: Sequence[Series]
@@ -44,12 +45,10 @@ class Covariance:
         return np.concatenate([np.full(len(one.measured), one.test == test) for one in self.series])
 
     def of_test(self, test: str) -> Covariance:
-        """The covariance of the rows of one test."""
-        rows = self.rows_of(test)
+        """The covariance of the rows and of the scatter of one test. What all tests share, the others know."""
         numbers = [k for k, one in enumerate(self.series) if one.test == test]
-        shape = None if self.shape is None else self.shape[rows]
-        floors = {name: d[rows] for name, d in self.floors.items()}
-        return Covariance([self.series[k] for k in numbers], [self.rows[k] for k in numbers], self.scatter, floors, shape)
+        shape = None if self.shape is None else self.shape[self.rows_of(test)]
+        return Covariance([self.series[k] for k in numbers], [self.rows[k] for k in numbers], self.scatter, {}, shape)
 
     def of_rows(self) -> Covariance:
         """The part of the rows alone."""
@@ -64,19 +63,20 @@ class Covariance:
         count = sum(len(one.measured) for one in self.series)
         return self.by_rows(np.array(columns).reshape(len(columns), count).T)
 
-    def factors(self, residual: np.ndarray) -> np.ndarray:
-        """The likely scale (n,) of each row's test, given measured - answer (n,)."""
+    def scaled_slopes(self, residual: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Slopes (n, p) of an answer with what the likely scale of each test adds to it, given measured - answer (n,)."""
         columns = self._scatter_columns()
         scales = [k for k, (kind, _) in enumerate(columns) if kind == "scale"]
         if not scales:
-            return np.ones(len(residual))
+            return slopes
         V = self.shared
         size = np.linalg.solve(V.T @ V + np.eye(V.shape[1]), V.T @ self.by_rows(residual[:, None])[:, 0])
-        factors = np.ones(len(residual))
+        change = self._slopes_of_shape(slopes)
+        scaled = slopes.copy()
         for k in scales:
             rows_of_test = columns[k][1] != 0.0
-            factors[rows_of_test] += self.scatter.scale * size[k]
-        return factors
+            scaled[rows_of_test] += self.scatter.scale * size[k] * change[rows_of_test]
+        return scaled
 
     @cached_property
     def _shrinking(self) -> tuple[np.ndarray, np.ndarray]:
@@ -116,7 +116,7 @@ class Covariance:
     def _scatter_columns(self) -> list[tuple[str, np.ndarray]]:
         """("scale" or "offset", one standard deviation (n,) SI of it) for each test."""
         columns: dict[tuple[str, str], np.ndarray] = {}
-        shape = measured_rows(self.series) if self.shape is None else self.shape
+        shape = measured_rows(self.series) if self.shape is None else self.shape * np.sqrt(2.0 / (1.0 + self._excess**2))
         for one, part in zip(self.series, self.slices(), strict=True):
             largest = float(np.abs(one.measured).max())
             constant = np.full(len(one.measured), largest)
@@ -124,6 +124,29 @@ class Covariance:
                 if sd > 0.0:
                     columns.setdefault((kind, one.test), np.zeros(len(shape)))[part] = sd * column
         return [(kind, column) for (kind, _), column in columns.items()]
+
+    @cached_property
+    def _excess(self) -> np.ndarray:
+        """Of each row (n,) the sum of squares of what its series answers, over that of what was measured."""
+        assert self.shape is not None
+        ratios = [
+            np.full(
+                len(one.measured), float(self.shape[part] @ self.shape[part]) / max(float(one.measured @ one.measured), 1e-300)
+            )
+            for one, part in zip(self.series, self.slices(), strict=True)
+        ]
+        return np.concatenate(ratios)
+
+    def _slopes_of_shape(self, slopes: np.ndarray) -> np.ndarray:
+        """Slopes (n, p) of what a test's scale multiplies: shape sqrt(2 / (1 + excess^2))."""
+        if self.shape is None:
+            return np.zeros_like(slopes)
+        change = slopes.copy()
+        for part in self.slices():
+            answer, excess = self.shape[part], self._excess[part.start]
+            square = max(float(answer @ answer), 1e-300)
+            change[part] -= 2.0 * excess**2 / (1.0 + excess**2) / square * np.outer(answer, answer @ slopes[part])
+        return change * np.sqrt(2.0 / (1.0 + self._excess**2))[:, None]
 
 
 def stack(answer: Answer) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows
 from explicitfe.close_loop.statistics.refit import UNSEEN_SHARE, BestFit, step_inside_bounds
 from explicitfe.close_loop.statistics.system import System
+from explicitfe.close_loop.thresholds import THRESHOLDS
 
 # Test -> what a model leaves (m,) SI of its rows, with parameters from the other tests only.
 Deviations = Mapping[str, np.ndarray]
@@ -32,8 +33,12 @@ class Gain:
 
     @property
     def none(self) -> bool:
-        """Whether it is no larger than its error."""
-        return self.chi2 <= self.error
+        """Whether nobody would notice it.
+
+        If the model is right the gain is |D|^2 on average, and -|D|^2 if there is no such effect, both with the same error 2 |D|:
+        the gain is twice the logarithm of the odds between the two.
+        """
+        return self.chi2 <= THRESHOLDS.noticed_gain
 
 
 def deviations(system: System, fit: BestFit, covariance: Covariance) -> Deviations:

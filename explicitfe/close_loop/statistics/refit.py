@@ -239,7 +239,7 @@ def _update(slopes: np.ndarray, change: np.ndarray, step: np.ndarray) -> np.ndar
 def _jacobian(covariance: Covariance, y: np.ndarray, answer: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     """Slopes whitened at an answer; the likely scale of a test multiplies them as it multiplies the answer."""
     local = covariance.at(answer)
-    return local.whiten(local.factors(y - answer)[:, None] * slopes)
+    return local.whiten(local.scaled_slopes(y - answer, slopes))
 
 
 def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from explicitfe.blind.grid import Effects, HomogeneousRun, Mode
+from explicitfe.blind.mechanism import mechanism
 from explicitfe.blind.noise import Whitener
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.errors import RunError
@@ -214,7 +215,7 @@ def separation(
     rivals = {}
     # Every rival contains the law alone, as the effect without strength, and cannot be farther away.
     for name, parameters in free.items():
-        if [name] != list(hidden):
+        if [mechanism(name)] != [mechanism(effect) for effect in hidden]:
             rivals[name] = min(baseline, _nearest(bench, true, whiten, constants, _maker(name, parameters), parameters))
     return Separation(baseline, rivals)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from typing_extensions import TypedDict
 
+from explicitfe.blind.mechanism import mechanisms
 from explicitfe.blind.report import ToolReport
 from explicitfe.blind.truth import Truth
 
@@ -77,22 +78,22 @@ def outcome(report: ToolReport, truth: Truth) -> str:
         return verdict
     if kind == "outside":
         return _outside(report, truth)
-    return (_single if kind == "single" else _double)(report, set(truth["effects"]))
+    return (_single if kind == "single" else _double)(report, mechanisms(truth["effects"]))
 
 
 def named_effects(report: ToolReport) -> set[str]:
-    """All effects that a verdict names."""
-    return set(report.get("effects", ())) | set(report.get("ambiguous_with", ()))
+    """The mechanisms of all effects that a verdict names."""
+    return mechanisms(report.get("effects", ())) | mechanisms(report.get("ambiguous_with", ()))
 
 
 def _single(report: ToolReport, true: set[str]) -> str:
     if report["verdict"] == "ambiguous":
         return "ambiguous, true named" if true <= named_effects(report) else "ambiguous, true not named"
-    return "right" if set(report["effects"]) == true else "confidently wrong"
+    return "right" if mechanisms(report["effects"]) == true else "confidently wrong"
 
 
 def _double(report: ToolReport, true: set[str]) -> str:
-    named = set(report["effects"])
+    named = mechanisms(report["effects"])
     if report["verdict"] == "ambiguous":
         return "ambiguous"
     if named == true:

@@ -290,6 +290,8 @@ def test_outcomes_of_other_kinds():
     curve = {"split": "holdout", "rmse": 1.0}
     assert outcome(report | {"final": {"error": {"curves": {"a": curve}}}}, beyond) == "an effect that predicts at the floor"
     assert outcome(report | {"final": {"error": {"curves": {"a": curve | {"rmse": 2.0}}}}}, beyond) == "confidently wrong"
+    relaxing = TRUTH | {"kind": "single", "effects": {"viscoelastic": {}}}
+    assert outcome(report | {"effects": ["power-law"]}, relaxing) == "right"  # another form of the same mechanism
     assert outcome(report, beyond | {"sub": "friction"}) == "named"  # The library has learnt it since.
     assert outcome({"verdict": "ambiguous"}, {"kind": "control"}) == "ambiguous"
     for kind in WORDS:

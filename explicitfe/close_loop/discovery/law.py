@@ -16,6 +16,7 @@ from explicitfe.close_loop.discovery.sparse import Regression, sparse
 from explicitfe.close_loop.search import Round
 from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
+from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
 from explicitfe.close_loop.statistics.left_out import deviations, errors
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives, refit
 from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
@@ -35,7 +36,7 @@ SHORTEST_SHARE_OF_RAMP, LONGEST_DURATIONS = 0.1, 3.0
 # A law of more terms is no law that anybody would write down.
 MOST_TERMS = 8
 # C10 keeps this share of what the search ended with.
-SMALLEST_C10_SHARE = 0.03
+SMALLEST_C10_SHARE = 0.05
 # A coefficient may grow to so many times the stiffness of the first fit.
 LARGEST_COEFFICIENT_RATIO = 1e4
 
@@ -88,13 +89,25 @@ def discover(system: Specimens, last: Round) -> Discovery | None:
     tests = list(dict.fromkeys(one.test for one in system.series))
     if (
         last.at_floor
-        or (last.ambiguous_with and named.by_rows is None)
+        or (named is not last.fit and lack_of_fit(named, last.covariance).p > THRESHOLDS.significance_p)
         or not system.exact(model)
         or len(system.groups) > 1
         or len(tests) < THRESHOLDS.cross_validated_tests
     ):
         return None
     start = _with_stiff_law(_without_relaxation(model))
+    fit = _fitted(system, start, last)
+    if fit is None:
+        return None
+    before, after = (_left_out_error(system, each, last.covariance) for each in (named, fit))
+    if not fit.chi2 < named.chi2 or not after < (1.0 - THRESHOLDS.cross_validation_gain_share) * before:
+        return None
+    gone = tuple(name for name in model.effects if name not in start.effects)
+    return Discovery(fit, system.tissue(fit.model), gone, after, before)
+
+
+def _fitted(system: Specimens, start: Hypothesis, last: Round) -> BestFit | None:
+    """The model with the few coefficients that foretell best, fitted; None where there are none or it cannot be computed."""
     try:
         composed = _composed(system, start, last)
         if composed is None:
@@ -103,15 +116,9 @@ def discover(system: Specimens, last: Round) -> Discovery | None:
         needed = _without_needless(fit.model)
         if not needed.terms or needed.terms[-1].effect != LAW:
             return None
-        if len(needed.x) < len(fit.model.x):
-            fit = refit(system, needed, last.covariance)
+        return fit if len(needed.x) == len(fit.model.x) else refit(system, needed, last.covariance)
     except RunError:
         return None
-    before, after = (_left_out_error(system, each, last.covariance) for each in (named, fit))
-    if not fit.chi2 < named.chi2 or not after < (1.0 - THRESHOLDS.cross_validation_gain_share) * before:
-        return None
-    gone = tuple(name for name in model.effects if name not in start.effects)
-    return Discovery(fit, system.tissue(fit.model), gone, after, before)
 
 
 def _without_relaxation(model: Hypothesis) -> Hypothesis:

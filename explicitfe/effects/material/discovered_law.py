@@ -34,6 +34,8 @@ NUMBERS_OF_A_BRANCH = len(MONOMIALS) + 2
 MOST_BRANCHES = 8
 # Machine code is made for so many branches or twice as many: making it takes longer than to compute some that are empty.
 COMPILED_BRANCHES = 4
+# With a larger bulk modulus than that of this ratio, rounding of the pressure would be larger than a stress that counts as none.
+LARGEST_POISSON_RATIO = 0.4999
 # I1 - 3 and I2 - 3 of a compression by about 30 %, at which the stiffness of a polynomial counts.
 USUAL_INVARIANT = 0.3
 # How a coefficient is called where it is fitted: c20_Pa never fades, c20_30s_Pa and c20_300ms_Pa do.
@@ -134,7 +136,7 @@ class DiscoveredLaw(MaterialEffect):
         slopes = [(i + j) * USUAL_INVARIANT ** (i + j - 1) for i, j in MONOMIALS]
         own = 2.0 * float((self.coefficients @ slopes).sum())
         G = law.shear_modulus_Pa
-        K = bulk_modulus(G + own, law.poisson)
+        K = max(bulk_modulus(G, law.poisson), bulk_modulus(G + own, min(law.poisson, LARGEST_POISSON_RATIO)))
         return law.model_copy(update={"poisson": (3.0 * K - 2.0 * G) / (2.0 * (3.0 * K + G))})
 
     def apply(self, model: ModelT) -> ModelT:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -40,6 +41,8 @@ from explicitfe.results.loop_report import (
 )
 
 SUMMARY = "report.json"
+# An error with several independent parts has a column for each, whose names differ in this.
+PART_OF_AN_ERROR = r", part \d+"
 SIDES: tuple[Side, Side] = ("fit", "holdout")
 # Why a parameter is not determined, as the report says it.
 WITHOUT_EFFECT = "its interval includes no effect at all"
@@ -122,7 +125,7 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
         scatter_source=covariance.scatter.source,
         numerical=[
             NumericalFloor(what=name, share_of_noise=share)
-            for name, share in numerical_shares(covariance, last.fit, list(covariance.floors)).items()
+            for name, share in _in_whole(numerical_shares(covariance, last.fit, list(covariance.floors))).items()
         ],
     )
     report.baseline = ReportedModel(parameters=parameters(before, first))
@@ -136,6 +139,15 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     report.separations = [
         ReportedSeparation(a=a, b=b, separation=apart) for one in outcome.rounds for a, b, apart in one.separations
     ]
+
+
+def _in_whole(shares: Mapping[str, float]) -> dict[str, float]:
+    """Shares of the noise, those of independent parts of one error taken together."""
+    squares: dict[str, float] = {}
+    for name, share in shares.items():
+        whole = re.sub(PART_OF_AN_ERROR, "", name)
+        squares[whole] = squares.get(whole, 0.0) + share**2
+    return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
 
 def parameters(fit: BestFit, judged: Round) -> Parameters:

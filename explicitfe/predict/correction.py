@@ -181,7 +181,7 @@ def _correction(ramp: Curve, answers: Sequence[np.ndarray], remembers: bool) -> 
     # The ripple of the fine mesh is smaller than what the two differ by, in the ratio of their errors.
     ripple = float(np.sqrt(np.average((change - smooth) ** 2, weights=fine**2))) / MESH_RATIO**MESH_ORDER
     columns = np.polynomial.legendre.legvander(2.0 * share - 1.0, RIPPLE_DEGREE).T
-    errors |= {f"the mesh, ripple {k}": ripple * column / np.sqrt(len(columns)) for k, column in enumerate(columns)}
+    errors |= {f"ripple of the mesh, part {k}": ripple * column / np.sqrt(len(columns)) for k, column in enumerate(columns)}
     if len(answers) > 3:
         rounding = _smoothed(share, (fine - answers[3][pressed]) / fine, fine)
         factor = factor * (1.0 + rounding)

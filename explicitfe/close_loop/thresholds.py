@@ -200,7 +200,10 @@ class Thresholds:
         0.005, "probability", "Causes that are less probable do not compete where the next test is chosen."
     )
     sure_enough: float = threshold(
-        0.95, "probability", "Where each answer is the run of a mesh, no test is proposed for a verdict that is surer than this."
+        0.5,
+        "probability",
+        "Where each answer is the run of a mesh, no test is proposed beside a verdict that nothing is missing or that an effect "
+        "was found, if it is surer than this: the runs of all proposals would take minutes.",
     )
     settling_share: float = threshold(
         0.7,

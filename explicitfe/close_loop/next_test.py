@@ -32,7 +32,7 @@ from explicitfe.results.loop_report import NextExperiment
 MOST_CAUSES, MOST_CAUSES_ON_A_MESH = 8, 3
 # Causes that the data cannot show are considered besides, so many of them.
 MOST_UNSEEN, MOST_UNSEEN_ON_A_MESH = 6, 1
-TRIED_REPEATS = (1, 2, 3)
+TRIED_REPEATS = (1, 2, 3, 5)
 MOST_LISTED = 3
 # Precision that keeps a parameter finite which the data do not determine, as a share of the largest.
 SMALLEST_PRECISION_SHARE = 1e-10
@@ -103,13 +103,14 @@ def _unseen(system: Specimens, outcome: Outcome, best: Survivor, most: int) -> l
 
     The data say nothing of it, so it is as probable as before, and as strong as is usual.
     """
-    odds = 1.0 / max(count_of_testable(outcome) - 1, 1)
     hidden = {s.candidate.effect for s in outcome.rounds[0].scores if s.status == NOT_TESTABLE}
+    candidates = [c for c in system.possible(best.model) if c.effect in hidden]
+    models = [best.model.plus(c.term, usual_values(c)) for c in candidates[:most]]
+    odds = 1.0 / max(count_of_testable(outcome) + len(candidates) - 1, 1)
     unseen: list[Survivor] = []
-    for candidate in system.possible(best.model):
-        if candidate.effect not in hidden or len(unseen) == most:
+    for candidate, model, answer in zip(candidates, models, system.answers(models), strict=False):
+        if answer is None:  # it cannot be at work alone, or not here
             continue
-        model = best.model.plus(candidate.term, usual_values(candidate))
         size = len(best.precision)
         precision = np.zeros((len(model.x), len(model.x)))
         precision[:size, :size] = best.precision
@@ -145,7 +146,11 @@ def next_tests(system: Specimens, causes: Sequence[Survivor], covariance: Covari
             ranked.append((bits / minutes, bits, minutes, repeats, proposal, again))
     ranked.sort(key=lambda entry: -entry[0])
     chosen: dict[str, NextExperiment] = {}
-    enough = THRESHOLDS.worthwhile_information * entropy_bits([c.probability for c in causes])
+    # A cheap test that settles little is cheap for every bit, and leaves the question open.
+    enough = max(
+        THRESHOLDS.worthwhile_information * entropy_bits([c.probability for c in causes]),
+        THRESHOLDS.settling_share * max((bits for _, bits, *_ in ranked), default=0.0),
+    )
     for _, bits, minutes, repeats, proposal, again in ranked:
         if proposal.words in chosen or bits < enough or len(chosen) == MOST_LISTED:
             continue

@@ -10,7 +10,7 @@ rival of all of them is a discrepancy: any smooth curve between the bends of a p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -141,24 +141,43 @@ def weighed(outcome: Outcome, posterior: Posterior) -> Outcome:
 
 
 def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
-    """Probability that the verdict is right; None where it says nothing of causes."""
+    """Probability that the verdict is right; None where it says nothing of causes.
+
+    Two forms of one mechanism count as one, since a verdict that names the usual form claims no more than the mechanism.
+    """
     if outcome.verdict in ("failed", "limited-by-numerics"):
         return None
+    usual = {s.candidate.effect: s.candidate.variant_of for one in outcome.rounds for s in one.scores if s.candidate.variant_of}
+    posterior = Posterior(_merged(posterior.closed, usual), _merged(posterior.open, usual))
     if outcome.verdict == "no-missing-effect":
-        slight = frozenset(outcome.no_consequence)
+        slight = _usual(outcome.no_consequence, usual)
         return sum(posterior.of(causes) for causes in {*posterior.closed, *posterior.open} if causes <= slight)
     if outcome.verdict == "unexplained":
         return posterior.something_else
     last = outcome.rounds[-1]
-    added = frozenset(last.fit.model.effects)
+    added = _usual(last.fit.model.effects, usual)
     if outcome.verdict == "ambiguous" and not outcome.effects and last.best is not None:
-        return sum(posterior.of(added | {name}) for name in (last.best, *last.ambiguous_with))
-    named = frozenset(outcome.effects)
+        named = {added | {usual.get(name, name)} for name in (last.best, *last.ambiguous_with)}
+        return sum(posterior.of(causes) for causes in named)
+    effects = _usual(outcome.effects, usual)
     if outcome.remainder == "at-floor":
-        return posterior.of(named)
+        return posterior.of(effects)
     # More than these effects is at work, the verdict says.
-    supersets = {causes for causes in {*posterior.closed, *posterior.open} if named <= causes}
+    supersets = {causes for causes in {*posterior.closed, *posterior.open} if effects <= causes}
     return sum(posterior.of(causes) for causes in supersets)
+
+
+def _usual(effects: Iterable[str], usual: Mapping[str, str]) -> Causes:
+    """Effects by the usual form of each."""
+    return frozenset(usual.get(name, name) for name in effects)
+
+
+def _merged(table: Mapping[Causes, float], usual: Mapping[str, str]) -> dict[Causes, float]:
+    """Probabilities with the forms of one mechanism added up."""
+    merged: dict[Causes, float] = {}
+    for causes, p in table.items():
+        merged[_usual(causes, usual)] = merged.get(_usual(causes, usual), 0.0) + p
+    return merged
 
 
 def evidence_of(outcome: Outcome, system: System) -> list[Evidence]:

@@ -200,7 +200,15 @@ class Thresholds:
         0.005, "probability", "Causes that are less probable do not compete where the next test is chosen."
     )
     sure_enough: float = threshold(
-        0.95, "probability", "Where each answer is the run of a mesh, no test is proposed for a verdict that is surer than this."
+        0.5,
+        "probability",
+        "Where each answer is the run of a mesh, no test is proposed beside a verdict that nothing is missing or that an effect "
+        "was found, if it is surer than this: the runs of all proposals would take minutes.",
+    )
+    settling_share: float = threshold(
+        0.7,
+        "share of the largest expected information",
+        "Of tests that are expected to tell at least so much the one that tells most in a minute is proposed.",
     )
     worthwhile_information: float = threshold(
         0.05, "share of the entropy of the causes", "A test that is expected to tell less of what is open is not proposed."

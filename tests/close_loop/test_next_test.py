@@ -19,6 +19,8 @@ from explicitfe.measured.curve import programme_of
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.rig import RigLimits
 
+FEW = ("viscoelastic", "third-yeoh", "softening")
+
 
 def foretold(mean: float, probability: float = 0.5, spread: float = 0.0) -> Foretold:
     return Foretold(probability, np.array([mean]), np.array([[spread]]))
@@ -84,7 +86,7 @@ def test_proposals_stay_in_the_room_of_the_rig(slow):
 
 def test_the_proposed_test_shows_what_ramps_at_one_rate_cannot(slow, tmp_path):
     """Relaxation cannot be seen in ramps at one rate, so a test with a time scale is proposed; measured, it names the cause."""
-    before = close_loop(slow, processes=1)
+    before = close_loop(slow, effects=FEW, processes=1)
     assert "viscoelastic" not in before.effects
     best = before.proposed_tests[0]
     assert best == before.next_experiment and best.information_bits > 0.1 and best.minutes > 5.0
@@ -96,7 +98,7 @@ def test_the_proposed_test_shows_what_ramps_at_one_rate_cannot(slow, tmp_path):
     more = written(tmp_path / "more", rates=(2.0, 0.005), seed=3)
     renamed = (more / "dataset.toml").read_text(encoding="utf-8").replace('id = "ramp-', 'id = "more-')
     (more / "dataset.toml").write_text(renamed, encoding="utf-8")
-    after = close_loop(slow, add=[more], processes=1)
+    after = close_loop(slow, add=[more], effects=FEW, processes=1)
     assert (after.verdict, after.effects) == ("effect-found", ["viscoelastic"])
     assert {"more-0", "more-1"} <= set(after.split.fit) and "what was added is fitted" in after.split.rule
     assert after.posterior["viscoelastic"] > before.posterior.get("viscoelastic", 0.0)
@@ -123,7 +125,7 @@ def test_a_rig_in_a_dataset(slow):
 
 def test_proposals_are_protocols(slow, tmp_path, capsys):
     """By the command, from the report that is there: each protocol can be planned as it stands."""
-    report = close_loop(slow, out=tmp_path / "report", processes=1)
+    report = close_loop(slow, out=tmp_path / "report", effects=FEW, processes=1)
     assert command(["design-test", str(tmp_path / "report"), "--propose", "--out", str(tmp_path / "tests"), "--json"]) == 0
     answer = check_answer("design-test", capsys.readouterr().out)
     assert [test["protocol"] for test in answer["tests"]] == [test.protocol for test in report.proposed_tests]

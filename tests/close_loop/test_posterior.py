@@ -89,6 +89,17 @@ def test_twins_share_the_probability():
     assert sureness(outcome, posterior) == pytest.approx(first + second)
 
 
+def test_two_forms_of_one_mechanism_count_as_one():
+    """The verdict names the usual form, and is as sure as both are together."""
+    effects = EFFECTS | {"twin": replace(TWIN, variant_of="rate")}
+    _, outcome, posterior = searched(effects=effects, hidden={"rate": 0.05})
+    assert (outcome.verdict, outcome.effects) == ("effect-found", ("rate",))
+    together = frozenset({"rate", "twin"})
+    forms = [frozenset({"rate"}), frozenset({"twin"}), together]
+    assert sureness(outcome, posterior) == pytest.approx(sum(posterior.of(causes) for causes in forms))
+    assert posterior.of(frozenset({"twin"})) > 0.1
+
+
 def test_something_else():
     """A smooth curve that none of the effects makes: the discrepancy is what is left to believe."""
     unseen = {UNSEEN: Planted(lambda: np.cos(7.0 * D) * (D > 0.0))}

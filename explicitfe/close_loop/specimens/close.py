@@ -255,7 +255,10 @@ class _SpecimenLoop:
         """Tests that would settle best what is open; none where a run of a mesh is dear and hardly anything is open."""
         sure = sureness(outcome, posterior)
         last = outcome.rounds[-1]
-        if sure is None or (sure > THRESHOLDS.sure_enough and not self.system.exact(last.fit.model)):
+        if sure is None:
+            return []
+        settled = outcome.verdict in ("no-missing-effect", "effect-found") and sure > THRESHOLDS.sure_enough
+        if settled and not self.system.exact(last.fit.model):
             return []
         causes = survivors(system, outcome, evidence, posterior)
         system = replace(system, numerics=COARSE, corrections={})  # tests are compared by differences of answers

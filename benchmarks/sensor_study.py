@@ -22,7 +22,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from explicitfe.close_loop.search import Outcome, search
-from explicitfe.close_loop.statistics.refit import intervals
+from explicitfe.close_loop.statistics.intervals import intervals
 from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.close_loop.trajectories.runs import displacements_of

@@ -51,7 +51,7 @@ class Plan:
         return by_curve
 
 
-def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], homogeneous: bool) -> Plan:
+def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], homogeneous: bool, *, ramps: bool = True) -> Plan:
     """How a test is computed: by one ramp for all tests of its kind, where the answer does not depend on the past.
 
     Parameters
@@ -59,6 +59,7 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     test : curves that are measured one after the other.
     curves : all that are asked for.
     homogeneous : the tests are homogeneous states where no effect speaks against it.
+    ramps : whether a ramp may do; a prediction with a model file follows the course itself.
     """
     first = test[0]
     if first.tool is None:
@@ -70,7 +71,7 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     # What a mesh changes in a state that is homogeneous without it is small, so a ramp does for friction too.
     by_ramp = _forgets_its_past(first, effects) or (homogeneous and not any(effect.remembers for effect in effects))
     text = tissue.model_copy(update={"effects": tissue.effects.without(readings)}).text
-    if by_point or not by_ramp:
+    if by_point or not by_ramp or not ramps:
         # The run is what really happens; tests whose readings leave the programme as it is share it.
         return Plan((tuple(_really(curve, readings, by_force) for curve in test), text), test, readings, by_force)
     alike = [c for c in curves if kind_of(c) == kind_of(first)]

@@ -325,16 +325,16 @@ class Specimens:
         return features_of(self.curves, self.series)
 
     def answers_or_reasons(self, model: Hypothesis) -> list[tuple[Curve, np.ndarray | str]]:
-        """Each curve with what a model predicts of it, SI, or with why that cannot be computed; in the order of ``curves``."""
+        """Each curve, in order, with what a model file predicts of it, SI, or with why that cannot be computed."""
         tissue = self.tissue(model)
-        plans = [self._plan(tissue, test, self.curves) for test in self.tests]
+        plans = [self._plan(tissue, test, self.curves, ramps=False) for test in self.tests]
         by_curve: dict[str, np.ndarray | str] = {}
         for plan, run in zip(plans, self.simulator.run([plan.job for plan in plans]), strict=True):
             by_curve |= {c.id: run for c in plan.test} if isinstance(run, str) else plan.read(run, self.corrections)
         return [(c, by_curve[c.id]) for c in self.curves]
 
-    def _plan(self, tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve]) -> Plan:
-        return plan_of(_for_group(tissue, test[0].constants), test, curves, self.homogeneous)
+    def _plan(self, tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], *, ramps: bool = True) -> Plan:
+        return plan_of(_for_group(tissue, test[0].constants), test, curves, self.homogeneous, ramps=ramps)
 
     def _answers(self, tissues: Sequence[Tissue], curves: Sequence[Curve]) -> list[Answer | None]:
         """What each tissue answers in the tests of some curves, SI; None where one of them cannot be computed."""

@@ -274,12 +274,14 @@ def _round(
     """
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
-    if not first and system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p:
-        why = "not tried: no smooth curve would explain anything of what is left"
-        quiet = [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates]
-        return Round(fit, covariance, lack, lack.p, quiet), {}
-    prints = fingerprints(system, fit, covariance, candidates)
-    scored = scores(fit, prints, candidates, seed)
+    quiet = system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p
+    tried = [c for c in candidates if not quiet or (first and not c.dear)]
+    why = "not tried: no smooth curve would explain anything of what is left"
+    untried = [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates if c not in tried]
+    if not tried:
+        return Round(fit, covariance, lack, lack.p, untried), {}
+    prints = fingerprints(system, fit, covariance, tried)
+    scored = [*scores(fit, prints, tried, seed), *untried]
     # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
     least, is_bound = min([(lack.p, False), *((s.p_holm, s.p_is_bound) for s in scored)])
     seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound, prints=tuple(prints))

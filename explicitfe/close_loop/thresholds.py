@@ -117,7 +117,9 @@ class Thresholds:
     quiet_p: float = threshold(
         0.2,
         "p-value of the lack of fit",
-        "Where each run costs seconds, candidates are not tried on a residual of which no smooth curve would explain anything.",
+        "Where each run costs seconds, candidates are not tried on a residual of which no smooth curve would explain anything; "
+        "beside the baseline those are that take one ramp, and not a whole history. Of effects with a separation of 25 one in "
+        "twenty leaves so quiet a residual of thirty directions.",
     )
     gross_misfit: float = threshold(
         9.0,

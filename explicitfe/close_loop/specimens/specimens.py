@@ -299,7 +299,8 @@ class Specimens:
         if self.homogeneous and effect.pointwise:
             return term
         # Runs on a mesh are dear, so the middle strength alone is tried.
-        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials))
+        dear = effect.needs_half_body or (effect.depends_on_path and not self.homogeneous)
+        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials), dear=dear)
         # A trial is compared with the elastic model on the same mesh where the model itself needs none, and where one ramp does
         # for the trial while the model needs its whole history.
         still = effect.acts_on != "reading" and not effect.depends_on_path

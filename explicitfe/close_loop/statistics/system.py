@@ -71,6 +71,7 @@ class Candidate:
     reference : for each row of trials, the values without the effect, from which secants are taken. It is empty where that is the
         model itself; it is not where a trial is computed on a mesh and the model is a homogeneous state.
     variant_of : the effect of which it is another form, so that the two are no rivals: "" is none.
+    dear : each trial follows a whole history on a mesh, or needs half of the body, which takes longer than all others together.
     """
 
     effect: str
@@ -79,6 +80,7 @@ class Candidate:
     reason: str = ""
     reference: tuple[tuple[float, ...], ...] = ()
     variant_of: str = ""
+    dear: bool = False
 
 
 @dataclass(frozen=True)

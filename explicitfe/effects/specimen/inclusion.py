@@ -25,7 +25,7 @@ class InclusionBelowTool(Effect):
         equation="moduli x ratio where |x - centre| < radius",
         source="geometry; an element across the surface has the mean of the moduli (Voigt)",
         where="specimen",
-        strength="log(ratio)",
+        strength="log of the ratio",
         plausible=3.0,
         needs="two tool radii, or depths that reach from the surface to the inclusion",
         neighbours="layer (at the surface), stiffness-gradient, third-yeoh",

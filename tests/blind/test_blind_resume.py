@@ -89,7 +89,8 @@ def test_a_killed_study_ends_the_same(cases: int, reports: int, whole: Path, tmp
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_killed_at_every_instant_of_the_making(whole: Path, tmp_path: Path) -> None:
     """Whenever it is killed, the same command ends with the same bytes, and with nothing else in the folder."""
-    wanted = {name: file for name, file in contents(whole).items() if not name.startswith(("reports", "score", "confusion", "reliability"))}
+    scored = ("reports", "score", "confusion", "reliability")
+    wanted = {name: file for name, file in contents(whole).items() if not name.startswith(scored)}
     instant = 0
     while True:
         study = tmp_path / f"{instant}"

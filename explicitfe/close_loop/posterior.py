@@ -18,7 +18,8 @@ import numpy as np
 from scipy.special import log_ndtr, logsumexp, ndtr
 
 from explicitfe.close_loop.search import Outcome, Round
-from explicitfe.close_loop.statistics.fingerprints import grow, lack_of_fit, outside, smooth_directions
+from explicitfe.close_loop.statistics.covariance import outside
+from explicitfe.close_loop.statistics.fingerprints import grow, lack_of_fit, smooth_directions
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, System
 from explicitfe.close_loop.thresholds import THRESHOLDS

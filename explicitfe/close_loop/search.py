@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from explicitfe.close_loop.selection import CrossValidation, select, why_not_fitted
-from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
+from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, outside, stack
 from explicitfe.close_loop.statistics.fingerprints import (
     NOT_SIGNIFICANT,
     SIGNIFICANT,
@@ -17,7 +17,6 @@ from explicitfe.close_loop.statistics.fingerprints import (
     Score,
     fingerprints,
     lack_of_fit,
-    outside,
     scores,
 )
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
@@ -237,7 +236,7 @@ def _below_floor(one: Round) -> bool:
     """Whether each series is missed by no more than noise and numerics."""
     off = measured_rows(one.covariance.series) - one.fit.answer
     misses = [float(np.sqrt(np.mean(off[part] ** 2))) for part in one.covariance.slices()]
-    return all(miss <= one.covariance.floor_of(k) for k, miss in enumerate(misses))
+    return all(miss <= one.covariance.floor_of(k, one.fit.slopes) for k, miss in enumerate(misses))
 
 
 def _limited_by_numerics(one: Round) -> bool:

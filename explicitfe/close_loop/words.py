@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from explicitfe.close_loop.search import Outcome, Round
-from explicitfe.close_loop.statistics.fingerprints import outside
+from explicitfe.close_loop.statistics.covariance import outside
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS
 

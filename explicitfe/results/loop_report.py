@@ -84,7 +84,7 @@ class CurveError(ReportPart):
     ----------
     rmse : root mean square of measured minus model, in the unit of the report.
     nrmse : the same as a share of the largest measured value.
-    floor : noise and numerics, as the same share: no model can be expected to get below it.
+    floor : what noise and numerics leave by themselves, as the same share.
     message : why the curve could not be computed.
     """
 

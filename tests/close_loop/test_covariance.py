@@ -77,7 +77,10 @@ def test_numbers_for_reports():
     part = covariance.slices()[1]
     assert part == slice(9, 23)
     wanted = np.mean(covariance.rows[1].sd ** 2) + sum(np.mean(d[part] ** 2) for d in covariance.floors.values())
-    assert covariance.floor_of(1) == pytest.approx(np.sqrt(wanted))
+    nothing = np.zeros((sum(SIZES), 0))
+    assert covariance.floor_of(1, nothing) == pytest.approx(np.sqrt(wanted))
+    imitated = np.column_stack([3.0 * d for d in covariance.floors.values()])  # what constants can do is no floor
+    assert covariance.floor_of(1, imitated) == pytest.approx(np.sqrt(np.mean(covariance.rows[1].sd ** 2)))
     alone = covariance_with(scale=0.0, offset=0.0, floors=False)
     column = np.random.default_rng(13).standard_normal(sum(SIZES))
     np.testing.assert_allclose(covariance.by_rows(column[:, None])[:, 0], alone.whiten(column), atol=1e-12)

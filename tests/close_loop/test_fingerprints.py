@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest
 from synthetic import BOTH_WAYS, ROWS, UPWARD, Linear, Planted, elastic, fitted, programme, white
 
-from explicitfe.close_loop.statistics.covariance import measured_rows
+from explicitfe.close_loop.statistics.covariance import measured_rows, outside
 from explicitfe.close_loop.statistics.fingerprints import (
     FAILED,
     NOT_SIGNIFICANT,
@@ -19,7 +19,6 @@ from explicitfe.close_loop.statistics.fingerprints import (
     holm,
     lack_of_fit,
     largest_drop,
-    outside,
     scores,
 )
 from explicitfe.close_loop.statistics.refit import refit

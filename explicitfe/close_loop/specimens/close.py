@@ -203,7 +203,7 @@ class _SpecimenLoop:
         """Put the errors of all curves before and after into the report, and return the curves for its pictures."""
         every = (*self.system.curves, *self.sides.holdout)
         system = replace(self.system, curves=every)
-        floors = self._floors(last.covariance)
+        floors = self._floors(last.covariance, last.fit.slopes)
         answers: list[dict[str, np.ndarray]] = []
         models: tuple[ReportedModel, ReportedModel] = (report.baseline, report.final)
         for model, fit in zip(models, (before, after), strict=True):
@@ -225,9 +225,9 @@ class _SpecimenLoop:
         first, final = answers
         return [_drawn(c, first[c.id], final[c.id], floors[c.id]) for c in every if c.id in first and c.id in final]
 
-    def _floors(self, covariance: Covariance) -> dict[str, float]:
-        """Curve -> rms [SI] of what no model can be expected to get below, of the fitted and of the held-out curves."""
-        floors = {one.id: covariance.floor_of(k) for k, one in enumerate(covariance.series)}
+    def _floors(self, covariance: Covariance, slopes: np.ndarray) -> dict[str, float]:
+        """Curve -> rms [SI] that noise and numerics leave by themselves, of the fitted and of the held-out curves."""
+        floors = {one.id: covariance.floor_of(k, slopes) for k, one in enumerate(covariance.series)}
         if self.sides.holdout:
             others = replace(self.system, curves=self.sides.holdout).series
             spread = covariance.scatter.scale  # equal tests differ by so much, and no model foretells in which direction

@@ -16,6 +16,9 @@ import numpy as np
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.close_loop.statistics.system import Answer, Series
 
+# Directions whose singular value is smaller, as a share of the largest, are none.
+RANK_SHARE = 1e-10
+
 
 @dataclass(frozen=True, eq=False)
 class Covariance:
@@ -103,11 +106,20 @@ class Covariance:
         ends = np.cumsum([0, *(len(s.measured) for s in self.series)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
-    def floor_of(self, number: int) -> float:
-        """Rms [SI] of what is not physics in a series: its rows and the floors, without the scatter between tests."""
+    def floor_of(self, number: int, slopes: np.ndarray) -> float:
+        """Rms [SI] of what is not physics in a series: noise of its rows, and what no parameter can imitate of the floors.
+
+        The scatter between tests does not count.
+
+        Parameters
+        ----------
+        slopes : (n, p) SI, derivatives of the answer by the parameters of the model.
+        """
         rows = self.rows[number].sd
         part = self.slices()[number]
-        return float(np.sqrt(np.mean(rows**2) + sum(np.mean(d[part] ** 2) for d in self.floors.values())))
+        columns = self.by_rows(np.column_stack([slopes, *self.floors.values()]))
+        left = outside(columns[:, : slopes.shape[1]], columns[:, slopes.shape[1] :])[part] * self.rows[number].weight_sd[:, None]
+        return float(np.sqrt(np.mean(rows**2) + (left**2).sum() / len(rows)))
 
     def by_rows(self, columns: np.ndarray) -> np.ndarray:
         """Columns (n, k) whitened by the noise of the rows alone."""
@@ -157,3 +169,10 @@ def stack(answer: Answer) -> np.ndarray:
 def measured_rows(series: Sequence[Series]) -> np.ndarray:
     """The measured rows of all series, one after the other, SI."""
     return np.concatenate([one.measured for one in series])
+
+
+def outside(J: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """The part of columns (n, k) that lies outside the span of J (n, p)."""
+    U, s, _ = np.linalg.svd(J, full_matrices=False)
+    U = U[:, s > RANK_SHARE * max(s.max(initial=0.0), 1e-300)]
+    return columns - U @ (U.T @ columns)

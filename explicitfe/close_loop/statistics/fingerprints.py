@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from explicitfe.close_loop.statistics.covariance import Covariance, stack
+from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
 from explicitfe.close_loop.statistics.noise import smooth_basis
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Candidate, System
@@ -26,8 +26,6 @@ BOUND_MARGIN_SHARE = 0.05
 LEAST_DEGREES_OF_NOISE = 5.0
 # A search that has to begin elsewhere begins at no more trials than this.
 OTHER_STARTS = 2
-# Directions whose singular value is smaller, as a share of the largest, are none.
-RANK_SHARE = 1e-10
 
 Status = Literal["significant", "not-significant", "not-testable", "failed"]
 SIGNIFICANT: Status = "significant"
@@ -83,13 +81,6 @@ class Score:
     reason: str
     p_is_bound: bool = False
     others: tuple[tuple[float, ...], ...] = ()
-
-
-def outside(J: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """The part of columns (n, k) that lies outside the span of J (n, p)."""
-    U, s, _ = np.linalg.svd(J, full_matrices=False)
-    U = U[:, s > RANK_SHARE * max(s.max(initial=0.0), 1e-300)]
-    return columns - U @ (U.T @ columns)
 
 
 def fingerprints(system: System, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate]) -> list[Fingerprint]:

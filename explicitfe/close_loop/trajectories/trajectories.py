@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.statistics.covariance import stack
-from explicitfe.close_loop.statistics.fingerprints import outside
+from explicitfe.close_loop.statistics.covariance import outside, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.close_loop.statistics.refit import derivatives
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate

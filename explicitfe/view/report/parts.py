@@ -209,7 +209,7 @@ def _facts(report: LoopReport, side: Side, floor: float | None) -> list[Fact]:
     if any(map(finite, rmse)):
         facts.append(Fact(f"That is {' → '.join(number(x, 2) for x in rmse)} {report.unit or ''} root mean square."))
     if finite(floor):
-        facts.append(Fact(f"Floor {percent(floor)}: noise and numerics; no model can be expected to get below it."))
+        facts.append(Fact(f"Floor {percent(floor)}: what noise and numerics leave by themselves."))
     if side == "holdout" and finite(mean_error(report.baseline, "fit").nrmse):
         fitted = [percent(mean_error(model, "fit").nrmse) for model in models]
         facts.append(Fact(f"{plural(len(report.split.fit), 'fitted curve')}: {' → '.join(fitted)}."))

@@ -8,6 +8,7 @@ the scatter of tests then count with as much less noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,11 +79,9 @@ def _survivor(system: Specimens, outcome: Outcome, one: Evidence, probability: f
     """A cause with its parameters: one that was only tried is fitted where that needs no mesh."""
     covariance, model, J = outcome.rounds[0].covariance, one.model, one.jacobian
     if not one.fitted and system.exact(model):
-        try:
+        with suppress(RunError):  # else its trial stands for it
             fit = refit(system, model, covariance)
             model, J = fit.model, fit.jacobian
-        except RunError:
-            pass  # its trial stands for it
     count = sum(len(term.parameters) for term in model.terms)
     precision = J.T @ J
     for k, term in zip(_starts(model), model.terms, strict=True):

@@ -22,7 +22,7 @@ from explicitfe.close_loop.statistics.fingerprints import (
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.starts import refit_with, settled
-from explicitfe.close_loop.statistics.system import Hypothesis, System
+from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
 from explicitfe.results.loop_report import Remainder, Verdict
@@ -274,9 +274,10 @@ def _round(
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
     quiet = system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p
-    tried = [c for c in candidates if not quiet or (first and not c.dear)]
-    why = "not tried: no smooth curve would explain anything of what is left"
-    untried = [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c in candidates if c not in tried]
+    forgets = not quiet and system.costly(fit.model) and _forgets(system, fit, covariance)
+    whys = [_why_not_tried(c, quiet=quiet, first=first, forgets=forgets) for c in candidates]
+    tried = [c for c, why in zip(candidates, whys, strict=True) if not why]
+    untried = [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c, why in zip(candidates, whys, strict=True) if why]
     if not tried:
         return Round(fit, covariance, lack, lack.p, untried), {}
     prints = fingerprints(system, fit, covariance, tried)
@@ -325,6 +326,21 @@ def _round(
         separations=tuple(separations),
     )
     return judged, systems
+
+
+def _forgets(system: System, fit: BestFit, covariance: Covariance) -> bool:
+    """Whether what is left is a function of the programme's value alone, up to noise: then nothing is remembered."""
+    state = system.functions_of_state()
+    return state is not None and lack_of_fit(fit, covariance, state).p > THRESHOLDS.quiet_p
+
+
+def _why_not_tried(candidate: Candidate, *, quiet: bool, first: bool, forgets: bool) -> str:
+    """Why a candidate is not tried on a mesh; "" if it is."""
+    if quiet and (candidate.dear or not first):
+        return "not tried: no smooth curve would explain anything of what is left"
+    if forgets and candidate.remembers:
+        return "not tried: what is left is the same at the same load, whatever came before"
+    return ""
 
 
 def _worth_a_refit(

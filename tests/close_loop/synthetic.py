@@ -80,6 +80,9 @@ class Linear:
     def at(self, model: Hypothesis) -> Linear:
         return self
 
+    def functions_of_state(self) -> None:
+        return None
+
     def sketch(self, model: Hypothesis) -> Hypothesis:
         return model
 

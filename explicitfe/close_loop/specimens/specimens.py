@@ -20,7 +20,7 @@ from explicitfe.effects.effect import Sought, with_leaves
 from explicitfe.errors import InputError, RunError
 from explicitfe.forces.response import layout_of
 from explicitfe.measured.curve import Curve, Dataset, programme_of
-from explicitfe.predict.correction import Correction, corrections_of
+from explicitfe.predict.correction import Correction, corrections_of, kind_of
 from explicitfe.predict.experiment import experiments
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
@@ -43,6 +43,8 @@ EXACT = Numerics()
 COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # with which tests are planned, by differences of answers
 # With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
 CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, finer=1.5)
+# An answer to the value of the programme alone is a polynomial of this degree: it bends at first touch.
+DEGREE_OF_STATE = 6
 # The check of a history adds instants and tightens the tolerance by these factors.
 CHECK_DENSITY_FACTOR = 2.0
 CHECK_TOLERANCE_FACTOR = 0.25
@@ -165,6 +167,22 @@ class Specimens:
                 x += list(model.x[start : start + len(term.parameters)])
             start += len(term.parameters)
         return Hypothesis(model.base, tuple(model.terms[k] for k in kept), np.array(x))
+
+    def functions_of_state(self) -> np.ndarray:
+        """Columns (n, m) SI: polynomials of the depth or of the force, for the tests of each kind together."""
+        kinds: dict[str, list[int]] = {}
+        for number, curve in enumerate(self.curves):
+            kinds.setdefault(kind_of(curve), []).append(number)
+        programmes = [programme_of(c)[determined(c)] for c in self.curves]
+        ends = np.cumsum([0, *map(len, programmes)])
+        columns = []
+        for numbers in kinds.values():
+            top = max(float(np.abs(programmes[k]).max()) for k in numbers)
+            block = np.zeros((ends[-1], 1 + DEGREE_OF_STATE))
+            for k in numbers:
+                block[ends[k] : ends[k + 1]] = np.polynomial.legendre.legvander(2.0 * programmes[k] / top - 1.0, DEGREE_OF_STATE)
+            columns.append(block)
+        return np.concatenate(columns, axis=1)
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, SI; None where it cannot be computed."""
@@ -300,7 +318,7 @@ class Specimens:
             return term
         # Runs on a mesh are dear, so the middle strength alone is tried.
         dear = effect.needs_half_body or (effect.depends_on_path and not self.homogeneous)
-        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials), dear=dear)
+        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials), dear=dear, remembers=effect.remembers)
         # A trial is compared with the elastic model on the same mesh where the model itself needs none, and where one ramp does
         # for the trial while the model needs its whole history.
         still = effect.acts_on != "reading" and not effect.depends_on_path

@@ -246,8 +246,13 @@ class LackOfFit:
         return max(self.chi2 - self.free, 0.0)
 
 
-def smooth_directions(fit: BestFit, covariance: Covariance) -> np.ndarray:
-    """Orthonormal directions (n, m), whitened, of smooth curves between the bends, outside what the model's parameters can do."""
+def smooth_directions(fit: BestFit, covariance: Covariance, besides: np.ndarray | None = None) -> np.ndarray:
+    """Orthonormal directions (n, m), whitened, of smooth curves between the bends, outside what the model's parameters can do.
+
+    Parameters
+    ----------
+    besides : (n, k) SI, columns that count as what the model can do too.
+    """
     blocks = []
     total = len(fit.answer)
     for one, part in zip(covariance.series, covariance.slices(), strict=True):
@@ -257,19 +262,28 @@ def smooth_directions(fit: BestFit, covariance: Covariance) -> np.ndarray:
         blocks.append(block)
     directions = covariance.whiten(np.concatenate(blocks, axis=1))
     directions, _ = np.linalg.qr(directions / np.linalg.norm(directions, axis=0))
-    U, s, _ = np.linalg.svd(outside(fit.movable, directions), full_matrices=False)
+    U, s, _ = np.linalg.svd(outside(_explained(fit, covariance, besides), directions), full_matrices=False)
     # What the constants leave of a direction that they nearly imitate is the noise of the imposed column in their derivatives.
     return U[:, s > THRESHOLDS.imitation_sine]
 
 
-def lack_of_fit(fit: BestFit, covariance: Covariance) -> LackOfFit:
+def _explained(fit: BestFit, covariance: Covariance, besides: np.ndarray | None) -> np.ndarray:
+    """Whitened columns (n, q) of what the parameters that can move do, and of what counts as explained besides."""
+    return fit.movable if besides is None else np.column_stack([fit.movable, covariance.whiten(besides)])
+
+
+def lack_of_fit(fit: BestFit, covariance: Covariance, besides: np.ndarray | None = None) -> LackOfFit:
     """A test of a residual against smooth functions of the programme: physics is smooth between bends, and noise is not.
 
     The plain sum over all rows would test the stated noise rather than the model, because 5 % more noise in a thousand rows is
     significant there. Where the noise was estimated from what a smooth curve leaves, the test is an F-test.
+
+    Parameters
+    ----------
+    besides : (n, k) SI, columns that count as explained.
     """
-    U = smooth_directions(fit, covariance)
-    along = U.T @ outside(fit.movable, fit.residual)
+    U = smooth_directions(fit, covariance, besides)
+    along = U.T @ outside(_explained(fit, covariance, besides), fit.residual)
     free, size = U.shape[1], float(along @ along)
     if not free:
         p = 1.0

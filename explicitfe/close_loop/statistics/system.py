@@ -72,6 +72,7 @@ class Candidate:
         model itself; it is not where a trial is computed on a mesh and the model is a homogeneous state.
     variant_of : the effect of which it is another form, so that the two are no rivals: "" is none.
     dear : each trial follows a whole history on a mesh, or needs half of the body, which takes longer than all others together.
+    remembers : the same programme value is answered otherwise after another past.
     """
 
     effect: str
@@ -81,6 +82,7 @@ class Candidate:
     reference: tuple[tuple[float, ...], ...] = ()
     variant_of: str = ""
     dear: bool = False
+    remembers: bool = False
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,9 @@ class System(Protocol):
 
     def sketch(self, model: Hypothesis) -> Hypothesis:
         """A simpler model, in which candidates with a reference are tried."""
+
+    def functions_of_state(self) -> np.ndarray | None:
+        """Columns (n, m) SI that span all answers to the value of the programme alone; None where the past is always asked."""
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, in SI at their rows; None where it cannot be computed."""

@@ -167,6 +167,9 @@ class Trajectories:
         """The model itself: every candidate is tried in it."""
         return model
 
+    def functions_of_state(self) -> None:
+        """A tongue moves by inertia: its past always counts."""
+
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, m; None where it cannot be computed."""
         return [None if isinstance(a, str) else a for a in self._answers(models)]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from explicitfe.close_loop.rivals import excluded, fits, gain_over, separations_of, worth_a_refit
 from explicitfe.close_loop.selection import CrossValidation, select, why_not_fitted
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, outside, stack
 from explicitfe.close_loop.statistics.fingerprints import (
@@ -15,25 +16,22 @@ from explicitfe.close_loop.statistics.fingerprints import (
     Fingerprint,
     LackOfFit,
     Score,
+    by_rows,
     fingerprints,
     lack_of_fit,
     scores,
 )
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit
-from explicitfe.close_loop.statistics.starts import refit_with, settled
+from explicitfe.close_loop.statistics.starts import renewed, settled
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.errors import RunError
 from explicitfe.results.loop_report import Remainder, Verdict
 
 # Floors of assumed quantities have names that begin so; the others are of the numerics.
 ASSUMED = "assumed "
 # Shares of the whole search that are done when each stage begins; the rounds take what lies between the last two.
 BASELINE_PROGRESS, FLOORS_PROGRESS, ROUNDS_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.06, 0.1, 0.8
-
-# The forward model is taken again at the parameters of a fit so often: they move little, and the model less.
-MOST_RENEWALS = 2
 
 NO_MORE_EFFECTS = "not added: the model has as many effects as may be added (--max-effects)"
 
@@ -252,16 +250,6 @@ def _limited_by_numerics(one: Round) -> bool:
     return lack_of_fit(bare, exact).p <= THRESHOLDS.significance_p
 
 
-def renewed(system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS) -> tuple[System, BestFit]:
-    """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
-    for _ in range(times):
-        here = system.at(fit.model)
-        if here is system:
-            break
-        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes)
-    return system, fit
-
-
 def _round(
     system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool
 ) -> tuple[Round, dict[str, System]]:
@@ -282,17 +270,21 @@ def _round(
         return Round(fit, covariance, lack, lack.p, untried), {}
     prints = fingerprints(system, fit, covariance, tried)
     scored = [*scores(fit, prints, tried, seed), *untried]
+    if fit.by_rows is not None:
+        scored = by_rows(scored, prints, fit, covariance)
     # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
     least, is_bound = min([(lack.p, False), *((s.p_holm, s.p_is_bound) for s in scored)])
     seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound, prints=tuple(prints))
-    significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.drop)
+    significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.promise)
     if seen.at_floor or not significant or last:
         why = "not added: what is left is no more than noise" if seen.at_floor else NO_MORE_EFFECTS
         return replace(seen, why_not={s.candidate.effect: why for s in significant}), {}
-    promising, near = _worth_a_refit(system, fit, significant, scored)
-    refits, systems, failures = _refits(system, fit, covariance, promising, near)
+    promising, near = worth_a_refit(system, fit, significant, scored)
+    refits, systems, failures = fits(system, fit, covariance, promising, near)
     numerical = {name: _numerical_chi2(covariance, fit, other) for name, other in refits.items()}
-    selection = select(system, fit, refits, {s.candidate.effect for s in significant}, covariance, numerical)
+    # Whatever explains a gross misfit does not do so by chance.
+    allowed = {s.candidate.effect for s in (significant if fit.by_rows is None else scored)}
+    selection = select(system, fit, refits, allowed, covariance, numerical)
     fitted = [s for s in significant if s.candidate.effect in refits]
     why_not = {s.candidate.effect: why_not_fitted(s, fitted) for s in significant if s not in fitted} | selection.why_not
     best = selection.best
@@ -301,18 +293,16 @@ def _round(
     )
     if best is None:
         return seen, systems
-    separations = _separations(systems, best, refits, covariance)
-    unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
+    separations, unsure = _separated(systems, best, refits, covariance)
     usual = {s.candidate.effect: s.candidate.variant_of or s.candidate.effect for s in scored}
     if usual[best] in unsure:
         # Two forms of one mechanism that these data cannot tell apart: the usual one is taken.
         why_not = why_not | {best: f"not added: these data cannot tell it from {usual[best]}, the usual form of the same"}
         best = usual[best]
-        separations = _separations(systems, best, refits, covariance)
-        unsure = [rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation]
+        separations, unsure = _separated(systems, best, refits, covariance)
     # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
-    likely_drop = fit.whitened - refits[best].whitened - THRESHOLDS.told_apart_separation
-    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.drop > likely_drop]
+    likely_drop = gain_over(fit, refits[best], covariance) - THRESHOLDS.told_apart_separation
+    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.promise > likely_drop]
     unsure = [rival for rival in unsure if usual[rival] != usual[best]]
     if unsure:
         alike = {rival: f"not added: these data cannot tell it from {best}" for rival in unsure}
@@ -343,65 +333,12 @@ def _why_not_tried(candidate: Candidate, *, quiet: bool, first: bool, forgets: b
     return ""
 
 
-def _worth_a_refit(
-    system: System, fit: BestFit, significant: Sequence[Score], scored: Sequence[Score]
-) -> tuple[list[Score], list[Score]]:
-    """Candidates that may explain most when they are fitted, and others whose trial comes near the best one."""
-    top = significant[0].drop
-    # A candidate on a mesh costs more than all others together, and most where the model itself remembers.
-    remembers = len(system.sketch(fit.model).terms) != len(fit.model.terms)
-    share_on_a_mesh = 1.0 if remembers else THRESHOLDS.mesh_refit_share_of_best_drop
-    near_drop = top - THRESHOLDS.near_best_drop
-    promising = [
-        s
-        for s in significant
-        if (
-            s.drop >= share_on_a_mesh * top
-            if s.candidate.reference
-            else s.drop > THRESHOLDS.refit_share_of_best_drop * top or s.drop > near_drop
-        )
-    ]
-    near = [s for s in scored if s not in promising and s.values and s.drop > near_drop]
-    return promising, near
-
-
-def _refits(
-    system: System, fit: BestFit, covariance: Covariance, promising: Sequence[Score], near: Sequence[Score]
-) -> tuple[dict[str, BestFit], dict[str, System], dict[str, str]]:
-    """The model with each of the best candidates, fitted; the forward model of each; and why some cannot be."""
-    most = THRESHOLDS.refitted_candidates if system.exact(fit.model) else THRESHOLDS.refitted_candidates_on_a_mesh
-    cheap = sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.drop)
-    refits: dict[str, BestFit] = {}
-    systems: dict[str, System] = {}
-    failures: dict[str, str] = {}
-    for score in [*promising[:most], *cheap[:most]]:
-        name = score.candidate.effect
-        model = fit.model.plus(score.candidate.term, score.values)
-        least = min((other.whitened for other in refits.values()), default=np.inf)
-        hoped = fit.whitened - THRESHOLDS.refit_gain_over_trial * score.drop
-        if system.costly(model) and hoped > least + THRESHOLDS.far_misfit:
-            continue  # a fit would not bring it near the best
-        try:
-            starts = (score.values, *score.others)
-            local = system.at(model)
-            fitted = refit_with(local, fit, score.candidate.term, starts, covariance, score.drop)
-            systems[name], refits[name] = renewed(local, fitted, covariance, times=1)
-        except RunError as error:
-            failures[name] = str(error)
-    return refits, systems, failures
-
-
-def _separations(
+def _separated(
     systems: dict[str, System], best: str, refits: dict[str, BestFit], covariance: Covariance
-) -> list[tuple[str, str, float]]:
-    """(best, rival, |y_best - y_rival|^2) with each rival fitted to the answer of the best model."""
-    chosen = refits[best]
-    separations = []
-    for name, rival in refits.items():
-        if name == best:
-            continue
-        apart = rival.chi2 - chosen.chi2
-        if apart <= THRESHOLDS.far_misfit:  # beyond it the data themselves tell the models apart
-            apart = refit(systems[name], rival.model, covariance, chosen.answer, rival.slopes).chi2
-        separations.append((best, name, apart))
-    return separations
+) -> tuple[list[tuple[str, str, float]], list[str]]:
+    """How far the answers of the best model and of each rival lie apart, and the rivals that cannot be told from it."""
+    clear = excluded(best, refits, covariance)
+    separations = separations_of(systems, best, refits, clear, covariance)
+    return separations, [
+        rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation and rival not in clear
+    ]

@@ -79,10 +79,10 @@ def select(
 
 def why_not_fitted(score: Score, refitted: Sequence[Score]) -> str:
     """Why a significant candidate was not fitted, where others were that explain more."""
-    top = max(refitted, key=lambda other: other.drop, default=None)
+    top = max(refitted, key=lambda other: other.promise, default=None)
     if top is None:
         return "not fitted: no candidate could be"
-    own, best = _chi2(score.drop), _chi2(top.drop)
+    own, best = _chi2(score.promise), _chi2(top.promise)
     return f"not fitted: its trial lowers chi2 by {own}, that of {top.candidate.effect} by {best}, too far ahead to be reached"
 
 

@@ -77,9 +77,9 @@ class Thresholds:
         "A length that the source does not state is inferred from pictures or from similar tests, no better than this.",
     )
     stated_length_error_share: float = threshold(
-        0.01,
+        0.003,
         "share of a stated length, one standard deviation",
-        "Soft specimens are measured, and cut parallel, to some tenths of a millimetre in twenty.",
+        "A length is stated because it was measured: a calliper or a mould gives 0.05 mm in twenty.",
     )
     unforeseen_numerics_factor: float = threshold(
         2.0,
@@ -163,6 +163,12 @@ class Thresholds:
         "squared distance of two answers over the covariance",
         "Models that are nearer cannot be told apart by these data. The covariance is cautious, so this is less than what a plan "
         "asks for: of 309 cases for tuning it decided 11 more than 25 would have, all of them rightly.",
+    )
+    excluded_chi2: float = threshold(
+        10.0,
+        "chi2",
+        "Odds of 150 to 1 for the better of two models with as many parameters. A rival that fits so much worse than a model "
+        "that leaves nothing unexplained is excluded, however near the answers of the two lie.",
     )
     cross_validated_tests: int = threshold(
         3, "tests that are left out in turn", "Of two rates one does not say what the other will be, so fewer speak for no model."

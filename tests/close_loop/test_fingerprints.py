@@ -236,3 +236,17 @@ def test_a_curve_of_three_rows_has_no_lack_of_fit():
     fit = refit(system, system.start(), white(system))
     lack = lack_of_fit(fit, white(system))
     assert (lack.free, lack.p) == (0, 1.0)
+
+
+def test_what_is_a_function_of_the_programme_alone_shows_no_memory():
+    """Three tests with one programme. A cube of it is nothing that is left beside polynomials of the programme; what one test
+    has and another has not at the same place is. By chance p is as even beside these columns as without.
+    """
+    state = np.polynomial.legendre.legvander(2.0 * D - 1.0, 6)
+
+    def p_of(extra: np.ndarray, seed: int) -> float:
+        system = elastic(np.random.default_rng(seed), sd=SD, extra=extra)
+        return lack_of_fit(fitted(system, white(system))[0], white(system), state).p
+
+    assert min(p_of(0.5 * D**5, seed) for seed in range(5)) > 1e-3 and p_of(0.5 * D**5 * TEST, 5) < 1e-6
+    assert kstest([p_of(0.0 * D, seed) for seed in range(100)], "uniform").pvalue > KS

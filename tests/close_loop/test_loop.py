@@ -339,3 +339,16 @@ def test_an_error_below_its_floor_is_nothing_missing():
     """Numerics that may do more elsewhere make the floor of each curve larger than its error, though it is significant."""
     outcome = outcome_of(effects={}, extra=0.02 * WAVE, checked={"the mesh": 0.2 * BUMP})
     assert outcome.rounds[0].p < THRESHOLDS.significance_p and outcome.verdict == "limited-by-numerics"
+
+
+def test_what_an_assumed_length_imitates_may_still_be_what_explains_a_gross_misfit():
+    """A wave of 0.6, sixty noises, and an assumed length that is worth 0.05 of it, so that it would be wrong by twelve standard
+    deviations. Whitened by Sigma the wave's trial gains less than that of a bump, which is in the data to a tenth of it.
+    """
+    effects = {name: EFFECTS[name] for name in ("wave", "bump")}
+    truth = {"hidden": {"wave": 0.6}, "extra": 0.06 * BUMP}
+    first = outcome_of(effects=effects, assumed={"height_mm": 0.05 * WAVE}, **truth).rounds[0]
+    scores = {s.candidate.effect: s for s in first.scores}
+    assert first.fit.by_rows is not None
+    assert scores["bump"].drop > scores["wave"].drop and scores["wave"].promise > scores["bump"].promise
+    assert first.chosen == "wave"

@@ -19,7 +19,7 @@ from explicitfe.close_loop.report import (
     errors_of_model,
     new_report,
 )
-from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, renewed, search
+from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, search
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, CORRECTED, Specimens
@@ -28,6 +28,7 @@ from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
 from explicitfe.close_loop.statistics.noise import row_noise
 from explicitfe.close_loop.statistics.refit import BestFit, refit
+from explicitfe.close_loop.statistics.starts import renewed
 from explicitfe.close_loop.statistics.system import values_by_name
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS

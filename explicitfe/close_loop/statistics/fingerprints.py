@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
+from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, outside, stack
 from explicitfe.close_loop.statistics.noise import smooth_basis
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Candidate, System
@@ -41,6 +41,7 @@ class Fingerprint:
     Attributes
     ----------
     secants : (n, m), y(strength) - y(0) of each trial.
+    changes : (n, m) SI, the same as they are.
     values : the parameters of each trial.
     limits : (m,) by how many times the strength of each trial may grow until it is at its bound.
     plausible : (m,) the same until it is the largest plausible strength.
@@ -48,6 +49,7 @@ class Fingerprint:
 
     candidate: Candidate
     secants: np.ndarray
+    changes: np.ndarray
     values: tuple[tuple[float, ...], ...]
     limits: np.ndarray
     plausible: np.ndarray
@@ -65,6 +67,7 @@ class Score:
     Attributes
     ----------
     drop : by how much the best trial lowers chi2.
+    promise : by how much it lowers what a fit makes small: the same, but where the misfit is gross; there chi2 of the rows alone.
     p, p_holm : p-value of such a drop by chance, for this candidate alone and among all of them.
     p_is_bound : both are upper bounds, because no draw of the bootstrap reached the drop.
     values : parameters that explain most, with the strength that explains most.
@@ -81,6 +84,7 @@ class Score:
     reason: str
     p_is_bound: bool = False
     others: tuple[tuple[float, ...], ...] = ()
+    promise: float = 0.0
 
 
 def fingerprints(system: System, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate]) -> list[Fingerprint]:
@@ -110,10 +114,9 @@ def fingerprints(system: System, fit: BestFit, covariance: Covariance, candidate
             bound, usual = _room(candidate, values)
             limits.append(bound)
             plausible.append(usual)
-        secants = np.array(columns).T if columns else np.zeros((len(fit.answer), 0))
-        if columns:
-            secants = outside(fit.movable, covariance.whiten(secants))
-        prints.append(Fingerprint(candidate, secants, tuple(computed), np.array(limits), np.array(plausible)))
+        changes = np.array(columns).T if columns else np.zeros((len(fit.answer), 0))
+        secants = outside(fit.movable, covariance.whiten(changes)) if columns else changes
+        prints.append(Fingerprint(candidate, secants, changes, tuple(computed), np.array(limits), np.array(plausible)))
     return prints
 
 
@@ -175,10 +178,7 @@ def scores(
             part = slice(start, start + tested.secants.shape[1])
             start = part.stop
             drops.append(float(observed[part].max()))
-            ranked = _by_drop(tested, observed[part])[: 1 + OTHER_STARTS]
-            growth = tested.secants.T @ residual / np.maximum(size[part], 1e-300)
-            times = np.clip(growth, SMALLEST_GROWTH, tested.limits)
-            best.append(tuple(grow(tested.candidate, tested.values[k], float(times[k])) for k in ranked))
+            best.append(_starts(tested, observed[part], tested.secants.T @ residual, size[part]))
             reached = int((by_chance[:, part].max(axis=1) >= drops[-1]).sum())
             chance.append((1.0 + reached) / (draws + 1.0))
             bounded.append(reached == 0)
@@ -194,7 +194,7 @@ def scores(
             drop, (values, *others), p, p_holm, is_bound = by_candidate[id(candidate)]
             status = SIGNIFICANT if p_holm < THRESHOLDS.significance_p else NOT_SIGNIFICANT
             reason = "explains more than chance would" if status == SIGNIFICANT else "explains no more than chance may"
-            scored.append(Score(candidate, status, drop, p, p_holm, values, reason, is_bound, tuple(others)))
+            scored.append(Score(candidate, status, drop, p, p_holm, values, reason, is_bound, tuple(others), drop))
         elif not own.values:
             scored.append(Score(candidate, FAILED, 0.0, 1.0, 1.0, (), "the model cannot be computed with it"))
         else:
@@ -202,6 +202,37 @@ def scores(
             reason = f"even the largest plausible one stays under the floors ({needed})"
             scored.append(Score(candidate, NOT_TESTABLE, 0.0, 1.0, 1.0, (), reason))
     return scored
+
+
+def by_rows(scored: Sequence[Score], prints: Sequence[Fingerprint], fit: BestFit, covariance: Covariance) -> list[Score]:
+    """Scores that promise what a fit finds where the misfit is gross, and is therefore made small by the rows alone.
+
+    There an error of a stated length that imitates a candidate would have to be many times as large as is likely. Whitened by
+    Sigma, such a candidate hardly counts, although it may be the only one that explains the data.
+    """
+    rows = covariance.of_rows()
+    slopes = rows.whiten(fit.slopes)
+    residual = outside(slopes, rows.whiten(measured_rows(covariance.series) - fit.answer))
+    by_candidate = {id(tested.candidate): tested for tested in prints}
+    ranked = []
+    for score in scored:
+        if not score.values:
+            ranked.append(score)
+            continue
+        tested = by_candidate[id(score.candidate)]
+        secants = outside(slopes, rows.whiten(tested.changes))
+        along, size = secants.T @ residual, (secants**2).sum(axis=0)
+        drops = largest_drop(along, size, tested.limits)
+        values, *others = _starts(tested, drops, along, size)
+        ranked.append(replace(score, promise=float(drops.max()), values=values, others=tuple(others)))
+    return ranked
+
+
+def _starts(tested: Fingerprint, drops: np.ndarray, along: np.ndarray, size: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    """Values with which fits begin, the most promising first, given each trial's drop, secant . residual and |secant|^2 (m,)."""
+    times = np.clip(along / np.maximum(size, 1e-300), SMALLEST_GROWTH, tested.limits)
+    ranked = _by_drop(tested, drops)[: 1 + OTHER_STARTS]
+    return tuple(grow(tested.candidate, tested.values[k], float(times[k])) for k in ranked)
 
 
 def _by_drop(tested: Fingerprint, drops: np.ndarray) -> list[int]:

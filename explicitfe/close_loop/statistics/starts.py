@@ -16,6 +16,8 @@ from explicitfe.errors import RunError
 KEPT_PROMISE_SHARE = 0.5
 # A search that gave up begins again with each coordinate moved by this share of its typical length, to either side.
 MOVED_START_SHARE = 0.5
+# The forward model is taken again at the parameters of a fit so often: they move little, and the model less.
+MOST_RENEWALS = 2
 
 
 def quality(fit: BestFit) -> tuple[bool, float]:
@@ -99,3 +101,13 @@ def _moved(model: Hypothesis, share: float) -> Hypothesis:
     """A model with each coordinate moved by a share of its typical length, inside its bounds."""
     low, high, typical = (np.array([getattr(p, key) for p in model.parameters]) for key in ("low", "high", "typical"))
     return model.at(np.clip(model.x + share * typical, low, high))
+
+
+def renewed(system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS) -> tuple[System, BestFit]:
+    """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
+    for _ in range(times):
+        here = system.at(fit.model)
+        if here is system:
+            break
+        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes)
+    return system, fit

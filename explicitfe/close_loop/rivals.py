@@ -1,0 +1,117 @@
+"""The rivals of a round: which candidates are fitted, how they end, and how far their answers lie apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence, Set
+
+import numpy as np
+
+from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows
+from explicitfe.close_loop.statistics.fingerprints import Score, lack_of_fit
+from explicitfe.close_loop.statistics.refit import BestFit, refit
+from explicitfe.close_loop.statistics.starts import refit_with, renewed
+from explicitfe.close_loop.statistics.system import System
+from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.errors import RunError
+
+
+def gain_over(fit: BestFit, other: BestFit, covariance: Covariance) -> float:
+    """By how much another model lowers the chi2 in which a fit was made: that of the rows alone where its misfit is gross."""
+    if fit.by_rows is None:
+        return fit.whitened - other.whitened
+    rows = covariance.of_rows()
+    return fit.by_rows - float(np.sum(rows.whiten(measured_rows(covariance.series) - other.answer) ** 2))
+
+
+def worth_a_refit(
+    system: System, fit: BestFit, significant: Sequence[Score], scored: Sequence[Score]
+) -> tuple[list[Score], list[Score]]:
+    """Candidates that may explain most when they are fitted, and others whose trial comes near the best one."""
+    top = significant[0].promise
+    # A candidate on a mesh costs more than all others together, and most where the model itself remembers.
+    remembers = len(system.sketch(fit.model).terms) != len(fit.model.terms)
+    share_on_a_mesh = 1.0 if remembers else THRESHOLDS.mesh_refit_share_of_best_drop
+    near_drop = top - (THRESHOLDS.near_best_drop if fit.by_rows is None else THRESHOLDS.far_misfit)
+    promising = [
+        s
+        for s in significant
+        if (
+            s.promise >= share_on_a_mesh * top
+            if s.candidate.reference
+            else s.promise > THRESHOLDS.refit_share_of_best_drop * top or s.promise > near_drop
+        )
+    ]
+    near = [s for s in scored if s not in promising and s.values and s.promise > near_drop]
+    return promising, near
+
+
+def fits(
+    system: System, fit: BestFit, covariance: Covariance, promising: Sequence[Score], near: Sequence[Score]
+) -> tuple[dict[str, BestFit], dict[str, System], dict[str, str]]:
+    """The model with each of the best candidates, fitted; the forward model of each; and why some cannot be."""
+    most = THRESHOLDS.refitted_candidates
+    if system.costly(fit.model) and fit.by_rows is None:
+        most = THRESHOLDS.refitted_candidates_on_a_mesh
+    cheap = sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.promise)
+    # Those that take longest come last, when it is known how well the others do.
+    chosen = sorted([*promising[:most], *cheap[:most]], key=lambda s: s.candidate.dear)
+    refits: dict[str, BestFit] = {}
+    systems: dict[str, System] = {}
+    failures: dict[str, str] = {}
+    for score in chosen:
+        name = score.candidate.effect
+        model = fit.model.plus(score.candidate.term, score.values)
+        least = min((other.chi2 for other in refits.values()), default=np.inf)
+        if system.costly(model) and _far(fit, score, least):
+            continue
+        try:
+            # What a finer mesh changes depends on the effect, such as a volume that may change. That is looked at where it may
+            # decide, below; only a model without a mesh knows nothing of it at all.
+            systems[name] = system.at(model) if system.exact(fit.model) else system
+            starts = (score.values, *score.others)
+            refits[name] = refit_with(systems[name], fit, score.candidate.term, starts, covariance, score.promise)
+        except RunError as error:
+            failures[name] = str(error)
+    least = min((other.chi2 for other in refits.values()), default=np.inf)
+    for name in [name for name, one in refits.items() if one.chi2 <= least + THRESHOLDS.near_best_drop]:
+        try:
+            systems[name], refits[name] = renewed(systems[name], refits[name], covariance, times=1)
+        except RunError as error:
+            failures[name] = str(error)
+            del refits[name]
+    return refits, systems, failures
+
+
+def _far(fit: BestFit, score: Score, least: float) -> bool:
+    """Whether a fit would not bring a candidate near the least chi2 so far; of a dear one the trial itself has to promise it."""
+    if score.candidate.dear:
+        return fit.chi2 - score.promise > least + THRESHOLDS.near_best_drop
+    return fit.chi2 - THRESHOLDS.refit_gain_over_trial * score.promise > least + THRESHOLDS.far_misfit
+
+
+def excluded(best: str, refits: dict[str, BestFit], covariance: Covariance) -> set[str]:
+    """Rivals that the data themselves exclude: they fit much worse than the best model, which leaves nothing unexplained.
+
+    How far the answers of two models lie apart says what such data tell on average; these data may have told more.
+    """
+    chosen = refits[best]
+    if chosen.by_rows is not None or lack_of_fit(chosen, covariance).p <= THRESHOLDS.quiet_p:
+        return set()
+    return {name for name, rival in refits.items() if rival.chi2 - chosen.chi2 >= THRESHOLDS.excluded_chi2}
+
+
+def separations_of(
+    systems: dict[str, System], best: str, refits: dict[str, BestFit], excluded: Set[str], covariance: Covariance
+) -> list[tuple[str, str, float]]:
+    """(best, rival, |y_best - y_rival|^2) with each rival fitted to the answer of the best model."""
+    chosen = refits[best]
+    separations = []
+    for name, rival in refits.items():
+        if name == best:
+            continue
+        apart = rival.chi2 - chosen.chi2
+        known = apart > THRESHOLDS.far_misfit or (name in excluded and systems[name].costly(rival.model))
+        if not known:  # else the data themselves tell the models apart
+            apart = refit(systems[name], rival.model, covariance, chosen.answer, rival.slopes).chi2
+        separations.append((best, name, apart))
+    return separations

@@ -52,7 +52,8 @@ def fits(
     most = THRESHOLDS.refitted_candidates
     if system.costly(fit.model) and fit.by_rows is None:
         most = THRESHOLDS.refitted_candidates_on_a_mesh
-    cheap = sorted((s for s in near if not s.candidate.reference), key=lambda s: -s.promise)
+    others = [*promising[most:], *near]
+    cheap = sorted((s for s in others if not s.candidate.reference), key=lambda s: -s.promise)
     # Those that take longest come last, when it is known how well the others do.
     chosen = sorted([*promising[:most], *cheap[:most]], key=lambda s: s.candidate.dear)
     refits: dict[str, BestFit] = {}
@@ -85,7 +86,7 @@ def fits(
 def _far(fit: BestFit, score: Score, least: float) -> bool:
     """Whether a fit would not bring a candidate near the least chi2 so far; of a dear one the trial itself has to promise it."""
     if score.candidate.dear:
-        return fit.chi2 - score.promise > least + THRESHOLDS.near_best_drop
+        return fit.chi2 - score.promise > least + THRESHOLDS.visible_separation
     return fit.chi2 - THRESHOLDS.refit_gain_over_trial * score.promise > least + THRESHOLDS.far_misfit
 
 

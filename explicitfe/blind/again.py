@@ -10,7 +10,8 @@ import numpy as np
 from explicitfe.blind.case import Case, CaseCurve, NoiseStatement, Table, write
 from explicitfe.blind.closed_forms import Bench
 from explicitfe.blind.grid import Conditions, HomogeneousRun, Mode
-from explicitfe.blind.homogeneous import COLUMNS, NOISE, POISSON_RATIO
+from explicitfe.blind.homogeneous import POISSON_RATIO
+from explicitfe.blind.homogeneous_case import COLUMNS, NOISE, PLATEN
 from explicitfe.blind.noise import Noise
 from explicitfe.blind.truth import Truth
 from explicitfe.results.loop_report import NextExperiment
@@ -50,7 +51,7 @@ def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperime
         test=truth["test"],
         columns=COLUMNS[mode],
         specimen=specimen or {"shape": "point"},
-        tool={"shape": "platen", "control": "displacement", "friction": 0.0} if platen else None,
+        tool=PLATEN if platen else None,
         noise=statement.table(noise, *NOISE[mode]),
         curves=curves,
         truth=truth,

@@ -3,47 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from explicitfe.blind.case import UNSTATED_NOISE_SHARE, Case, CaseCurve, CaseRequest, NoiseStatement, Table
+from explicitfe.blind.case import UNSTATED_NOISE_SHARE, Case, CaseRequest, NoiseStatement
 from explicitfe.blind.closed_forms import Bench
+from explicitfe.blind.draws import LARGEST_STRENGTHS, draw_constants, draw_noise, signed_strength, strength
 from explicitfe.blind.grid import Parameters
+from explicitfe.blind.homogeneous_case import CaseReadings, draw_group, homogeneous_case, specimen_of
 from explicitfe.blind.identifiable import COARSE_INCREMENTS_PER_ROW, CaseSizes, Separation, case_sizes, separation
 from explicitfe.blind.noise import Noise, Whitener
 from explicitfe.blind.protocols import DEFORMATIONS, EFFECTS, PROGRAMMES, Protocol, draw_protocol, shows
-from explicitfe.blind.truth import Truth, WrongLength, common_truth
 
 CONTROLS = ("white", "correlated", "scatter", "wrong-dimension")
 OUTSIDE = ("power-law", "threshold", "stick-slip")
 POISSON_RATIO = 0.499  # the default of the simulator, so that Poisson's ratio alone is no hidden effect
-C10_RANGE_PA = (100.0, 3000.0)  # the tongue's is 192 Pa (Gerard et al. 2005)
-LARGEST_C20_OVER_C10 = 1.5
-CORRELATED_NOISE_SHARE = 0.2  # in this share of the cases with an effect the noise is correlated from row to row
-ROW_CORRELATION_RANGE = (0.5, 0.95)  # from row to row
-COLUMNS = {
-    "uniaxial": ("stretch", "nominal_stress_Pa"),
-    "shear": ("shear_strain", "shear_stress_Pa"),
-    "platen": ("displacement_mm", "force_N"),
-}
-# Keys for the noise of the predicted column and of the imposed one.
-NOISE = {
-    "uniaxial": ("stress_sd_Pa", "stretch_sd"),
-    "shear": ("stress_sd_Pa", None),
-    "platen": ("force_sd_N", "displacement_sd_mm"),
-}
-# The largest strengths that the library calls plausible; no hidden effect exceeds them.
-LARGEST_STRENGTHS = {
-    "third-yeoh": 1000.0,
-    "fibres": 20000.0,
-    "contact-offset": 1.0,
-    "compliance": 1.0,
-    "force-offset": 0.1,
-    "force-drift": 0.001,
-    "base-slip": 100.0,
-    "adhesion": 500.0,
-}
 
 
 def pairs() -> list[tuple[str, str]]:
@@ -70,58 +44,18 @@ def choices(kind: str) -> list[tuple[str, ...]]:
 def draw(rng: np.random.Generator, request: CaseRequest) -> Case:
     """Draw a case."""
     protocol = _protocol(rng, request)
-    C10 = float(f"{np.exp(rng.uniform(*np.log(C10_RANGE_PA))):.4g}")
-    C20 = 0.0 if rng.random() < 0.1 else float(f"{rng.uniform(0.0, LARGEST_C20_OVER_C10) * C10:.4g}")
+    C10, C20 = draw_constants(rng)
     bench = Bench(protocol.plan, protocol.mode, POISSON_RATIO)
     size = case_sizes(bench, C10, C20, bench.values(C10, C20))
     effects = {} if request.kind == "control" else {name: _effect(rng, name, bench, size, C10, C20) for name in request.subjects}
     whole = bench.values(C10, C20, effects, COARSE_INCREMENTS_PER_ROW if "power-law" in effects else None)
-    noise = _noise(rng, request, float(np.abs(whole).max()))
+    noise = draw_noise(rng, request, float(np.abs(whole).max()))
     measured = noise.add_to(rng, bench.curves(whole))
     specimen = specimen_of(rng, protocol, request)
     statement = NoiseStatement(rng.random() >= UNSTATED_NOISE_SHARE, noise.scale_sd > 0.0 and rng.random() < 0.5)
-    group = "specimen-1" if noise.scale_sd == 0.0 and rng.random() < 0.5 else None
+    readings = CaseReadings(measured, noise, statement, specimen, draw_group(rng, noise))
     distances = _distances(bench, request, effects, (C10, C20), noise)
-    truth: Truth = {
-        **common_truth(request.kind, request.subjects[0], effects, (C10, C20), statement.truth(noise), distances),
-        "protocol": protocol.name,
-        "mode": protocol.mode,
-        "test": protocol.test,
-        "holdout": any(curve.split == "holdout" for curve in protocol.plan),
-        "rows": {curve.id: len(curve.time_s) for curve in protocol.plan},
-        "wrong": specimen.wrong,
-    }
-    platen = protocol.mode == "platen"
-    return Case(
-        title=protocol.title,
-        test=protocol.test,
-        columns=COLUMNS[protocol.mode],
-        specimen=specimen.table,
-        tool={"shape": "platen", "control": "displacement", "friction": 0.0} if platen else None,
-        noise=statement.table(noise, *NOISE[protocol.mode]),
-        curves=[curve_of(protocol, k, values, specimen, group) for k, values in enumerate(measured)],
-        truth=truth,
-    )
-
-
-class StatedSpecimen(NamedTuple):
-    """The table [specimen] as the dataset states it, the stated height, and which length is wrong, if any."""
-
-    table: Table
-    height_mm: float
-    wrong: WrongLength | None
-
-
-def curve_of(protocol: Protocol, number: int, values: np.ndarray, specimen: StatedSpecimen, group: str | None) -> CaseCurve:
-    curve, first = protocol.plan[number], protocol.plan[0]
-    if sum(other.test == curve.test for other in protocol.plan) > 1:
-        group = f"specimen-{curve.test + 1}"
-    own: dict[str, Table] = {}
-    if curve.height_m != first.height_m:  # a length that is stated wrongly is wrong by the same factor everywhere
-        own = {"specimen": {"height_mm": round(specimen.height_mm * curve.height_m / first.height_m, 4)}}
-    imposed = 1e3 * curve.imposed if protocol.mode == "platen" else curve.imposed
-    rows = np.column_stack([curve.time_s, imposed, values])
-    return CaseCurve(curve.id, rows, group, curve.split, curve.conditions, own)
+    return homogeneous_case(request, protocol, (C10, C20), effects, readings, distances)
 
 
 def _protocol(rng: np.random.Generator, request: CaseRequest) -> Protocol:
@@ -138,32 +72,6 @@ def _protocol(rng: np.random.Generator, request: CaseRequest) -> Protocol:
     return draw_protocol(rng, only=tuple(PROGRAMMES), platen=request.subjects == ("wrong-dimension",))
 
 
-def _noise(rng: np.random.Generator, request: CaseRequest, largest: float) -> Noise:
-    correlated = request.subjects == ("correlated",) or (request.kind != "control" and rng.random() < CORRELATED_NOISE_SHARE)
-    rho = round(float(rng.uniform(*ROW_CORRELATION_RANGE)), 3) if correlated else 0.0
-    scatter = request.subjects == ("scatter",)
-    scale = round(float(rng.uniform(0.03, 0.10)), 4) if scatter else 0.0
-    return Noise(request.level, request.level * largest, rho, scale, 0.01 * largest if scatter else 0.0)
-
-
-def specimen_of(rng: np.random.Generator, protocol: Protocol, request: CaseRequest) -> StatedSpecimen:
-    if protocol.radius_mm is None:
-        return StatedSpecimen({"shape": "point"}, np.nan, None)
-    heights = [1e3 * curve.height_m for curve in protocol.plan]
-    lengths = {"radius_mm": protocol.radius_mm, "height_mm": round(heights[0], 6)}
-    assumed: Table = {}
-    wrong: WrongLength | None = None
-    if request.subjects == ("wrong-dimension",):
-        key = str(rng.choice(["radius_mm", "height_mm"]))
-        factor = 1.0 + float(rng.choice([-1.0, 1.0]) * rng.uniform(0.03, 0.10))
-        lengths[key] = round(lengths[key] * factor, 3)
-        wrong = {"key": key, "factor": factor}
-        assumed = {"assumed": [key]}
-    elif rng.random() < 0.3:
-        assumed = {"assumed": [str(rng.choice(["radius_mm", "height_mm"]))]}
-    return StatedSpecimen({"shape": "cylinder", **lengths, **assumed, "base": "frictionless"}, lengths["height_mm"], wrong)
-
-
 def _distances(
     bench: Bench, request: CaseRequest, effects: Mapping[str, Parameters], constants: tuple[float, float], noise: Noise
 ) -> Separation | None:
@@ -177,18 +85,6 @@ def _distances(
 
 
 # ---- effects, from weak to strong ----
-
-
-def strength(rng: np.random.Generator, low: float, high: float, largest: float = np.inf) -> float:
-    """A strength between two values, even on a logarithmic scale, but never above the largest plausible one."""
-    high = min(high, largest)
-    low = min(low, high)
-    return float(f"{np.exp(rng.uniform(np.log(low), np.log(high))):.4g}")
-
-
-def signed_strength(rng: np.random.Generator, low: float, high: float, largest: float = np.inf) -> float:
-    """A strength of either sign."""
-    return float(rng.choice([-1.0, 1.0])) * strength(rng, low, high, largest)
 
 
 def _effect(rng: np.random.Generator, name: str, bench: Bench, size: CaseSizes, C10_Pa: float, C20_Pa: float) -> Parameters:

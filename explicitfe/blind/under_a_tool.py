@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.blind.case import UNSTATED_NOISE_SHARE, Case, CaseCurve, CaseRequest, NoiseStatement, Table
-from explicitfe.blind.grid import Parameters
-from explicitfe.blind.homogeneous import (
+from explicitfe.blind.draws import (
     C10_RANGE_PA,
     CORRELATED_NOISE_SHARE,
     LARGEST_C20_OVER_C10,
@@ -15,6 +14,7 @@ from explicitfe.blind.homogeneous import (
     signed_strength,
     strength,
 )
+from explicitfe.blind.grid import Parameters
 from explicitfe.blind.noise import Noise
 from explicitfe.blind.simulated import DATA_MESH, DENSITY_KG_M3, SCREENING_MESH, SimulatedTest, simulate
 from explicitfe.blind.tool_protocols import EFFECTS_SHOWN, ToolProtocol, draw_tool_protocol

@@ -20,6 +20,7 @@ from explicitfe.compiled.jit import Template, leaf
 from explicitfe.compiled.simd import WIDTH, load, store
 from explicitfe.effects.affected import LawT, ModelT, SpecimenT, ToolT
 from explicitfe.effects.record import Record
+from explicitfe.materials.kinematics import plus, times
 
 Conditions = Mapping[str, object]  # of a measured test, as its dataset states them
 
@@ -338,3 +339,35 @@ def remembered(blocks, block, place):
 def remember(blocks, block, place, value):
     """What W elements will remember if the present state is accepted."""
     store(blocks.new, (block * blocks.new.shape[1] + place) * WIDTH, value)
+
+
+@leaf
+def remembered_tensor(blocks, block, place):
+    """A symmetric tensor (11, 22, 33, 12, 13, 23) as W elements remember it, from ``place`` on."""
+    return (
+        remembered(blocks, block, place),
+        remembered(blocks, block, place + 1),
+        remembered(blocks, block, place + 2),
+        remembered(blocks, block, place + 3),
+        remembered(blocks, block, place + 4),
+        remembered(blocks, block, place + 5),
+    )
+
+
+@leaf
+def remember_tensor(blocks, block, place, S):
+    """What ``remembered_tensor`` gives at the next instant if the present state is accepted."""
+    remember(blocks, block, place, S[0])
+    remember(blocks, block, place + 1, S[1])
+    remember(blocks, block, place + 2, S[2])
+    remember(blocks, block, place + 3, S[3])
+    remember(blocks, block, place + 4, S[4])
+    remember(blocks, block, place + 5, S[5])
+
+
+@leaf
+def renew(blocks, block, place, kept, gain, new):
+    """A symmetric tensor that is remembered from ``place`` on becomes ``kept`` times itself and ``gain`` times a new one."""
+    S = plus(times(kept, remembered_tensor(blocks, block, place)), times(gain, new))
+    remember_tensor(blocks, block, place, S)
+    return S

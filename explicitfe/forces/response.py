@@ -19,7 +19,7 @@ from explicitfe.compiled.simd import WIDTH, inverse_cube_root, load_many
 from explicitfe.effects.effect import MaterialEffect, remember, remembered
 from explicitfe.errors import InputError, nearest
 from explicitfe.materials import Leaves, volumetric
-from explicitfe.materials.kinematics import inverse_C, right_cauchy_green
+from explicitfe.materials.kinematics import inverse_C, plus, right_cauchy_green
 
 # Placeholders, bound below.
 law_stress = law_delta_slope = law_energy = law_isochoric = law_slopes = PLACEHOLDER
@@ -67,14 +67,7 @@ def with_effects(F, cof, J, delta, c, blocks, block):
     inverse = inverse_C(cof, J)
     whole = second_stress(slopes, right_cauchy_green(F), inverse, square)
     fibre, _ = pull(F, square, inverse, blocks, block)
-    S = (
-        whole[0] + fibre[0],
-        whole[1] + fibre[1],
-        whole[2] + fibre[2],
-        whole[3] + fibre[3],
-        whole[4] + fibre[4],
-        whole[5] + fibre[5],
-    )
+    S = plus(whole, fibre)
     T, share = relax(S, blocks, block)
     p = drain(volumetric.pressure(J, c[LAW_CONSTANTS - 1]), blocks, block)
     P = (
@@ -186,7 +179,7 @@ def both_pull(F, square, inverse, blocks, block):
     """The sum of two: stresses and energies add up."""
     a, one_energy = first_leaf(F, square, inverse, blocks, block)
     b, other_energy = second_leaf(F, square, inverse, blocks, block)
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]), one_energy + other_energy
+    return plus(a, b), one_energy + other_energy
 
 
 @dataclass(frozen=True)

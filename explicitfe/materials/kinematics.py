@@ -56,6 +56,34 @@ def inverse_C(cof, J):
 
 
 @leaf
+def plus(a, b):
+    """Sum of two symmetric tensors: 11, 22, 33, 12, 13, 23."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])
+
+
+@leaf
+def minus(a, b):
+    """Difference of two symmetric tensors: 11, 22, 33, 12, 13, 23."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4], a[5] - b[5])
+
+
+@leaf
+def times(factor, a):
+    """A symmetric tensor times a factor: 11, 22, 33, 12, 13, 23."""
+    return (factor * a[0], factor * a[1], factor * a[2], factor * a[3], factor * a[4], factor * a[5])
+
+
+@leaf
+def squared_size(S, C):
+    """tr(S C S C) of a second Piola-Kirchhoff stress S, which is tr(tau^2) of the Kirchhoff stress tau = F S F^T."""
+    a, b, c, d, e, f = S
+    m00, m01, m02 = a * C[0] + d * C[3] + e * C[4], a * C[3] + d * C[1] + e * C[5], a * C[4] + d * C[5] + e * C[2]
+    m10, m11, m12 = d * C[0] + b * C[3] + f * C[4], d * C[3] + b * C[1] + f * C[5], d * C[4] + b * C[5] + f * C[2]
+    m20, m21, m22 = e * C[0] + f * C[3] + c * C[4], e * C[3] + f * C[1] + c * C[5], e * C[4] + f * C[5] + c * C[2]
+    return m00 * m00 + m11 * m11 + m22 * m22 + 2.0 * (m01 * m10 + m02 * m20 + m12 * m21)
+
+
+@leaf
 def isochoric_invariant(F, J):
     """I1_bar = J^(-2/3) tr(F^T F): the first invariant of the volume-preserving part."""
     root = inverse_cube_root(J)

@@ -52,7 +52,7 @@ SHORT_WAIT_STEPS = 4  # instead of scanning again so soon, the frequency is soug
 BARRIER_MARGIN = 0.15
 # Where nothing calms a body, the fastest vibrations take their part of its energy and keep it. Then shares near the limit are not
 # stable for long: the limit swings by a third within some steps, and each change of the step pumps them. At these shares looks
-# are needed less often, and the energy stays (docs/step.md).
+# are needed less often, and the energy stays (docs/studies/step.md).
 UNDAMPED_LONGEST_STEP_SHARE, UNDAMPED_SHORTEST_STEP_SHARE = 0.75, 0.45
 UNDAMPED_SHARE_THAT_CALLS_FOR_A_LOOK = 0.8
 UNDAMPED_LARGEST_GROWTH = 0.3

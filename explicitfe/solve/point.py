@@ -27,7 +27,10 @@ respond: Any = None
 LAW_CONSTANTS = 1
 NEWTON_TURNS = 30
 DIFFERENCE_STEP = 1e-6  # of a free stretch, for the slope
-STRESS_TOLERANCE = 1e-9  # of the stress that vanishes, relative to the shear modulus
+STRESS_TOLERANCE = 1e-9  # of the stress that vanishes, relative to the stiffness of the state
+# What rounding leaves of a pressure, relative to the bulk modulus: J is a sum of products of entries that are rounded.
+PRESSURE_ROUNDING = 16.0 * float(np.finfo(float).eps)
+ANSWERS = 10  # of a state: nine stresses, and the slope of the energy
 STATES = 4  # computed at once: the state itself, and one with each of up to three free entries shifted
 
 
@@ -41,8 +44,11 @@ def determinant_of(states):
     )
 
 
-def follow(F, free, numbers, blocks, states, answers, small, stress):
+def follow(F, free, numbers, blocks, states, answers, stress):
     """Follow a path; give the number of instants done.
+
+    A stress counts as none where it is small beside the stiffness of the state, which is the present shear modulus 2 dW/dI1_bar
+    or the largest stress: not that at rest, for a tissue may be soft there and carry its load by what stiffens it.
 
     Parameters
     ----------
@@ -50,8 +56,7 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
     free : (3,) 1 for the diagonal entries that are free of stress.
     numbers : (n, k) numbers of the effects, for the increment that ends at each instant.
     blocks : as many as hold STATES lanes; ``old`` is advanced.
-    states, answers : (blocks, 9, W) work arrays; state s stands in block s // W, lane s % W.
-    small : Pa. Stress that counts as none.
+    states, answers : (blocks, 9, W) and (blocks, ANSWERS, W) work arrays; state s stands in block s // W, lane s % W.
     stress : (n, 9) receives the first Piola-Kirchhoff stress [Pa].
     """
     count = len(states)
@@ -77,12 +82,15 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
                 cof = cofactor(deformation)
                 J = determinant(deformation, cof)
                 c = load_many(blocks.constants, block * (LAW_CONSTANTS * WIDTH), LAW_CONSTANTS)
-                P, _ = respond(deformation, cof, J, splat(0.0), c, blocks, block)
+                P, slope = respond(deformation, cof, J, splat(0.0), c, blocks, block)
                 for k in range(9):
-                    store(answers, (block * 9 + k) * WIDTH, P[k])
+                    store(answers, (block * ANSWERS + k) * WIDTH, P[k])
+                store(answers, (block * ANSWERS + 9) * WIDTH, slope)
             total = answers[0, 0, 0] + determinant_of(states)
+            stiffness = max(2.0 * answers[0, 9, 0], abs(answers[0, 0, 0]))
             for k in range(1, 9):
                 total += answers[0, k, 0]
+                stiffness = max(stiffness, abs(answers[0, k, 0]))
             sound = np.isfinite(total) and determinant_of(states) > 0.0
             largest = 0.0
             slopes = np.eye(3)
@@ -95,6 +103,7 @@ def follow(F, free, numbers, blocks, states, answers, small, stress):
                         if free[j] > 0.0:
                             shifted = answers[(1 + j) // WIDTH, 4 * i, (1 + j) % WIDTH]
                             slopes[i, j] = (shifted - wrong[i]) / DIFFERENCE_STEP
+            small = max(STRESS_TOLERANCE * stiffness, PRESSURE_ROUNDING * blocks.constants[0, LAW_CONSTANTS - 1, 0])
             solved = sound and largest <= small
             if solved or not sound:
                 break
@@ -166,9 +175,8 @@ def path(
         position=np.zeros((0, ROW)),
     )
     stress = np.zeros_like(gradients)
-    work = np.zeros((count, 9, WIDTH)), np.zeros((count, 9, WIDTH))
-    small = STRESS_TOLERANCE * law.shear_modulus_Pa
-    done = _kernel(law.law, response.layout_of(effects))(gradients, freed, numbers, blocks, *work, small, stress)
+    work = np.zeros((count, 9, WIDTH)), np.zeros((count, ANSWERS, WIDTH))
+    done = _kernel(law.law, response.layout_of(effects))(gradients, freed, numbers, blocks, *work, stress)
     if done < len(gradients):
         raise RunError(
             f"no state without lateral stress was found at {time_s[done]:g} s: the deformation is too large for this material."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 import pyvista
 from command import command
+from kills import numbers
 from support import ROOT
 
 import explicitfe
 from explicitfe.errors import Progress
 from explicitfe.host import stopping
 from explicitfe.mesh.box import box
-from explicitfe.results import Result, open_result
+from explicitfe.results import open_result
 from explicitfe.results.layout import running_path
 
 TONGUE = ROOT / "scenarios/vowel-i.toml"
@@ -56,15 +57,6 @@ def interrupted(scenario: Path, out: Path, settings: Sequence[str], share: float
     summary = explicitfe.run(scenario, out, settings=settings, progress=interrupting(share))
     assert summary["status"] == "interrupted", summary
     return summary
-
-
-def numbers(result: Result) -> Iterator[tuple[str, np.ndarray]]:
-    """Everything that a run has computed."""
-    yield "times", result.times
-    for name in result.history_names:
-        yield f"history {name}", result.history(name)
-    for name in result.fields:
-        yield f"field {name}", np.array([result.field(name, step) for step in range(len(result.times))])
 
 
 def compare(path: str | Path, wanted: str | Path, *, rounding: float = 0.0) -> None:

@@ -7,21 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from explicitfe.blind.case import UNSTATED_NOISE_SHARE, Case, CaseRequest, NoiseStatement
+from explicitfe.blind.draws import LARGEST_STRENGTHS, draw_constants, draw_noise, signed_strength, strength
 from explicitfe.blind.foreign.closed import REMEMBER, ForeignBench
 from explicitfe.blind.grid import Effects, Parameters
-from explicitfe.blind.homogeneous import (
-    C10_RANGE_PA,
-    COLUMNS,
-    CORRELATED_NOISE_SHARE,
-    LARGEST_C20_OVER_C10,
-    LARGEST_STRENGTHS,
-    NOISE,
-    ROW_CORRELATION_RANGE,
-    curve_of,
-    signed_strength,
-    specimen_of,
-    strength,
-)
+from explicitfe.blind.homogeneous_case import CaseReadings, draw_group, homogeneous_case, specimen_of
 from explicitfe.blind.identifiable import (
     COARSE_INCREMENTS_PER_ROW,
     CaseSizes,
@@ -34,7 +23,6 @@ from explicitfe.blind.identifiable import (
 )
 from explicitfe.blind.noise import Noise, Whitener
 from explicitfe.blind.protocols import PROGRAMMES, Protocol, draw_protocol
-from explicitfe.blind.truth import Truth, common_truth
 
 HOMOGENEOUS_CONTROLS = ("white", "correlated", "scatter", "wrong-dimension")
 READINGS = ("contact-offset", "compliance", "force-offset", "force-drift")
@@ -83,40 +71,20 @@ SHOWN_BY_NAME = ("viscoelastic", "softening", "third-yeoh", "fibres", "cycle-dri
 def draw_homogeneous(rng: np.random.Generator, request: CaseRequest) -> Case:
     """Draw a case of homogeneous tests."""
     protocol = _protocol(rng, request)
-    C10 = float(f"{np.exp(rng.uniform(*np.log(C10_RANGE_PA))):.4g}")
-    C20 = 0.0 if rng.random() < 0.1 else float(f"{rng.uniform(0.0, LARGEST_C20_OVER_C10) * C10:.4g}")
+    C10, C20 = draw_constants(rng)
     bench = ForeignBench(protocol.plan, protocol.mode)
     plain = bench.values(C10, C20)
     size = case_sizes(bench, C10, C20, plain)
     names = () if request.kind == "control" else request.subjects
     effects = {name: _parameters(rng, name, bench, size, C10, C20) for name in names}
     whole = bench.values(C10, C20, effects)
-    noise = _noise(rng, request, float(np.abs(whole).max()))
+    noise = draw_noise(rng, request, float(np.abs(whole).max()))
     statement = NoiseStatement(rng.random() >= UNSTATED_NOISE_SHARE, noise.scale_sd > 0.0 and rng.random() < 0.5)
     measured = noise.add_to(rng, bench.curves(whole))
     specimen = specimen_of(rng, protocol, request)
-    group = "specimen-1" if noise.scale_sd == 0.0 and rng.random() < 0.5 else None
+    readings = CaseReadings(measured, noise, statement, specimen, draw_group(rng, noise))
     distances = None if request.kind == "control" else _distances(bench, request, effects, (C10, C20), noise, size)
-    truth: Truth = {
-        **common_truth(request.kind, request.subjects[0], effects, (C10, C20), statement.truth(noise), distances),
-        "protocol": protocol.name,
-        "mode": protocol.mode,
-        "test": protocol.test,
-        "holdout": any(curve.split == "holdout" for curve in protocol.plan),
-        "rows": {curve.id: len(curve.time_s) for curve in protocol.plan},
-        "wrong": specimen.wrong,
-    }
-    platen = protocol.mode == "platen"
-    return Case(
-        title=protocol.title,
-        test=protocol.test,
-        columns=COLUMNS[protocol.mode],
-        specimen=specimen.table,
-        tool={"shape": "platen", "control": "displacement", "friction": 0.0} if platen else None,
-        noise=statement.table(noise, *NOISE[protocol.mode]),
-        curves=[curve_of(protocol, k, values, specimen, group) for k, values in enumerate(measured)],
-        truth=truth,
-    )
+    return homogeneous_case(request, protocol, (C10, C20), effects, readings, distances)
 
 
 def _protocol(rng: np.random.Generator, request: CaseRequest) -> Protocol:
@@ -133,14 +101,6 @@ def _protocol(rng: np.random.Generator, request: CaseRequest) -> Protocol:
         if protocol.mode == "shear" and {"compressible", "compliance", "mooney"} & set(request.subjects):
             continue
         return protocol
-
-
-def _noise(rng: np.random.Generator, request: CaseRequest, largest: float) -> Noise:
-    correlated = request.subjects == ("correlated",) or (request.kind != "control" and rng.random() < CORRELATED_NOISE_SHARE)
-    rho = round(float(rng.uniform(*ROW_CORRELATION_RANGE)), 3) if correlated else 0.0
-    scatter = request.subjects == ("scatter",)
-    scale = round(float(rng.uniform(0.03, 0.10)), 4) if scatter else 0.0
-    return Noise(request.level, request.level * largest, rho, scale, 0.01 * largest if scatter else 0.0)
 
 
 def _distances(

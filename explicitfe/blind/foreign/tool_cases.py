@@ -9,13 +9,13 @@ from functools import partial
 import numpy as np
 
 from explicitfe.blind.case import UNSTATED_NOISE_SHARE, Case, CaseCurve, CaseRequest, Table
+from explicitfe.blind.draws import C10_RANGE_PA, LARGEST_STRENGTHS, signed_strength, strength
 from explicitfe.blind.foreign.axisymmetric import RoundSpecimen
 from explicitfe.blind.foreign.contact import RigidTool
 from explicitfe.blind.foreign.law import HiddenTissue
 from explicitfe.blind.foreign.secants import Secants
 from explicitfe.blind.foreign.tool_tests import ColumnNoise, RigReading, ToolTest, answers, depends_on_past
 from explicitfe.blind.grid import Conditions, Parameters
-from explicitfe.blind.homogeneous import C10_RANGE_PA, LARGEST_STRENGTHS, signed_strength, strength
 from explicitfe.blind.protocols import programme
 from explicitfe.blind.truth import Truth, common_truth
 

@@ -22,7 +22,8 @@ from pydantic import Field, model_validator
 from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import maximum
 from explicitfe.effects.affected import LawT, ModelT
-from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember_tensor, remembered_tensor, renew
+from explicitfe.materials.kinematics import minus, plus, right_cauchy_green
 from explicitfe.materials.two_invariants import second_stress
 from explicitfe.materials.volumetric import bulk_modulus
 
@@ -163,15 +164,9 @@ def pull(F, square, inverse_C, blocks, block):
     stores as much less as its stress is smaller squared, as a linear spring would. Where it pushes back after unloading it is
     said to store no more than its polynomial, and the remainder counts as lost.
     """
-    C00 = F[0] * F[0] + F[3] * F[3] + F[6] * F[6]
-    C11 = F[1] * F[1] + F[4] * F[4] + F[7] * F[7]
-    C22 = F[2] * F[2] + F[5] * F[5] + F[8] * F[8]
-    C01 = F[0] * F[1] + F[3] * F[4] + F[6] * F[7]
-    C02 = F[0] * F[2] + F[3] * F[5] + F[6] * F[8]
-    C12 = F[1] * F[2] + F[4] * F[5] + F[7] * F[8]
-    C = (C00, C11, C22, C01, C02, C12)
-    second = (C00 * C11 - C01 * C01) + (C00 * C22 - C02 * C02) + (C11 * C22 - C12 * C12)
-    x = square * (C00 + C11 + C22) - 3.0
+    C = right_cauchy_green(F)
+    second = (C[0] * C[1] - C[3] * C[3]) + (C[0] * C[2] - C[4] * C[4]) + (C[1] * C[2] - C[5] * C[5])
+    x = square * (C[0] + C[1] + C[2]) - 3.0
     y = square * square * second - 3.0
     zero = 0.0 * square
     T, energy = (zero, zero, zero, zero, zero, zero), zero
@@ -185,27 +180,12 @@ def pull(F, square, inverse_C, blocks, block):
         first_slope = c10 + 2.0 * c20 * x + c11 * y + 3.0 * c30 * x * x + 2.0 * c21 * x * y + c12 * y * y
         second_slope = c01 + c11 * x + 2.0 * c02 * y + c21 * x * x + 2.0 * c12 * x * y + 3.0 * c03 * y * y
         S = second_stress((first_slope, second_slope), C, inverse_C, square)
-        Q0 = decay * remembered(blocks, block, q) + gain * (S[0] - remembered(blocks, block, q + 6))
-        Q1 = decay * remembered(blocks, block, q + 1) + gain * (S[1] - remembered(blocks, block, q + 7))
-        Q2 = decay * remembered(blocks, block, q + 2) + gain * (S[2] - remembered(blocks, block, q + 8))
-        Q3 = decay * remembered(blocks, block, q + 3) + gain * (S[3] - remembered(blocks, block, q + 9))
-        Q4 = decay * remembered(blocks, block, q + 4) + gain * (S[4] - remembered(blocks, block, q + 10))
-        Q5 = decay * remembered(blocks, block, q + 5) + gain * (S[5] - remembered(blocks, block, q + 11))
-        remember(blocks, block, q, Q0)
-        remember(blocks, block, q + 1, Q1)
-        remember(blocks, block, q + 2, Q2)
-        remember(blocks, block, q + 3, Q3)
-        remember(blocks, block, q + 4, Q4)
-        remember(blocks, block, q + 5, Q5)
-        remember(blocks, block, q + 6, S[0])
-        remember(blocks, block, q + 7, S[1])
-        remember(blocks, block, q + 8, S[2])
-        remember(blocks, block, q + 9, S[3])
-        remember(blocks, block, q + 10, S[4])
-        remember(blocks, block, q + 11, S[5])
-        T = (T[0] + Q0, T[1] + Q1, T[2] + Q2, T[3] + Q3, T[4] + Q4, T[5] + Q5)
+        change = minus(S, remembered_tensor(blocks, block, q + 6))
+        remember_tensor(blocks, block, q + 6, S)
+        Q = renew(blocks, block, q, decay, gain, change)
+        T = plus(T, Q)
         # What a branch bears now, and what it would bear at once, both squared.
-        left = Q0 * Q0 + Q1 * Q1 + Q2 * Q2 + 2.0 * (Q3 * Q3 + Q4 * Q4 + Q5 * Q5)
+        left = Q[0] * Q[0] + Q[1] * Q[1] + Q[2] * Q[2] + 2.0 * (Q[3] * Q[3] + Q[4] * Q[4] + Q[5] * Q[5])
         full = S[0] * S[0] + S[1] * S[1] + S[2] * S[2] + 2.0 * (S[3] * S[3] + S[4] * S[4] + S[5] * S[5])
         W = c10 * x + c01 * y + c20 * x * x + c11 * x * y + c02 * y * y
         W = W + c30 * x * x * x + c21 * x * x * y + c12 * x * y * y + c03 * y * y * y

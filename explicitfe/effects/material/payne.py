@@ -16,8 +16,8 @@ from pydantic import Field
 
 from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import maximum, square_root
-from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
-from explicitfe.materials.kinematics import right_cauchy_green
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember_tensor, remembered_tensor
+from explicitfe.materials.kinematics import minus, plus, right_cauchy_green, squared_size, times
 
 AT = MEMORY = 0
 
@@ -71,31 +71,13 @@ def slide(F, square, inverse_C, blocks, block):
     m, b = G * square, -(1.0 / 3.0) * (C[0] + C[1] + C[2])
     s0, s1, s2 = m * (1.0 + b * inverse_C[0]), m * (1.0 + b * inverse_C[1]), m * (1.0 + b * inverse_C[2])
     s3, s4, s5 = m * b * inverse_C[3], m * b * inverse_C[4], m * b * inverse_C[5]
-    q0 = remembered(blocks, block, MEMORY + 6) + s0 - remembered(blocks, block, MEMORY)
-    q1 = remembered(blocks, block, MEMORY + 7) + s1 - remembered(blocks, block, MEMORY + 1)
-    q2 = remembered(blocks, block, MEMORY + 8) + s2 - remembered(blocks, block, MEMORY + 2)
-    q3 = remembered(blocks, block, MEMORY + 9) + s3 - remembered(blocks, block, MEMORY + 3)
-    q4 = remembered(blocks, block, MEMORY + 10) + s4 - remembered(blocks, block, MEMORY + 4)
-    q5 = remembered(blocks, block, MEMORY + 11) + s5 - remembered(blocks, block, MEMORY + 5)
-    # M = Q C
-    m00, m01, m02 = q0 * C[0] + q3 * C[3] + q4 * C[4], q0 * C[3] + q3 * C[1] + q4 * C[5], q0 * C[4] + q3 * C[5] + q4 * C[2]
-    m10, m11, m12 = q3 * C[0] + q1 * C[3] + q5 * C[4], q3 * C[3] + q1 * C[1] + q5 * C[5], q3 * C[4] + q1 * C[5] + q5 * C[2]
-    m20, m21, m22 = q4 * C[0] + q5 * C[3] + q2 * C[4], q4 * C[3] + q5 * C[1] + q2 * C[5], q4 * C[4] + q5 * C[5] + q2 * C[2]
-    trace = m00 * m00 + m11 * m11 + m22 * m22 + 2.0 * (m01 * m10 + m02 * m20 + m12 * m21)
+    S = (s0, s1, s2, s3, s4, s5)
+    Q = plus(remembered_tensor(blocks, block, MEMORY + 6), minus(S, remembered_tensor(blocks, block, MEMORY)))
+    trace = squared_size(Q, C)
     yields = G * number(blocks, block, AT + 1)
     size = square_root(0.5 * maximum(trace, 0.0 * trace))
     left = yields / (maximum(size, yields) + 1e-200)
-    q0, q1, q2, q3, q4, q5 = left * q0, left * q1, left * q2, left * q3, left * q4, left * q5
-    remember(blocks, block, MEMORY, s0)
-    remember(blocks, block, MEMORY + 1, s1)
-    remember(blocks, block, MEMORY + 2, s2)
-    remember(blocks, block, MEMORY + 3, s3)
-    remember(blocks, block, MEMORY + 4, s4)
-    remember(blocks, block, MEMORY + 5, s5)
-    remember(blocks, block, MEMORY + 6, q0)
-    remember(blocks, block, MEMORY + 7, q1)
-    remember(blocks, block, MEMORY + 8, q2)
-    remember(blocks, block, MEMORY + 9, q3)
-    remember(blocks, block, MEMORY + 10, q4)
-    remember(blocks, block, MEMORY + 11, q5)
-    return (q0, q1, q2, q3, q4, q5), left * left * trace / (4.0 * G + 1e-200)
+    Q = times(left, Q)
+    remember_tensor(blocks, block, MEMORY, S)
+    remember_tensor(blocks, block, MEMORY + 6, Q)
+    return Q, left * left * trace / (4.0 * G + 1e-200)

@@ -17,8 +17,8 @@ from pydantic import Field
 
 from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import maximum
-from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
-from explicitfe.materials.kinematics import right_cauchy_green
+from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered, renew
+from explicitfe.materials.kinematics import plus, right_cauchy_green, times
 
 AT = MEMORY = 0
 # An I1_bar - 3 below which no network forms: a strain of 2e-5.
@@ -72,29 +72,18 @@ def set_back(F, square, inverse_C, blocks, block):
     kept = ratio * ratio
     kept = kept * kept
     grown, stretch = 1.0 - kept, 1.0 / square
-    a0 = kept * remembered(blocks, block, MEMORY + 1) + grown * (stretch * inverse_C[0] - 1.0)
-    a1 = kept * remembered(blocks, block, MEMORY + 2) + grown * (stretch * inverse_C[1] - 1.0)
-    a2 = kept * remembered(blocks, block, MEMORY + 3) + grown * (stretch * inverse_C[2] - 1.0)
-    a3 = kept * remembered(blocks, block, MEMORY + 4) + grown * (stretch * inverse_C[3])
-    a4 = kept * remembered(blocks, block, MEMORY + 5) + grown * (stretch * inverse_C[4])
-    a5 = kept * remembered(blocks, block, MEMORY + 6) + grown * (stretch * inverse_C[5])
-    remember(blocks, block, MEMORY, largest)
-    remember(blocks, block, MEMORY + 1, a0)
-    remember(blocks, block, MEMORY + 2, a1)
-    remember(blocks, block, MEMORY + 3, a2)
-    remember(blocks, block, MEMORY + 4, a3)
-    remember(blocks, block, MEMORY + 5, a4)
-    remember(blocks, block, MEMORY + 6, a5)
-    a0, a1, a2 = a0 + 1.0, a1 + 1.0, a2 + 1.0
-    trace = a0 * C[0] + a1 * C[1] + a2 * C[2] + 2.0 * (a3 * C[3] + a4 * C[4] + a5 * C[5])
-    modulus = number(blocks, block, AT)
-    m, b = modulus * square, -(1.0 / 3.0) * trace
-    stress = (
-        m * (a0 + b * inverse_C[0]),
-        m * (a1 + b * inverse_C[1]),
-        m * (a2 + b * inverse_C[2]),
-        m * (a3 + b * inverse_C[3]),
-        m * (a4 + b * inverse_C[4]),
-        m * (a5 + b * inverse_C[5]),
+    formed = (
+        stretch * inverse_C[0] - 1.0,
+        stretch * inverse_C[1] - 1.0,
+        stretch * inverse_C[2] - 1.0,
+        stretch * inverse_C[3],
+        stretch * inverse_C[4],
+        stretch * inverse_C[5],
     )
+    remember(blocks, block, MEMORY, largest)
+    a = renew(blocks, block, MEMORY + 1, kept, grown, formed)
+    A = (a[0] + 1.0, a[1] + 1.0, a[2] + 1.0, a[3], a[4], a[5])
+    trace = A[0] * C[0] + A[1] * C[1] + A[2] * C[2] + 2.0 * (A[3] * C[3] + A[4] * C[4] + A[5] * C[5])
+    modulus = number(blocks, block, AT)
+    stress = times(modulus * square, plus(A, times(-(1.0 / 3.0) * trace, inverse_C)))
     return stress, 0.5 * modulus * (square * trace - 3.0)

@@ -16,7 +16,17 @@ from pydantic import Field, model_validator
 
 from explicitfe.compiled.jit import Template
 from explicitfe.compiled.simd import WIDTH, exp, load, log
-from explicitfe.effects.effect import Description, MaterialEffect, Sought, number, remember, remembered
+from explicitfe.effects.effect import (
+    Description,
+    MaterialEffect,
+    Sought,
+    number,
+    remember,
+    remember_tensor,
+    remembered_tensor,
+    renew,
+)
+from explicitfe.materials.kinematics import minus, plus, squared_size, times
 from explicitfe.materials.law import Law
 from explicitfe.materials.volumetric import bulk_modulus
 
@@ -128,33 +138,15 @@ def relax(S, blocks, block):
     work of the change: an element that vibrates would then be pumped.
     """
     left = number(blocks, block, AT)
-    T = (left * S[0], left * S[1], left * S[2], left * S[3], left * S[4], left * S[5])
+    T = times(left, S)
     if NONLINEAR:
         I1_bar = load(blocks.new, (block * blocks.new.shape[1] + MEMORY + 6 + 6 * TERMS) * WIDTH)
-        f = exp(number(blocks, block, AT + 1 + 3 * TERMS) * log(I1_bar * (1.0 / 3.0)))
-        S = (f * S[0], f * S[1], f * S[2], f * S[3], f * S[4], f * S[5])
+        S = times(exp(number(blocks, block, AT + 1 + 3 * TERMS) * log(I1_bar * (1.0 / 3.0))), S)
+    change = minus(S, remembered_tensor(blocks, block, MEMORY))
+    remember_tensor(blocks, block, MEMORY, S)
     for term in range(TERMS):
         gain, decay = number(blocks, block, AT + 1 + 3 * term), number(blocks, block, AT + 2 + 3 * term)
-        q = MEMORY + 6 + 6 * term
-        Q0 = decay * remembered(blocks, block, q) + gain * (S[0] - remembered(blocks, block, MEMORY))
-        Q1 = decay * remembered(blocks, block, q + 1) + gain * (S[1] - remembered(blocks, block, MEMORY + 1))
-        Q2 = decay * remembered(blocks, block, q + 2) + gain * (S[2] - remembered(blocks, block, MEMORY + 2))
-        Q3 = decay * remembered(blocks, block, q + 3) + gain * (S[3] - remembered(blocks, block, MEMORY + 3))
-        Q4 = decay * remembered(blocks, block, q + 4) + gain * (S[4] - remembered(blocks, block, MEMORY + 4))
-        Q5 = decay * remembered(blocks, block, q + 5) + gain * (S[5] - remembered(blocks, block, MEMORY + 5))
-        remember(blocks, block, q, Q0)
-        remember(blocks, block, q + 1, Q1)
-        remember(blocks, block, q + 2, Q2)
-        remember(blocks, block, q + 3, Q3)
-        remember(blocks, block, q + 4, Q4)
-        remember(blocks, block, q + 5, Q5)
-        T = (T[0] + Q0, T[1] + Q1, T[2] + Q2, T[3] + Q3, T[4] + Q4, T[5] + Q5)
-    remember(blocks, block, MEMORY, S[0])
-    remember(blocks, block, MEMORY + 1, S[1])
-    remember(blocks, block, MEMORY + 2, S[2])
-    remember(blocks, block, MEMORY + 3, S[3])
-    remember(blocks, block, MEMORY + 4, S[4])
-    remember(blocks, block, MEMORY + 5, S[5])
+        T = plus(T, renew(blocks, block, MEMORY + 6 + 6 * term, decay, gain, change))
     return T, left
 
 
@@ -165,13 +157,6 @@ def branch_energy(C, modulus, blocks, block):
     """
     energy = 0.0 * modulus
     for term in range(TERMS):
-        q = MEMORY + 6 + 6 * term
-        a, b, c = remembered(blocks, block, q), remembered(blocks, block, q + 1), remembered(blocks, block, q + 2)
-        d, e, f = remembered(blocks, block, q + 3), remembered(blocks, block, q + 4), remembered(blocks, block, q + 5)
-        # M = Q C, with Q = (a d e; d b f; e f c)
-        m00, m01, m02 = a * C[0] + d * C[3] + e * C[4], a * C[3] + d * C[1] + e * C[5], a * C[4] + d * C[5] + e * C[2]
-        m10, m11, m12 = d * C[0] + b * C[3] + f * C[4], d * C[3] + b * C[1] + f * C[5], d * C[4] + b * C[5] + f * C[2]
-        m20, m21, m22 = e * C[0] + f * C[3] + c * C[4], e * C[3] + f * C[1] + c * C[5], e * C[4] + f * C[5] + c * C[2]
-        square = m00 * m00 + m11 * m11 + m22 * m22 + 2.0 * (m01 * m10 + m02 * m20 + m12 * m21)
+        square = squared_size(remembered_tensor(blocks, block, MEMORY + 6 + 6 * term), C)
         energy = energy + square / (4.0 * modulus * number(blocks, block, AT + 3 + 3 * term) + 1e-200)
     return number(blocks, block, AT), energy

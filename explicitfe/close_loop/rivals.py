@@ -56,6 +56,7 @@ def fits(
     cheap = sorted((s for s in others if not s.candidate.reference), key=lambda s: -s.promise)
     # Those that take longest come last, when it is known how well the others do.
     chosen = sorted([*promising[:most], *cheap[:most]], key=lambda s: s.candidate.dear)
+    top = max(s.promise for s in chosen)
     refits: dict[str, BestFit] = {}
     systems: dict[str, System] = {}
     failures: dict[str, str] = {}
@@ -63,7 +64,7 @@ def fits(
         name = score.candidate.effect
         model = fit.model.plus(score.candidate.term, score.values)
         least = min((other.chi2 for other in refits.values()), default=np.inf)
-        if system.costly(model) and _far(fit, score, least):
+        if system.costly(model) and _far(fit, score, top, least):
             continue
         try:
             # What a finer mesh changes depends on the effect, such as a volume that may change. That is looked at where it may
@@ -83,10 +84,14 @@ def fits(
     return refits, systems, failures
 
 
-def _far(fit: BestFit, score: Score, least: float) -> bool:
-    """Whether a fit would not bring a candidate near the least chi2 so far; of a dear one the trial itself has to promise it."""
+def _far(fit: BestFit, score: Score, top: float, least: float) -> bool:
+    """Whether a fit would not bring a candidate near the least chi2 so far.
+
+    Of one that takes long the trial itself has to promise it, or nearly as much as the best trial does.
+    """
     if score.candidate.dear:
-        return fit.chi2 - score.promise > least + THRESHOLDS.visible_separation
+        left = fit.chi2 - score.promise
+        return left > least + THRESHOLDS.visible_separation and score.promise < THRESHOLDS.dear_refit_share_of_best_drop * top
     return fit.chi2 - THRESHOLDS.refit_gain_over_trial * score.promise > least + THRESHOLDS.far_misfit
 
 

@@ -143,6 +143,12 @@ class Thresholds:
         "share of the best drop of chi2",
         "A candidate that needs a mesh where the model needs none costs more than all others together, so it must promise more.",
     )
+    dear_refit_share_of_best_drop: float = threshold(
+        0.95,
+        "share of the best drop of chi2",
+        "A candidate that follows whole histories on a mesh is fitted if its trial leaves no more than 25 above the best fit, or "
+        "gains nearly as much as the best trial: trials are linear in the strength, which is right to some per cent.",
+    )
     near_best_drop: float = threshold(
         60.0, "chi2", "Candidates this near to the best drop are fitted too, because they may be mistaken for it."
     )

@@ -159,8 +159,8 @@ class Specimens:
         return tissue
 
     def sketch(self, model: Hypothesis) -> Hypothesis:
-        """The model without effects that remember: a mesh changes about as much without them, and is many times cheaper."""
-        kept = [k for k, term in enumerate(model.terms) if not EFFECTS[term.effect].remembers]
+        """The model without effects that need whole histories: others change about as much, and take a fraction of the time."""
+        kept = [k for k, term in enumerate(model.terms) if not _needs_history(EFFECTS[term.effect])]
         x, start = list(model.x[: len(model.base)]), len(model.base)
         for k, term in enumerate(model.terms):
             if k in kept:
@@ -322,7 +322,7 @@ class Specimens:
         # A trial is compared with the elastic model on the same mesh where the model itself needs none, and where one ramp does
         # for the trial while the model needs its whole history.
         still = effect.acts_on != "reading" and not effect.depends_on_path
-        if self.homogeneous or (still and any(EFFECTS[other.effect].remembers for other in model.terms)):
+        if self.homogeneous or (still and any(_needs_history(EFFECTS[other.effect]) for other in model.terms)):
             none = term.term.parameters[0].sought.none
             term = replace(term, reference=tuple((none, *row[0][1:]) for row in term.trials))
         return term
@@ -419,6 +419,11 @@ def _for_group(tissue: Tissue, group: str) -> Tissue:
     if group not in tissue.constants:
         return tissue
     return tissue.model_copy(update={"constants": {group: tissue.constants[group]}})
+
+
+def _needs_history(effect: Effect) -> bool:
+    """Whether a body has to follow the whole course of a test; a machine that misreads does not change what the body does."""
+    return effect.acts_on != "reading" and effect.depends_on_path
 
 
 def _is_homogeneous(curve: Curve) -> bool:

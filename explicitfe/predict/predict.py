@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from types import MappingProxyType
@@ -133,7 +134,7 @@ def predict_test(
     correction = corrections.get(first.id)
     if correction is None:
         return predict_under_a_tool(test, law, effects, numerics, progress)
-    return predict_under_a_tool(test, law, effects, numerics, progress, correction.applied)
+    return predict_under_a_tool(test, law, effects, numerics, progress, partial(correction.applied, followed=test))
 
 
 def _with_numerics(tissue: Tissue, refinement: float | None, density: float | None, tolerance: float | None) -> Tissue:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,6 +40,13 @@ def true_programme(read: np.ndarray, curve: Curve, readings: Sequence[Measuremen
     for effect in reversed(readings):
         read = effect.true_load(read, record) if by_force else effect.true_motion(read - zero, record) + zero
     return np.maximum(read, 0.0) if by_force and _touches(curve) else read
+
+
+def as_it_is(curve: Curve, readings: Sequence[Measurement]) -> Curve:
+    """A curve with the programme that was really imposed."""
+    read = programme_of(curve)
+    programme = true_programme(read, curve, readings, curve.imposed == "force_N")
+    return curve if np.array_equal(programme, read) else replace(curve, columns=curve.columns | {curve.imposed: programme})
 
 
 def reading(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:

@@ -93,3 +93,18 @@ def test_the_error_of_a_correction():
     assert set(remembering.errors) - set(correction.errors) == {RIPPLE_IN_MEMORY}
     assert np.array_equal(remembering.factor, correction.factor)
     assert corrections_of(tissue(Numerics(refinement=0.4)), [curve()], run) == {}
+
+
+def test_what_a_tissue_remembers_of_the_ripple_is_followed():
+    """The coarse mesh's ripple of earlier depths stays in the memory, while the factor of the depth of now undoes all of it at
+    once. The history on a finer mesh knows better, at another strength of the memory too.
+    """
+    test, other = curve(), Viscoelastic(g=(0.35,), tau_s=(3.5,))
+    fine, coarse = (answer(test, tissue(numerics, other)) for numerics in (FINE, COARSE))
+    correction = corrected((PRONY,))
+    pressed = fine > 0.3 * fine.max()
+    by_depth, by_history = (
+        correction.applied(coarse, 1e-3 * WAY_MM, False, followed)[pressed] / fine[pressed] - 1.0 for followed in ((), (test,))
+    )
+    assert np.sqrt(np.mean(by_history**2)) < 0.5 * np.sqrt(np.mean(by_depth**2)), (by_history, by_depth)
+    assert correction.remembered["one"][TIME_S < 0.1] == pytest.approx(1.0) and not corrected().remembered

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from explicitfe.effects import Effect, Measurement, readings_of
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.correction import Correction, Job, kind_of, ramp_of
-from explicitfe.predict.reading import reading, true_programme
+from explicitfe.predict.reading import as_it_is, reading, true_programme
 from explicitfe.predict.tissue import Tissue
 
 
@@ -46,7 +46,8 @@ class Plan:
                 programme = true_programme(programme_of(curve), curve, self.readings, self.by_force)
                 values = line(np.clip(programme, 0.0, programme_of(courses[0])[-1]))
             if curve.id in corrections:
-                values = corrections[curve.id].applied(values, programme, self.by_force)
+                followed = () if self.by_ramp else (curve,)
+                values = corrections[curve.id].applied(values, programme, self.by_force, followed)
             by_curve[curve.id] = reading(values, curve, self.readings, self.by_force)
         return by_curve
 
@@ -73,16 +74,9 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     text = tissue.model_copy(update={"effects": tissue.effects.without(readings)}).text
     if by_point or not by_ramp or not ramps:
         # The run is what really happens; tests whose readings leave the programme as it is share it.
-        return Plan((tuple(_really(curve, readings, by_force) for curve in test), text), test, readings, by_force)
+        return Plan((tuple(as_it_is(curve, readings) for curve in test), text), test, readings, by_force)
     alike = [c for c in curves if kind_of(c) == kind_of(first)]
     return Plan(((ramp_of(first, alike, readings),), text), test, readings, by_force, by_ramp=True)
-
-
-def _really(curve: Curve, readings: Sequence[Measurement], by_force: bool) -> Curve:
-    """A curve with the programme that was really imposed."""
-    read = programme_of(curve)
-    programme = true_programme(read, curve, readings, by_force)
-    return curve if np.array_equal(programme, read) else replace(curve, columns=curve.columns | {curve.imposed: programme})
 
 
 def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:

@@ -421,7 +421,7 @@ def _for_group(tissue: Tissue, group: str) -> Tissue:
     return tissue.model_copy(update={"constants": {group: tissue.constants[group]}})
 
 
-def _needs_history(effect: Effect) -> bool:
+def _needs_history(effect: type[Effect]) -> bool:
     """Whether a body has to follow the whole course of a test; a machine that misreads does not change what the body does."""
     return effect.acts_on != "reading" and effect.depends_on_path
 

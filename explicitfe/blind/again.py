@@ -1,7 +1,13 @@
-"""A further test of the specimen of a blind case: the same truth under another programme, for studies of proposed tests."""
+"""A further test of the specimen of a blind case: the same truth under another programme, for studies of proposed tests.
+
+Whether any two further tests could show what is hidden is computed as a case's own identifiability is: with the generator's
+numerics, from the truth, before a tool sees any of these tests.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
@@ -9,14 +15,20 @@ import numpy as np
 
 from explicitfe.blind.case import Case, CaseCurve, NoiseStatement, Table, write
 from explicitfe.blind.closed_forms import Bench
+from explicitfe.blind.foreign.closed import REMEMBER as FOREIGN_REMEMBER
+from explicitfe.blind.foreign.closed import ForeignBench
+from explicitfe.blind.foreign.homogeneous_cases import rivals_of
 from explicitfe.blind.grid import Conditions, HomogeneousRun, Mode
 from explicitfe.blind.homogeneous import POISSON_RATIO
 from explicitfe.blind.homogeneous_case import COLUMNS, NOISE, PLATEN
-from explicitfe.blind.noise import Noise
+from explicitfe.blind.identifiable import COARSE_INCREMENTS_PER_ROW, SMALLEST_IDENTIFIABLE_DISTANCE, case_sizes, separation
+from explicitfe.blind.noise import Noise, Whitener
 from explicitfe.blind.truth import Truth
+from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.results.loop_report import NextExperiment
 
 LENGTH_KEYS = ("radius_mm", "height_mm")
+FOREIGN = "foreign"  # family of a sealed file
 
 
 def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperiment, folder: Path, name: str) -> None:
@@ -31,15 +43,11 @@ def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperime
     mode = cast(Mode, truth["mode"])
     platen = mode == "platen"
     stated = dict(proposal.specimen or {})
-    size: dict[str, float] = {}
-    if platen:
-        lengths = {key: float(str(stated[key])) / _wrong(truth, key) for key in LENGTH_KEYS}
-        size = {"height_m": 1e-3 * lengths["height_mm"], "area_m2": 1e-6 * np.pi * lengths["radius_mm"] ** 2}
     conditions: Conditions = {k: v for k, v in proposal.conditions.items() if isinstance(v, str | int | float)}
-    run = HomogeneousRun(name, t, 1e-3 * x if platen else x, conditions, 0, None, **size)
-    bench = Bench([run], mode, POISSON_RATIO)
-    values = bench.values(truth["C10_Pa"], truth["C20_Pa"], truth["effects"] | truth["outside"])
-    noise = Noise(*(truth["noise"][key] for key in ("level", "sd", "rho", "scale_sd", "offset_sd")))
+    size = {key: float(str(stated[key])) for key in LENGTH_KEYS} if platen else None
+    run = HomogeneousRun(name, t, 1e-3 * x if platen else x, conditions, 0, None, **_true_size(truth, size))
+    values = _bench(truth, [run]).values(truth["C10_Pa"], truth["C20_Pa"], truth["effects"] | truth["outside"])
+    noise = _noise(truth)
     curves = []
     for number in range(proposal.repeats or 1):
         (measured,) = noise.add_to(rng, [values])
@@ -59,7 +67,99 @@ def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperime
     write(case, folder, name)
 
 
+@dataclass(frozen=True)
+class Showing:
+    """How far the truth stays from all that could stand for it, with further tests.
+
+    Attributes
+    ----------
+    with_all : with every test that is possible.
+    with_two : with the best two that were looked for one after the other; not looked for where all together do not suffice.
+    """
+
+    with_all: float
+    with_two: float | None
+
+    @property
+    def possible(self) -> bool:
+        """Whether two further tests can show what is hidden."""
+        return self.with_two is not None and self.with_two >= SMALLEST_IDENTIFIABLE_DISTANCE
+
+
+def showing(truth: Truth, curves: Sequence[Curve], tests: Sequence[Curve], repeats: int) -> Showing:
+    """Whether any two of these tests, beside the curves of the case, could tell what is hidden from all rivals.
+
+    Parameters
+    ----------
+    curves, tests : those of the case's dataset that are fitted, and those that are possible, as a dataset has them.
+    repeats : of each test: its rows count so many times.
+    """
+    samples = [str(curve.conditions.get("sample", curve.id)) for curve in curves]  # cycles of one sample follow each other
+    own = [_run(truth, curve, samples.index(sample)) for curve, sample in zip(curves, samples, strict=True)]
+    further = [_run(truth, curve, len(own) + number) for number, curve in enumerate(tests)]
+
+    def least(chosen: Sequence[int]) -> float:
+        return _distance(truth, own, [further[k] for k in chosen], repeats)
+
+    with_all = least(range(len(further)))
+    if with_all < SMALLEST_IDENTIFIABLE_DISTANCE:
+        return Showing(with_all, None)
+    chosen: list[int] = []
+    best = -1.0
+    for _ in range(2):
+        ranked = []
+        for k in range(len(further)):
+            ranked.append((least([*chosen, k]), k))
+            if ranked[-1][0] >= SMALLEST_IDENTIFIABLE_DISTANCE:
+                return Showing(with_all, ranked[-1][0])
+        best, k = max(ranked)
+        chosen.append(k)
+    return Showing(with_all, best)
+
+
+def _distance(truth: Truth, own: Sequence[HomogeneousRun], further: Sequence[HomogeneousRun], repeats: int) -> float:
+    """The least squared distance from the law alone and from each rival."""
+    bench = _bench(truth, [*own, *further])
+    constants = truth["C10_Pa"], truth["C20_Pa"]
+    parts = COARSE_INCREMENTS_PER_ROW if set(FOREIGN_REMEMBER) & set(truth["effects"]) else None
+    true = bench.values(*constants, truth["effects"], parts, recovers=False)
+    values = bench.curves(true)
+    ends = np.cumsum([len(one) for one in values])[:-1]
+    whiten = Whitener(_noise(truth), values, [True] * len(values))
+    once = whiten(np.ones(len(true)))
+    weights = np.concatenate(
+        [np.full(len(one), 1.0 if k < len(own) else np.sqrt(repeats)) for k, one in enumerate(np.split(once, ends))]
+    )
+    free = rivals_of(bench, case_sizes(bench, *constants, true), constants[0]) if isinstance(bench, ForeignBench) else None
+    apart = separation(bench, true, lambda gap: weights * whiten(gap), constants, tuple(truth["effects"]), free)
+    return min([apart.baseline, *apart.rivals.values()])
+
+
+def _bench(truth: Truth, runs: Sequence[HomogeneousRun]) -> Bench | ForeignBench:
+    mode = cast(Mode, truth["mode"])
+    return ForeignBench(runs, mode) if truth.get("family") == FOREIGN else Bench(runs, mode, POISSON_RATIO)
+
+
+def _run(truth: Truth, curve: Curve, test: int) -> HomogeneousRun:
+    """A curve of a dataset as the generator has it, in the test of this number."""
+    conditions: Conditions = {k: v for k, v in curve.conditions.items() if isinstance(v, str | int | float)}
+    size = None if curve.specimen is None else {key: getattr(curve.specimen, key) for key in LENGTH_KEYS}
+    return HomogeneousRun(curve.id, curve.time_s, programme_of(curve), conditions, test, None, **_true_size(truth, size))
+
+
+def _true_size(truth: Truth, stated: dict[str, float] | None) -> dict[str, float]:
+    """Height [m] and area [m^2] of a specimen between platens, by the lengths that its dataset states [mm]."""
+    if truth["mode"] != "platen" or stated is None:
+        return {}
+    lengths = {key: stated[key] / _wrong(truth, key) for key in LENGTH_KEYS}
+    return {"height_m": 1e-3 * lengths["height_mm"], "area_m2": 1e-6 * np.pi * lengths["radius_mm"] ** 2}
+
+
 def _wrong(truth: Truth, key: str) -> float:
     """The factor by which a dataset states a length wrongly."""
     wrong = truth["wrong"]
     return wrong["factor"] if wrong is not None and wrong["key"] == key else 1.0
+
+
+def _noise(truth: Truth) -> Noise:
+    return Noise(*(truth["noise"][key] for key in ("level", "sd", "rho", "scale_sd", "offset_sd")))

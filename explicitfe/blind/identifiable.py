@@ -15,7 +15,6 @@ from scipy.optimize import least_squares
 
 from explicitfe.blind.grid import Effects, HomogeneousRun, Mode
 from explicitfe.blind.mechanism import mechanism
-from explicitfe.blind.noise import Whitener
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
@@ -194,7 +193,7 @@ def free_parameters(name: str, size: CaseSizes, C10_Pa: float) -> list[FreeParam
 def separation(
     bench: PlannedBench,
     true: np.ndarray,
-    whiten: Whitener,
+    whiten: Callable[[np.ndarray], np.ndarray],
     constants: tuple[float, float],
     hidden: Sequence[str],
     free: Mapping[str, Sequence[FreeParameter]] | None = None,
@@ -237,7 +236,7 @@ def _maker(name: str, free: Sequence[FreeParameter]) -> Callable[[np.ndarray], E
 def _nearest(
     bench: PlannedBench,
     true: np.ndarray,
-    whiten: Whitener,
+    whiten: Callable[[np.ndarray], np.ndarray],
     constants: tuple[float, float],
     effect_at: Callable[[np.ndarray], Effects],
     free: Sequence[FreeParameter],

@@ -14,7 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.close_loop.information import Foretold, entropy_bits, expected_bits, separation
-from explicitfe.close_loop.posterior import Causes, Evidence, Posterior, count_of_testable, prior_precision
+from explicitfe.close_loop.posterior import (
+    Causes,
+    Evidence,
+    Posterior,
+    by_mechanism,
+    count_of_testable,
+    in_usual_forms,
+    prior_precision,
+    usual_forms,
+)
 from explicitfe.close_loop.proposals import ProposedCurve, proposals
 from explicitfe.close_loop.search import Outcome
 from explicitfe.close_loop.specimens.specimens import Specimens
@@ -60,10 +69,13 @@ class Survivor:
 def survivors(system: Specimens, outcome: Outcome, evidence: Sequence[Evidence], posterior: Posterior) -> list[Survivor]:
     """Causes that the data leave, the most probable first."""
     costly = system.costly(outcome.rounds[0].fit.model)
+    usual = usual_forms(outcome)
+    posterior = by_mechanism(posterior, usual)
     best: dict[Causes, Evidence] = {}
     for one in evidence:
-        if one.causes not in best or one.log > best[one.causes].log:
-            best[one.causes] = one
+        causes = in_usual_forms(one.causes, usual)  # two forms of one mechanism are no rivals
+        if causes not in best or one.log > best[causes].log:
+            best[causes] = one
     ranked = sorted(best, key=lambda causes: -posterior.of(causes))[: MOST_CAUSES_ON_A_MESH if costly else MOST_CAUSES]
     left = [
         _survivor(system, outcome, best[causes], posterior.of(causes))

@@ -148,19 +148,19 @@ def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
     """
     if outcome.verdict in ("failed", "limited-by-numerics"):
         return None
-    usual = {s.candidate.effect: s.candidate.variant_of for one in outcome.rounds for s in one.scores if s.candidate.variant_of}
-    posterior = Posterior(_merged(posterior.closed, usual), _merged(posterior.open, usual))
+    usual = usual_forms(outcome)
+    posterior = by_mechanism(posterior, usual)
     if outcome.verdict == "no-missing-effect":
-        slight = _usual(outcome.no_consequence, usual)
+        slight = in_usual_forms(outcome.no_consequence, usual)
         return sum(posterior.of(causes) for causes in {*posterior.closed, *posterior.open} if causes <= slight)
     if outcome.verdict == "unexplained":
         return posterior.something_else
     last = outcome.rounds[-1]
-    added = _usual(last.fit.model.effects, usual)
+    added = in_usual_forms(last.fit.model.effects, usual)
     if outcome.verdict == "ambiguous" and not outcome.effects and last.best is not None:
         named = {added | {usual.get(name, name)} for name in (last.best, *last.ambiguous_with)}
         return sum(posterior.of(causes) for causes in named)
-    effects = _usual(outcome.effects, usual)
+    effects = in_usual_forms(outcome.effects, usual)
     if outcome.remainder == "at-floor":
         return posterior.of(effects)
     # More than these effects is at work, the verdict says.
@@ -168,7 +168,17 @@ def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
     return sum(posterior.of(causes) for causes in supersets)
 
 
-def _usual(effects: Iterable[str], usual: Mapping[str, str]) -> Causes:
+def usual_forms(outcome: Outcome) -> dict[str, str]:
+    """Effect -> the usual form of the same mechanism, of those that are another form."""
+    return {s.candidate.effect: s.candidate.variant_of for one in outcome.rounds for s in one.scores if s.candidate.variant_of}
+
+
+def by_mechanism(posterior: Posterior, usual: Mapping[str, str]) -> Posterior:
+    """Probabilities with the forms of one mechanism added up."""
+    return Posterior(_merged(posterior.closed, usual), _merged(posterior.open, usual))
+
+
+def in_usual_forms(effects: Iterable[str], usual: Mapping[str, str]) -> Causes:
     """Effects by the usual form of each."""
     return frozenset(usual.get(name, name) for name in effects)
 
@@ -177,7 +187,7 @@ def _merged(table: Mapping[Causes, float], usual: Mapping[str, str]) -> dict[Cau
     """Probabilities with the forms of one mechanism added up."""
     merged: dict[Causes, float] = {}
     for causes, p in table.items():
-        merged[_usual(causes, usual)] = merged.get(_usual(causes, usual), 0.0) + p
+        merged[in_usual_forms(causes, usual)] = merged.get(in_usual_forms(causes, usual), 0.0) + p
     return merged
 
 

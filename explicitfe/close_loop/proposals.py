@@ -33,6 +33,8 @@ CHANGED_CONDITIONS = (
     "defect",
 )
 SECONDS_PER_MINUTE = 60.0
+# Cycles of a programme of many pieces.
+MANY_CYCLES = 4
 # What changes from repeat to repeat shows after so many more of them, which need not be read.
 SKIPPED_REPEATS = 8
 
@@ -114,12 +116,40 @@ def _changed(source: Curve, curves: tuple[Curve, ...], room: Room, limits: RigLi
     if room.load > load * (1.0 + 1e-9):
         more = room.load / load
         yield f"{more:.3g} times the largest load, and back", _course(source, [(more * ramp_s, room.load), (more * ramp_s, 0.0)])
+    if source.tool is None or source.tool.shape == "platen":
+        yield from _of_many_pieces(source, room, ramp_s)
     last = max(cycle_of(c) for c in curves)
     if last > min(cycle_of(c) for c in curves):
         again = replace(source, conditions={**source.conditions, "repeat": int(last) + 1 + SKIPPED_REPEATS})
         yield f"the same again after {SKIPPED_REPEATS} more repeats", _course(again, [(ramp_s, load), (ramp_s, 0.0)])
     yield from _of_other_directions(source, curves, ramp_s, load)
     yield from _of_other_sizes(source, curves, limits, ramp_s, load)
+
+
+def _of_many_pieces(source: Curve, room: Room, ramp_s: float) -> Iterator[tuple[str, Curve]]:
+    """Long programmes to the largest load: once a test is set up, a further piece of it costs only its own duration.
+
+    Under a tool each piece costs the run of a mesh, so these are only for tests that need none, or little of it.
+    """
+    most = room.load
+    ramp_s = ramp_s * most / max(_load(source), 1e-300)
+    fast = max(room.ramp_s, ramp_s / PACE_FACTOR)
+    hold_s = min(HOLD_FACTOR * float(source.time_s[-1]), 0.2 * room.test_s)
+    slow = min(PACE_FACTOR * ramp_s, 0.3 * room.test_s)
+    words = f"to {most / max(_load(source), 1e-300):.3g} times the largest load"
+    paces = [piece for pace in (fast, ramp_s, slow) for piece in ((pace, most), (pace, 0.0))]
+    yield f"rest, then a cycle at each of three paces over two decades {words}", _course(source, [(ramp_s, 0.0), *paces])
+    cycles = [piece for _ in range(MANY_CYCLES) for piece in ((ramp_s, most), (ramp_s, 0.0))]
+    yield f"{MANY_CYCLES} cycles {words}", _course(source, cycles)
+    cycles = [piece for _ in range(MANY_CYCLES) for piece in ((fast, most), (fast, 0.0))]
+    yield f"{MANY_CYCLES} fast cycles {words}, then rest", _course(source, [*cycles, (hold_s, 0.0)])
+    stairs = (0.33, 0.67, 1.0, 0.67, 0.33, 0.0)
+    steps = [piece for share in stairs for piece in ((fast, share * most), (hold_s / 3.0, share * most))]
+    yield f"fast steps up and down, each held, {words}", _course(source, steps)
+    growing = [piece for share in (0.5, 0.5, 1.0, 1.0) for piece in ((share * ramp_s, share * most), (share * ramp_s, 0.0))]
+    yield f"two cycles to half and two to all of it, then rest, {words}", _course(source, [*growing, (hold_s, 0.0)])
+    held = [(fast, most), (hold_s, most), (fast, 0.0), (hold_s, 0.0), (ramp_s, most), (ramp_s, 0.0)]
+    yield f"a fast ramp, a hold of {hold_s:.3g} s, unloading, as long a rest and a slow cycle {words}", _course(source, held)
 
 
 def _of_other_directions(source: Curve, curves: tuple[Curve, ...], ramp_s: float, load: float) -> Iterator[tuple[str, Curve]]:
@@ -147,7 +177,12 @@ def _of_other_sizes(
             share = min(size / own, 1.0)
             smaller = load * (share if source.imposed == "displacement_m" else share**2)  # forces go with the area
             changed = with_length(source, table, key, size / own)
-            yield what.format(size), _course(changed, [(ramp_s, smaller), (ramp_s, 0.0)])
+            once = [(ramp_s, smaller), (ramp_s, 0.0)]
+            if table == "specimen" and source.tool is not None and source.tool.shape == "platen":
+                cycles = [(ramp_s, 0.0), *(MANY_CYCLES * once)]
+                yield f"rest, then {MANY_CYCLES} cycles of {what.format(size)}", _course(changed, cycles)
+            else:
+                yield what.format(size), _course(changed, once)
 
 
 def _with(curve: Curve, **conditions: str) -> Curve:

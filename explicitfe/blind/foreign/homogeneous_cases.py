@@ -115,10 +115,10 @@ def _distances(
     true = bench.values(*constants, effects, parts, recovers=False)
     whiten = Whitener(noise, bench.curves(true), [curve.split != "holdout" for curve in bench.plan])
     hidden: Sequence[str] = () if request.kind == "outside" else request.subjects
-    return separation(bench, true, whiten, constants, hidden, _rivals(bench, size, constants[0]))
+    return separation(bench, true, whiten, constants, hidden, rivals_of(bench, size, constants[0]))
 
 
-def _rivals(bench: ForeignBench, size: CaseSizes, C10_Pa: float) -> dict[str, list[FreeParameter]]:
+def rivals_of(bench: ForeignBench, size: CaseSizes, C10_Pa: float) -> dict[str, list[FreeParameter]]:
     """The effects that these tests could be explained by, with what is free in them."""
     rivals = {name: free_parameters(name, size, C10_Pa) for name in possible_effects(bench)}
     long, F = size.longest_s, size.force_N

@@ -54,8 +54,9 @@ def fits(
         most = THRESHOLDS.refitted_candidates_on_a_mesh
     others = [*promising[most:], *near]
     cheap = sorted((s for s in others if not s.candidate.reference), key=lambda s: -s.promise)
-    # Those that take longest come last, when it is known how well the others do.
-    chosen = sorted([*promising[:most], *cheap[:most]], key=lambda s: s.candidate.dear)
+    # Those that take longest come last, when it is known how well the others do, and of two forms of one mechanism the usual one
+    # comes first.
+    chosen = sorted([*promising[:most], *cheap[:most]], key=lambda s: (s.candidate.dear, bool(s.candidate.variant_of)))
     top = max(s.promise for s in chosen)
     refits: dict[str, BestFit] = {}
     systems: dict[str, System] = {}
@@ -64,7 +65,8 @@ def fits(
         name = score.candidate.effect
         model = fit.model.plus(score.candidate.term, score.values)
         least = min((other.chi2 for other in refits.values()), default=np.inf)
-        if system.costly(model) and _far(fit, score, top, least):
+        usual = refits.get(score.candidate.variant_of)
+        if system.costly(model) and (_far(fit, score, top, least) or (usual is not None and _leaves_nothing(usual, covariance))):
             continue
         try:
             # What a finer mesh changes depends on the effect, such as a volume that may change. That is looked at where it may
@@ -101,9 +103,14 @@ def excluded(best: str, refits: dict[str, BestFit], covariance: Covariance) -> s
     How far the answers of two models lie apart says what such data tell on average; these data may have told more.
     """
     chosen = refits[best]
-    if chosen.by_rows is not None or lack_of_fit(chosen, covariance).p <= THRESHOLDS.quiet_p:
+    if not _leaves_nothing(chosen, covariance):
         return set()
     return {name for name, rival in refits.items() if rival.chi2 - chosen.chi2 >= THRESHOLDS.excluded_chi2}
+
+
+def _leaves_nothing(fit: BestFit, covariance: Covariance) -> bool:
+    """Whether no smooth curve would explain anything of what a model leaves."""
+    return fit.by_rows is None and lack_of_fit(fit, covariance).p > THRESHOLDS.quiet_p
 
 
 def separations_of(

@@ -14,7 +14,7 @@ from explicitfe.blind.foreign.axisymmetric import RoundSpecimen
 from explicitfe.blind.foreign.contact import RigidTool
 from explicitfe.blind.foreign.law import HiddenTissue
 from explicitfe.blind.foreign.secants import Secants
-from explicitfe.blind.foreign.tool_tests import ColumnNoise, RigReading, ToolTest, answers, depends_on_past
+from explicitfe.blind.foreign.tool_tests import ColumnNoise, RigReading, ToolTest, answers
 from explicitfe.blind.grid import Conditions, Parameters
 from explicitfe.blind.protocols import programme
 from explicitfe.blind.truth import Truth, common_truth
@@ -47,7 +47,6 @@ TOOL_DOUBLES = (
 TOOL_OUTSIDE = ("radial-gradient", "stiff-ring", "saturation")
 DATA_FINENESS = {"sphere": 1.6}  # else 0.8: errors of 0.02 % of the force, and ripples of 0.01 %
 FLAT_FINENESS = 0.8
-PAST_FINENESS = 0.5  # where the answer depends on the past and every instant is an equilibrium
 LARGEST_C20_OF_TOOL_CASES = 1.0  # over C10
 EXACT_IMPOSED_SHARE = 0.3  # In this share of the cases the imposed column is exact.
 DISPLACEMENT_SD_MM = {0.003: 0.005, 0.01: 0.01, 0.03: 0.02}
@@ -89,9 +88,7 @@ def draw_under_a_tool(rng: np.random.Generator, request: CaseRequest, subjects: 
     for name, parameters in effects.items():
         hidden, reading, friction = hide(name, parameters, hidden, reading, friction)
     tests = [replace(test, tool=replace(test.tool, friction=friction)) for test in planned.tests]
-    past = any(depends_on_past(hidden, test.tool) for test in tests)
-    fineness = DATA_FINENESS.get(protocol, PAST_FINENESS if past else FLAT_FINENESS)
-    columns = answers(tests, hidden, reading, planned.depth_mm, fineness)
+    columns = answers(tests, hidden, reading, planned.depth_mm, DATA_FINENESS.get(protocol, FLAT_FINENESS))
     by_force = tests[0].by_force
     force = max(test.largest if by_force else float(np.abs(column).max()) for test, column in zip(tests, columns, strict=True))
     noise = ColumnNoise(float(f"{FORCE_SD_SHARE * request.level * force:.3g}"), DISPLACEMENT_SD_MM[request.level])

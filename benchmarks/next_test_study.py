@@ -8,8 +8,9 @@ came out ambiguous, missed or unexplained gets a further test of the same truth,
 more, unless an effect was found that leaves no more than noise. Beside it stands the same with random tests: programmes drawn as
 those of the sets are, within the same room, until they have cost as many minutes. Controls get the same.
 
-Not every case can be settled. One can be if two of the possible tests, each made five times, keep the truth 25 away from the law
-alone and from every rival, by the generator's numerics and before the tool sees any of them. The others are counted apart.
+Not every case can be settled. One can be if all possible tests together, with as many rows as two of them made five times, keep
+the truth 25 away from the law alone and from every rival: by the generator's numerics, before the tool sees any of them. The
+others are counted apart.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from explicitfe.blind.again import measure_again, showing
+from explicitfe.blind.again import distance_with, measure_again
+from explicitfe.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE
 from explicitfe.blind.outcome import ALARMS, outcome
 from explicitfe.blind.protocols import draw_protocol
 from explicitfe.blind.tables import proportion
@@ -105,8 +107,9 @@ def compared(folder: Path, name: str, seed: int, tests: int) -> dict[str, Any]:
     row: dict[str, Any] = {"case": name, "kind": truth["kind"], "true": sorted(truth["effects"]), "mode": truth["mode"]}
     row |= {"protocol": truth["protocol"], "family": truth["family"], "before": outcome(before.document, truth)}
     if truth["kind"] != "control":
-        shown = showing(truth, fitted, [p.curve for p in proposals(tuple(fitted), RIG)], max(TRIED_REPEATS))
-        row |= {"possible": shown.possible, "with_all": shown.with_all, "with_two": shown.with_two}
+        possible = [p.curve for p in proposals(tuple(fitted), RIG)]
+        distance = distance_with(truth, fitted, possible, tests * max(TRIED_REPEATS) / len(possible))
+        row |= {"distance": distance, "possible": distance >= SMALLEST_IDENTIFIABLE_DISTANCE}
     row |= _proposed(case, truth, before, np.random.default_rng([seed, int(name[-4:])]), tests)
     row |= _random(case, truth, before, np.random.default_rng([seed + 1, int(name[-4:])]), row["minutes"], tuple(fitted))
     return row | {"wall_s": time.perf_counter() - begin}

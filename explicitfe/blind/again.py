@@ -1,13 +1,12 @@
 """A further test of the specimen of a blind case: the same truth under another programme, for studies of proposed tests.
 
-Whether any two further tests could show what is hidden is computed as a case's own identifiability is: with the generator's
+Whether further tests could show what is hidden is computed as a case's own identifiability is: with the generator's
 numerics, from the truth, before a tool sees any of these tests.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
@@ -21,7 +20,7 @@ from explicitfe.blind.foreign.homogeneous_cases import rivals_of
 from explicitfe.blind.grid import Conditions, HomogeneousRun, Mode
 from explicitfe.blind.homogeneous import POISSON_RATIO
 from explicitfe.blind.homogeneous_case import COLUMNS, NOISE, PLATEN
-from explicitfe.blind.identifiable import COARSE_INCREMENTS_PER_ROW, SMALLEST_IDENTIFIABLE_DISTANCE, case_sizes, separation
+from explicitfe.blind.identifiable import COARSE_INCREMENTS_PER_ROW, case_sizes, separation
 from explicitfe.blind.noise import Noise, Whitener
 from explicitfe.blind.truth import Truth
 from explicitfe.measured.curve import Curve, programme_of
@@ -29,6 +28,7 @@ from explicitfe.results.loop_report import NextExperiment
 
 LENGTH_KEYS = ("radius_mm", "height_mm")
 FOREIGN = "foreign"  # family of a sealed file
+THINNED = 4  # Of the rows of a further test one in so many is computed, and counts so many times.
 
 
 def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperiment, folder: Path, name: str) -> None:
@@ -67,69 +67,27 @@ def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperime
     write(case, folder, name)
 
 
-@dataclass(frozen=True)
-class Showing:
-    """How far the truth stays from all that could stand for it, with further tests.
+def distance_with(truth: Truth, curves: Sequence[Curve], tests: Sequence[Curve], repeats: float) -> float:
+    """How far the truth stays from the law alone and from every rival, with further tests: the least squared distance.
 
-    Attributes
-    ----------
-    with_all : with every test that is possible.
-    with_two : with the best two that were looked for one after the other; not looked for where all together do not suffice.
-    """
-
-    with_all: float
-    with_two: float | None
-
-    @property
-    def possible(self) -> bool:
-        """Whether two further tests can show what is hidden."""
-        return self.with_two is not None and self.with_two >= SMALLEST_IDENTIFIABLE_DISTANCE
-
-
-def showing(truth: Truth, curves: Sequence[Curve], tests: Sequence[Curve], repeats: int) -> Showing:
-    """Whether any two of these tests, beside the curves of the case, could tell what is hidden from all rivals.
+    At 25 they can show what is hidden, as for the curves of a case by themselves.
 
     Parameters
     ----------
-    curves, tests : those of the case's dataset that are fitted, and those that are possible, as a dataset has them.
-    repeats : of each test: its rows count so many times.
+    curves, tests : those of the case's dataset that are fitted, and those that are made besides, as a dataset has them.
+    repeats : of each test: its rows count so many times, which may be no whole number.
     """
     samples = [str(curve.conditions.get("sample", curve.id)) for curve in curves]  # cycles of one sample follow each other
     own = [_run(truth, curve, samples.index(sample)) for curve, sample in zip(curves, samples, strict=True)]
-    further = [_run(truth, curve, len(own) + number) for number, curve in enumerate(tests)]
-
-    def least(chosen: Sequence[int]) -> float:
-        return _distance(truth, own, [further[k] for k in chosen], repeats)
-
-    with_all = least(range(len(further)))
-    if with_all < SMALLEST_IDENTIFIABLE_DISTANCE:
-        return Showing(with_all, None)
-    chosen: list[int] = []
-    best = -1.0
-    for _ in range(2):
-        ranked = []
-        for k in range(len(further)):
-            ranked.append((least([*chosen, k]), k))
-            if ranked[-1][0] >= SMALLEST_IDENTIFIABLE_DISTANCE:
-                return Showing(with_all, ranked[-1][0])
-        best, k = max(ranked)
-        chosen.append(k)
-    return Showing(with_all, best)
-
-
-def _distance(truth: Truth, own: Sequence[HomogeneousRun], further: Sequence[HomogeneousRun], repeats: int) -> float:
-    """The least squared distance from the law alone and from each rival."""
+    further = [_run(truth, curve, len(own) + number, THINNED) for number, curve in enumerate(tests)]
     bench = _bench(truth, [*own, *further])
     constants = truth["C10_Pa"], truth["C20_Pa"]
     parts = COARSE_INCREMENTS_PER_ROW if set(FOREIGN_REMEMBER) & set(truth["effects"]) else None
     true = bench.values(*constants, truth["effects"], parts, recovers=False)
     values = bench.curves(true)
-    ends = np.cumsum([len(one) for one in values])[:-1]
     whiten = Whitener(_noise(truth), values, [True] * len(values))
-    once = whiten(np.ones(len(true)))
-    weights = np.concatenate(
-        [np.full(len(one), 1.0 if k < len(own) else np.sqrt(repeats)) for k, one in enumerate(np.split(once, ends))]
-    )
+    counts = [1.0] * len(own) + [THINNED * repeats] * len(further)
+    weights = np.sqrt(np.repeat(counts, [len(one) for one in values]))
     free = rivals_of(bench, case_sizes(bench, *constants, true), constants[0]) if isinstance(bench, ForeignBench) else None
     apart = separation(bench, true, lambda gap: weights * whiten(gap), constants, tuple(truth["effects"]), free)
     return min([apart.baseline, *apart.rivals.values()])
@@ -140,11 +98,13 @@ def _bench(truth: Truth, runs: Sequence[HomogeneousRun]) -> Bench | ForeignBench
     return ForeignBench(runs, mode) if truth.get("family") == FOREIGN else Bench(runs, mode, POISSON_RATIO)
 
 
-def _run(truth: Truth, curve: Curve, test: int) -> HomogeneousRun:
-    """A curve of a dataset as the generator has it, in the test of this number."""
+def _run(truth: Truth, curve: Curve, test: int, thinned: int = 1) -> HomogeneousRun:
+    """A curve of a dataset as the generator has it, in the test of this number; of its rows one in so many."""
     conditions: Conditions = {k: v for k, v in curve.conditions.items() if isinstance(v, str | int | float)}
     size = None if curve.specimen is None else {key: getattr(curve.specimen, key) for key in LENGTH_KEYS}
-    return HomogeneousRun(curve.id, curve.time_s, programme_of(curve), conditions, test, None, **_true_size(truth, size))
+    return HomogeneousRun(
+        curve.id, curve.time_s[::thinned], programme_of(curve)[::thinned], conditions, test, None, **_true_size(truth, size)
+    )
 
 
 def _true_size(truth: Truth, stated: dict[str, float] | None) -> dict[str, float]:

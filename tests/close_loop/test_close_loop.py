@@ -121,12 +121,17 @@ def test_the_model_file_reproduces_the_errors(closed, name, side):
         assert row.nrmse == pytest.approx(getattr(report, side).error.curves[curve].nrmse, rel=1e-6)
 
 
-def test_twice_the_same(closed, tmp_path):
+def test_twice_the_same(closed, tmp_path, monkeypatch):
+    """And the bar of a turn in the loop moves with the runs, and never goes back within a stage."""
     data, _, report = closed
-    again = close_loop(data, processes=1)
+    monkeypatch.chdir(tmp_path)
+    seen: list[tuple[str, float]] = []
+    again = close_loop(data, processes=1, progress=lambda stage, share: seen.append((stage, share)))
     first = {key: value for key, value in report.document.items() if key not in ("provenance", "files")}
     assert {key: value for key, value in again.document.items() if key != "provenance"} == first
     assert list(tmp_path.iterdir()) == []
+    shares = [share for stage, share in seen if stage == "trace"]
+    assert len(set(shares)) > 20 and shares == sorted(shares) and shares[-1] == 1.0
 
 
 def test_a_control(tmp_path):
@@ -176,14 +181,6 @@ def test_a_planned_test_has_the_constants_of_its_own_group(tmp_path):
     assert {name: c.C10_Pa for name, c in alone.constants.items()} == {"B": pytest.approx(C10)}
 
 
-def test_progress_moves_while_a_stage_goes_on(tmp_path):
-    """The bar of a turn in the loop moves with the runs, and never goes back within a stage."""
-    seen: list[tuple[str, float]] = []
-    close_loop(written(tmp_path / "data"), processes=1, progress=lambda stage, share: seen.append((stage, share)))
-    shares = [share for stage, share in seen if stage == "trace"]
-    assert len(set(shares)) > 20 and shares == sorted(shares) and shares[-1] == 1.0
-
-
 @pytest.mark.parametrize("conditions", ['repeat = "first"', 'cycle = "a"', "repeat = [1, 2]", "order = true"])
 def test_conditions_are_free(tmp_path, conditions):
     """Known keys may hold words: then there is no order of repeats, and no error."""
@@ -229,23 +226,20 @@ def test_a_curve_that_softens_is_no_third_term(tmp_path):
 # ---- the command line, and what cannot be used ----
 
 
-def test_the_command_prints_one_object(closed, tmp_path, capsys):
-    data, _, report = closed
-    assert command(["close-loop", str(data), "--out", str(tmp_path / "out"), "--json"]) == 0
-    printed = check_answer("close-loop", capsys.readouterr().out)
-    assert (printed["verdict"], printed["effects"]) == (report.verdict, report.effects)
-    assert printed["final"] == json.loads(json.dumps(report.document))["final"]
-
-
 def test_an_earlier_report_is_not_replaced_unless_asked(closed, tmp_path, capsys):
-    data, _, _ = closed
+    """And the command prints one object: what it writes."""
+    data, _, report = closed
     out = tmp_path / "out"
     assert command(["close-loop", str(data), "--out", str(out), "--max-effects", "0"]) == 0
     before = (out / "report.json").read_bytes()
     assert command(["close-loop", str(data), "--out", str(out)]) == 2
     assert "--overwrite" in capsys.readouterr().err and (out / "report.json").read_bytes() == before
-    assert command(["close-loop", str(data), "--out", str(out), "--overwrite"]) == 0
-    assert json.loads((out / "report.json").read_text(encoding="utf-8"))["verdict"] == "effect-found"
+    assert command(["close-loop", str(data), "--out", str(out), "--overwrite", "--json"]) == 0
+    printed = check_answer("close-loop", capsys.readouterr().out)
+    assert (printed["verdict"], printed["effects"]) == ("effect-found", report.effects)
+    assert printed["final"] == json.loads(json.dumps(report.document))["final"]
+    stored = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    assert (stored["verdict"], stored["final"]) == (printed["verdict"], printed["final"])
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 

@@ -69,6 +69,13 @@ def slow(tmp_path_factory):
     return written(tmp_path_factory.mktemp("next") / "slow", rates=(0.1, 0.1, 0.1), lines=lambda k: "[curve.conditions]\nday = 1")
 
 
+@pytest.fixture(scope="module")
+def before(slow, tmp_path_factory):
+    """What the loop says of them, and the folder where it stands."""
+    folder = tmp_path_factory.mktemp("before") / "report"
+    return close_loop(slow, out=folder, effects=FEW, processes=1), folder
+
+
 def test_proposals_stay_in_the_room_of_the_rig(slow):
     curves = read_dataset(slow).curves
     for limits in (RigLimits(), RigLimits(largest_strain=0.2, shortest_ramp_s=1.0, longest_test_s=30.0)):
@@ -84,13 +91,13 @@ def test_proposals_stay_in_the_room_of_the_rig(slow):
     assert free.load == pytest.approx(LOAD_FACTOR * 0.3) and free.ramp_s == pytest.approx(3.0 / PACE_FACTOR)
 
 
-def test_the_proposed_test_shows_what_ramps_at_one_rate_cannot(slow, tmp_path):
+def test_the_proposed_test_shows_what_ramps_at_one_rate_cannot(slow, before, tmp_path):
     """Relaxation cannot be seen in ramps at one rate, so a test with a time scale is proposed; measured, it names the cause."""
-    before = close_loop(slow, effects=FEW, processes=1)
-    assert "viscoelastic" not in before.effects
-    best = before.proposed_tests[0]
-    assert best == before.next_experiment and best.information_bits > 0.1 and best.minutes > 5.0
-    ranks = [one.information_bits / one.minutes for one in before.proposed_tests]
+    report, _ = before
+    assert "viscoelastic" not in report.effects
+    best = report.proposed_tests[0]
+    assert best == report.next_experiment and best.information_bits > 0.1 and best.minutes > 5.0
+    ranks = [one.information_bits / one.minutes for one in report.proposed_tests]
     assert ranks == sorted(ranks, reverse=True)
     way = np.array(best.programme)[:, 1]
     assert best.imposed == "stretch" and way[0] == 1.0
@@ -101,7 +108,7 @@ def test_the_proposed_test_shows_what_ramps_at_one_rate_cannot(slow, tmp_path):
     after = close_loop(slow, add=[more], effects=FEW, processes=1)
     assert (after.verdict, after.effects) == ("effect-found", ["viscoelastic"])
     assert {"more-0", "more-1"} <= set(after.split.fit) and "what was added is fitted" in after.split.rule
-    assert after.posterior["viscoelastic"] > before.posterior.get("viscoelastic", 0.0)
+    assert after.posterior["viscoelastic"] > report.posterior.get("viscoelastic", 0.0)
 
 
 def test_what_cannot_be_added(slow, tmp_path):
@@ -123,10 +130,10 @@ def test_a_rig_in_a_dataset(slow):
     assert rig is not None and rig.largest_strain == 0.4
 
 
-def test_proposals_are_protocols(slow, tmp_path, capsys):
+def test_proposals_are_protocols(before, tmp_path, capsys):
     """By the command, from the report that is there: each protocol can be planned as it stands."""
-    report = close_loop(slow, out=tmp_path / "report", effects=FEW, processes=1)
-    assert command(["design-test", str(tmp_path / "report"), "--propose", "--out", str(tmp_path / "tests"), "--json"]) == 0
+    report, folder = before
+    assert command(["design-test", str(folder), "--propose", "--out", str(tmp_path / "tests"), "--json"]) == 0
     answer = check_answer("design-test", capsys.readouterr().out)
     assert [test["protocol"] for test in answer["tests"]] == [test.protocol for test in report.proposed_tests]
     assert [Path(name).name for name in answer["files"]] == ["proposed-tests.json", *(f"test-{k + 1}.toml" for k in range(3))]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support import ELEMENTS, LAWS, assert_order, block_mesh, model_of, true_limit
+from support import IN_RUNS, LAWS, assert_order, block_mesh, model_of, true_limit
 
 from explicitfe.model.model import NodalLoad
 from explicitfe.model.profile import Profile
@@ -19,8 +19,7 @@ from explicitfe.solve.transient import Transient
 STEPS = 16  # of the stable limit, in the whole run
 
 
-@pytest.mark.parametrize("law", list(LAWS))
-@pytest.mark.parametrize("element", ELEMENTS)
+@pytest.mark.parametrize(("law", "element"), IN_RUNS)
 def test_second_order_with_load_jumps_and_damping(law, element, record_property):
     """|u_dt(T) - u(T)| ~ dt^2 for steps of 1/8 to 1/64 of the limit: orders of 2.0 +- 0.15 over three halvings.
 

@@ -19,7 +19,7 @@ QUICK = ("model.symmetry=sector", "model.edge_size_mm=1.5", "analysis.forces_N=[
 
 # An effect, and what it does to the displacements at 0.1 N, at 0.3 N, and at 0.1 N on the way back: -1 less, 0 the same, +1 more.
 CHANGES = {
-    "viscoelastic": ("{g=[0.4], tau_s=[1.0]}", (1, 1, 1)),
+    "viscoelastic": ("{g=[0.4, 0.0, 0.0], tau_s=[1.0, 1.0, 1.0]}", (1, 1, 1)),
     "softening": ("{inverse_r=0.5, m_Pa=10.0}", (0, 0, 1)),
     "third-yeoh": ("{C30_Pa=500.0}", (0, -1, 0)),
     "fibres": ("{k1_Pa=5000.0, direction=[1.0, 0.0, 0.0]}", (-1, -1, -1)),
@@ -41,6 +41,18 @@ CHANGES = {
     "edge": ("{rounder_mm=3.0}", (1, 1, 1)),
     "discovered-law": ("{tau_s=[0.0], c10_Pa=[100.0]}", (-1, -1, -1)),
 }
+# Effects that are compiled together, each with no strength: further combinations cost a compilation, and the first is that of
+# tests/verification/test_effects.py. Without a strength they change nothing, which is tested there.
+TOGETHER = (
+    {
+        "viscoelastic": "{g=[0.0, 0.0, 0.0], tau_s=[1.0, 1.0, 1.0]}",
+        "softening": "{inverse_r=0.0, m_Pa=10.0}",
+        "third-yeoh": "{C30_Pa=0.0}",
+        "fibres": "{k1_Pa=0.0}",
+        "drainage": "{share=0.0, tau_s=0.5}",
+    },
+    {"permanent-set": "{modulus_Pa=0.0}", "payne": "{modulus_Pa=0.0, yield_shear=0.05}"},
+)
 # Muscles have no part in a test of a specimen, and the exponent of a relaxation none without the relaxation.
 ELSEWHERE = {"activation-lag", "nonlinear-relaxation"}
 
@@ -49,6 +61,12 @@ def displacements(tmp_path: Path, *settings: str) -> np.ndarray:
     summary = explicitfe.run(REAR, tmp_path, settings=[*QUICK, *settings], overwrite=True)
     assert summary["status"] == "finished", summary["message"]
     return np.array([point["displacement_mm"] for point in summary["curve"]])
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    """Displacements without an effect."""
+    return displacements(tmp_path_factory.mktemp("plain"))
 
 
 def test_every_effect_is_in_the_table() -> None:
@@ -60,14 +78,15 @@ def test_every_effect_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize("name", list(CHANGES))
-def test_effect_changes_the_curve(name: str, tmp_path: Path) -> None:
+def test_effect_changes_the_curve(name: str, plain: np.ndarray, tmp_path: Path) -> None:
     """The sign of the change is known from what the effect is; less than 0.3 % counts as none, more as one.
 
     The third Yeoh term is for large strain; adhesion changes nothing where a flat tool presses, see the next test.
     """
     table, signs = CHANGES[name]
-    plain = displacements(tmp_path)
-    changes = displacements(tmp_path, f"effects.{name}={table}") / plain - 1.0
+    group = next((group for group in TOGETHER if name in group), {})
+    settings = [f"effects.{other}={text}" for other, text in (group | {name: table}).items()]
+    changes = displacements(tmp_path, *settings) / plain - 1.0
     for change, sign in zip(changes, signs, strict=True):
         if sign:
             assert sign * change > 3e-3, changes

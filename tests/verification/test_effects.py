@@ -51,20 +51,21 @@ from explicitfe.solve.simulation import Simulation
 C10, C20, K = YEOH.constants()
 G = 2.0 * C10
 
-# One order and one number of terms everywhere: each further combination costs a compilation. ``only`` sets the rest to zero.
+# One order, that of scenarios, and one number of terms everywhere: each further combination costs a compilation. ``only`` sets
+# the others to zero.
 NONE: dict[str, MaterialEffect] = {
-    "third_yeoh": ThirdYeoh(C30_Pa=0.0),
     "viscoelastic": Viscoelastic(g=(0.0, 0.0, 0.0), tau_s=(0.05, 0.3, 2.0)),
     "softening": Softening(inverse_r=0.0, m_Pa=20.0),
-    "drainage": Drainage(share=0.0, tau_s=0.5),
+    "third_yeoh": ThirdYeoh(C30_Pa=0.0),
     "fibres": Fibres(k1_Pa=0.0, direction=(1.0, 2.0, 2.0)),
+    "drainage": Drainage(share=0.0, tau_s=0.5),
 }
 SOME: dict[str, MaterialEffect] = {
-    "third_yeoh": ThirdYeoh(C30_Pa=50.0),
     "viscoelastic": Viscoelastic(g=(0.3, 0.1, 0.2), tau_s=(0.05, 0.3, 2.0)),
     "softening": Softening(inverse_r=0.5, m_Pa=20.0, beta=0.1),
-    "drainage": Drainage(share=0.4, tau_s=0.5),
+    "third_yeoh": ThirdYeoh(C30_Pa=50.0),
     "fibres": Fibres(k1_Pa=200.0, k2=0.5, direction=(1.0, 2.0, 2.0)),
+    "drainage": Drainage(share=0.4, tau_s=0.5),
 }
 EVERY_EFFECT = pytest.mark.parametrize("name", list(SOME))
 ONE_TERM = Viscoelastic(g=(0.4,), tau_s=(0.3,))

@@ -16,7 +16,13 @@ from explicitfe.compiled.arrays import SMALLEST_J
 from explicitfe.compiled.jit import kernel
 from explicitfe.compiled.simd import ROW
 from explicitfe.compiled.threads import wait
+from explicitfe.effects.material.discovered_law import DiscoveredLaw
+from explicitfe.effects.material.nonlinear_relaxation import NonlinearRelaxation
+from explicitfe.effects.material.payne import Payne
+from explicitfe.effects.material.permanent_set import PermanentSet
+from explicitfe.effects.material.power_law import PowerLaw
 from explicitfe.effects.material.viscoelastic import Viscoelastic
+from explicitfe.effects.specimen.inclusion import InclusionBelowTool
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
 from explicitfe.model.specimen import specimen_model
@@ -182,19 +188,34 @@ def test_a_relaxation_by_several_threads(tool, count, record_property):
     assert np.array_equal(shared, again)
 
 
-def test_a_tissue_that_remembers_relaxes_in_several_threads():
-    """Two equilibria one after the other, each to a residual of 1e-6, as above."""
-    effects = (Viscoelastic(g=(0.4,), tau_s=(1.0,)),)
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (Viscoelastic(g=(0.4,), tau_s=(1.0,)), NonlinearRelaxation(exponent=-0.7)),
+        (PowerLaw(exponent=0.2, tau_s=1.0),),
+        (DiscoveredLaw(tau_s=(0.0, 1.0), c10_Pa=(0.0, 40.0), c01_Pa=(20.0, 20.0)),),
+        (
+            PermanentSet(modulus_Pa=100.0),
+            Payne(modulus_Pa=100.0, yield_shear=0.05),
+            InclusionBelowTool(ratio=3.0, radius_mm=5.0, depth_mm=4.0),
+        ),
+    ],
+    ids=lambda effects: type(effects[-1]).__name__,
+)
+def test_a_tissue_that_remembers_relaxes_in_several_threads(effects):
+    """Two equilibria one after the other, each to a residual of 1e-6, as above, and what is remembered then."""
     specimen = SpecimenTable(symmetry="quarter", radius_mm=20.0, height_mm=10.0, edge_size_mm=2.0)
-    ends = []
+    ends, kept = [], []
     for count in (1, 2):
         body = Relaxation(specimen_model(specimen, ToolTable(shape="platen"), effects), 1e-6, threads=count)
         assert len(body.parts) == count
-        body.press(0.3, at_s=1.0)
-        end = body.press(0.3, at_s=3.0)
-        assert isinstance(end, Equilibrium), end
-        ends.append(end.displacement_m)
+        curve = [body.press(force, at_s=at_s) for force, at_s in ((0.3, 1.0), (0.3, 3.0), (0.1, 4.0))]
+        assert all(isinstance(state, Equilibrium) for state in curve), curve
+        ends.append([state.displacement_m for state in curve])
+        kept.append(body.blocks.old.copy())
     assert ends[1] == pytest.approx(ends[0], rel=1e-5)
+    scale = np.abs(kept[0]).max(axis=(0, 2), keepdims=True)
+    assert np.abs((kept[1] - kept[0]) / np.maximum(scale, 1e-300)).max() < 1e-4
 
 
 def test_a_sector_has_one_thread():

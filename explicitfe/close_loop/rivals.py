@@ -69,9 +69,9 @@ def fits(
         if system.costly(model) and (_far(fit, score, top, least) or (usual is not None and _leaves_nothing(usual, covariance))):
             continue
         try:
-            # What a finer mesh changes depends on the effect, such as a volume that may change. That is looked at where it may
-            # decide, below; only a model without a mesh knows nothing of it at all.
-            systems[name] = system.at(model) if system.exact(fit.model) else system
+            # What a finer mesh changes depends on the effect: a volume that may change, a gradient of the stiffness. Corrected as
+            # the model without it, a fit would end elsewhere.
+            systems[name] = system.at(model)
             starts = (score.values, *score.others)
             refits[name] = refit_with(systems[name], fit, score.candidate.term, starts, covariance, score.promise)
         except RunError as error:

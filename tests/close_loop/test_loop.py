@@ -11,6 +11,7 @@ from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme
 from explicitfe.close_loop import words
 from explicitfe.close_loop.report import WHOLE_RANGE, WITHOUT_EFFECT, parameters, undetermined
 from explicitfe.close_loop.search import Outcome, numerical_shares, search
+from explicitfe.close_loop.statistics.covariance import outside
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
@@ -352,3 +353,20 @@ def test_what_an_assumed_length_imitates_may_still_be_what_explains_a_gross_misf
     assert first.fit.by_rows is not None
     assert scores["bump"].drop > scores["wave"].drop and scores["wave"].promise > scores["bump"].promise
     assert first.chosen == "wave"
+
+
+def test_data_may_exclude_a_rival_that_they_would_rarely_tell_apart():
+    """Two waves that differ by d with |d|^2 = 9: as a rule such data do not tell them apart. Noise that lies along d by half of it
+    makes chi2 of the rival (1.5^2 - 0.5^2) 9 = 18 worse than that of the wave, which leaves nothing. Other noise has no part in
+    what the models can do.
+    """
+    effects = {"wave": Planted(lambda: WAVE), "twin": Planted(lambda: WAVE + 0.1 * BUMP)}
+    system = elastic(np.random.default_rng(1), tests=TESTS, effects=effects)
+    columns = np.column_stack([D, D**3, WAVE + 0.1 * BUMP, WAVE])
+    d = outside(columns[:, :3], columns[:, 3])
+    size = 0.03 / np.linalg.norm(d)
+    noise = outside(columns, 0.01 * np.random.default_rng(2).standard_normal(len(D)))
+    wave = system.X @ [2.0, 1.0] + size * WAVE + noise
+    usual, lucky = (search(system.measuring(wave + push * size * d), max_effects=1).rounds[0] for push in (0.0, 0.5))
+    assert usual.separations[0][2] == pytest.approx(9.0, rel=0.02) and usual.ambiguous_with == ("twin",)
+    assert lucky.chosen == "wave" and lucky.ambiguous_with == ()

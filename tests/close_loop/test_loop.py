@@ -356,9 +356,9 @@ def test_what_an_assumed_length_imitates_may_still_be_what_explains_a_gross_misf
 
 
 def test_data_may_exclude_a_rival_that_they_would_rarely_tell_apart():
-    """Two waves that differ by d with |d|^2 = 9: as a rule such data do not tell them apart. Noise that lies along d by half of it
-    makes chi2 of the rival (1.5^2 - 0.5^2) 9 = 18 worse than that of the wave, which leaves nothing. Other noise has no part in
-    what the models can do.
+    """Two waves that differ by d with |d|^2 = 9: as a rule such data do not tell them apart. Noise that lies along d by half of
+    it makes chi2 of the rival (1.5^2 - 0.5^2) 9 = 18 worse than that of the wave, which leaves nothing. Other noise has no part
+    in what the models can do.
     """
     effects = {"wave": Planted(lambda: WAVE), "twin": Planted(lambda: WAVE + 0.1 * BUMP)}
     system = elastic(np.random.default_rng(1), tests=TESTS, effects=effects)

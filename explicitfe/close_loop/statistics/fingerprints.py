@@ -177,7 +177,7 @@ def scores(
         for tested in testable:
             part = slice(start, start + tested.secants.shape[1])
             start = part.stop
-            drops.append(float(observed[part].max()))
+            drops.append(max(float(observed[part].max()), 0.0))
             best.append(_starts(tested, observed[part], tested.secants.T @ residual, size[part]))
             reached = int((by_chance[:, part].max(axis=1) >= drops[-1]).sum())
             chance.append((1.0 + reached) / (draws + 1.0))
@@ -224,7 +224,7 @@ def by_rows(scored: Sequence[Score], prints: Sequence[Fingerprint], fit: BestFit
         along, size = secants.T @ residual, (secants**2).sum(axis=0)
         drops = largest_drop(along, size, tested.limits)
         values, *others = _starts(tested, drops, along, size)
-        ranked.append(replace(score, promise=float(drops.max()), values=values, others=tuple(others)))
+        ranked.append(replace(score, promise=max(float(drops.max()), 0.0), values=values, others=tuple(others)))
     return ranked
 
 

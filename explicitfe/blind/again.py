@@ -28,7 +28,7 @@ from explicitfe.results.loop_report import NextExperiment
 
 LENGTH_KEYS = ("radius_mm", "height_mm")
 FOREIGN = "foreign"  # family of a sealed file
-THINNED = 4  # Of the rows of a further test one in so many is computed, and counts so many times.
+ROWS_TO_A_KEPT_ONE = 4  # Of the rows of a further test one in so many is computed, and counts so many times.
 
 
 def measure_again(rng: np.random.Generator, truth: Truth, proposal: NextExperiment, folder: Path, name: str) -> None:
@@ -79,14 +79,14 @@ def distance_with(truth: Truth, curves: Sequence[Curve], tests: Sequence[Curve],
     """
     samples = [str(curve.conditions.get("sample", curve.id)) for curve in curves]  # cycles of one sample follow each other
     own = [_run(truth, curve, samples.index(sample)) for curve, sample in zip(curves, samples, strict=True)]
-    further = [_run(truth, curve, len(own) + number, THINNED) for number, curve in enumerate(tests)]
+    further = [_run(truth, curve, len(own) + number, ROWS_TO_A_KEPT_ONE) for number, curve in enumerate(tests)]
     bench = _bench(truth, [*own, *further])
     constants = truth["C10_Pa"], truth["C20_Pa"]
     parts = COARSE_INCREMENTS_PER_ROW if set(FOREIGN_REMEMBER) & set(truth["effects"]) else None
     true = bench.values(*constants, truth["effects"], parts, recovers=False)
     values = bench.curves(true)
     whiten = Whitener(_noise(truth), values, [True] * len(values))
-    counts = [1.0] * len(own) + [THINNED * repeats] * len(further)
+    counts = [1.0] * len(own) + [ROWS_TO_A_KEPT_ONE * repeats] * len(further)
     weights = np.sqrt(np.repeat(counts, [len(one) for one in values]))
     free = rivals_of(bench, case_sizes(bench, *constants, true), constants[0]) if isinstance(bench, ForeignBench) else None
     apart = separation(bench, true, lambda gap: weights * whiten(gap), constants, tuple(truth["effects"]), free)

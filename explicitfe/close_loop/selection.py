@@ -82,6 +82,9 @@ def why_not_fitted(score: Score, refitted: Sequence[Score]) -> str:
     top = max(refitted, key=lambda other: other.promise, default=None)
     if top is None:
         return "not fitted: no candidate could be"
+    usual = score.candidate.variant_of
+    if usual in {other.candidate.effect for other in refitted}:
+        return f"not fitted: {usual}, the usual form of the same, leaves nothing that it could explain"
     own, best = _chi2(score.promise), _chi2(top.promise)
     return f"not fitted: its trial lowers chi2 by {own}, that of {top.candidate.effect} by {best}, too far ahead to be reached"
 

@@ -11,7 +11,10 @@ from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme
 from explicitfe.close_loop import words
 from explicitfe.close_loop.report import WHOLE_RANGE, WITHOUT_EFFECT, parameters, undetermined
 from explicitfe.close_loop.search import Outcome, numerical_shares, search
+from explicitfe.close_loop.selection import why_not_fitted
 from explicitfe.close_loop.statistics.covariance import outside
+from explicitfe.close_loop.statistics.fingerprints import Score
+from explicitfe.close_loop.statistics.system import Scales, candidate
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import RunError
@@ -370,3 +373,15 @@ def test_data_may_exclude_a_rival_that_they_would_rarely_tell_apart():
     usual, lucky = (search(system.measuring(wave + push * size * d), max_effects=1).rounds[0] for push in (0.0, 0.5))
     assert usual.separations[0][2] == pytest.approx(9.0, rel=0.02) and usual.ambiguous_with == ("twin",)
     assert lucky.chosen == "wave" and lucky.ambiguous_with == ()
+
+
+def test_why_a_candidate_was_not_fitted():
+    """One that is far from the best; another form of one that was fitted and leaves nothing."""
+    other = replace(candidate("power-law", 1, {"size": UPWARD}, Scales()), variant_of="wave")
+    wave, far = (candidate(name, 1, {"size": UPWARD}, Scales()) for name in ("wave", "far"))
+    best, twin, hopeless = (
+        Score(one, "significant", 1.0, 0.0, 0.0, (1.0,), "", promise=promise)
+        for one, promise in ((wave, 100.0), (other, 101.0), (far, 5.0))
+    )
+    assert why_not_fitted(twin, [best]) == "not fitted: wave, the usual form of the same, leaves nothing that it could explain"
+    assert "lowers chi2 by 5, that of wave by 100, too far ahead" in why_not_fitted(hopeless, [best])

@@ -31,7 +31,7 @@ VERDICTS = {
 REMAINDERS = {
     "at-floor": "What is left is at the floor: noise and numerics explain it.",
     "unexplained": "What is left is not explained.",
-    "ambiguous": "What is left is ambiguous: two effects may be at work and one was found.",
+    "ambiguous": "What is left may be the work of more than one effect, and these data cannot tell of which.",
 }
 # How far an effect lowers chi squared: by the best of a few trials, and with all parameters fitted.
 TRIAL_DROP, FITTED_DROP = "χ² drop, best trial", "χ² drop, fitted"

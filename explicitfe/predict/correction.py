@@ -40,8 +40,10 @@ SMOOTH_DEGREE = 2
 # Of the extrapolated step 1.25 times is a bound in 95 of 100 cases where a mesh was refined twice (Roache 1994): two standard
 # deviations.
 ERROR_SHARE_OF_STEP = 0.625
-# The step from a rounded edge to a sharp one is linear in the radius but for a part of this size, one standard deviation.
-ERROR_SHARE_OF_EDGE = 0.1
+# The step from a rounded edge to a sharp one is linear in the radius to a tenth. But an edge that is called sharp is broken by
+# some tenth of a millimetre where it was machined: of a tool of 12 mm that is 0.3 of the step from its 28th part, one standard
+# deviation.
+ERROR_SHARE_OF_EDGE = 0.3
 # What a tissue remembers of a mesh's ripple has mostly cancelled, while the factor undoes all of it at the depth of now. About so
 # much of the force of a tissue that relaxes is what it remembers; of the ripple of the finer mesh it is an error.
 REMEMBERED_SHARE = 0.3

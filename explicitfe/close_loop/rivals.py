@@ -114,16 +114,21 @@ def _leaves_nothing(fit: BestFit, covariance: Covariance) -> bool:
 
 
 def separations_of(
-    systems: dict[str, System], best: str, refits: dict[str, BestFit], excluded: Set[str], covariance: Covariance
+    systems: dict[str, System], best: str, refits: dict[str, BestFit], clear: Set[str], covariance: Covariance
 ) -> list[tuple[str, str, float]]:
-    """(best, rival, |y_best - y_rival|^2) with each rival fitted to the answer of the best model."""
+    """(best, rival, |y_best - y_rival|^2) with each rival fitted to the answer of the best model.
+
+    Parameters
+    ----------
+    clear : rivals that the data exclude. Where runs are dear, how much worse these fit the data stands for the distance.
+    """
     chosen = refits[best]
     separations = []
     for name, rival in refits.items():
         if name == best:
             continue
         apart = rival.chi2 - chosen.chi2
-        known = apart > THRESHOLDS.far_misfit or (name in excluded and systems[name].costly(rival.model))
+        known = apart > THRESHOLDS.far_misfit or (name in clear and systems[name].costly(rival.model))
         if not known:  # else the data themselves tell the models apart
             apart = refit(systems[name], rival.model, covariance, chosen.answer, rival.slopes).chi2
         separations.append((best, name, apart))

@@ -134,11 +134,17 @@ def count_of_testable(outcome: Outcome) -> int:
 
 
 def weighed(outcome: Outcome, posterior: Posterior) -> Outcome:
-    """The outcome, without an alarm where it is too probable that nothing is missing."""
+    """The outcome, without an alarm where it is too probable that nothing is missing, and without a finding where it is more
+    probable that something else is at work.
+    """
     alarms = ("effect-found", "ambiguous", "unexplained")
-    if outcome.verdict not in alarms or posterior.of(frozenset()) <= THRESHOLDS.nothing_probability:
-        return outcome
-    return Outcome("no-missing-effect", "at-floor", outcome.rounds, ())
+    if outcome.verdict in alarms and posterior.of(frozenset()) > THRESHOLDS.nothing_probability:
+        return Outcome("no-missing-effect", "at-floor", outcome.rounds, ())
+    sure = sureness(outcome, posterior)
+    least = THRESHOLDS.finding_probability
+    if outcome.verdict == "effect-found" and sure is not None and sure < least < posterior.something_else:
+        return Outcome("unexplained", "unexplained", outcome.rounds, (), nearest=outcome.effects)
+    return outcome
 
 
 def sureness(outcome: Outcome, posterior: Posterior) -> float | None:

@@ -191,9 +191,10 @@ class Thresholds:
         "Far above the noise everything is significant. There a further effect has to lower the error of left-out tests by this.",
     )
     unexplained_excess_share: float = threshold(
-        0.5,
+        0.1,
         "share of the excess of chi2 over noise",
-        "Effects that leave more than half of what is missing help, but they are not what is missing.",
+        "Effects that leave more than a tenth of what is missing help, but they are not what is missing. A law that the effects "
+        "cannot describe is imitated by two or three of them to a half or a quarter; the right effect leaves a hundredth.",
     )
 
     # ---- how sure a verdict is ----
@@ -209,6 +210,11 @@ class Thresholds:
         "probability",
         "A verdict that something is missing is not given where nothing is missing with a larger probability: an alarm on a good "
         "model is worse than a missed effect. Of 118 cases for tuning it changed one, an effect that the data hardly show.",
+    )
+    finding_probability: float = threshold(
+        0.5,
+        "probability",
+        "An effect is not said to be found where something else is more probable than this, and it less.",
     )
     surviving_probability: float = threshold(
         0.005, "probability", "Causes that are less probable do not compete where the next test is chosen."

@@ -24,6 +24,7 @@ _PLACES = {
     # commands
     "run": "explicitfe.run.run",
     "resume": "explicitfe.run.resume",
+    "sweep": "explicitfe.sweep.sweep",
     "check": "explicitfe.run.check",
     "check_dataset": "explicitfe.close_loop.outlook",
     "identify": "explicitfe.identify.identify",
@@ -92,6 +93,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.solve.equilibrium import Relaxation as Relaxation
     from explicitfe.solve.simulation import Simulation as Simulation
     from explicitfe.solve.transient import Transient as Transient
+    from explicitfe.sweep.sweep import sweep as sweep
 
 
 class _Package(ModuleType):

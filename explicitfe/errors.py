@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
-from typing import Literal
+from typing import Literal, Protocol
 
 Stage = Literal[
     "load",
@@ -23,6 +23,7 @@ Stage = Literal[
     "warm",
     "bench",
     "verify",
+    "sweep",
 ]
 """What a long task is doing; ``view/progress.py`` has words for each."""
 
@@ -30,7 +31,14 @@ Progress = Callable[[Stage, float], None]
 """What a long task calls from time to time with its stage and the share of it that is done, 0 to 1."""
 
 
-def silent(stage: Stage, share: float) -> None:
+class WordedProgress(Protocol):
+    """Progress that takes some words as well, on what is going on in the stage."""
+
+    def __call__(self, stage: Stage, share: float, words: str = "") -> None:
+        """Tell the stage, the share of it that is done, and words such as "120 of 2000, 3 failed"."""
+
+
+def silent(stage: Stage, share: float, words: str = "") -> None:
     """Progress that nobody follows."""
 
 

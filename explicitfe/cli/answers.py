@@ -38,6 +38,7 @@ from explicitfe.results.run_summary import (
     TransientCheckReport,
     TransientSummary,
 )
+from explicitfe.results.sweep_summary import SweepMembers, SweepSummary
 from explicitfe.results.verification import Verification
 from explicitfe.run.lists import (
     ListedDataset,
@@ -116,6 +117,7 @@ class ListOfEffects(TypedDict):
 # Command, with hyphens for spaces -> the types that its answer can have.
 ANSWERS: dict[str, tuple[Any, ...]] = {
     "run": (TransientSummary, IndentationSummary),
+    "sweep": (SweepSummary, SweepMembers),
     "resume": (TransientSummary, IndentationSummary),
     "check": (TransientCheckReport, IndentationCheckReport, DatasetCheckReport),
     "inspect": (InspectedResult,),

@@ -32,6 +32,7 @@ from explicitfe.cli.resume import resume
 from explicitfe.cli.run import run
 from explicitfe.cli.schema import schema
 from explicitfe.cli.streams import stdout
+from explicitfe.cli.sweep import sweep
 from explicitfe.cli.verify import verify
 from explicitfe.cli.view import view
 from explicitfe.cli.warmup import warmup
@@ -41,7 +42,7 @@ Command = Callable[..., None]
 
 # Panel of the help -> name of a command -> its function.
 COMMANDS: dict[str, dict[str, Command]] = {
-    "Scenarios": {"run": run, "resume": resume, "check": check},
+    "Scenarios": {"run": run, "sweep": sweep, "resume": resume, "check": check},
     "Results": {
         "inspect": inspect,
         "measure": measure,

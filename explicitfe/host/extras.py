@@ -7,10 +7,16 @@ from typing import Literal
 
 from explicitfe.errors import InputError
 
-Extra = Literal["view", "plots", "parquet"]
+Extra = Literal["view", "plots", "parquet", "sensitivity", "cluster"]
 
 # The extra of pyproject.toml -> the package that stands for it.
-PACKAGES: dict[Extra, str] = {"view": "pyvista", "plots": "matplotlib", "parquet": "pyarrow"}
+PACKAGES: dict[Extra, str] = {
+    "view": "pyvista",
+    "plots": "matplotlib",
+    "parquet": "pyarrow",
+    "sensitivity": "SALib",
+    "cluster": "distributed",
+}
 
 
 def has_extra(extra: Extra) -> bool:

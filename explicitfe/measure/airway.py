@@ -16,7 +16,7 @@ from explicitfe.measure.document import AirwayRegion
 from explicitfe.measure.sections import X, Z, middle
 from explicitfe.measure.tract import COLUMN_WIDTH_M, TOUCHING_GAP_M, SectionPlane, columns, crossings, palate_midline
 from explicitfe.mesh.triangles import plane_segments, surface_triangles
-from explicitfe.results import Result
+from explicitfe.results import Recorded
 from explicitfe.results.airway_table import AirwayTable, WallTable
 
 PALATE_BONE, JAW_BONE = "palate", "jaw"
@@ -67,7 +67,7 @@ class CutSection(NamedTuple):
     region: AirwayRegion
 
 
-def airway_table(result: Result) -> AirwayTable:
+def airway_table(result: Recorded) -> AirwayTable:
     """The airway's table that the run stored.
 
     Raises
@@ -80,7 +80,7 @@ def airway_table(result: Result) -> AirwayTable:
     return AirwayTable.model_validate(stored)
 
 
-def surroundings(result: Result, step: int, table: AirwayTable) -> Surroundings:
+def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surroundings:
     """What bounds the air at a stored step.
 
     Raises
@@ -206,7 +206,7 @@ def line_length(line: np.ndarray) -> float:
     return float(_length(line)[-1])
 
 
-def _palate_shift(result: Result) -> np.ndarray:
+def _palate_shift(result: Recorded) -> np.ndarray:
     """By how much the scenario shifts the palate (3,) m: the wall goes with it."""
     for bone in result.model["scenario"].get("bone", []):
         if bone["name"] == PALATE_BONE:

@@ -10,7 +10,7 @@ from explicitfe.measure.document import BoneContact, ContactPart, Depth, Side
 from explicitfe.measure.motion import unsigned_zero
 from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.surface_points import surface_areas
-from explicitfe.results import Result
+from explicitfe.results import Recorded
 
 # The midline is free where no node within this distance of the midsagittal plane touches.
 MIDLINE_BAND_M = 3e-3
@@ -18,7 +18,7 @@ SIDES: tuple[Side, ...] = get_args(Side)
 DEPTHS: tuple[Depth, ...] = get_args(Depth)
 
 
-def contacts(result: Result, step: int) -> dict[str, BoneContact]:
+def contacts(result: Recorded, step: int) -> dict[str, BoneContact]:
     """Contact with each bone whose pressure is stored."""
     stored = [name for name in result.bones if f"contact_pressure_{name}" in result.fields]
     if not stored:
@@ -27,7 +27,7 @@ def contacts(result: Result, step: int) -> dict[str, BoneContact]:
     return {name: _contact(result, step, name, areas) for name in stored}
 
 
-def _contact(result: Result, step: int, bone: str, areas: np.ndarray) -> BoneContact:
+def _contact(result: Recorded, step: int, bone: str, areas: np.ndarray) -> BoneContact:
     pressure = np.maximum(result.field(f"contact_pressure_{bone}", step), 0.0)
     touched = pressure > 0.0
     # Cells belong to the bone and move with it.
@@ -61,7 +61,7 @@ def _part(areas: np.ndarray, pressure: np.ndarray, touched: np.ndarray) -> Conta
     return ContactPart(area_mm2=1e6 * area, force_N=force, mean_kPa=1e-3 * force / area if area > 0.0 else 0.0)
 
 
-def _force_on_body(result: Result, step: int, bone: str) -> np.ndarray | None:
+def _force_on_body(result: Recorded, step: int, bone: str) -> np.ndarray | None:
     """Force of a bone on the body at a step (3,) N, if the run stored it."""
     name = f"contact_{bone}_force"
     if name not in result.history_names:

@@ -11,7 +11,7 @@ from explicitfe.measure.airway import airway_table
 from explicitfe.measure.formants import FORMANT_COUNT, cut_pieces, formants_of, joined, lips_at
 from explicitfe.measure.measure import nearest_of
 from explicitfe.measure.steps import last_step
-from explicitfe.results import Result
+from explicitfe.results import Recorded
 
 
 class ConstrictionCourse(NamedTuple):
@@ -32,7 +32,7 @@ class FormantCourse(NamedTuple):
     frequency: np.ndarray
 
 
-def constriction_course(result: Result, every: int = 1) -> ConstrictionCourse:
+def constriction_course(result: Recorded, every: int = 1) -> ConstrictionCourse:
     """The constriction at every so-manieth sample, and at the last one; some 15 ms each.
 
     Raises
@@ -47,7 +47,7 @@ def constriction_course(result: Result, every: int = 1) -> ConstrictionCourse:
     return ConstrictionCourse(result.times[steps], np.array([each.width for each in met]), np.array([each.place for each in met]))
 
 
-def formant_course(result: Result, every: int = 1) -> FormantCourse:
+def formant_course(result: Recorded, every: int = 1) -> FormantCourse:
     """The formants at every so-manieth sample, and at the last one; some 0.4 s each.
 
     Raises
@@ -63,6 +63,6 @@ def formant_course(result: Result, every: int = 1) -> FormantCourse:
     return FormantCourse(result.times[steps], frequency)
 
 
-def _steps(result: Result, every: int) -> list[int]:
+def _steps(result: Recorded, every: int) -> list[int]:
     last = last_step(result)
     return sorted({*range(0, last + 1, every), last})

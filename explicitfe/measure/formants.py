@@ -13,7 +13,7 @@ from explicitfe.errors import InputError
 from explicitfe.measure.airway import airway_midline, airway_table, cut_sections, gap_to_incisors, line_length, surroundings
 from explicitfe.measure.document import Airway, AirwayRegion, AirwaySection, AreaSource, FormantFigures, FormantShifts
 from explicitfe.measure.steps import step_at
-from explicitfe.results import Result, open_result
+from explicitfe.results import Recorded, open_result
 from explicitfe.results.airway_table import AirwayTable, LarynxTable
 from explicitfe.results.run_summary import kind_of
 
@@ -51,7 +51,7 @@ def airway(path: Path, time_s: float | None = None) -> Airway:
         return airway_of(result, step_at(result, time_s))
 
 
-def airway_of(result: Result, step: int) -> Airway:
+def airway_of(result: Recorded, step: int) -> Airway:
     """The airway at one stored step, with its formants."""
     table = airway_table(result)
     lips = lips_at(result, float(result.times[step]), table)
@@ -85,7 +85,7 @@ def tube_of(sections: Sequence[AirwaySection]) -> Tube:
     return Tube(1e-3 * lengths, 1e-6 * np.array([section.area_mm2 for section in sections]))
 
 
-def lips_at(result: Result, time_s: float, table: AirwayTable) -> tuple[float, float]:
+def lips_at(result: Recorded, time_s: float, table: AirwayTable) -> tuple[float, float]:
     """Area mm2 and length mm of the lips at a time: of the scenario, else the neutral opening of the model."""
     lips = result.model["scenario"].get("lips")
     if lips is None:
@@ -96,7 +96,7 @@ def lips_at(result: Result, time_s: float, table: AirwayTable) -> tuple[float, f
     return float(np.interp(1e3 * time_s, times, areas)), float(np.interp(1e3 * time_s, times, lengths))
 
 
-def cut_pieces(result: Result, step: int, table: AirwayTable) -> list[Piece]:
+def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     """From the lowest section to the incisors: what is cut out of the surfaces, and what neighbours say where nothing is met."""
     around = surroundings(result, step, table)
     line = airway_midline(around)

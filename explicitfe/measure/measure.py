@@ -15,7 +15,7 @@ from explicitfe.measure.shape import grooves, highest_point
 from explicitfe.measure.steps import last_step, step_at
 from explicitfe.measure.tract import PALATE, Nearest, constriction, narrowest, palate_midline
 from explicitfe.mesh.triangles import surface_triangles
-from explicitfe.results import Result, open_result
+from explicitfe.results import Recorded, open_result
 from explicitfe.results.run_summary import kind_of
 
 
@@ -39,7 +39,7 @@ def measure(path: Path, time_s: float | None = None, formants: bool = False) -> 
         return measures_of(result, step_at(result, time_s), formants)
 
 
-def measures_if_any(result: Result) -> Measures | None:
+def measures_if_any(result: Recorded) -> Measures | None:
     """The measures at the end of a run in time; None for an indentation, and where no sample can be measured."""
     if kind_of(result.model) != "transient":
         return None
@@ -49,7 +49,7 @@ def measures_if_any(result: Result) -> Measures | None:
         return None
 
 
-def measures_of(result: Result, step: int, formants: bool = False) -> Measures:
+def measures_of(result: Recorded, step: int, formants: bool = False) -> Measures:
     """The measures at one stored step, whose displacements are finite."""
     mesh, u = result.mesh, result.displacement(step)
     return Measures(
@@ -68,7 +68,7 @@ def measures_of(result: Result, step: int, formants: bool = False) -> Measures:
     )
 
 
-def constriction_of(result: Result, step: int) -> Constriction | None:
+def constriction_of(result: Recorded, step: int) -> Constriction | None:
     """The constriction under the bone called "palate", if the run had one."""
     if PALATE not in result.bones:
         return None
@@ -76,7 +76,7 @@ def constriction_of(result: Result, step: int) -> Constriction | None:
     return constriction(result.mesh, result.displacement(step), at_rest.points[at_rest.triangles], now.points[now.triangles])
 
 
-def nearest_of(result: Result, step: int) -> Nearest | None:
+def nearest_of(result: Recorded, step: int) -> Nearest | None:
     """Where tongue and palate are nearest in the midsagittal plane; None without a palate, or where the plane misses one."""
     if PALATE not in result.bones:
         return None

@@ -10,7 +10,7 @@ from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.quality import volumes
 from explicitfe.mesh.self_contact import self_penetration
-from explicitfe.results import Result
+from explicitfe.results import Recorded
 
 RISE_SHARE = 0.9
 # A displacement below this is none: a time until it is reached would be that of rounding.
@@ -21,7 +21,7 @@ SETTLED_SHARE, SETTLED_WITHIN_S = 0.05, 0.1
 MIRROR_SHARE_OF_EXTENT = 1e-6
 
 
-def point_motions(result: Result, step: int) -> dict[str, PointMotion]:
+def point_motions(result: Recorded, step: int) -> dict[str, PointMotion]:
     """The named points that the run recorded, in the order of its model; of others the samples are read."""
     motions = {}
     for name in result.model.get("probes", result.mesh.named_points):
@@ -39,7 +39,7 @@ def point_motions(result: Result, step: int) -> dict[str, PointMotion]:
     return motions
 
 
-def body_motion(result: Result, step: int) -> BodyMotion:
+def body_motion(result: Recorded, step: int) -> BodyMotion:
     """The whole body."""
     mesh, u = result.mesh, result.displacement(step)
     largest = float(np.linalg.norm(u, axis=1).max())
@@ -93,7 +93,7 @@ def unsigned_zero(value: float) -> float:
     return float(value) + 0.0
 
 
-def _course(result: Result, name: str, step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _course(result: Recorded, name: str, step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (t,), displacement (t, 3) and velocity (t, 3) of a point up to a step."""
     if f"probe_{name}_displacement" in result.history_names:
         times, path = result.history("time"), result.history(f"probe_{name}_displacement")
@@ -109,7 +109,7 @@ def _course(result: Result, name: str, step: int) -> tuple[np.ndarray, np.ndarra
     return times[:rows], path[:rows], velocity
 
 
-def _velocity(result: Result, step: int) -> np.ndarray:
+def _velocity(result: Recorded, step: int) -> np.ndarray:
     """Velocity of the nodes (n, 3) m/s: as stored, else the mean since the sample before."""
     if "velocity" in result.fields:
         return result.field("velocity", step)
@@ -118,7 +118,7 @@ def _velocity(result: Result, step: int) -> np.ndarray:
     return (result.displacement(step) - result.displacement(step - 1)) / (result.times[step] - result.times[step - 1])
 
 
-def _body_rise_time(result: Result, step: int) -> float | None:
+def _body_rise_time(result: Recorded, step: int) -> float | None:
     """The same as ``rise_time`` for the displacement field, each node weighted by its share of the volume."""
     mesh = result.mesh
     shares = np.repeat(volumes(mesh.points, mesh.hexes) / 8.0, 8)

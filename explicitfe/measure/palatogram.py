@@ -16,7 +16,7 @@ from explicitfe.measure.sections import middle
 from explicitfe.measure.tract import PALATE, TOUCHING_GAP_M, palate_midline
 from explicitfe.mesh.hexmesh import FACES, free_faces
 from explicitfe.mesh.surface_points import surface_areas
-from explicitfe.results import Result
+from explicitfe.results import Recorded
 
 # The surface of the tongue under an electrode is looked for within this distance, along the palate's normal.
 SURFACE_WITHIN_M = 5e-3
@@ -51,7 +51,7 @@ class ContactSample(NamedTuple):
 class TongueOnPalate:
     """The tongue's surface and the electrodes of a result, for looking at one time after another."""
 
-    def __init__(self, result: Result, at: Electrodes) -> None:
+    def __init__(self, result: Recorded, at: Electrodes) -> None:
         self.result, self.at = result, at
         element, face = free_faces(result.mesh.hexes)
         self._areas = surface_areas(result.mesh)
@@ -93,7 +93,7 @@ class TongueOnPalate:
         return ContactSample(on, felt, float(self._areas[pressure > 0.0].sum()), float(self._areas @ pressure))
 
 
-def electrodes_of(result: Result) -> Electrodes | None:
+def electrodes_of(result: Recorded) -> Electrodes | None:
     """The electrodes on the bone called "palate"; None without one, where its pressure is not stored, or where it has no room."""
     if PALATE not in result.bones or f"contact_pressure_{PALATE}" not in result.fields:
         return None
@@ -114,7 +114,7 @@ class ContactHistory:
     samples : what was felt at each.
     """
 
-    def __init__(self, result: Result, step: int, at: Electrodes) -> None:
+    def __init__(self, result: Recorded, step: int, at: Electrodes) -> None:
         tongue = TongueOnPalate(result, at)
         self.at = at
         self.times_s = result.times[: step + 1]
@@ -141,13 +141,13 @@ class ContactHistory:
         return pattern(self.at, self.on[step], float(self.times_s[step]))
 
 
-def contact_history(result: Result, step: int) -> ContactHistory | None:
+def contact_history(result: Recorded, step: int) -> ContactHistory | None:
     """The contact up to a step; None as for :func:`electrodes_of`."""
     at = electrodes_of(result)
     return None if at is None else ContactHistory(result, step, at)
 
 
-def palatogram(result: Result, step: int) -> Palatogram | None:
+def palatogram(result: Recorded, step: int) -> Palatogram | None:
     """The palatogram at a step, and its course up to there; None as for :func:`electrodes_of`."""
     history = contact_history(result, step)
     if history is None:
@@ -209,7 +209,7 @@ def centre_of_gravity(touched: np.ndarray) -> float | None:
     return float(GRAVITY_WEIGHTS @ rows / rows.sum()) if rows.any() else None
 
 
-def _hard_palate(result: Result) -> float | None:
+def _hard_palate(result: Recorded) -> float | None:
     """The length of the hard palate that the scenario gives, m."""
     for table in result.model.get("scenario", {}).get("bone", []):
         if table.get("name") == PALATE and table.get("hard_palate_mm") is not None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.errors import InputError
-from explicitfe.results import Result
+from explicitfe.results import Recorded
 
 
-def last_step(result: Result) -> int:
+def last_step(result: Recorded) -> int:
     """The last stored step whose displacements are finite.
 
     Raises
@@ -21,7 +21,7 @@ def last_step(result: Result) -> int:
     raise InputError(f"{result.path} has no step that can be drawn or measured; run the scenario again")
 
 
-def step_at(result: Result, time_s: float | None) -> int:
+def step_at(result: Recorded, time_s: float | None) -> int:
     """The stored step nearest to a time; the last one with finite displacements if left out.
 
     Raises

@@ -33,10 +33,10 @@ class Provenance(TypedDict):
 def provenance() -> Provenance:
     """Where a run comes from that starts now, on this machine."""
     return {
-        "explicitfe": _version("explicitfe"),
-        "numpy": _version("numpy"),
-        "numba": _version("numba"),
-        "h5py": _version("h5py"),
+        "explicitfe": version_of("explicitfe"),
+        "numpy": version_of("numpy"),
+        "numba": version_of("numba"),
+        "h5py": version_of("h5py"),
         "python": platform.python_version(),
         "commit": _commit(Path(__file__).resolve().parents[2]),
         "platform": platform.platform(),
@@ -46,7 +46,8 @@ def provenance() -> Provenance:
     }
 
 
-def _version(package: str) -> str | None:
+def version_of(package: str) -> str | None:
+    """The version of an installed package."""
     try:
         return version(package)
     except PackageNotFoundError:

@@ -17,7 +17,7 @@ import numpy as np
 
 from explicitfe.errors import InputError, nearest
 from explicitfe.host.extras import require
-from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
+from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.results import layout
 from explicitfe.results.contents import (
     FieldInfo,
@@ -32,6 +32,7 @@ from explicitfe.results.contents import (
 from explicitfe.results.fibres import read_fibres
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
+from explicitfe.results.recorded import Recorded
 from explicitfe.results.run_summary import TransientModelDescription, point_at_rest, with_history
 from explicitfe.results.stored import BusyError, StoredFile
 
@@ -59,7 +60,7 @@ def open_result(path: Path | str) -> Result:
     return Result(path)
 
 
-class Result:
+class Result(Recorded):
     """A result file opened for reading; numbers are read when asked for.
 
     Only the valid steps are shown: after a kill that is up to the last stored sample. Numbers are compared with their checksums;
@@ -173,31 +174,6 @@ class Result:
         """The history by name, ``time`` among it."""
         return {name: self._quantity(f"{layout.HISTORY}/{name}") for name in self._names(layout.HISTORY)}
 
-    def field(self, name: str, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
-        """One field at one step.
-
-        Parameters
-        ----------
-        name : one of ``fields``.
-        step : 0 to T - 1, or from the end, -1 the last.
-        time_s : s; when given, the stored step nearest to it is taken instead of ``step``.
-
-        Returns
-        -------
-        (N,) or (N, components) for point fields, (E,) or (E, components) for cell fields, in the field's unit.
-
-        Raises
-        ------
-        InputError : no such field or step, or a time outside the stored ones.
-        """
-        if name not in self.fields:
-            raise InputError(f'{self.path} has no field "{name}"; {nearest(name, self.fields)}')
-        return self._of_step(name, self._step(step, time_s))
-
-    def displacement(self, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
-        """Displacement of the nodes from their reference positions at one step, (N, 3), m."""
-        return self.field("displacement", step, time_s=time_s)
-
     def history(self, name: str) -> np.ndarray:
         """One history, (rows,) or (rows, components), in its unit; ``history("time")`` has the times of the rows.
 
@@ -206,17 +182,6 @@ class Result:
         if name not in self.history_names:
             raise InputError(f'{self.path} has no history "{name}"; {nearest(name, self.history_names)}')
         return self._histories[name]
-
-    def probe(self, name: str) -> np.ndarray:
-        """Displacement of a named point at each of ``times``, (T, 3), m."""
-        points = self.mesh.named_points
-        if name not in points:
-            raise InputError(f'{self.path} has no named point "{name}"; {nearest(name, points)}')
-        shares = shape_functions(points[name].natural[0])
-        corners = np.flatnonzero(shares)  # mostly fewer than eight: a point lies on the surface, or in a plane of symmetry
-        nodes = self.mesh.hexes[points[name].element[0], corners]
-        moved = [self._of_step("displacement", step)[nodes] for step in range(len(self.times))]
-        return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
 
     @cached_property
     def bones(self) -> dict[str, StoredBone]:
@@ -228,22 +193,6 @@ class Result:
     def fibres(self) -> list[list[MaterialPoints]]:
         """Of each muscle of ``model["muscles"]`` the lines that its fibres run along; empty where none are stored."""
         return read_fibres(self._stored, self.mesh, len(self.model.get("muscles", [])))
-
-    def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Where a bone is at one step, given as in :meth:`field`: R (3, 3) and s (3,) m; its point X at rest is at R X + s."""
-        if f"bone_{bone}_placement" not in self.history_names:
-            return np.eye(3), np.zeros(3)
-        row = int(np.argmin(np.abs(self.history("time") - self.times[self._step(step, time_s)])))
-        entries = self.history(f"bone_{bone}_placement")[row]
-        return entries[:9].reshape(3, 3), entries[9:]
-
-    def placed_bones(self, step: int = -1, *, time_s: float | None = None) -> dict[str, StoredBone]:
-        """The bones where they are at one step, given as in :meth:`field`."""
-        placed = {}
-        for name, bone in self.bones.items():
-            rotation, shift = self.placement(name, step, time_s=time_s)
-            placed[name] = bone._replace(points=bone.points @ rotation.T + shift)
-        return placed
 
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:
         """The mesh with all fields at one step, as pyvista and ParaView see it.
@@ -324,21 +273,6 @@ class Result:
         }
 
     # ---- inside ----
-
-    def _step(self, step: int, time_s: float | None) -> int:
-        """Number of a stored step, 0 to T - 1."""
-        count = len(self.times)
-        if not count:
-            raise InputError(f"{self.path} holds no stored step")
-        if time_s is None:
-            if not -count <= step < count:
-                raise InputError(f"{self.path} has no step {step}; it has 0 to {count - 1}")
-            return step % count
-        first, last = self.times[0], self.times[-1]
-        rounding = 1e-9 * max(abs(first), abs(last))
-        if not first - rounding <= time_s <= last + rounding:
-            raise InputError(f"{self.path} has no time {time_s} s; it has {first} s to {last} s")
-        return int(np.argmin(np.abs(self.times - time_s)))
 
     def _of_step(self, name: str, step: int) -> np.ndarray:
         """A field at a step, 0 to T - 1, compared with its checksum."""

@@ -16,7 +16,7 @@ from explicitfe.errors import Progress
 from explicitfe.mesh.quality import assess
 from explicitfe.mesh.validity import certify
 from explicitfe.model.model import Model
-from explicitfe.results import RestartState, ResultWriter
+from explicitfe.results import RestartState, ResultInMemory, ResultWriter
 from explicitfe.results.drawn import DrawnPictures
 from explicitfe.results.run_summary import CheckReport, FoldedElements, MeshReport, ModelDescription, RunSummary
 from explicitfe.run.inputs import sums_of
@@ -98,8 +98,12 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
         """The model in words and numbers, as it is stored and shown."""
 
     @abstractmethod
-    def run(self, target: Path, *, overwrite: bool, progress: Progress, begun: Begun | None = None) -> RunSummary:
+    def run(
+        self, target: Path | ResultInMemory, *, overwrite: bool, progress: Progress, begun: Begun | None = None
+    ) -> RunSummary:
         """Run to the end and store the result in ``target``; the summary is what ``explicitfe run --json`` prints.
+
+        A file is written as the run goes on; a result in memory is filled, and nothing is written.
 
         Where the run ends early, ``status`` and ``message`` say why, and what was computed until then is stored. Where a signal
         asks to stop, while signals are watched, it ends after the sample with what is needed to go on. ``begun``: what an earlier
@@ -150,10 +154,12 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
         }
 
     @abstractmethod
-    def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
+    def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:
         """A new result with room for so many samples."""
 
-    def _opened(self, target: Path, overwrite: bool, expected: int, begun: Begun | None) -> ResultWriter:
+    def _opened(
+        self, target: Path | ResultInMemory, overwrite: bool, expected: int, begun: Begun | None
+    ) -> ResultWriter | ResultInMemory:
         """A new result, or one that was begun before."""
         return (
             self._writer(target, overwrite, expected) if begun is None else ResultWriter.reopen(begun.path, overwrite=overwrite)

@@ -13,7 +13,8 @@ import numpy as np
 from explicitfe.errors import InputError, Progress
 from explicitfe.host import stopping
 from explicitfe.model.specimen import specimen_model
-from explicitfe.results import Quantity, ResultWriter, provenance
+from explicitfe.results import Quantity, ResultInMemory, ResultWriter, provenance
+from explicitfe.results.recorded import Declared
 from explicitfe.results.run_summary import (
     CURVE_COLUMNS,
     LOAD_COLUMNS,
@@ -94,7 +95,9 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             "tool": self.scenario.tool.model_dump(exclude_none=True),
         }
 
-    def run(self, target: Path, *, overwrite: bool, progress: Progress, begun: Begun | None = None) -> IndentationSummary:
+    def run(
+        self, target: Path | ResultInMemory, *, overwrite: bool, progress: Progress, begun: Begun | None = None
+    ) -> IndentationSummary:
         """Go from load to load; see ``Analysis.run``. Where a load is not reached, ``curve`` ends with the last one that was."""
         begin = time.perf_counter()
         body = self.body
@@ -104,7 +107,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         times = analysis.times_s or [float(k) for k in range(1, len(loads) + 1)]
 
         state = None if begun is None else begun.state
-        if begun is None:
+        if begun is None and isinstance(target, Path):
             check_room(target, self._result_bytes(), "take fewer loads, fewer record.fields or another --out")
         with self._opened(target, overwrite, len(loads) + 1, begun) as writer:
             compile_s = make_ready(body, progress)
@@ -188,13 +191,18 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         samples = len(self.scenario.analysis.course) + 1
         return float(samples * 8 * (3 * mesh.node_count + len(fields) * mesh.element_count))
 
-    def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
+    def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:
         wanted = self.scenario.record.fields
+        declared: Declared = {
+            "mesh": self.model.mesh,
+            "cell_fields": {name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
+            "history": INDENTATION_HISTORY,
+        }
+        if isinstance(target, ResultInMemory):
+            return target.begin(**declared, model=self.describe())
         return ResultWriter(
             target,
-            mesh=self.model.mesh,
-            cell_fields={name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
-            history=INDENTATION_HISTORY,
+            **declared,
             scenario_text=self.text,
             model=self._stored_model(),
             provenance=provenance(),
@@ -203,7 +211,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
             overwrite=overwrite,
         )
 
-    def _store(self, writer: ResultWriter, curve: list[Equilibrium], time_s: float, started: float) -> None:
+    def _store(self, writer: ResultWriter | ResultInMemory, curve: list[Equilibrium], time_s: float, started: float) -> None:
         """Store the last equilibrium, and the state to go on from."""
         row = {column: getattr(curve[-1], name) for name, column in EQUILIBRIUM_COLUMNS.items()}
         row["external_work"] = external_work(curve).work_J

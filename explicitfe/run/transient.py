@@ -33,7 +33,8 @@ from explicitfe.measure.motion import has_settled
 from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model import catalogue
 from explicitfe.model.tongue import assemble
-from explicitfe.results import ResultWriter, provenance
+from explicitfe.results import ResultInMemory, ResultWriter, provenance
+from explicitfe.results.recorded import Declared
 from explicitfe.results.run_summary import (
     CheckReport,
     FoldedElements,
@@ -131,7 +132,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "probes": {name: point_at_rest(point) for name, point in self.model.probes.items()},
         }
 
-    def run(self, target: Path, *, overwrite: bool, progress: Progress, begun: Begun | None = None) -> TransientSummary:
+    def run(
+        self, target: Path | ResultInMemory, *, overwrite: bool, progress: Progress, begun: Begun | None = None
+    ) -> TransientSummary:
         """Advance to the end, with samples as the scenario asks for; see ``Analysis.run``."""
         begin = time.perf_counter()
         scenario, simulation = self.scenario, self.body
@@ -139,7 +142,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         duration_s = 1e-3 * scenario.analysis.duration_ms
         step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
         expected = int(duration_s / every_s) + 2
-        if begun is None:
+        if begun is None and isinstance(target, Path):
             check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another --out")
 
         with self._opened(target, overwrite, expected, begun) as writer:
@@ -242,32 +245,37 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         per_element = 8 * len({"J", "hourglass_energy"} & set(record.fields))
         return float(samples * (per_node * mesh.node_count + per_element * mesh.element_count))
 
-    def _writer(self, target: Path, overwrite: bool, expected: int) -> ResultWriter:
+    def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:
         scenario, model, simulation = self.scenario, self.model, self.body
         wanted = set(scenario.record.fields)
         bones = [bone.name for bone in model.bones]
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
+        declared: Declared = {
+            "mesh": model.mesh,
+            "point_fields": point_fields(wanted, bones),
+            "cell_fields": cell_fields(wanted),
+            "history": history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
+            "bones": {bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
+        }
+        if isinstance(target, ResultInMemory):
+            return target.begin(**declared, model=self.describe())
         state = (
             simulation.restart_state() | {"clock": np.zeros(3), "counters": np.zeros(2, dtype=np.int64)} | restart_extras(0, 0.0)
         )
         return ResultWriter(
             target,
-            mesh=model.mesh,
-            point_fields=point_fields(wanted, bones),
-            cell_fields=cell_fields(wanted),
-            history=history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
+            **declared,
             scenario_text=self.text,
             model=self._stored_model(),
             provenance=provenance(),
             restart=state,
-            bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
             fibres=model.fibres,
             expected_samples=min(expected, room),
             overwrite=overwrite,
         )
 
-    def _store(self, writer: ResultWriter, recording: Recording, ledger: Ledger, count: int) -> None:
+    def _store(self, writer: ResultWriter | ResultInMemory, recording: Recording, ledger: Ledger, count: int) -> None:
         """Store the first ``count`` samples of a recording."""
         wanted = set(self.scenario.record.fields)
         mesh, some = self.model.mesh, slice(0, count)

@@ -52,6 +52,11 @@ def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scena
     """
     path = Path(path)
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
+    return scenario_in(text, path, settings)
+
+
+def scenario_in(text: str, path: Path, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
+    """A scenario in a text, as :func:`read_scenario` gives it; ``path`` is where messages say that it stands."""
     data = json_of(text, path) if path.suffix == ".json" else toml_of(text, path)
     if isinstance(data, dict) and data.get("format") in _OTHER_FILES:
         raise InputError(f"{path}: this is no scenario but {_OTHER_FILES[data['format']]}.")

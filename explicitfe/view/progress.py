@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
-from explicitfe.errors import Progress, Stage
+from explicitfe.errors import Stage, WordedProgress
 from explicitfe.host import stopping
 
 # What each stage of a task is called.
@@ -31,6 +31,7 @@ STAGES: dict[Stage, str] = {
     "bench": "timing",
     "verify": "computing claims",
     "close-loop": "closing the loop on cases",
+    "sweep": "computing members",
 }
 BETWEEN_LINES_S = 10.0  # of a log, which nobody watches
 SECONDS_OF_A_MINUTE = 60
@@ -39,7 +40,7 @@ SHARE_THAT_TELLS_PACE = 0.02
 
 
 @contextmanager
-def following(console: Console, beginning: str) -> Iterator[Progress]:
+def following(console: Console, beginning: str) -> Iterator[WordedProgress]:
     """Show at once that a command works, and then how far it is; gives the function to call with a stage and the share done.
 
     That function raises Stopped where a signal has asked to stop: it is called where work can be left.
@@ -52,8 +53,8 @@ def following(console: Console, beginning: str) -> Iterator[Progress]:
     """
     shown = _OnTerminal(console, beginning) if console.is_terminal else _InLog(console, beginning)
 
-    def progress(stage: Stage, share: float) -> None:
-        shown.show(stage, share)
+    def progress(stage: Stage, share: float, words: str = "") -> None:
+        shown.show(stage, share, words)
         stopping.check()
 
     try:
@@ -80,11 +81,12 @@ class _OnTerminal:
         self._tasks: dict[str, TaskID] = {}
         self._bars.start()
 
-    def show(self, stage: Stage, share: float) -> None:
+    def show(self, stage: Stage, share: float, words: str) -> None:
+        name = STAGES.get(stage, stage)  # its name is better than no answer
         if stage not in self._tasks:
             self._bars.update(self._beginning, visible=False)
-            self._tasks[stage] = self._bars.add_task(STAGES.get(stage, stage), total=1.0)  # its name is better than no answer
-        self._bars.update(self._tasks[stage], completed=share)
+            self._tasks[stage] = self._bars.add_task(name, total=1.0)
+        self._bars.update(self._tasks[stage], completed=share, description=f"{name}: {words}" if words else name)
 
     def end(self) -> None:
         self._bars.live.transient = not self._tasks
@@ -99,16 +101,16 @@ class _InLog:
         self._begun: dict[str, tuple[float, float]] = {}  # stage -> when it began, and with which share
         self._say(beginning)
 
-    def show(self, stage: Stage, share: float) -> None:
-        words = STAGES.get(stage, stage)
+    def show(self, stage: Stage, share: float, words: str) -> None:
+        name = STAGES.get(stage, stage)
         if stage not in self._begun:
             self._begun[stage] = time.monotonic(), share
-            self._say(words)
+            self._say(name)
         elif time.monotonic() - self._said_at > BETWEEN_LINES_S and share < 1.0:
             begun_at, first = self._begun[stage]
             gone_s, done = time.monotonic() - begun_at, share - first
             left = f", {_duration(gone_s * (1.0 - share) / done)} left" if done >= SHARE_THAT_TELLS_PACE else ""
-            self._say(f"{words}: {100 * share:.0f} %{left}")
+            self._say(f"{name}: {f'{words}, ' if words else ''}{100 * share:.0f} %{left}")
 
     def end(self) -> None:
         """Nothing is left to take away."""

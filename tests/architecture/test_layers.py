@@ -33,7 +33,7 @@ RANKS = [
     {"solve"},
     {"measured"},
     {"run"},
-    {"predict"},
+    {"predict", "sweep"},
     {"identify"},
     {"close_loop"},
     {"blind"},

@@ -1,0 +1,190 @@
+"""What a sweep is: the scenario, its members, what is kept of them; and the folder that says so."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from explicitfe.errors import InputError, nearest, shortened
+from explicitfe.host.text import json_of, text_of
+from explicitfe.results.folder import whole_file
+from explicitfe.results.provenance import version_of
+from explicitfe.run.inputs import sums_of
+from explicitfe.scenario.read import scenario_in
+from explicitfe.sweep.factors import Factor
+from explicitfe.sweep.members import LARGEST_TABLE_OF_MEMBERS_BYTES, Design, Members, members_in
+from explicitfe.sweep.rows import PARTS
+
+FORMAT = "explicitfe-sweep/1"
+DEFINITION_FILE, MEMBERS_FILE = "sweep.json", "members.csv"
+RESULTS_FOLDER, ROWS_FOLDER = "results", "rows"
+ONE_THREAD = "analysis.threads=1"
+# So many members are read before the first is computed: if none of them is a scenario, it is the key that is wrong.
+READ_BEFORE_THE_FIRST = 20
+NAME_HEX_DIGITS = 16
+PROGRAM_VERSION = version_of("explicitfe")
+
+
+@dataclass(frozen=True)
+class Definition:
+    """A sweep.
+
+    Attributes
+    ----------
+    path, text : the scenario's file, and what it says.
+    settings : ``key=value`` pairs that hold for every member.
+    members : what each member sets besides.
+    parts : which measures its table has.
+    design, factors, seed : where the members come from.
+    file_sums : SHA-256 of the files that the scenario names.
+    """
+
+    path: Path
+    text: str
+    settings: tuple[str, ...]
+    members: Members
+    parts: tuple[str, ...]
+    design: Design
+    factors: tuple[Factor, ...]
+    seed: int
+    file_sums: dict[str, str]
+
+    def settings_of(self, number: int) -> tuple[str, ...]:
+        """Everything that a member sets; it computes with one thread, unless that is what varies."""
+        return (ONE_THREAD, *self.settings, *self.members.settings(number))
+
+    def name_of(self, number: int) -> str:
+        """A name that follows from what a member computes: the scenario, its files, its settings, and the version."""
+        content = json.dumps([PROGRAM_VERSION, self.text, self.file_sums, self.settings_of(number)], sort_keys=True)
+        return hashlib.sha256(content.encode()).hexdigest()[:NAME_HEX_DIGITS]
+
+    def document(self) -> dict[str, Any]:
+        """The file ``sweep.json``; what is in it decides what rows mean."""
+        return {
+            "format": FORMAT,
+            "version": PROGRAM_VERSION,
+            "scenario": str(self.path),
+            "scenario_text": self.text,
+            "file_sums": self.file_sums,
+            "settings": list(self.settings),
+            "design": self.design,
+            "seed": self.seed,
+            "factors": [
+                {"key": f.key, "low": f.low, "high": f.high} if f.is_range else {"key": f.key, "values": list(f.levels)}
+                for f in self.factors
+            ],
+            "keys": list(self.members.keys),
+            "members": len(self.members),
+            "members_sha256": hashlib.sha256(self.members.table().encode()).hexdigest(),
+            "measures": list(self.parts),
+        }
+
+
+def define(
+    path: Path,
+    settings: tuple[str, ...],
+    members: Members,
+    *,
+    design: Design,
+    factors: tuple[Factor, ...] = (),
+    seed: int = 0,
+    parts: tuple[str, ...],
+) -> Definition:
+    """Read the scenario, and make sure that members of it can be.
+
+    Raises
+    ------
+    InputError : the scenario cannot be read, or not with any of the first members; or no such measure is there.
+    """
+    for part in parts:
+        if part not in PARTS:
+            raise InputError(f"--measure {shortened(part)}: there are no such measures; {nearest(part, PARTS)}")
+    text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
+    refusals = []
+    sums: dict[str, str] = {}
+    for number in range(min(len(members), READ_BEFORE_THE_FIRST)):
+        try:
+            scenario, _ = scenario_in(text, path, (*settings, *members.settings(number)))
+        except InputError as error:
+            refusals.append(error)
+            continue
+        sums = sums_of(path, scenario)
+        break
+    else:
+        raise refusals[0]
+    return Definition(path, text, settings, members, parts, design, factors, seed, sums)
+
+
+def begin(out: Path, wanted: Definition) -> None:
+    """Make the folder of a sweep, or see that it holds the same one.
+
+    Raises
+    ------
+    InputError : it holds something else, or cannot be written.
+    """
+    document = wanted.document()
+    try:
+        if out.is_dir() and any(path.name not in _NAMES for path in out.iterdir() if not path.name.startswith(".")):
+            raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
+        out.mkdir(parents=True, exist_ok=True)
+        for folder in (RESULTS_FOLDER, ROWS_FOLDER):
+            (out / folder).mkdir(exist_ok=True)
+        # The definition comes last: where it is, all is there. Several commands may begin the same sweep at a time.
+        if not (out / DEFINITION_FILE).exists():
+            whole_file(out / MEMBERS_FILE, wanted.members.table())
+            whole_file(out / DEFINITION_FILE, json.dumps(document, indent=1) + "\n", overwrite=False)
+    except FileExistsError:
+        pass
+    except OSError as error:
+        raise InputError(f"{out}: this cannot be written ({error.strerror}).") from None
+    begun = definition_of(out)
+    for key, value in document.items():
+        if begun.get(key) != value:
+            raise InputError(
+                f"{out}: this folder holds another sweep ({_difference(key, begun.get(key), value)}); give its own command to "
+                "go on with it, or name another folder with --out."
+            )
+
+
+def definition_of(out: Path) -> dict[str, Any]:
+    """What a sweep's folder says of itself.
+
+    Raises
+    ------
+    InputError : it holds no sweep, or a damaged one.
+    """
+    path = out / DEFINITION_FILE
+    table = json_of(text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES), path)
+    if not isinstance(table, dict) or table.get("format") != FORMAT:
+        raise InputError(f"{path}: this is no sweep of this version; its format is to be {FORMAT}.")
+    return table
+
+
+def members_of(out: Path) -> Members:
+    """The members of the sweep in a folder.
+
+    Raises
+    ------
+    InputError : their table is not what it was when the sweep began.
+    """
+    path = out / MEMBERS_FILE
+    text = text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
+    if hashlib.sha256(text.encode()).hexdigest() != definition_of(out)["members_sha256"]:
+        raise InputError(f"{path}: this is not the table that the sweep began with; begin it again in a new folder.")
+    return members_in(text, path)
+
+
+_NAMES = {
+    DEFINITION_FILE, MEMBERS_FILE, RESULTS_FOLDER, ROWS_FOLDER,
+    "table.csv", "table.parquet", "table.partial.csv", "sensitivity.json", "report.html",
+}  # fmt: skip
+
+
+def _difference(key: str, begun: object, wanted: object) -> str:
+    """Of what is said otherwise, as much as a sentence can."""
+    if key in ("scenario_text", "file_sums", "members_sha256"):
+        return {"scenario_text": "of another scenario", "file_sums": "with other model files"}.get(key, "with other members")
+    return f"{key} {shortened(json.dumps(begun))}, not {shortened(json.dumps(wanted))}"

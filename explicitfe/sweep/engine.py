@@ -1,0 +1,260 @@
+"""Who computes members: processes of this machine, a Dask cluster, or an executor of the user's.
+
+Members go out in bundles of about a second, and come back as rows. A process that dies takes no member with it: what was in
+flight goes out again, one member at a time, and only one that was alone each time that its process ended is given up.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+
+from explicitfe.errors import InputError, MachineError, shortened
+from explicitfe.host import stopping
+from explicitfe.host.extras import require
+from explicitfe.sweep.rows import MEMBER_S, Member, Row, Task, lost, rows_of
+
+BUNDLE_S = 1.0  # of one worker's time; what sends and stores a bundle takes milliseconds
+MOST_MEMBERS_OF_A_BUNDLE = 1000
+BUNDLES_PER_WORKER = 2  # in flight: one is computed, one waits there
+LAST_BUNDLES_PER_WORKER = 2  # into so many what is left is shared, so that no worker waits long for another at the end
+POLL_FUTURES_S = 0.2  # between two looks at the signals
+DEATHS_ALONE = 2  # of a process, with this member as the only one in flight: then it is the member
+DEATHS_WITHOUT_A_ROW = 8  # of processes one after another: then no process can live here
+CONNECT_WITHIN_S = 15.0
+LARGEST_SHARE_OF_THE_NEWEST = 0.3  # in the mean time of a member
+
+
+class Engine(ABC):
+    """Workers that compute bundles.
+
+    Attributes
+    ----------
+    workers : how many compute at a time.
+    """
+
+    workers: int
+
+    @abstractmethod
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Row]]:
+        """Send a bundle."""
+
+    @abstractmethod
+    def is_death(self, error: BaseException) -> bool:
+        """Whether an exception of a future means that the process which computed it ended."""
+
+    @abstractmethod
+    def renew(self) -> None:
+        """Have workers again after one has died."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of the workers."""
+
+
+class Processes(Engine):
+    """Processes of this machine."""
+
+    def __init__(self, workers: int) -> None:
+        self.workers = workers
+        self._pool = self._made()
+
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Row]]:
+        """Send a bundle."""
+        return self._pool.submit(rows_of, task, members)
+
+    def is_death(self, error: BaseException) -> bool:
+        """A pool breaks as a whole: all that was in flight is lost with one process."""
+        return isinstance(error, BrokenProcessPool)
+
+    def renew(self) -> None:
+        """Start a new pool."""
+        self.close()
+        self._pool = self._made()
+
+    def close(self) -> None:
+        """End the processes: what they compute now is computed again another time."""
+        processes = list((self._pool._processes or {}).values())
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+
+    def _made(self) -> ProcessPoolExecutor:
+        return ProcessPoolExecutor(
+            self.workers, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
+        )
+
+
+class Given(Engine):
+    """An executor of the user's, of any kind; it stays the user's, and is not shut down.
+
+    Parameters
+    ----------
+    workers : how many it has; asked of it, if left out, and else 1.
+    """
+
+    def __init__(self, executor: Executor, workers: int | None = None) -> None:
+        self._executor = executor
+        self.workers = workers or int(getattr(executor, "_max_workers", 0)) or 1
+
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Row]]:
+        """Send a bundle."""
+        return self._executor.submit(rows_of, task, members)
+
+    def is_death(self, error: BaseException) -> bool:
+        """Nobody here can start its workers again."""
+        return False
+
+    def renew(self) -> None:
+        """Nothing is to be renewed."""
+
+    def close(self) -> None:
+        """It stays the user's."""
+
+
+class Cluster(Engine):
+    """A Dask cluster, by the address of its scheduler.
+
+    Raises
+    ------
+    InputError : nobody answers there, or no worker is there; or distributed is not installed.
+    """
+
+    def __init__(self, address: str) -> None:
+        require("cluster", "a sweep on a cluster")
+        from distributed import Client
+
+        try:
+            self._client = Client(address, timeout=CONNECT_WITHIN_S, set_as_default=False)
+        except (OSError, ValueError, TypeError, TimeoutError) as error:
+            raise InputError(
+                f"--scheduler {shortened(address)}: nobody answers there ({type(error).__name__}); give the address that "
+                "dask scheduler prints, such as tcp://127.0.0.1:8786."
+            ) from None
+        self.workers = sum(self._client.nthreads().values())
+        if not self.workers:
+            self._client.close()
+            raise InputError(f"--scheduler {shortened(address)}: no worker is there; start some with: dask worker {address}")
+        self._executor = self._client.get_executor(pure=False)
+
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Row]]:
+        """Send a bundle."""
+        return self._executor.submit(rows_of, task, members)
+
+    def is_death(self, error: BaseException) -> bool:
+        """The scheduler sends a bundle to another worker by itself, and gives it up after some deaths."""
+        from distributed import KilledWorker
+
+        return isinstance(error, KilledWorker)
+
+    def renew(self) -> None:
+        """The cluster's own nannies start workers again."""
+
+    def close(self) -> None:
+        """Leave the cluster as it is."""
+        self._executor.shutdown(wait=False)
+        self._client.close(timeout=CONNECT_WITHIN_S)
+
+
+class Bundles:
+    """Members on their way: gives rows as they come back.
+
+    Parameters
+    ----------
+    task, members : what is to be computed.
+    engine : who does it; it is not closed here.
+    """
+
+    def __init__(self, task: Task, members: Sequence[Member], engine: Engine) -> None:
+        self._task, self._engine = task, engine
+        self._todo: deque[Member] = deque(members)
+        self._suspects: deque[Member] = deque()  # they were in flight when a process died
+        self._in_flight: dict[Future[list[Row]], Sequence[Member]] = {}
+        self._deaths_alone: Counter[int] = Counter()
+        self._deaths_in_a_row = 0
+        self._member_s = 0.0  # mean time of a member; 0 until one is known
+
+    def __iter__(self) -> Iterator[list[Row]]:
+        """The rows of a bundle as soon as they are there.
+
+        Raises
+        ------
+        Stopped : a signal has asked to stop.
+        MachineError : a worker cannot write what is to be kept, or no process can live here.
+        """
+        while self._todo or self._suspects or self._in_flight:
+            stopping.check()
+            self._send()
+            done, _ = wait(self._in_flight, POLL_FUTURES_S, FIRST_COMPLETED)
+            stopping.check()
+            deaths: list[Sequence[Member]] = []
+            for future in done:
+                members = self._in_flight.pop(future)
+                error = future.exception()
+                if error is None:
+                    rows = future.result()
+                    self._note(rows)
+                    yield rows
+                elif self._engine.is_death(error):
+                    deaths.append(members)
+                else:
+                    raise error
+            if deaths:
+                yield from self._after_deaths(deaths)
+
+    def _send(self) -> None:
+        """Have enough in flight: suspects alone, and the first member alone, which makes the machine code for the others."""
+        alone = bool(self._suspects) or self._member_s == 0.0
+        while len(self._in_flight) < (1 if alone else BUNDLES_PER_WORKER * self._engine.workers):
+            if self._suspects:
+                members = [self._suspects.popleft()]
+            elif self._todo:
+                members = [self._todo.popleft() for _ in range(self._size())]
+            else:
+                return
+            self._in_flight[self._engine.submit(self._task, members)] = members
+
+    def _size(self) -> int:
+        """Of the next bundle."""
+        if self._member_s == 0.0:
+            return 1
+        share = -(-len(self._todo) // (LAST_BUNDLES_PER_WORKER * self._engine.workers))
+        return max(1, min(round(BUNDLE_S / self._member_s), MOST_MEMBERS_OF_A_BUNDLE, share, len(self._todo)))
+
+    def _note(self, rows: Sequence[Row]) -> None:
+        """Learn how long members take; the first one compiles and is forgotten soon."""
+        self._deaths_in_a_row = 0
+        taken = sum(float(row.get(MEMBER_S) or 0.0) for row in rows) / max(len(rows), 1)
+        weight = LARGEST_SHARE_OF_THE_NEWEST if 0.0 < self._member_s < 2.0 * taken else 1.0
+        self._member_s = max(weight * taken + (1.0 - weight) * self._member_s, 1e-6)
+
+    def _after_deaths(self, deaths: list[Sequence[Member]]) -> Iterator[list[Row]]:
+        """Send again what dead processes had, one member at a time; give up a member that always kills its process."""
+        self._deaths_in_a_row += 1
+        if self._deaths_in_a_row > DEATHS_WITHOUT_A_ROW:
+            raise MachineError(
+                f"the processes that compute members ended {DEATHS_WITHOUT_A_ROW} times without a single row: often memory has "
+                "run out, or this is a script that is read from standard input; what was computed before is stored."
+            )
+        alone = len(deaths) == 1 and len(deaths[0]) == 1 and not self._in_flight
+        # A broken pool gives back all of its futures; some of them a moment later.
+        unfinished = [*deaths, *self._in_flight.values()]
+        self._in_flight.clear()
+        self._engine.renew()
+        if alone:
+            member = deaths[0][0]
+            self._deaths_alone[member.number] += 1
+            if self._deaths_alone[member.number] >= DEATHS_ALONE:
+                yield [lost(member, f"its process ended each of {DEATHS_ALONE} times: often memory has run out")]
+                return
+        self._suspects.extend(member for members in unfinished for member in members)
+
+
+def measured_rate(rows: int, begun_at: float) -> float:
+    """Members a minute."""
+    return 60.0 * rows / max(time.perf_counter() - begun_at, 1e-9)

@@ -1,0 +1,216 @@
+"""Which members a sweep has: a grid of values, random draws, a design for a sensitivity analysis, or the lines of a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from explicitfe.errors import InputError, shortened
+from explicitfe.host.extras import require
+from explicitfe.host.text import text_of
+from explicitfe.host.toml_text import toml_value
+from explicitfe.sweep.factors import Factor, setting_of, value_in
+
+Design = Literal["grid", "random", "sobol", "morris", "table"]
+MOST_MEMBERS = 10_000_000
+LARGEST_TABLE_OF_MEMBERS_BYTES = 4 * 2**30
+MORRIS_LEVELS = 4  # as many as Morris (1991) took
+LARGEST_SEED_OF_A_SWEEP = 2**32 - 1  # what SALib takes
+NUMBER_COLUMN = "member"
+
+
+@dataclass(frozen=True)
+class Members:
+    """The members of a sweep, numbered from 0.
+
+    Attributes
+    ----------
+    keys : of the scenario, what is varied.
+    values : of each member, in the order of the keys.
+    """
+
+    keys: tuple[str, ...]
+    values: Sequence[tuple[object, ...]]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def settings(self, number: int) -> tuple[str, ...]:
+        """What ``--set`` would be for a member."""
+        return tuple(setting_of(key, value) for key, value in zip(self.keys, self.values[number], strict=True))
+
+    def table(self) -> str:
+        """All of them as a table (CSV): their numbers, and the values as TOML writes them."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow([NUMBER_COLUMN, *self.keys])
+        writer.writerows([number, *map(toml_value, values)] for number, values in enumerate(self.values))
+        return text.getvalue()
+
+
+def grid(factors: Sequence[Factor]) -> Members:
+    """Every combination of the values of all factors; the last factor runs fastest.
+
+    Raises
+    ------
+    InputError : a factor has a range, or there are too many combinations.
+    """
+    for factor in factors:
+        if factor.is_range:
+            raise InputError(
+                f"--vary {factor.key}={factor.low:g}:{factor.high:g}: a grid needs the number of values, such as "
+                f"{factor.low:g}:{factor.high:g}:9; or give --random N, --sobol N or --morris N."
+            )
+    _check_count(math.prod(len(factor.levels) for factor in factors), "--vary")
+    return Members(_keys(factors), list(itertools.product(*(factor.levels for factor in factors))))
+
+
+def random(factors: Sequence[Factor], count: int, seed: int) -> Members:
+    """Independent draws, even over each range and each list of values.
+
+    Member k depends on the seed and on k alone: with a larger count the first ones stay what they were.
+    """
+    _check_count(count, "--random")
+    _check_seed(seed)
+
+    def drawn(number: int) -> tuple[object, ...]:
+        rng = np.random.default_rng([seed, number])
+        return tuple(
+            float(rng.uniform(factor.low, factor.high))
+            if factor.is_range
+            else factor.levels[int(rng.integers(len(factor.levels)))]
+            for factor in factors
+        )
+
+    return Members(_keys(factors), [drawn(number) for number in range(count)])
+
+
+def sobol(factors: Sequence[Factor], base: int, seed: int) -> Members:
+    """The design of Saltelli (2010) for Sobol indices: base times (factors + 2) members, from a scrambled Sobol sequence.
+
+    Raises
+    ------
+    InputError : a factor has no range, or ``base`` is no power of 2; or SALib is not installed.
+    """
+    require("sensitivity", "a Sobol analysis")
+    problem = problem_of(factors, "--sobol")
+    if base < 2 or base & (base - 1):
+        raise InputError(f"--sobol {base}: give a power of 2, such as 256.")
+    _check_count(base * (len(factors) + 2), "--sobol")
+    _check_seed(seed)
+    from SALib.sample import sobol as sampler
+
+    return _in_ranges(factors, sampler.sample(problem, base, calc_second_order=False, seed=seed))
+
+
+def morris(factors: Sequence[Factor], trajectories: int, seed: int) -> Members:
+    """The design of Morris (1991) for elementary effects: trajectories times (factors + 1) members.
+
+    Raises
+    ------
+    InputError : a factor has no range, or there are too few trajectories; or SALib is not installed.
+    """
+    require("sensitivity", "a Morris analysis")
+    problem = problem_of(factors, "--morris")
+    if trajectories < 2:
+        raise InputError(f"--morris {trajectories}: give 2 trajectories or more, such as 20.")
+    _check_count(trajectories * (len(factors) + 1), "--morris")
+    _check_seed(seed)
+    from SALib.sample import morris as sampler
+
+    return _in_ranges(factors, sampler.sample(problem, trajectories, num_levels=MORRIS_LEVELS, seed=seed))
+
+
+def problem_of(factors: Sequence[Factor], option: str) -> dict[str, Any]:
+    """The factors as SALib has them.
+
+    Raises
+    ------
+    InputError : one has no range.
+    """
+    for factor in factors:
+        if not factor.is_range:
+            raise InputError(f"{option}: {factor.key} needs a range, such as --vary {factor.key}=0:1.")
+    return {
+        "num_vars": len(factors),
+        "names": [factor.key for factor in factors],
+        "bounds": [[factor.low, factor.high] for factor in factors],
+    }
+
+
+def from_table(path: Path) -> Members:
+    """The members of a table (CSV): a column for each key that is varied, a line for each member.
+
+    A column called "member" is passed over, so that the table that a sweep has written can be given again.
+
+    Raises
+    ------
+    InputError : the table cannot be read, has no lines, or a line has another number of values than the head.
+    """
+    text = text_of(path, "give a table (CSV) with a column for each key", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
+    return members_in(text, path)
+
+
+def members_in(text: str, path: Path) -> Members:
+    """The members of the text of a table; see :func:`from_table`."""
+    lines = csv.reader(io.StringIO(text))
+    head = [key.strip() for key in next(lines, [])]
+    keys = tuple(key for key in head if key != NUMBER_COLUMN)
+    for key in keys:
+        if not all(key.split(".")) or head.count(key) > 1:
+            raise InputError(
+                f'{path}: the column "{shortened(key)}" is no key of a scenario; the first line names each key once, such as '
+                "muscle.GGp.force_N."
+            )
+    if not keys:
+        raise InputError(f"{path}: there is no column; the first line names the keys that are varied.")
+    values = []
+    for line in lines:
+        if not line:
+            continue
+        if len(line) != len(head) or not all(cell.strip() for cell in line):
+            raise InputError(f"{path}: line {lines.line_num} has not one value for each of the {len(head)} columns.")
+        values.append(tuple(value_in(cell) for key, cell in zip(head, line, strict=True) if key != NUMBER_COLUMN))
+    if not values:
+        raise InputError(f"{path}: it names no member; give a line for each.")
+    _check_count(len(values), f"--table {path}")
+    return Members(keys, values)
+
+
+def share_of(members: Members, share: str) -> list[int]:
+    """The numbers of members that ``K/N`` of ``--only`` asks for: every N-th, from the K-th on.
+
+    Raises
+    ------
+    InputError : it is no such share.
+    """
+    part, slash, whole = share.partition("/")
+    if not slash or not (part.isdecimal() and whole.isdecimal()) or not 1 <= int(part) <= int(whole) <= MOST_MEMBERS:
+        raise InputError(f"--only {shortened(share)}: write K/N with K from 1 to N, such as 1/4.")
+    return list(range(int(part) - 1, len(members), int(whole)))
+
+
+def _in_ranges(factors: Sequence[Factor], sample: np.ndarray) -> Members:
+    return Members(_keys(factors), [tuple(map(float, line)) for line in sample])
+
+
+def _keys(factors: Sequence[Factor]) -> tuple[str, ...]:
+    return tuple(factor.key for factor in factors)
+
+
+def _check_count(count: int, option: str) -> None:
+    if not 1 <= count <= MOST_MEMBERS:
+        raise InputError(f"{option}: these are {count} members; from 1 to {MOST_MEMBERS} are possible.")
+
+
+def _check_seed(seed: int) -> None:
+    if not 0 <= seed <= LARGEST_SEED_OF_A_SWEEP:
+        raise InputError(f"--seed {seed}: give a whole number from 0 to {LARGEST_SEED_OF_A_SWEEP}.")

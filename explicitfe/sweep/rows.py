@@ -1,0 +1,165 @@
+"""What a member comes to, as one row: computed from what the member sets and nothing else."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from pydantic import BaseModel
+
+from explicitfe.errors import InputError, MachineError, RunError, silent
+from explicitfe.measure.contact import contacts
+from explicitfe.measure.formants import airway_of
+from explicitfe.measure.measure import constriction_of
+from explicitfe.measure.motion import body_motion, point_motions
+from explicitfe.measure.palatogram import palatogram
+from explicitfe.measure.shape import grooves, highest_point
+from explicitfe.measure.steps import last_step
+from explicitfe.results import FINISHED, Recorded, ResultInMemory
+from explicitfe.results.run_summary import IndentationSummary
+from explicitfe.run.prepare import analysis_of
+from explicitfe.scenario.read import Scenario, scenario_in
+from explicitfe.scenario.transient import TransientScenario
+
+Cell = float | int | bool | str | None
+Row = dict[str, Cell]
+
+# What a run in time can be asked for; docs/reference/measures.md says what each number is.
+PARTS: dict[str, Callable[[Recorded, int], object]] = {
+    "points": point_motions,
+    "highest": lambda result, step: highest_point(result.mesh, result.displacement(step)),
+    "grooves": lambda result, step: grooves(result.mesh, result.displacement(step)),
+    "constriction": constriction_of,
+    "contact": contacts,
+    "body": body_motion,
+    "palatogram": palatogram,
+    "airway": airway_of,
+}
+USUAL_PARTS = ("points", "highest", "grooves", "constriction", "contact", "body")
+# Statuses of a member that has none from its run.
+REFUSED, FAULT, LOST = "refused", "fault", "lost"
+NUMBER, NAME, STATUS, MESSAGE, MEMBER_S = "member", "name", "status", "message", "member_s"
+TIMES = ("wall_s", MEMBER_S)  # what differs each time that a member is computed: rows have it, a table does not
+# What of a run's summary a row has: it says whether to believe the rest.
+SUMMARY_CELLS = ("steps", "iterations", "wall_s", "energy_balance_error", "hourglass_share", "min_J", "settled")
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs to compute members: no more than fits into a message.
+
+    Attributes
+    ----------
+    path, text : the scenario's file, and what it says.
+    parts : of ``PARTS``, which measures are wanted.
+    folder : where results go that are kept.
+    keep : "none", "all", "failed", or "every:N".
+    """
+
+    path: Path
+    text: str
+    parts: tuple[str, ...]
+    folder: Path
+    keep: str = "none"
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member: its number, the name that follows from what it computes, and its settings."""
+
+    number: int
+    name: str
+    settings: tuple[str, ...]
+
+
+def rows_of(task: Task, members: Sequence[Member]) -> list[Row]:
+    """The rows of some members: what a worker is asked for."""
+    return [row_of(task, member) for member in members]
+
+
+def row_of(task: Task, member: Member) -> Row:
+    """The row of one member. Whatever goes wrong with it is said there, and stops no other."""
+    begin = time.perf_counter()
+    try:
+        status, message, cells = _computed(task, member)
+    except InputError as error:
+        status, message, cells = REFUSED, str(error), {}
+    except MachineError:
+        raise  # no member is to blame for a disk that is full
+    except RunError as error:
+        status, message, cells = "failed", str(error), {}
+    except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError, RuntimeError, MemoryError) as error:
+        status, message, cells = FAULT, f"a fault of explicitfe ({type(error).__name__}: {error})", {}
+    row: Row = {NUMBER: member.number, NAME: member.name, STATUS: status, MESSAGE: message}
+    return row | cells | {MEMBER_S: time.perf_counter() - begin}
+
+
+def lost(member: Member, message: str) -> Row:
+    """The row of a member whose process ends each time that it is computed."""
+    return {NUMBER: member.number, NAME: member.name, STATUS: LOST, MESSAGE: message}
+
+
+def result_name(number: int) -> str:
+    """The file of a result that is kept."""
+    return f"member-{number:07d}.vtkhdf"
+
+
+def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
+    """Status, message, and cells."""
+    scenario, text = scenario_in(task.text, task.path, member.settings)
+    result = ResultInMemory(task.path)
+    summary = analysis_of(task.path, scenario, text).run(result, overwrite=False, progress=silent)
+    if _is_kept(task.keep, member.number, summary["status"]):
+        _keep(task, member, scenario, text)
+    cells: Row = {key: cast(Cell, summary[key]) for key in SUMMARY_CELLS if key in summary}  # type: ignore[literal-required]
+    cells["folded_elements"] = summary["folded"]["elements"]
+    cells["warnings"] = len(summary["warnings"])
+    if isinstance(scenario, TransientScenario):
+        if summary["status"] == FINISHED:
+            step = last_step(result)
+            for part in task.parts:
+                cells |= flat(PARTS[part](result, step), part)
+    else:
+        cells |= _curve(cast(IndentationSummary, summary))
+    status, message = summary["status"], summary["message"]
+    wrong = [name for name, value in cells.items() if isinstance(value, float) and not math.isfinite(value)]
+    if wrong and status == FINISHED:
+        status, message = FAULT, f"a fault of explicitfe: {wrong[0]} is no number"
+    return status, message, {name: None if name in wrong else value for name, value in cells.items()}
+
+
+def _keep(task: Task, member: Member, scenario: Scenario, text: str) -> None:
+    """Compute a member again into a file: what it computes follows from its settings alone.
+
+    Raises
+    ------
+    MachineError : the file cannot be written.
+    """
+    target = task.folder / result_name(member.number)
+    try:
+        analysis_of(task.path, scenario, text).run(target, overwrite=True, progress=silent)
+    except InputError as error:  # it has been computed once, so this is no fault of the member
+        raise MachineError(str(error)) from None
+
+
+def flat(value: object, name: str) -> Row:
+    """The numbers of nested tables under names with dots; lists and texts are left out."""
+    if isinstance(value, BaseModel):
+        value = {key: getattr(value, key) for key in type(value).model_fields}
+    if isinstance(value, Mapping):
+        return {key: cell for inner, part in value.items() for key, cell in flat(part, f"{name}.{inner}").items()}
+    return {name: cast(Cell, value)} if value is None or isinstance(value, (bool, int, float)) else {}
+
+
+def _curve(summary: IndentationSummary) -> Row:
+    """Force and displacement at each load that was reached, counted from 1."""
+    return {f"load.{k}.{key}": cast(Any, point)[key] for k, point in enumerate(summary["curve"], 1) for key in point}
+
+
+def _is_kept(keep: str, number: int, status: str) -> bool:
+    kind, _, every = keep.partition(":")
+    return kind == "all" or (kind == "failed" and status != FINISHED) or (kind == "every" and number % int(every) == 0)

@@ -1,0 +1,269 @@
+"""A sweep from its scenario to its table: planned, computed by whoever there is, stored row by row, resumed after any end."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+
+from explicitfe.errors import InputError, MachineError, WordedProgress, shortened, silent
+from explicitfe.host import stopping
+from explicitfe.host.files import reason
+from explicitfe.host.shipped import scenario_file
+from explicitfe.results import FINISHED
+from explicitfe.results.folder import remove_unfinished, whole_file
+from explicitfe.results.sweep_summary import ListedMember, SweepMembers, SweepSummary
+from explicitfe.sweep import members as designs
+from explicitfe.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
+from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes, measured_rate
+from explicitfe.sweep.factors import factors_of
+from explicitfe.sweep.journal import Journal, rows_of_all
+from explicitfe.sweep.members import Design, Members, share_of
+from explicitfe.sweep.rows import MEMBER_S, MESSAGE, NUMBER, STATUS, USUAL_PARTS, Member, Row, Task
+from explicitfe.sweep.sensitivity import sensitivity_of
+from explicitfe.sweep.table import write_table
+
+SENSITIVITY_FILE = "sensitivity.json"
+KEEP_WORDS = ("none", "all", "failed")
+BETWEEN_PARTIAL_TABLES_S = 60.0
+LARGEST_SHARE_OF_PARTIAL_TABLES = 0.02  # of the time of a sweep
+
+
+class Sweep:
+    """Members of one scenario. Iterate over it to compute those that have no row yet: it gives their rows as they finish.
+
+    Attributes
+    ----------
+    definition, out : which members, and the folder.
+    rows : all that are stored, by the number of the member.
+
+    Parameters
+    ----------
+    keep : which results are kept as files: "none", "all", "failed", or "every:N".
+    retry : whether members that have a row and did not finish are computed again.
+    only : K/N, which share of the members; all if left out.
+    engine : makes who computes, for so many members.
+
+    Raises
+    ------
+    InputError : the folder holds something else, or an option cannot be used.
+    """
+
+    def __init__(
+        self, definition: Definition, out: Path, engine: Callable[[int], Engine], *, keep: str, retry: bool, only: str | None
+    ) -> None:
+        if keep not in KEEP_WORDS and not re.fullmatch(r"every:[1-9]\d{0,8}", keep):
+            raise InputError(f"--keep {shortened(keep)}: give none, all, failed or every:N, such as every:100.")
+        self.definition, self.out, self.only = definition, out, only
+        numbers = range(len(definition.members)) if only is None else share_of(definition.members, only)
+        begin(out, definition)
+        for folder in (out, out / RESULTS_FOLDER):
+            remove_unfinished(folder)
+        self.rows = rows_of_all(out / ROWS_FOLDER)
+        self._todo = [n for n in numbers if n not in self.rows or (retry and self.rows[n][STATUS] != FINISHED)]
+        self._task = Task(definition.path.absolute(), definition.text, definition.parts, (out / RESULTS_FOLDER).absolute(), keep)
+        self._engine = engine
+        self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
+
+    def __iter__(self) -> Iterator[Row]:
+        """The rows of the members that have none yet; when all are there, the table is written."""
+        yield from self.computed()
+        self.finish()
+
+    def __len__(self) -> int:
+        """How many members are to be computed."""
+        return len(self._todo)
+
+    def members(self) -> Iterator[Member]:
+        """The members that are to be computed."""
+        return (Member(number, self.definition.name_of(number), self.definition.settings_of(number)) for number in self._todo)
+
+    def listed(self) -> SweepMembers:
+        """The members that are to be computed, as ``explicitfe sweep --list`` shows them."""
+        entries: list[ListedMember] = [
+            {"member": member.number, "name": member.name, "settings": list(member.settings)} for member in self.members()
+        ]
+        return {"sweep": str(self.out), "members": entries}
+
+    def computed(self, progress: WordedProgress = silent) -> Iterator[Row]:
+        """Rows as they finish; each is stored before it is given.
+
+        Raises
+        ------
+        MachineError : the disk refuses, or no process can live here.
+        InputError : another command computes these members, or nobody is there to compute them.
+        Stopped : a signal has asked to stop; what came back is stored.
+        """
+        if self._todo:
+            with stopping.watching(), closing(self._engine(len(self._todo))) as engine:
+                yield from self._computed_by(engine, progress)
+
+    def _computed_by(self, engine: Engine, progress: WordedProgress) -> Iterator[Row]:
+        name = "all" if self.only is None else self.only.replace("/", "-of-")
+        total, stored = len(self._todo), 0
+        begun_at = time.perf_counter()
+        table_at, table_s = begun_at, 0.0
+        failed = 0
+        self._workers = engine.workers
+        with Journal(self.out / ROWS_FOLDER / f"{name}.jsonl") as journal:
+            progress("sweep", 0.0, f"0 of {total}")
+            for rows in Bundles(self._task, list(self.members()), engine):
+                journal.append(rows)
+                for row in rows:
+                    self.rows[int(row[NUMBER] or 0)] = row
+                    failed += row[STATUS] != FINISHED
+                    self._worker_s += float(row.get(MEMBER_S) or 0.0)
+                stored += len(rows)
+                now = time.perf_counter()
+                self._computed, self._wall_s = stored, now - begun_at
+                self._rate = measured_rate(stored, begun_at)
+                yield from rows
+                progress("sweep", stored / total, f"{stored} of {total}, {self._rate:.0f} a minute, {failed} failed")
+                since_s = time.perf_counter() - table_at
+                if since_s > max(BETWEEN_PARTIAL_TABLES_S, table_s / LARGEST_SHARE_OF_PARTIAL_TABLES) and stored < total:
+                    table_at = time.perf_counter()
+                    write_table(self.out, self.definition.members, self.rows)
+                    table_s = time.perf_counter() - table_at
+
+    def finish(self) -> SweepSummary:
+        """Write the table, and what follows from it; give what the sweep came to.
+
+        Raises
+        ------
+        MachineError : they cannot be written.
+        """
+        if self.only is not None:  # others may have stored rows meanwhile
+            self.rows = rows_of_all(self.out / ROWS_FOLDER)
+        files = write_table(self.out, self.definition.members, self.rows)
+        complete = len(self.rows) == len(self.definition.members)
+        if complete and self.definition.design in ("sobol", "morris"):
+            indices = sensitivity_of(
+                self.definition.design, self.definition.factors, self.definition.members, self.rows, self.definition.seed
+            )
+            try:
+                whole_file(self.out / SENSITIVITY_FILE, json.dumps(indices, indent=1) + "\n")
+            except OSError as error:
+                raise MachineError(f"{self.out / SENSITIVITY_FILE} cannot be written ({reason(error)}).") from None
+            files.append(str(self.out / SENSITIVITY_FILE))
+        return {
+            "sweep": str(self.out),
+            "scenario": str(self.definition.path),
+            "members": len(self.definition.members),
+            "stored": len(self.rows),
+            "computed": self._computed,
+            "complete": complete,
+            "statuses": dict(Counter(str(row[STATUS]) for row in self.rows.values()).most_common()),
+            "failures": dict(
+                Counter(_cause(str(row[MESSAGE])) for row in self.rows.values() if row[STATUS] != FINISHED).most_common()
+            ),
+            "workers": self._workers,
+            "wall_s": self._wall_s,
+            "worker_s": self._worker_s,
+            "members_per_minute": self._rate,
+            "files": files,
+        }
+
+
+def sweep(
+    scenario: Path | str,
+    vary: Sequence[str] = (),
+    *,
+    out: Path | str | None = None,
+    random: int | None = None,
+    sobol: int | None = None,
+    morris: int | None = None,
+    table: Path | str | None = None,
+    seed: int = 0,
+    settings: Sequence[str] = (),
+    measures: Sequence[str] = USUAL_PARTS,
+    keep: str = "none",
+    retry: bool = False,
+    only: str | None = None,
+    processes: int | None = None,
+    executor: Executor | None = None,
+    scheduler: str | None = None,
+) -> Sweep:
+    """Many members of a scenario: iterate over it, and it computes them and gives their rows as they finish.
+
+    >>> for row in explicitfe.sweep("vowel-i", ["muscle.GGp.force_N=0:4:9"], settings=["model.resolution=coarse"]):
+    ...     print(row["member"], row["status"], row.get("points.tip.up_mm"))
+
+    Rows are stored in ``out`` before they are given; the same call again gives those that are missing. When all are there,
+    ``out`` has the table.
+
+    Parameters
+    ----------
+    scenario : file, or the name of one that comes with the program.
+    vary : ``KEY=LOW:HIGH:N``, ``KEY=LOW:HIGH`` or ``KEY=a,b,c`` each: a grid of all, unless one of the next is given.
+    out : folder of the sweep; outputs/sweep-NAME if left out.
+    random : so many random draws.
+    sobol : members for Sobol indices: so many times the number of factors + 2; a power of 2.
+    morris : members for elementary effects: so many times the number of factors + 1.
+    table : a table (CSV) of members, a column for each key.
+    seed : of what is drawn.
+    settings : ``key=value`` pairs that hold for all members.
+    measures : which the rows have, of ``explicitfe.sweep.rows.PARTS``.
+    keep, retry, only : see :class:`Sweep`.
+    processes : of this machine; as many as it has cores if left out.
+    executor : who computes instead: any ``concurrent.futures.Executor``, which stays open.
+    scheduler : who computes instead: the address of a Dask scheduler.
+
+    Raises
+    ------
+    InputError : what cannot be computed, in one sentence; nothing was.
+    """
+    path = scenario_file(scenario)
+    asked = {"random": random, "sobol": sobol, "morris": morris, "table": table}
+    chosen: list[Design] = [name for name, value in asked.items() if value is not None]  # type: ignore[misc]
+    if len(chosen) > 1:
+        raise InputError(f"--{chosen[0]} and --{chosen[1]} are two designs; give one of them.")
+    design: Design = chosen[0] if chosen else "grid"
+    factors = factors_of(vary)
+    members: Members
+    if table is not None:
+        if vary:
+            raise InputError("--vary does not go with --table: the columns of the table are what varies.")
+        members = designs.from_table(Path(table))
+    else:
+        if not factors:
+            raise InputError("nothing varies; give --vary, such as --vary muscle.GGp.force_N=0:4:9, or --table FILE.")
+        if design == "random":
+            members = designs.random(factors, random or 0, seed)
+        elif design == "sobol":
+            members = designs.sobol(factors, sobol or 0, seed)
+        elif design == "morris":
+            members = designs.morris(factors, morris or 0, seed)
+        else:
+            members = designs.grid(factors)
+    definition = define(
+        path, tuple(settings), members, design=design, factors=factors, seed=seed, parts=tuple(dict.fromkeys(measures))
+    )
+    folder = Path("outputs") / f"sweep-{path.stem}" if out is None else Path(out)
+    engine = partial(engine_for, processes, executor, scheduler)
+    return Sweep(definition, folder, engine, keep=keep, retry=retry, only=only)
+
+
+def engine_for(processes: int | None, executor: Executor | None, scheduler: str | None, members: int) -> Engine:
+    """Who computes so many members; see :func:`sweep`."""
+    if sum(choice is not None for choice in (processes, executor, scheduler)) > 1:
+        raise InputError("processes, an executor and a scheduler exclude each other; give one of them.")
+    if processes is not None and processes < 1:
+        raise InputError(f"--processes {processes}: give 1 or more.")
+    if executor is not None:
+        return Given(executor)
+    if scheduler is not None:
+        return Cluster(scheduler)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Processes(max(1, min(processes or cores, members)))
+
+
+def _cause(message: str) -> str:
+    """A message without its numbers, so that members which failed for one reason are counted together."""
+    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", message)

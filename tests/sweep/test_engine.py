@@ -1,0 +1,197 @@
+"""Whoever computes: bundles, workers that die, members that kill them; real processes, and a Dask cluster."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+import pytest
+from support import ROOT
+
+import explicitfe
+from explicitfe.errors import InputError, MachineError
+from explicitfe.sweep import engine
+from explicitfe.sweep.engine import Bundles, Engine
+from explicitfe.sweep.journal import rows_of_all
+from explicitfe.sweep.rows import Member, Task
+
+WORK = Task(Path("s.toml"), "", ("points",), Path())
+SCENARIO = str(ROOT / "scenarios" / "vowel-i.toml")
+SMALL = ["--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=4"]
+
+
+class Imagined(Engine):
+    """Two workers in the head: some members end the process that computes them, and with it all that is in flight."""
+
+    def __init__(self, killers: dict[int, int], member_s: float = 0.4) -> None:
+        self.workers, self.killers, self.member_s = 2, dict(killers), member_s
+        self.sent: list[list[int]] = []
+        self.broken, self.waiting = False, []
+
+    def submit(self, work, members):
+        future: Future = Future()
+        numbers = [member.number for member in members]
+        self.sent.append(numbers)
+        for number in numbers:
+            if self.killers.get(number, 0) > 0:
+                self.killers[number] -= 1
+                self.broken = True
+        if self.broken:
+            future.set_exception(BrokenProcessPool("a process died"))
+        else:
+            future.set_result(
+                [{"member": n, "name": "", "status": "finished", "message": "", "member_s": self.member_s} for n in numbers]
+            )
+        return future
+
+    def is_death(self, error):
+        return isinstance(error, BrokenProcessPool)
+
+    def renew(self):
+        self.broken = False
+
+    def close(self):
+        """Nothing is open."""
+
+
+def rows_by(engine: Imagined, count: int) -> dict[int, dict]:
+    members = [Member(number, "", ()) for number in range(count)]
+    return {row["member"]: row for rows in Bundles(WORK, members, engine) for row in rows}
+
+
+def test_bundles_take_a_second_and_get_smaller_at_the_end():
+    imagined = Imagined({}, member_s=0.1)
+    assert len(rows_by(imagined, 200)) == 200
+    sizes = [len(numbers) for numbers in imagined.sent]
+    assert sizes[0] == 1  # it makes the machine code
+    assert max(sizes) == 10 and sizes[-1] == 1
+    assert sorted(n for numbers in imagined.sent for n in numbers) == list(range(200))
+
+
+@pytest.mark.parametrize("killer", [0, 1, 7, 19])
+def test_a_process_that_dies_once_loses_no_member(killer):
+    rows = rows_by(Imagined({killer: 1}), 20)
+    assert {row["status"] for row in rows.values()} == {"finished"} and len(rows) == 20
+
+
+def test_a_member_that_always_kills_is_a_row_and_no_other_is():
+    rows = rows_by(Imagined({3: 99, 11: 99}), 20)
+    assert [number for number, row in sorted(rows.items()) if row["status"] == "lost"] == [3, 11]
+    assert "its process ended each of 2 times" in rows[3]["message"]
+    assert len(rows) == 20
+
+
+def test_where_no_process_can_live_it_says_so():
+    with pytest.raises(MachineError, match="without a single row"):
+        rows_by(Imagined(dict.fromkeys(range(40), 99)), 40)
+
+
+# ---- real ones ----
+
+
+def started(out: Path, *more: str) -> subprocess.Popen:
+    words = [
+        "sweep",
+        SCENARIO,
+        "--vary",
+        "muscle.GGp.force_N=0:4:60",
+        *SMALL,
+        "--out",
+        str(out),
+        "--processes",
+        "2",
+        "--json",
+        *more,
+    ]
+    return subprocess.Popen(
+        [sys.executable, "-m", "explicitfe", *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, cwd=ROOT
+    )
+
+
+def stored(out: Path) -> int:
+    return len(rows_of_all(out / "rows")) if (out / "rows").is_dir() else 0
+
+
+def until(condition, seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.01)
+
+
+def children(pid: int) -> list[int]:
+    """Processes of a pool: those that were spawned by a process, without the one that watches its resources."""
+    ids = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            text = (path / "stat").read_text()
+            if int(text.rpartition(")")[2].split()[1]) == pid and b"spawn_main" in (path / "cmdline").read_bytes():
+                ids.append(int(path.name))
+        except OSError:
+            continue
+    return ids
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
+def test_kill_the_driver_and_a_worker(tmp_path):
+    """The table is that of a sweep that nothing has disturbed; nothing that was stored is computed again."""
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    undisturbed = started(whole)
+    assert json.loads(undisturbed.communicate(timeout=300)[0])["complete"]
+
+    driver = started(out)
+    until(lambda: stored(out) > 3)
+    workers = children(driver.pid)
+    driver.kill()
+    driver.wait()
+    until(
+        lambda: not any(Path(f"/proc/{pid}/cmdline").is_file() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in workers)
+    )
+    kept = set(rows_of_all(out / "rows"))
+    assert not (out / "table.csv").exists()
+
+    again = started(out)
+    until(lambda: stored(out) > len(kept) + 3)
+    os.kill(children(again.pid)[0], signal.SIGKILL)
+    summary = json.loads(again.communicate(timeout=300)[0])
+    assert summary["complete"] and summary["statuses"] == {"finished": 60}
+    assert summary["computed"] == 60 - len(kept)
+    assert (out / "table.csv").read_bytes() == (whole / "table.csv").read_bytes()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_signal_keeps_what_came_back(tmp_path):
+    driver = started(tmp_path)
+    until(lambda: stored(tmp_path) > 3)
+    driver.terminate()
+    answer = json.loads(driver.communicate(timeout=60)[0])
+    assert driver.returncode == 143 and answer["failure"]["kind"] == "stopped"
+    assert answer["stored"] == stored(tmp_path) and not answer["complete"]
+    assert (tmp_path / "table.partial.csv").read_text().count("\n") == answer["stored"] + 1
+
+
+def test_a_dask_cluster_by_its_address(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    options = {"settings": ["model.cells=[8,4,4]", "analysis.duration_ms=4"], "out": tmp_path / "dask"}
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        rows = list(explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0:4:5"], scheduler=cluster.scheduler_address, **options))
+    assert sorted(row["member"] for row in rows) == [0, 1, 2, 3, 4]
+    options["out"] = tmp_path / "here"
+    list(explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0:4:5"], processes=1, **options))
+    assert (tmp_path / "dask" / "table.csv").read_bytes() == (tmp_path / "here" / "table.csv").read_bytes()
+
+
+def test_an_address_that_nobody_answers(tmp_path, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(engine, "CONNECT_WITHIN_S", 0.5)
+    for address in ("tcp://127.0.0.1:9", "nonsense"):
+        with pytest.raises(InputError, match="nobody answers there"):
+            list(explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0,1"], out=tmp_path, scheduler=address))
+    assert not list(tmp_path.rglob("*.jsonl"))

@@ -32,6 +32,7 @@ from explicitfe.compiled.choose import choose
 from explicitfe.compiled.jit import leaf
 from explicitfe.compiled.simd import maximum
 from explicitfe.elements.hex8 import MODES, VOLUME, geometry
+from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import CORNERS
 
 THRESHOLD = 0.4  # t
@@ -69,6 +70,14 @@ def constants(corners: np.ndarray, modulus_Pa: np.ndarray, mass_kg: np.ndarray) 
     modulus_Pa : (m,) Pa. Shear modulus in the long run.
     mass_kg : (m,) kg. Mass of the lightest node of each.
     """
+    safe, whole, inverse = _of_shape(corners)
+    strength_Pa = STRENGTH * modulus_Pa
+    return np.column_stack([safe, strength_Pa, strength_Pa / (2.0 * mass_kg), 1.0 / whole, inverse])
+
+
+@kept(4)
+def _of_shape(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each element (reach / largest safe m)^2, the sum of D_a(rest) over guarded corners, and 1 / D_a(rest)."""
     modes = MODES @ corners
     numbers = geometry(corners)
     b = numbers[:, :18].reshape(-1, 6, 3)
@@ -96,9 +105,7 @@ def constants(corners: np.ndarray, modulus_Pa: np.ndarray, mass_kg: np.ndarray) 
         inverse[guarded, _BITS @ (corner > 0.0)] = 1.0 / span[guarded]
     reach = np.maximum(reach, 1e-300)
     c = np.linalg.norm(mean, axis=(1, 2)) / whole / reach
-    strength_Pa = STRENGTH * modulus_Pa
-    safe = (reach / _largest_safe_norm(c)) ** 2
-    return np.column_stack([safe, strength_Pa, strength_Pa / (2.0 * mass_kg), 1.0 / whole, inverse])
+    return (reach / _largest_safe_norm(c)) ** 2, whole, inverse
 
 
 def _edge(modes: np.ndarray, corner: np.ndarray, along: int) -> np.ndarray:

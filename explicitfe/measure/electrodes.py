@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from explicitfe.host.kept import kept
 from explicitfe.measure.sections import Y, Z
 from explicitfe.measure.tract import (
     COLUMN_WIDTH_M,
@@ -85,6 +86,7 @@ class Electrodes(NamedTuple):
     underside: Underside
 
 
+@kept(8)
 def electrodes(line: MidlineCurve, palate: np.ndarray, plane: float, hard_palate_m: float | None) -> Electrodes | None:
     """Electrodes on the underside of a palate at rest; None where there is no room for eight rows.
 

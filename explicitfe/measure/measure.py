@@ -73,7 +73,9 @@ def constriction_of(result: Recorded, step: int) -> Constriction | None:
     if PALATE not in result.bones:
         return None
     at_rest, now = result.bones[PALATE], result.placed_bones(step)[PALATE]
-    return constriction(result.mesh, result.displacement(step), at_rest.points[at_rest.triangles], now.points[now.triangles])
+    rest_corners = at_rest.points[at_rest.triangles]
+    corners = rest_corners if now is at_rest else now.points[now.triangles]
+    return constriction(result.mesh, result.displacement(step), rest_corners, corners)
 
 
 def nearest_of(result: Recorded, step: int) -> Nearest | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 
 X, Y, Z = 0, 1, 2
@@ -50,6 +51,7 @@ class PlaneCut:
         return np.concatenate([part for loop in self.loops for part in (at[loop], at[loop[:1]], gap)] or [gap])
 
 
+@kept(32)
 def section(mesh: HexMesh, axis: int, position: float) -> PlaneCut:
     """Cut the reference shape by the plane where coordinate ``axis`` is ``position`` (m)."""
     element, face = free_faces(mesh.hexes)

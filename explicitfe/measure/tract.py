@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from explicitfe.host.kept import kept
 from explicitfe.measure.document import Constriction, TractSection
 from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.hexmesh import HexMesh
@@ -68,6 +69,13 @@ class SectionPlane(NamedTuple):
     down: np.ndarray
 
 
+class Roof(NamedTuple):
+    """The palate in a section: ``y`` (c,) m of columns, ``underside`` (c,) m below the midline; NaN where there is none."""
+
+    y: np.ndarray
+    underside: np.ndarray
+
+
 class Column(NamedTuple):
     """A section in columns: ``y`` (c,) m, ``palate`` and ``tongue`` (c,) m below the midline; NaN where there is none.
 
@@ -96,7 +104,8 @@ def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarra
     now, at_rest = narrowest(line, tongue, plane), narrowest(rest_line, tongue_rest, plane)
     if now is None or at_rest is None:
         return None
-    sections = [tract_section(line, palate_now, tongue, plane, place) for place in section_places(line)]
+    above = roofs(line, palate_now, plane)
+    sections = [_section_between(_between(over, cut, tongue, plane), place) for place, cut, over in above]
     channels = [(each.channel_mm2, each.place_mm) for each in sections if each.channel_mm2 is not None]
     area, place = min(channels, default=(None, None))
     return Constriction(
@@ -110,6 +119,7 @@ def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarra
     )
 
 
+@kept(8)
 def palate_midline(palate: np.ndarray, plane: float) -> MidlineCurve | None:
     """The underside of a palate (m, 3 corners, 3) m in the plane y = ``plane``; None where it is not cut."""
     lines = plane_segments(palate, np.array([0.0, plane, 0.0]), np.array([0.0, 1.0, 0.0]))[:, :, [X, Z]]
@@ -167,18 +177,36 @@ def section_plane(line: MidlineCurve, place: float) -> SectionPlane:
 
 def columns(cut: SectionPlane, palate: np.ndarray, tongue: np.ndarray, plane: float) -> Column:
     """The section in a plane across the midline in columns, between a palate and a tongue of triangles (m, 3 corners, 3) m."""
-    palate_lines, tongue_lines = (
-        np.stack([lines[:, :, Y] - plane, (lines - cut.point) @ cut.down], axis=-1)
-        for lines in (plane_segments(triangles, cut.point, cut.normal) for triangles in (palate, tongue))
-    )
-    half = int(np.ceil(np.abs(palate_lines[:, :, 0]).max(initial=0.0) / COLUMN_WIDTH_M))
+    return _between(roof(cut, palate, plane), cut, tongue, plane)
+
+
+def roof(cut: SectionPlane, palate: np.ndarray, plane: float) -> Roof:
+    """The underside of a palate (m, 3 corners, 3) m in a plane across the midline."""
+    lines = _in_section(palate, cut, plane)
+    half = int(np.ceil(np.abs(lines[:, :, 0]).max(initial=0.0) / COLUMN_WIDTH_M))
     y = COLUMN_WIDTH_M * (np.arange(-half, half) + 0.5)
-    height = crossings(palate_lines, y)
-    height = np.where(np.abs(height) < PALATE_REACH_M, height, np.nan)
-    underside = np.fmax.reduce(height, axis=1, initial=np.nan)
-    top = np.fmin.reduce(crossings(tongue_lines, y), axis=1, initial=np.nan)
+    return Roof(y, outermost(lines, y, np.maximum, PALATE_REACH_M))
+
+
+@kept(8)
+def roofs(line: MidlineCurve, palate: np.ndarray, plane: float) -> tuple[tuple[float, SectionPlane, Roof], ...]:
+    """Of each section along a midline its place, its plane, and the palate in it."""
+    cuts = [(float(place), section_plane(line, place)) for place in section_places(line)]
+    return tuple((place, cut, roof(cut, palate, plane)) for place, cut in cuts)
+
+
+def _in_section(triangles: np.ndarray, cut: SectionPlane, plane: float) -> np.ndarray:
+    """Lines (k, 2 ends, 2) where a section cuts triangles: y m from the midsagittal plane, and m below the midline."""
+    lines = plane_segments(triangles, cut.point, cut.normal)
+    return np.stack([lines[:, :, Y] - plane, (lines - cut.point) @ cut.down], axis=-1)
+
+
+def _between(above: Roof, cut: SectionPlane, tongue: np.ndarray, plane: float) -> Column:
+    """A section in columns, between a palate and a tongue of triangles (m, 3 corners, 3) m."""
+    y, underside = above
+    top = outermost(_in_section(tongue, cut, plane), y, np.minimum)
     inside = np.zeros(len(y), dtype=bool)
-    midline = float(np.mean(top[np.abs(y) < COLUMN_WIDTH_M])) if half else np.nan
+    midline = float(np.mean(top[np.abs(y) < COLUMN_WIDTH_M])) if len(y) else np.nan
     for side in (y < 0.0, y > 0.0):
         if not np.isfinite(underside[side]).any() or not np.isfinite(midline):
             continue
@@ -191,7 +219,10 @@ def columns(cut: SectionPlane, palate: np.ndarray, tongue: np.ndarray, plane: fl
 
 def tract_section(line: MidlineCurve, palate: np.ndarray, tongue: np.ndarray, plane: float, place: float) -> TractSection:
     """The air in the section across the midline at ``place``."""
-    section = columns(section_plane(line, place), palate, tongue, plane)
+    return _section_between(columns(section_plane(line, place), palate, tongue, plane), place)
+
+
+def _section_between(section: Column, place: float) -> TractSection:
     gap = np.where(section.inside, section.tongue - section.palate, 0.0)
     centre = np.abs(section.y) < COLUMN_WIDTH_M
     if not section.inside[centre].all() or not len(gap):
@@ -225,6 +256,30 @@ def crossings(lines: np.ndarray, at: np.ndarray) -> np.ndarray:
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.clip((at - a) / (b - a), 0.0, 1.0)
         return np.where((low <= at) & (at <= high), p + share * (q - p), np.nan)
+
+
+def outermost(lines: np.ndarray, at: np.ndarray, extreme: np.ufunc, within: float = np.inf) -> np.ndarray:
+    """The largest or smallest second coordinate of ``crossings``, (c,); NaN where no line passes.
+
+    Parameters
+    ----------
+    at : (c,) rising.
+    extreme : np.maximum or np.minimum.
+    within : crossings with a larger second coordinate, up or down, are passed over.
+    """
+    low, high = lines[:, :, 0].min(axis=1), lines[:, :, 0].max(axis=1)
+    first = np.searchsorted(at, low - SAME_POINT_M, side="left")
+    count = np.maximum(np.searchsorted(at, high + SAME_POINT_M, side="right") - first, 0)
+    line = np.repeat(np.arange(len(lines)), count)
+    column = np.arange(len(line)) - np.repeat(np.cumsum(count) - count, count) + first[line]
+    (a, p), (b, q) = np.moveaxis(lines[line, 0], 1, 0), np.moveaxis(lines[line, 1], 1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        height = p + np.clip((at[column] - a) / (b - a), 0.0, 1.0) * (q - p)
+    chosen = np.abs(height) < within
+    worst = -np.inf if extreme is np.maximum else np.inf
+    answer = np.full(len(at), worst)
+    extreme.at(answer, column[chosen], height[chosen])
+    return np.where(np.isfinite(answer), answer, np.nan)
 
 
 def _feet(points: np.ndarray, lines: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

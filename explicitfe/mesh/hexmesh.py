@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.kept import kept
 
 # Natural coordinates of the 8 corners in VTK order (VTK_HEXAHEDRON).
 CORNERS = np.array(
@@ -172,6 +173,7 @@ def inner_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return pairs // len(FACES), hexes[:, FACES].reshape(-1, 4)[pairs[:, 0]]
 
 
+@kept(8)
 def free_faces(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The faces that belong to one element only: element and place in ``FACES`` of each, (f,) and (f,), element after element."""
     order, begins = face_groups(hexes)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.muscle_lines import natural_coordinates
 from explicitfe.mesh.triangles import surface_triangles, triangle_distance
@@ -38,6 +39,7 @@ class SelfPenetration:
     elements: np.ndarray
 
 
+@kept(4)
 def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration:
     """Find the nodes of the surface that lie inside elements of another part of the body.
 

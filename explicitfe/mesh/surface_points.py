@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.errors import InputError
+from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import CORNERS, FACES, HexMesh, MaterialPoints, free_faces, shape_functions, shape_gradients
 
 # Natural coordinates of the four points, in each of the two directions; every weight is 1.
@@ -75,6 +76,7 @@ def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]
     return points_on_pieces(element, mesh.points[mesh.hexes[element]], bounds.min(axis=1), bounds.max(axis=1))
 
 
+@kept(8)
 def surface_areas(mesh: HexMesh) -> np.ndarray:
     """The area of the surface that belongs to each node, (n,) m^2: a quarter of each face that it is a corner of."""
     element, face = free_faces(mesh.hexes)

@@ -127,6 +127,9 @@ class Recorded(ABC):
         """The bones where they are at one step, given as in :meth:`field`."""
         placed = {}
         for name, bone in self.bones.items():
+            if f"bone_{name}_placement" not in self.history_names:
+                placed[name] = bone
+                continue
             rotation, shift = self.placement(name, step, time_s=time_s)
             placed[name] = bone._replace(points=bone.points @ rotation.T + shift)
         return placed

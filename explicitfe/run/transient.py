@@ -195,6 +195,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 status = Status(INTERRUPTED, f"{status.message}; {how_to_go_on(place)}")
             seconds = time.perf_counter() - started
             summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row)
+            if np.isfinite(ledger.energies[-1]).all() and isinstance(writer, ResultWriter):  # it takes as long as 500 steps
+                summary["limiting_element"] = simulation.limiting_element()
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
             writer.finish(status.state, status.message, summary)
         return summary
@@ -370,7 +372,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "threads": len(simulation.parts),
             "dt_s": float(transient.smallest_dt_s),
             "dt_fraction_of_limit": float(transient.largest_fraction),
-            "limiting_element": simulation.limiting_element() if finite else None,
+            "limiting_element": None,
             "wall_s": wall_s,
             "loop_s": simulation.loop_s,
             "look_s": simulation.look_s,

@@ -439,3 +439,17 @@ def test_tables_and_inspect(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["measures"]["points"]["tip"]["forward_mm"] == pytest.approx(4.0)
     assert command(["measure", str(tmp_path / "none.vtkhdf")]) == 2
     assert "does not exist" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("extreme", "reduce"), [(np.maximum, np.fmax), (np.minimum, np.fmin)])
+def test_the_outermost_crossing_is_the_extreme_of_all(extreme, reduce):
+    """Against all crossings of all lines, steep and level ones, and lines that end where others begin."""
+    rng = np.random.default_rng(5)
+    ends = np.round(rng.uniform(-1.0, 1.0, (60, 2, 2)), 1)
+    lines = ends[ends[:, 0, 0] != ends[:, 1, 0]]
+    at = np.linspace(-1.2, 1.2, 97)
+    every = tract.crossings(lines, at)
+    assert np.array_equal(tract.outermost(lines, at, extreme), reduce.reduce(every, axis=1), equal_nan=True)
+    low = np.where(np.abs(every) < 0.5, every, np.nan)
+    assert np.array_equal(tract.outermost(lines, at, extreme, 0.5), reduce.reduce(low, axis=1), equal_nan=True)
+    assert np.isnan(tract.outermost(lines[:0], at, extreme)).all()

@@ -17,7 +17,7 @@ from multiprocessing import get_context
 from explicitfe.errors import InputError, MachineError, shortened
 from explicitfe.host import stopping
 from explicitfe.host.extras import require
-from explicitfe.sweep.rows import MEMBER_S, Member, Row, Task, lost, rows_of
+from explicitfe.sweep.rows import Member, Row, Task, lost, rows_of, seconds_of
 
 BUNDLE_S = 1.0  # of one worker's time; what sends and stores a bundle takes milliseconds
 MOST_MEMBERS_OF_A_BUNDLE = 1000
@@ -229,7 +229,7 @@ class Bundles:
     def _note(self, rows: Sequence[Row]) -> None:
         """Learn how long members take; the first one compiles and is forgotten soon."""
         self._deaths_in_a_row = 0
-        taken = sum(float(row.get(MEMBER_S) or 0.0) for row in rows) / max(len(rows), 1)
+        taken = sum(seconds_of(row) for row in rows) / max(len(rows), 1)
         weight = LARGEST_SHARE_OF_THE_NEWEST if 0.0 < self._member_s < 2.0 * taken else 1.0
         self._member_s = max(weight * taken + (1.0 - weight) * self._member_s, 1e-6)
 

@@ -17,7 +17,7 @@ from typing import Self
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host.files import lock, reason
 from explicitfe.results import FINISHED
-from explicitfe.sweep.rows import NUMBER, STATUS, Row
+from explicitfe.sweep.rows import STATUS, Row, number_of
 
 COLUMNS_KEY = "columns"
 
@@ -111,7 +111,7 @@ def rows_of_all(folder: Path) -> dict[int, Row]:
     rows: dict[int, Row] = {}
     for path in sorted(folder.glob("*.jsonl")):
         for row in rows_in(path):
-            number = int(row[NUMBER])  # type: ignore[arg-type]
+            number = number_of(row)
             if number not in rows or rows[number][STATUS] != FINISHED:
                 rows[number] = row
     return rows

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 from pydantic import BaseModel
 
 from explicitfe.errors import InputError, MachineError, RunError, silent
@@ -17,17 +18,26 @@ from explicitfe.measure.formants import airway_of
 from explicitfe.measure.measure import constriction_of
 from explicitfe.measure.motion import body_motion, point_motions
 from explicitfe.measure.palatogram import palatogram
+from explicitfe.measure.sections import X, Z, midsagittal
 from explicitfe.measure.shape import grooves, highest_point
 from explicitfe.measure.steps import last_step
+from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import FINISHED, Recorded, ResultInMemory
 from explicitfe.results.run_summary import IndentationSummary
 from explicitfe.run.prepare import analysis_of
 from explicitfe.scenario.read import Scenario, scenario_in
 from explicitfe.scenario.transient import TransientScenario
 
-Cell = float | int | bool | str | None
+Cell = float | int | bool | str | list[int] | None
 Row = dict[str, Cell]
 
+# Statuses of a member that has none from its run.
+REFUSED, FAULT, LOST = "refused", "fault", "lost"
+NUMBER, NAME, STATUS, MESSAGE, MEMBER_S = "member", "name", "status", "message", "member_s"
+CONTOUR = "contour"
+CONTOUR_UNIT_M = 1e-5
+# Rows have it, a table does not: what differs each time that a member is computed, and a picture.
+BESIDE_THE_TABLE = ("wall_s", MEMBER_S, CONTOUR)
 # What a run in time can be asked for; docs/reference/measures.md says what each number is.
 PARTS: dict[str, Callable[[Recorded, int], object]] = {
     "points": point_motions,
@@ -38,12 +48,9 @@ PARTS: dict[str, Callable[[Recorded, int], object]] = {
     "body": body_motion,
     "palatogram": palatogram,
     "airway": airway_of,
+    CONTOUR: lambda result, step: contour(result.mesh, result.displacement(step)),
 }
-USUAL_PARTS = ("points", "highest", "grooves", "constriction", "contact", "body")
-# Statuses of a member that has none from its run.
-REFUSED, FAULT, LOST = "refused", "fault", "lost"
-NUMBER, NAME, STATUS, MESSAGE, MEMBER_S = "member", "name", "status", "message", "member_s"
-TIMES = ("wall_s", MEMBER_S)  # what differs each time that a member is computed: rows have it, a table does not
+USUAL_PARTS = ("points", "highest", "grooves", "constriction", "contact", "body", CONTOUR)
 # What of a run's summary a row has: it says whether to believe the rest.
 SUMMARY_CELLS = ("steps", "iterations", "wall_s", "energy_balance_error", "hourglass_share", "min_J", "settled")
 
@@ -74,6 +81,16 @@ class Member:
     number: int
     name: str
     settings: tuple[str, ...]
+
+
+def number_of(row: Row) -> int:
+    """Of the member that a row is of."""
+    return cast(int, row[NUMBER])
+
+
+def seconds_of(row: Row) -> float:
+    """How long its member took; 0 where that is not known."""
+    return cast(float, row.get(MEMBER_S) or 0.0)
 
 
 def rows_of(task: Task, members: Sequence[Member]) -> list[Row]:
@@ -122,7 +139,8 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
         if summary["status"] == FINISHED:
             step = last_step(result)
             for part in task.parts:
-                cells |= flat(PARTS[part](result, step), part)
+                value = PARTS[part](result, step)
+                cells |= {CONTOUR: cast(Cell, value)} if part == CONTOUR else flat(value, part)
     else:
         cells |= _curve(cast(IndentationSummary, summary))
     status, message = summary["status"], summary["message"]
@@ -144,6 +162,15 @@ def _keep(task: Task, member: Member, scenario: Scenario, text: str) -> None:
         analysis_of(task.path, scenario, text).run(target, overwrite=True, progress=silent)
     except InputError as error:  # it has been computed once, so this is no fault of the member
         raise MachineError(str(error)) from None
+
+
+def contour(mesh: HexMesh, displacement: np.ndarray) -> list[int]:
+    """The midsagittal outline, x and z of one point after the other, in hundredths of a millimetre; empty where there is none."""
+    cut = midsagittal(mesh)
+    if not cut.loops:
+        return []
+    outline = cut.at(mesh.points + displacement)[max(cut.loops, key=len)][:, [X, Z]]
+    return np.rint(outline.ravel() / CONTOUR_UNIT_M).astype(int).tolist()
 
 
 def flat(value: object, name: str) -> Row:

@@ -12,12 +12,12 @@ from explicitfe.errors import InputError
 from explicitfe.results import FINISHED
 from explicitfe.sweep.factors import Factor
 from explicitfe.sweep.members import MORRIS_LEVELS, Members, problem_of
-from explicitfe.sweep.rows import NUMBER, STATUS, TIMES, Row
+from explicitfe.sweep.rows import BESIDE_THE_TABLE, NUMBER, STATUS, Row
 
 CONFIDENCE_SHARE = 0.95
 RESAMPLES_COUNT = 1000  # of the bootstrap that gives the intervals
 SMALLEST_SPREAD_SHARE = 1e-9  # of a measure's size: what varies less does not vary
-ABOUT_THE_RUN = (*TIMES, "steps", "iterations", "energy_balance_error", "warnings")
+ABOUT_THE_RUN = (*BESIDE_THE_TABLE, "steps", "iterations", "energy_balance_error", "warnings")
 
 
 class Index(TypedDict):

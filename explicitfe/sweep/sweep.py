@@ -26,7 +26,7 @@ from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes, 
 from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, rows_of_all
 from explicitfe.sweep.members import Design, Members, share_of
-from explicitfe.sweep.rows import MEMBER_S, MESSAGE, NUMBER, STATUS, USUAL_PARTS, Member, Row, Task
+from explicitfe.sweep.rows import MESSAGE, STATUS, USUAL_PARTS, Member, Row, Task, number_of, seconds_of
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
@@ -117,9 +117,9 @@ class Sweep:
             for rows in Bundles(self._task, list(self.members()), engine):
                 journal.append(rows)
                 for row in rows:
-                    self.rows[int(row[NUMBER] or 0)] = row
+                    self.rows[number_of(row)] = row
                     failed += row[STATUS] != FINISHED
-                    self._worker_s += float(row.get(MEMBER_S) or 0.0)
+                    self._worker_s += seconds_of(row)
                 stored += len(rows)
                 now = time.perf_counter()
                 self._computed, self._wall_s = stored, now - begun_at

@@ -13,7 +13,7 @@ from explicitfe.host.extras import has_extra
 from explicitfe.host.files import reason
 from explicitfe.results.folder import whole_file
 from explicitfe.sweep.members import Members
-from explicitfe.sweep.rows import MESSAGE, NAME, NUMBER, STATUS, TIMES, Cell, Row
+from explicitfe.sweep.rows import BESIDE_THE_TABLE, MESSAGE, NAME, NUMBER, STATUS, Cell, Row, number_of
 
 TABLE_FILE, PARQUET_FILE, PARTIAL_FILE = "table.csv", "table.parquet", "table.partial.csv"
 ABOUT_A_RUN = (NUMBER, NAME, STATUS, MESSAGE)
@@ -23,7 +23,7 @@ def columns_of(rows: Iterable[Row], keys: Iterable[str]) -> list[str]:
     """Columns in their order: the member, what was varied, then all numbers in the order in which they first come."""
     numbers = dict.fromkeys(name for row in rows for name in row)
     head = [NUMBER, *keys, *(name for name in ABOUT_A_RUN if name != NUMBER)]
-    return [*head, *(name for name in numbers if name not in (*head, *TIMES))]
+    return [*head, *(name for name in numbers if name not in (*head, *BESIDE_THE_TABLE))]
 
 
 def write_table(out: Path, members: Members, rows: Mapping[int, Row]) -> list[str]:
@@ -58,7 +58,7 @@ def write_table(out: Path, members: Members, rows: Mapping[int, Row]) -> list[st
 
 
 def _line(columns: list[str], members: Members, row: Row) -> list[Cell]:
-    number = int(row[NUMBER] or 0)
+    number = number_of(row)
     varied = dict(zip(members.keys, members.values[number], strict=True))
     return [_cell(varied[name]) if name in varied else row.get(name) for name in columns]
 

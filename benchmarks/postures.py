@@ -1,125 +1,117 @@
-"""Random postures with the sides of the tongue on the palate: which muscles are on (docs/studies/speech.md).
+"""Many postures: how fast members are computed, what of that is no step, and which muscles are on where a tongue is braced.
 
-    python benchmarks/postures.py [--count 500] [--seed 2022] [--opening 5] [--force-length] [--out outputs/postures.md]
+    python benchmarks/postures.py pace OUT [--count 2000]     # random postures by one process, then by two, and by this one
+    python benchmarks/postures.py braced OUT [--share 0.1]    # 0, 10 and 25 % of the largest force of ten muscles: 59 049 members
 
-Each of ten muscles at 0, 10 or 25 % of its maximum at random, as in Liu et al. (2022), Phonetica 79:523; their GGP is our GGp
-and GGh together, both at the same share (models/tongue/SOURCES.md). Coarse mesh, living tissue, jaw open, ramps of 50 ms, 200
-ms. A posture is braced where both sides touch the palate and no node within 3 mm of the midline does; "in front", where they do
-so in front of x = 90 mm. The sides lie so near to the palate at rest that the back of them touches in most postures. By chance a
-muscle is on in two of three.
+The tables that they print are those of docs/studies/sweeps.md. What is computed stays in OUT: given again, it goes on.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
+import os
 import time
-from collections import Counter
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from mouth import Mouth, Posture, Settled
 
-ROOT = Path(__file__).resolve().parents[1]
-SHARES = (0.0, 0.10, 0.25)  # of a muscle's maximum
-MUSCLES = {
-    "GGA": ("GGa",),
-    "GGM": ("GGm",),
-    "GGP": ("GGp", "GGh"),
-    "STY": ("STY",),
-    "HG": ("HG",),
-    "VERT": ("VERT",),
-    "TRANS": ("TRANS",),
-    "IL": ("IL",),
-    "SL": ("SL",),
-    "MH": ("MH",),
-}
-# Of 113 547 postures with both sides on the palate and a free centre, counted from the data of Liu et al. (2022): muscle on in %.
-LIU_PERCENT = {"GGP": "99-100", "SL": "87-95", "MH": "86-100", "TRANS": "1-9", "HG": "0-2"}
+import explicitfe
+from explicitfe.sweep.journal import rows_of_all
+
+SCENARIO = Path(__file__).with_name("postures.toml")
+# Largest forces of both sides, N, of the model that Liu et al. (2022) ran, by 22 N/cm2; GGp with its horizontal part.
+LARGEST_N = {
+    "GGa": 18.0, "GGm": 12.0, "GGp": 37.0, "STY": 24.0, "HG": 65.0,
+    "VERT": 20.0, "TRANS": 50.0, "IL": 9.0, "SL": 19.0, "MH": 39.0,
+}  # fmt: skip
+SHARES = (0.0, 0.10, 0.25)
+KEYS = [f"muscle.{name}.force_N" for name in LARGEST_N]
+SEED = 2022
 
 
-class Ran(NamedTuple):
-    """A posture: the level 0, 1 or 2 of each muscle, and what it came to."""
-
-    levels: np.ndarray
-    settled: Settled
-
-    @property
-    def trouble(self) -> str:
-        """Why it is left out of the count; empty where it is not."""
-        settled = self.settled
-        if settled.status != "finished":
-            return settled.status
-        if settled.folded:
-            return "folded elements"
-        if settled.through_itself:
-            return "passes through itself"
-        return "" if settled.settled else "still moves"
+def table(out: Path, lines: np.ndarray) -> Path:
+    """A table of members."""
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "postures.csv"
+    text = "\n".join([",".join(KEYS), *(",".join(f"{force:.6g}" for force in line) for line in lines)])
+    path.write_text(text + "\n", encoding="utf-8")
+    return path
 
 
-def run(mouth: Mouth, count: int, seed: int, opening_mm: float) -> list[Ran]:
-    generator = np.random.default_rng(seed)
-    done = []
+def pace(out: Path, count: int) -> None:
+    rng = np.random.default_rng(SEED)
+    lines = rng.uniform(0.0, 0.25, (count, len(KEYS))) * list(LARGEST_N.values()) * (rng.random((count, len(KEYS))) < 0.4)
+    members = table(out, lines)
+    print("| processes | members | seconds | a minute |\n|---|---|---|---|")
+    for processes in (2, 1):
+        few = members if processes == 2 else table(out / "half", lines[: count // 2])
+        # the first member of a process loads what the others have: it is not counted
+        sweep = explicitfe.sweep(SCENARIO, table=few, out=out / f"by-{processes}", processes=processes)
+        begin, done = time.perf_counter(), 0
+        for number, _ in enumerate(sweep.computed()):
+            if number == 0:
+                begin = time.perf_counter()
+            done = number
+        seconds = time.perf_counter() - begin
+        sweep.finish()
+        print(f"| {processes} | {done} | {seconds:.1f} | {60.0 * done / max(seconds, 1e-9):.0f} |", flush=True)
+    for processes in (1, 2):
+        rows = rows_of_all(out / f"by-{processes}" / "rows")
+        kept = [row for row in rows.values() if row["status"] == "finished"][1:]
+        member_s, course_s = (np.array([row[name] for row in kept], dtype=float) for name in ("member_s", "course_s"))
+        print(
+            f"{processes}: a member takes {1e3 * np.median(member_s):.1f} ms, its steps {1e3 * np.median(course_s):.1f} ms; "
+            f"{100 * (1 - course_s.sum() / member_s.sum()):.0f} % is spent beside them"
+        )
+        statuses = [str(row["status"]) for row in rows.values()]
+        print({status: statuses.count(status) for status in set(statuses)})
+
+
+def braced(out: Path, share: float) -> None:
+    lines = np.array(list(itertools.product(*([part * force for part in SHARES] for force in LARGEST_N.values()))))
+    if share < 1.0:
+        lines = lines[np.sort(np.random.default_rng(SEED).permutation(len(lines))[: round(share * len(lines))])]
+    sweep = explicitfe.sweep(
+        SCENARIO, table=table(out, lines), out=out / "sweep", measures=["contact", "constriction", "points", "grooves"]
+    )
     begin = time.perf_counter()
-    for number in range(count):
-        levels = generator.integers(0, len(SHARES), len(MUSCLES))
-        forces_N = {
-            ours: SHARES[level] * mouth.maxima_N[ours]
-            for level, names in zip(levels, MUSCLES.values(), strict=True)
-            for ours in names
-        }
-        done.append(Ran(levels, mouth.settle(Posture(forces_N, opening_mm))))
-        if (number + 1) % 50 == 0:
-            troubles = Counter(each.trouble for each in done)
-            print(f"{number + 1} in {time.perf_counter() - begin:.0f} s: {dict(troubles)}", flush=True)
-    return done
+    for number, _ in enumerate(sweep.computed(), 1):
+        if number % 500 == 0:
+            print(f"{number} of {len(sweep)}, {60.0 * number / (time.perf_counter() - begin):.0f} a minute", flush=True)
+    summary = sweep.finish()
+    print(summary["statuses"], summary["failures"])
+    rows = rows_of_all(out / "sweep" / "rows")
+    finished = [number for number, row in rows.items() if row["status"] == "finished"]
+    is_braced = np.array([_is_braced(rows[number]) for number in finished])
+    on = lines[finished] > 0.0
+    print(f"{is_braced.sum()} of {len(finished)} are braced with a free midline")
+    print("| muscle | on, of the braced | on, of all |\n|---|---|---|")
+    for k, name in enumerate(LARGEST_N):
+        print(f"| {name} | {100 * on[is_braced, k].mean():.0f} % | {100 * on[:, k].mean():.0f} % |")
 
 
-def percent(rows: list[Ran], muscle: int) -> str:
-    """How often a muscle is on, with the standard error of a share."""
-    if not rows:
-        return "-"
-    share = float(np.mean([each.levels[muscle] > 0 for each in rows]))
-    return f"{100 * share:.0f} ± {100 * np.sqrt(share * (1.0 - share) / len(rows)):.0f}"
+def _is_braced(row: dict) -> bool:
+    """Both sides touch the palate in the middle or at the back, and nothing touches within 3 mm of the midline."""
+    sides = [
+        max(row[f"contact.palate.cells.{side}.{depth}.area_mm2"] for depth in ("middle", "back")) > 0.0
+        for side in ("left", "right")
+    ]
+    return all(sides) and bool(row["contact.palate.midline_free"])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--count", type=int, default=500)
-    parser.add_argument("--seed", type=int, default=2022)
-    parser.add_argument("--opening", type=float, default=5.0, help="of the jaw, mm")
-    parser.add_argument("--mesh", default="coarse")
-    parser.add_argument("--force-length", action="store_true", help="muscles pull less as they shorten")
-    parser.add_argument("--out", type=Path, default=ROOT / "outputs" / "postures.md")
-    arguments = parser.parse_args()
-    mouth = Mouth(arguments.mesh, force_length=arguments.force_length)
-    done = run(mouth, arguments.count, arguments.seed, arguments.opening)
-    good = [each for each in done if not each.trouble]
-    usable = [each for each in done if each.trouble in ("", "still moves")]
-    groups = {
-        "all": done,
-        "settled": good,
-        "sides on the palate": [each for each in good if each.settled.left and each.settled.right],
-        "braced": [each for each in good if each.settled.braced],
-        "braced in front": [each for each in good if each.settled.braced_in_front],
-        "braced in front, or still moving": [each for each in usable if each.settled.braced_in_front],
-        "braced, STY off": [each for each in good if each.settled.braced and not each.levels[list(MUSCLES).index("STY")]],
-    }
-    lines = [f"| muscle on, % | {' | '.join(f'{name} ({len(rows)})' for name, rows in groups.items())} | Liu et al., braced |"]
-    lines.append("|---" * (len(groups) + 2) + "|")
-    for number, name in enumerate(MUSCLES):
-        lines.append(
-            f"| {name} | {' | '.join(percent(rows, number) for rows in groups.values())} | {LIU_PERCENT.get(name, '')} |"
-        )
-    troubles = Counter(each.trouble or "settled" for each in done)
-    lines.append("")
-    lines.append("; ".join(f"{count} {what}" for what, count in troubles.most_common()) + f" of {len(done)}")
-    balance = max(each.settled.balance_error for each in done)
-    lines.append(f"largest error of the energy balance {balance:.0e}")
-    text = "\n".join(lines)
-    print(text)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    arguments.out.write_text(text + "\n", encoding="utf-8")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=("pace", "braced"))
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--count", type=int, default=2000)
+    parser.add_argument("--share", type=float, default=0.1)
+    options = parser.parse_args()
+    print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
+    if options.what == "pace":
+        pace(options.out, options.count)
+    else:
+        braced(options.out, options.share)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from explicitfe.measure.shape import grooves, highest_point
 from explicitfe.measure.steps import last_step
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import FINISHED, Recorded, ResultInMemory
-from explicitfe.results.run_summary import IndentationSummary
+from explicitfe.results.run_summary import IndentationSummary, TransientSummary
 from explicitfe.run.prepare import analysis_of
 from explicitfe.scenario.read import Scenario, scenario_in
 from explicitfe.scenario.transient import TransientScenario
@@ -33,11 +33,12 @@ Row = dict[str, Cell]
 
 # Statuses of a member that has none from its run.
 REFUSED, FAULT, LOST = "refused", "fault", "lost"
-NUMBER, NAME, STATUS, MESSAGE, MEMBER_S = "member", "name", "status", "message", "member_s"
+NUMBER, NAME, STATUS, MESSAGE = "member", "name", "status", "message"
+MEMBER_S, COURSE_S = "member_s", "course_s"  # of all of it, and of steps, looks and samples alone
 CONTOUR = "contour"
 CONTOUR_UNIT_M = 1e-5
 # Rows have it, a table does not: what differs each time that a member is computed, and a picture.
-BESIDE_THE_TABLE = ("wall_s", MEMBER_S, CONTOUR)
+BESIDE_THE_TABLE = ("wall_s", COURSE_S, MEMBER_S, CONTOUR)
 # What a run in time can be asked for; docs/reference/measures.md says what each number is.
 PARTS: dict[str, Callable[[Recorded, int], object]] = {
     "points": point_motions,
@@ -133,6 +134,9 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
     if _is_kept(task.keep, member.number, summary["status"]):
         _keep(task, member, scenario, text)
     cells: Row = {key: cast(Cell, summary[key]) for key in SUMMARY_CELLS if key in summary}  # type: ignore[literal-required]
+    if "loop_s" in summary:
+        ran = cast(TransientSummary, summary)
+        cells[COURSE_S] = ran["loop_s"] + ran["look_s"] + ran["sample_s"]
     cells["folded_elements"] = summary["folded"]["elements"]
     cells["warnings"] = len(summary["warnings"])
     if isinstance(scenario, TransientScenario):

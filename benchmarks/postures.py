@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import explicitfe
-from explicitfe.sweep.journal import rows_of_all
+from explicitfe.sweep.journal import Stored
 
 SCENARIO = Path(__file__).with_name("postures.toml")
 # Largest forces of both sides, N, of the model that Liu et al. (2022) ran, by 22 N/cm2; GGp with its horizontal part.
@@ -57,14 +57,14 @@ def pace(out: Path, count: int) -> None:
         sweep.finish()
         print(f"| {processes} | {done} | {seconds:.1f} | {60.0 * done / max(seconds, 1e-9):.0f} |", flush=True)
     for processes in (1, 2):
-        rows = rows_of_all(out / f"by-{processes}" / "rows")
-        kept = [row for row in rows.values() if row["status"] == "finished"][1:]
+        rows = list(Stored(out / f"by-{processes}" / "rows").rows())
+        kept = [row for row in rows if row["status"] == "finished"][1:]
         member_s, course_s = (np.array([row[name] for row in kept], dtype=float) for name in ("member_s", "course_s"))
         print(
             f"{processes}: a member takes {1e3 * np.median(member_s):.1f} ms, its steps {1e3 * np.median(course_s):.1f} ms; "
             f"{100 * (1 - course_s.sum() / member_s.sum()):.0f} % is spent beside them"
         )
-        statuses = [str(row["status"]) for row in rows.values()]
+        statuses = [str(row["status"]) for row in rows]
         print({status: statuses.count(status) for status in set(statuses)})
 
 
@@ -81,9 +81,9 @@ def braced(out: Path, share: float) -> None:
             print(f"{number} of {len(sweep)}, {60.0 * number / (time.perf_counter() - begin):.0f} a minute", flush=True)
     summary = sweep.finish()
     print(summary["statuses"], summary["failures"])
-    rows = rows_of_all(out / "sweep" / "rows")
-    finished = [number for number, row in rows.items() if row["status"] == "finished"]
-    is_braced = np.array([_is_braced(rows[number]) for number in finished])
+    rows = [row for row in Stored(out / "sweep" / "rows").rows() if row["status"] == "finished"]
+    finished = [row["member"] for row in rows]
+    is_braced = np.array([_is_braced(row) for row in rows])
     on = lines[finished] > 0.0
     print(f"{is_braced.sum()} of {len(finished)} are braced with a free midline")
     print("| muscle | on, of the braced | on, of all |\n|---|---|---|")

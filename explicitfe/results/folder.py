@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from explicitfe.errors import InputError
 from explicitfe.host.extras import PACKAGES, has_extra, how_to_install
@@ -133,10 +134,17 @@ def whole_file(path: Path, content: str | bytes, *, overwrite: bool = True) -> N
     FileExistsError : something is there, and is not to be replaced.
     OSError : it cannot be written.
     """
+    with whole_stream(path, overwrite=overwrite) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+
+
+@contextmanager
+def whole_stream(path: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
+    """A file to fill; it gets its name at the end, or nothing of it is left. See :func:`whole_file`."""
     number, beside = create_private(path.parent, path.name)
     try:
         with os.fdopen(number, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
+            yield file
         if overwrite:
             beside.replace(path)
         else:

@@ -6,10 +6,11 @@ flight goes out again, one member at a time, and only one that was alone each ti
 
 from __future__ import annotations
 
+import itertools
 import time
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
@@ -166,13 +167,13 @@ class Bundles:
 
     Parameters
     ----------
-    task, members : what is to be computed.
+    task, members : what is to be computed, ``count`` members; they are asked for as they are sent.
     engine : who does it; it is not closed here.
     """
 
-    def __init__(self, task: Task, members: Sequence[Member], engine: Engine) -> None:
+    def __init__(self, task: Task, members: Iterable[Member], count: int, engine: Engine) -> None:
         self._task, self._engine = task, engine
-        self._todo: deque[Member] = deque(members)
+        self._todo, self._left = iter(members), count
         self._suspects: deque[Member] = deque()  # they were in flight when a process died
         self._in_flight: dict[Future[list[Row]], Sequence[Member]] = {}
         self._deaths_alone: Counter[int] = Counter()
@@ -187,7 +188,7 @@ class Bundles:
         Stopped : a signal has asked to stop.
         MachineError : a worker cannot write what is to be kept, or no process can live here.
         """
-        while self._todo or self._suspects or self._in_flight:
+        while self._left or self._suspects or self._in_flight:
             stopping.check()
             self._send()
             done, _ = wait(self._in_flight, POLL_FUTURES_S, FIRST_COMPLETED)
@@ -213,8 +214,9 @@ class Bundles:
         while len(self._in_flight) < (1 if alone else BUNDLES_PER_WORKER * self._engine.workers):
             if self._suspects:
                 members = [self._suspects.popleft()]
-            elif self._todo:
-                members = [self._todo.popleft() for _ in range(self._size())]
+            elif self._left:
+                members = list(itertools.islice(self._todo, self._size()))
+                self._left -= len(members)
             else:
                 return
             self._in_flight[self._engine.submit(self._task, members)] = members
@@ -223,8 +225,8 @@ class Bundles:
         """Of the next bundle."""
         if self._member_s == 0.0:
             return 1
-        share = -(-len(self._todo) // (LAST_BUNDLES_PER_WORKER * self._engine.workers))
-        return max(1, min(round(BUNDLE_S / self._member_s), MOST_MEMBERS_OF_A_BUNDLE, share, len(self._todo)))
+        share = -(-self._left // (LAST_BUNDLES_PER_WORKER * self._engine.workers))
+        return max(1, min(round(BUNDLE_S / self._member_s), MOST_MEMBERS_OF_A_BUNDLE, share))
 
     def _note(self, rows: Sequence[Row]) -> None:
         """Learn how long members take; the first one compiles and is forgotten soon."""

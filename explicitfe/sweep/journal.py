@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host.files import lock, reason
 from explicitfe.results import FINISHED
-from explicitfe.sweep.rows import STATUS, Row, number_of
+from explicitfe.sweep.rows import STATUS, Cell, Row, number_of
 
 COLUMNS_KEY = "columns"
 
@@ -87,9 +87,71 @@ class Journal:
         self._columns = columns
 
 
-def rows_in(path: Path) -> Iterable[Row]:
-    """The rows of a journal, in the order in which they were computed."""
-    columns: list[str] = []
+class _Line(NamedTuple):
+    """A row in a journal: where its line begins, which columns it has, and the cells."""
+
+    offset: int
+    columns: int
+    cells: list[Cell]
+
+
+class Place(NamedTuple):
+    """Where the row of a member stands: which journal and where in it, which columns it has, and how the member ended."""
+
+    journal: int
+    offset: int
+    columns: int
+    status: str
+
+
+class Stored:
+    """The rows of all journals of a folder. Of two rows of a member that of one that finished counts, else the later one.
+
+    What is in memory is where rows stand: they are read when they are asked for, so that millions of them have room.
+
+    Attributes
+    ----------
+    places : number of a member -> where its row stands.
+
+    Raises
+    ------
+    InputError : a journal is damaged.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.places: dict[int, Place] = {}
+        self._paths = sorted(folder.glob("*.jsonl"))
+        self._columns: list[list[str]] = []
+        for journal, path in enumerate(self._paths):
+            for line in _lines(path, self._columns):
+                head = dict(zip(self._columns[line.columns], line.cells, strict=True))
+                number, status = number_of(head), str(head[STATUS])
+                if number not in self.places or self.places[number].status != FINISHED:
+                    self.places[number] = Place(journal, line.offset, line.columns, status)
+
+    def __len__(self) -> int:
+        """How many members have a row."""
+        return len(self.places)
+
+    def rows(self, numbers: Iterable[int] | None = None) -> Iterator[Row]:
+        """Rows in the order of the members, or of some of them."""
+        chosen = sorted(self.places) if numbers is None else numbers
+        with ExitStack() as stack:
+            files = [stack.enter_context(path.open("rb")) for path in self._paths]
+            for number in chosen:
+                place = self.places[number]
+                files[place.journal].seek(place.offset)
+                yield dict(zip(self._columns[place.columns], json.loads(files[place.journal].readline()), strict=True))
+
+    def names(self) -> list[str]:
+        """The names of all cells, in the order in which they come, member after member."""
+        used = dict.fromkeys(self.places[number].columns for number in sorted(self.places))
+        return list(dict.fromkeys(name for columns in used for name in self._columns[columns]))
+
+
+def _lines(path: Path, columns: list[list[str]]) -> Iterator[_Line]:
+    """The rows of a journal; lists of columns that are new are appended to ``columns``."""
+    chosen, offset = -1, 0
     with path.open("rb") as file:
         for line in file:
             if not line.endswith(b"\n"):
@@ -97,24 +159,15 @@ def rows_in(path: Path) -> Iterable[Row]:
             try:
                 entry = json.loads(line)
             except ValueError:
-                raise InputError(
-                    f"{path}: a line of it is damaged; move this file away, and its members are computed again."
-                ) from None
-            if isinstance(entry, dict):
-                columns = entry[COLUMNS_KEY]
+                raise InputError(f"{path}: a line is damaged; move this file away, and its members are computed again.") from None
+            if isinstance(entry, list):
+                yield _Line(offset, chosen, entry)
+            elif entry[COLUMNS_KEY] in columns:
+                chosen = columns.index(entry[COLUMNS_KEY])
             else:
-                yield dict(zip(columns, entry, strict=True))
-
-
-def rows_of_all(folder: Path) -> dict[int, Row]:
-    """The rows of all journals of a folder, by the number of the member; of two of a member one that finished, else the later."""
-    rows: dict[int, Row] = {}
-    for path in sorted(folder.glob("*.jsonl")):
-        for row in rows_in(path):
-            number = number_of(row)
-            if number not in rows or rows[number][STATUS] != FINISHED:
-                rows[number] = row
-    return rows
+                columns.append(entry[COLUMNS_KEY])
+                chosen = len(columns) - 1
+            offset += len(line)
 
 
 def _whole_bytes(path: Path) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from typing_extensions import TypedDict
 from explicitfe.errors import InputError
 from explicitfe.results import FINISHED
 from explicitfe.sweep.factors import Factor
+from explicitfe.sweep.journal import Stored
 from explicitfe.sweep.members import MORRIS_LEVELS, Members, problem_of
-from explicitfe.sweep.rows import BESIDE_THE_TABLE, NUMBER, STATUS, Row
+from explicitfe.sweep.rows import BESIDE_THE_TABLE, NUMBER, STATUS, number_of
 
 CONFIDENCE_SHARE = 0.95
 RESAMPLES_COUNT = 1000  # of the bootstrap that gives the intervals
@@ -51,7 +52,7 @@ class Sensitivity(TypedDict):
     measures: list[MeasureSensitivity]
 
 
-def sensitivity_of(design: str, factors: Sequence[Factor], members: Members, rows: Mapping[int, Row], seed: int) -> Sensitivity:
+def sensitivity_of(design: str, factors: Sequence[Factor], members: Members, stored: Stored, seed: int) -> Sensitivity:
     """Indices of all numbers that vary.
 
     A design consists of groups: factors + 2 members of Saltelli's (2010), factors + 1 of a trajectory of Morris (1991). Where one
@@ -62,9 +63,15 @@ def sensitivity_of(design: str, factors: Sequence[Factor], members: Members, row
     InputError : too few groups are whole.
     """
     size = len(factors) + (2 if design == "sobol" else 1)
-    names = list(dict.fromkeys(name for row in rows.values() for name in row))
     groups = np.arange(len(members)).reshape(-1, size)
-    finished = np.array([number in rows and rows[number][STATUS] == FINISHED for number in range(len(members))])
+    finished = np.zeros(len(members), dtype=bool)
+    columns: dict[str, np.ndarray] = {}
+    for row in stored.rows():
+        number = number_of(row)
+        finished[number] = row[STATUS] == FINISHED
+        for name, cell in row.items():
+            if isinstance(cell, (int, float)) and not isinstance(cell, bool) and name not in (NUMBER, *ABOUT_THE_RUN):
+                columns.setdefault(name, np.full(len(members), np.nan))[number] = cell
     whole = finished[groups].all(axis=1)
     if np.count_nonzero(whole) < 2:
         raise InputError(
@@ -73,11 +80,7 @@ def sensitivity_of(design: str, factors: Sequence[Factor], members: Members, row
     problem = problem_of(factors, f"--{design}")
     inputs = np.array([members.values[number] for number in range(len(members))], dtype=float)
     measures = []
-    for name in names:
-        if name in (NUMBER, *ABOUT_THE_RUN):
-            continue
-        cells = [rows[number].get(name) if number in rows else None for number in range(len(members))]
-        values = np.array([c if isinstance(c, (int, float)) and not isinstance(c, bool) else np.nan for c in cells], dtype=float)
+    for name, values in columns.items():
         usable = groups[whole & np.isfinite(values)[groups].all(axis=1)]
         y = values[usable.ravel()]
         if len(usable) < 2 or not np.std(y) > SMALLEST_SPREAD_SHARE * max(np.abs(y).max(initial=0.0), SMALLEST_SPREAD_SHARE):

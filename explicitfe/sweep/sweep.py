@@ -24,7 +24,7 @@ from explicitfe.sweep import members as designs
 from explicitfe.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
 from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes, measured_rate
 from explicitfe.sweep.factors import factors_of
-from explicitfe.sweep.journal import Journal, rows_of_all
+from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
 from explicitfe.sweep.rows import MESSAGE, STATUS, USUAL_PARTS, Member, Row, Task, number_of, seconds_of
 from explicitfe.sweep.sensitivity import sensitivity_of
@@ -42,7 +42,7 @@ class Sweep:
     Attributes
     ----------
     definition, out : which members, and the folder.
-    rows : all that are stored, by the number of the member.
+    statuses : how each member that has a row ended, by its number.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ class Sweep:
         begin(out, definition)
         for folder in (out, out / RESULTS_FOLDER):
             remove_unfinished(folder)
-        self.rows = rows_of_all(out / ROWS_FOLDER)
-        self._todo = [n for n in numbers if n not in self.rows or (retry and self.rows[n][STATUS] != FINISHED)]
+        self.statuses = {number: place.status for number, place in Stored(out / ROWS_FOLDER).places.items()}
+        self._todo = [n for n in numbers if n not in self.statuses or (retry and self.statuses[n] != FINISHED)]
         self._task = Task(definition.path.absolute(), definition.text, definition.parts, (out / RESULTS_FOLDER).absolute(), keep)
         self._engine = engine
         self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
@@ -114,10 +114,10 @@ class Sweep:
         self._workers = engine.workers
         with Journal(self.out / ROWS_FOLDER / f"{name}.jsonl") as journal:
             progress("sweep", 0.0, f"0 of {total}")
-            for rows in Bundles(self._task, list(self.members()), engine):
+            for rows in Bundles(self._task, self.members(), total, engine):
                 journal.append(rows)
                 for row in rows:
-                    self.rows[number_of(row)] = row
+                    self.statuses[number_of(row)] = str(row[STATUS])
                     failed += row[STATUS] != FINISHED
                     self._worker_s += seconds_of(row)
                 stored += len(rows)
@@ -129,7 +129,7 @@ class Sweep:
                 since_s = time.perf_counter() - table_at
                 if since_s > max(BETWEEN_PARTIAL_TABLES_S, table_s / LARGEST_SHARE_OF_PARTIAL_TABLES) and stored < total:
                     table_at = time.perf_counter()
-                    write_table(self.out, self.definition.members, self.rows)
+                    write_table(self.out, self.definition.members, Stored(self.out / ROWS_FOLDER))
                     table_s = time.perf_counter() - table_at
 
     def finish(self) -> SweepSummary:
@@ -139,13 +139,14 @@ class Sweep:
         ------
         MachineError : they cannot be written.
         """
-        if self.only is not None:  # others may have stored rows meanwhile
-            self.rows = rows_of_all(self.out / ROWS_FOLDER)
-        files = write_table(self.out, self.definition.members, self.rows)
-        complete = len(self.rows) == len(self.definition.members)
+        stored = Stored(self.out / ROWS_FOLDER)  # with what other commands have computed
+        files = write_table(self.out, self.definition.members, stored)
+        complete = len(stored) == len(self.definition.members)
+        self.statuses = {number: place.status for number, place in stored.places.items()}
+        failed = (number for number, status in sorted(self.statuses.items()) if status != FINISHED)
         if complete and self.definition.design in ("sobol", "morris"):
             indices = sensitivity_of(
-                self.definition.design, self.definition.factors, self.definition.members, self.rows, self.definition.seed
+                self.definition.design, self.definition.factors, self.definition.members, stored, self.definition.seed
             )
             try:
                 whole_file(self.out / SENSITIVITY_FILE, json.dumps(indices, indent=1) + "\n")
@@ -156,13 +157,11 @@ class Sweep:
             "sweep": str(self.out),
             "scenario": str(self.definition.path),
             "members": len(self.definition.members),
-            "stored": len(self.rows),
+            "stored": len(stored),
             "computed": self._computed,
             "complete": complete,
-            "statuses": dict(Counter(str(row[STATUS]) for row in self.rows.values()).most_common()),
-            "failures": dict(
-                Counter(_cause(str(row[MESSAGE])) for row in self.rows.values() if row[STATUS] != FINISHED).most_common()
-            ),
+            "statuses": dict(Counter(self.statuses.values()).most_common()),
+            "failures": dict(Counter(_cause(str(row[MESSAGE])) for row in stored.rows(failed)).most_common()),
             "workers": self._workers,
             "wall_s": self._wall_s,
             "worker_s": self._worker_s,

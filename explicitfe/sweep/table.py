@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+import itertools
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
 from explicitfe.errors import MachineError
 from explicitfe.host.extras import has_extra
 from explicitfe.host.files import reason
-from explicitfe.results.folder import whole_file
+from explicitfe.results.folder import whole_stream
+from explicitfe.sweep.journal import Stored
 from explicitfe.sweep.members import Members
 from explicitfe.sweep.rows import BESIDE_THE_TABLE, MESSAGE, NAME, NUMBER, STATUS, Cell, Row, number_of
 
 TABLE_FILE, PARQUET_FILE, PARTIAL_FILE = "table.csv", "table.parquet", "table.partial.csv"
+ROWS_OF_A_PIECE = 10_000
 ABOUT_A_RUN = (NUMBER, NAME, STATUS, MESSAGE)
 
 
-def columns_of(rows: Iterable[Row], keys: Iterable[str]) -> list[str]:
-    """Columns in their order: the member, what was varied, then all numbers in the order in which they first come."""
-    numbers = dict.fromkeys(name for row in rows for name in row)
+def columns_of(stored: Stored, keys: Iterable[str]) -> list[str]:
+    """Columns in their order: the member, what was varied, how it ended, then all numbers."""
     head = [NUMBER, *keys, *(name for name in ABOUT_A_RUN if name != NUMBER)]
-    return [*head, *(name for name in numbers if name not in (*head, *BESIDE_THE_TABLE))]
+    return [*head, *(name for name in stored.names() if name not in (*head, *BESIDE_THE_TABLE))]
 
 
-def write_table(out: Path, members: Members, rows: Mapping[int, Row]) -> list[str]:
+def write_table(out: Path, members: Members, stored: Stored) -> list[str]:
     """Write the tables of a sweep, each as a whole; the names of the files.
 
     A table that lacks members has another name, and takes none of the place of one that is complete.
@@ -35,18 +37,18 @@ def write_table(out: Path, members: Members, rows: Mapping[int, Row]) -> list[st
     ------
     MachineError : they cannot be written.
     """
-    complete = len(rows) == len(members)
-    columns = columns_of(rows.values(), members.keys)
+    complete = len(stored) == len(members)
+    columns = columns_of(stored, members.keys)
     try:
         if not complete:
             for name in (TABLE_FILE, PARQUET_FILE):
                 (out / name).unlink(missing_ok=True)
-            whole_file(out / PARTIAL_FILE, _csv(columns, members, rows))
+            _write_csv(out / PARTIAL_FILE, columns, members, stored)
             return [str(out / PARTIAL_FILE)]
         written = [out / TABLE_FILE]
-        whole_file(out / TABLE_FILE, _csv(columns, members, rows))
+        kinds = _write_csv(out / TABLE_FILE, columns, members, stored)
         if has_extra("parquet"):
-            whole_file(out / PARQUET_FILE, _parquet(columns, members, rows))
+            _write_parquet(out / PARQUET_FILE, columns, members, stored, kinds)
             written.append(out / PARQUET_FILE)
         with suppress(OSError):
             (out / PARTIAL_FILE).unlink(missing_ok=True)
@@ -67,25 +69,45 @@ def _cell(value: object) -> Cell:
     return value if isinstance(value, (bool, int, float, str)) else str(value)
 
 
-def _csv(columns: list[str], members: Members, rows: Mapping[int, Row]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(_line(columns, members, rows[number]) for number in sorted(rows))
-    return text.getvalue()
+def _write_csv(path: Path, columns: list[str], members: Members, stored: Stored) -> list[set[type]]:
+    """Write a table line after line; of each column the kinds of cells that it has."""
+    kinds: list[set[type]] = [set() for _ in columns]
+    with whole_stream(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        for row in stored.rows():
+            line = _line(columns, members, row)
+            writer.writerow(line)
+            for kind, cell in zip(kinds, line, strict=True):
+                if cell is not None:
+                    kind.add(type(cell))
+        text.detach()
+    return kinds
 
 
-def _parquet(columns: list[str], members: Members, rows: Mapping[int, Row]) -> bytes:
+def _write_parquet(path: Path, columns: list[str], members: Members, stored: Stored, kinds: list[set[type]]) -> None:
+    """Write the same table as Parquet; a column of numbers and words, such as a resolution or cells, is one of words."""
     import pyarrow
     import pyarrow.parquet
 
-    lines = [_line(columns, members, rows[number]) for number in sorted(rows)]
-    arrays = {}
-    for name, values in zip(columns, zip(*lines, strict=True), strict=True):
-        kinds = {type(value) for value in values if value is not None}
-        # A column of numbers and words, such as a resolution or cells, is one of words.
-        mixed = len(kinds - {int, float}) > 1 or (kinds & {int, float} and kinds - {int, float})
-        arrays[name] = pyarrow.array([None if value is None else str(value) for value in values] if mixed else list(values))
-    file = io.BytesIO()
-    pyarrow.parquet.write_table(pyarrow.table(arrays), file)
-    return file.getvalue()
+    types = [_type_of(kind) for kind in kinds]
+    schema = pyarrow.schema([(name, getattr(pyarrow, kind)()) for name, kind in zip(columns, types, strict=True)])
+    with whole_stream(path) as file, pyarrow.parquet.ParquetWriter(file, schema) as writer:
+        lines = (_line(columns, members, row) for row in stored.rows())
+        while some := list(itertools.islice(lines, ROWS_OF_A_PIECE)):
+            arrays = [
+                [None if cell is None else str(cell) for cell in cells] if kind == "string" else list(cells)
+                for kind, cells in zip(types, zip(*some, strict=True), strict=True)
+            ]
+            pieces = [pyarrow.array(cells, field.type) for cells, field in zip(arrays, schema, strict=True)]
+            writer.write_table(pyarrow.Table.from_arrays(pieces, schema=schema))
+
+
+def _type_of(kinds: set[type]) -> str:
+    """The name of a column's type in Parquet."""
+    if kinds == {bool}:
+        return "bool_"
+    if kinds == {int}:
+        return "int64"
+    return "float64" if kinds and kinds <= {int, float} else "string"

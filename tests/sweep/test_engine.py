@@ -19,7 +19,7 @@ import explicitfe
 from explicitfe.errors import InputError, MachineError
 from explicitfe.sweep import engine
 from explicitfe.sweep.engine import Bundles, Engine
-from explicitfe.sweep.journal import rows_of_all
+from explicitfe.sweep.journal import Stored
 from explicitfe.sweep.rows import Member, Task
 
 WORK = Task(Path("s.toml"), "", ("points",), Path())
@@ -63,7 +63,7 @@ class Imagined(Engine):
 
 def rows_by(engine: Imagined, count: int) -> dict[int, dict]:
     members = [Member(number, "", ()) for number in range(count)]
-    return {row["member"]: row for rows in Bundles(WORK, members, engine) for row in rows}
+    return {row["member"]: row for rows in Bundles(WORK, members, count, engine) for row in rows}
 
 
 def test_bundles_take_a_second_and_get_smaller_at_the_end():
@@ -116,7 +116,7 @@ def started(out: Path, *more: str) -> subprocess.Popen:
 
 
 def stored(out: Path) -> int:
-    return len(rows_of_all(out / "rows")) if (out / "rows").is_dir() else 0
+    return len(Stored(out / "rows")) if (out / "rows").is_dir() else 0
 
 
 def until(condition, seconds: float = 120.0) -> None:
@@ -154,7 +154,7 @@ def test_kill_the_driver_and_a_worker(tmp_path):
     until(
         lambda: not any(Path(f"/proc/{pid}/cmdline").is_file() and Path(f"/proc/{pid}/cmdline").read_bytes() for pid in workers)
     )
-    kept = set(rows_of_all(out / "rows"))
+    kept = set(Stored(out / "rows").places)
     assert not (out / "table.csv").exists()
 
     again = started(out)

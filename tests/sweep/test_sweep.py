@@ -18,7 +18,7 @@ import explicitfe
 from explicitfe.errors import InputError, MachineError
 from explicitfe.measure.measure import measure
 from explicitfe.results import open_result
-from explicitfe.sweep.journal import Journal, rows_in
+from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.rows import flat
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
@@ -190,7 +190,7 @@ def test_a_disk_that_is_full_loses_nothing(whole, executor, tmp_path, monkeypatc
     monkeypatch.setattr(Journal, "append", fills)
     with pytest.raises(MachineError, match="no room"):
         sweep(out, executor)
-    assert len(list(rows_in(journal_of(out)))) == len(written[0])
+    assert len(Stored(out / "rows")) == len(written[0])
     assert not (out / "table.csv").exists()
     monkeypatch.undo()
     assert len(sweep(out, executor)) == 5 - len(written[0])
@@ -230,3 +230,12 @@ def test_the_list_of_what_is_to_be_computed(whole, tmp_path, capsys):
     assert len({member["name"] for member in listed["members"]}) == 5
     assert command([*words, "--out", str(whole)]) == 0
     assert json.loads(capsys.readouterr().out)["members"] == []
+
+
+def test_columns_do_not_depend_on_who_came_first(executor, tmp_path):
+    """A member that failed has fewer columns; whether its row came first is not seen in the table."""
+    forces = [f"muscle.GGp.force_N={REFUSED},1.0,2.0"]
+    sweep(tmp_path / "a", executor, forces)
+    for share in ("3/3", "2/3", "1/3"):
+        sweep(tmp_path / "b", executor, forces, only=share)
+    assert (tmp_path / "a" / "table.csv").read_bytes() == (tmp_path / "b" / "table.csv").read_bytes()

@@ -191,10 +191,10 @@ class Thresholds:
         "Far above the noise everything is significant. There a further effect has to lower the error of left-out tests by this.",
     )
     unexplained_excess_share: float = threshold(
-        0.1,
+        0.02,
         "share of the excess of chi2 over noise",
-        "Effects that leave more than a tenth of what is missing help, but they are not what is missing. A law that the effects "
-        "cannot describe is imitated by two or three of them to a half or a quarter; the right effect leaves a hundredth.",
+        "A seventh of what is missing in size. Effects that leave more help, but they are not what is missing: a law that none of "
+        "them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise.",
     )
 
     # ---- how sure a verdict is ----

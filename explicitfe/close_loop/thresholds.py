@@ -193,8 +193,8 @@ class Thresholds:
     unexplained_excess_share: float = threshold(
         0.02,
         "share of the excess of chi2 over noise",
-        "A seventh of what is missing in size. Effects that leave more help, but they are not what is missing: a law that none of "
-        "them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise.",
+        "A seventh of what is missing in size. Effects that leave more help, but they are not what is missing: a law that none "
+        "of them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise.",
     )
 
     # ---- how sure a verdict is ----

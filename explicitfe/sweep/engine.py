@@ -57,6 +57,10 @@ class Engine(ABC):
     def close(self) -> None:
         """Let go of the workers."""
 
+    def wait(self, futures: Iterable[Future[list[Row]]]) -> set[Future[list[Row]]]:
+        """Those that are done, after a short while at most."""
+        return wait(futures, POLL_FUTURES_S, FIRST_COMPLETED).done
+
 
 class Processes(Engine):
     """Processes of this machine."""
@@ -191,7 +195,7 @@ class Bundles:
         while self._left or self._suspects or self._in_flight:
             stopping.check()
             self._send()
-            done, _ = wait(self._in_flight, POLL_FUTURES_S, FIRST_COMPLETED)
+            done = self._engine.wait(self._in_flight)
             stopping.check()
             deaths: list[Sequence[Member]] = []
             for future in done:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,7 @@ from typing import NamedTuple, Self
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host.files import lock, reason
 from explicitfe.results import FINISHED
-from explicitfe.sweep.rows import STATUS, Cell, Row, number_of
+from explicitfe.sweep.rows import STATUS, Cell, Line, Row, number_of
 
 COLUMNS_KEY = "columns"
 
@@ -36,7 +36,7 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._columns: list[str] = []
+        self._columns = ""  # of the last row
         try:
             self._number = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
         except OSError as error:
@@ -55,21 +55,21 @@ class Journal:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         os.close(self._number)
 
-    def append(self, rows: Sequence[Row]) -> None:
+    def append(self, lines: Iterable[Line]) -> None:
         """Add rows; they are safe when this returns.
 
         Raises
         ------
         MachineError : the disk refuses; the journal is as it was.
         """
-        lines = []
+        parts = []
         columns = self._columns
-        for row in rows:
-            if list(row) != columns:
-                columns = list(row)
-                lines.append(json.dumps({COLUMNS_KEY: columns}))
-            lines.append(json.dumps(list(row.values()), allow_nan=False))
-        text = "".join(f"{line}\n" for line in lines).encode()
+        for line in lines:
+            if line.columns != columns:
+                columns = line.columns
+                parts.append(f'{{"{COLUMNS_KEY}": {columns}}}\n')
+            parts.append(f"{line.cells}\n")
+        text = "".join(parts).encode()
         try:
             written = 0
             while written < len(text):
@@ -87,7 +87,7 @@ class Journal:
         self._columns = columns
 
 
-class _Line(NamedTuple):
+class _StoredLine(NamedTuple):
     """A row in a journal: where its line begins, which columns it has, and the cells."""
 
     offset: int
@@ -149,7 +149,7 @@ class Stored:
         return list(dict.fromkeys(name for columns in used for name in self._columns[columns]))
 
 
-def _lines(path: Path, columns: list[list[str]]) -> Iterator[_Line]:
+def _lines(path: Path, columns: list[list[str]]) -> Iterator[_StoredLine]:
     """The rows of a journal; lists of columns that are new are appended to ``columns``."""
     chosen, offset = -1, 0
     with path.open("rb") as file:
@@ -161,7 +161,7 @@ def _lines(path: Path, columns: list[list[str]]) -> Iterator[_Line]:
             except ValueError:
                 raise InputError(f"{path}: a line is damaged; move this file away, and its members are computed again.") from None
             if isinstance(entry, list):
-                yield _Line(offset, chosen, entry)
+                yield _StoredLine(offset, chosen, entry)
             elif entry[COLUMNS_KEY] in columns:
                 chosen = columns.index(entry[COLUMNS_KEY])
             else:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from pydantic import BaseModel
@@ -89,14 +91,42 @@ def number_of(row: Row) -> int:
     return cast(int, row[NUMBER])
 
 
-def seconds_of(row: Row) -> float:
-    """How long its member took; 0 where that is not known."""
-    return cast(float, row.get(MEMBER_S) or 0.0)
+class Line(NamedTuple):
+    """A row as it comes back and is stored: written by the worker, so that who sends members has little to do for each.
+
+    Attributes
+    ----------
+    number, status, seconds : of its member, how that ended, and how long it took.
+    columns, cells : names and values, as JSON lists.
+    """
+
+    number: int
+    status: str
+    seconds: float
+    columns: str
+    cells: str
+
+    @property
+    def row(self) -> Row:
+        """The row itself."""
+        return dict(zip(json.loads(self.columns), json.loads(self.cells), strict=True))
 
 
-def rows_of(task: Task, members: Sequence[Member]) -> list[Row]:
+def line_of(row: Row) -> Line:
+    """A row, written."""
+    seconds = cast(float, row.get(MEMBER_S) or 0.0)
+    return Line(number_of(row), str(row[STATUS]), seconds, _columns_of(tuple(row)), json.dumps([*row.values()], allow_nan=False))
+
+
+@lru_cache(maxsize=64)
+def _columns_of(names: tuple[str, ...]) -> str:
+    """Names of columns as JSON; of the rows of a bundle it is one text, which is sent once."""
+    return json.dumps(names)
+
+
+def lines_of(task: Task, members: Sequence[Member]) -> list[Line]:
     """The rows of some members: what a worker is asked for."""
-    return [row_of(task, member) for member in members]
+    return [line_of(row_of(task, member)) for member in members]
 
 
 def row_of(task: Task, member: Member) -> Row:

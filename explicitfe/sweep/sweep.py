@@ -22,17 +22,18 @@ from explicitfe.results.folder import remove_unfinished, whole_file
 from explicitfe.results.sweep_summary import ListedMember, SweepMembers, SweepSummary
 from explicitfe.sweep import members as designs
 from explicitfe.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
-from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes, measured_rate
+from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes
 from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
-from explicitfe.sweep.rows import MESSAGE, STATUS, USUAL_PARTS, Member, Row, Task, number_of, seconds_of
+from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Line, Member, Row, Task
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
 SENSITIVITY_FILE = "sensitivity.json"
 KEEP_WORDS = ("none", "all", "failed")
 BETWEEN_PARTIAL_TABLES_S = 60.0
+SECONDS_PER_MINUTE = 60.0
 LARGEST_SHARE_OF_PARTIAL_TABLES = 0.02  # of the time of a sweep
 
 
@@ -74,7 +75,8 @@ class Sweep:
 
     def __iter__(self) -> Iterator[Row]:
         """The rows of the members that have none yet; when all are there, the table is written."""
-        yield from self.computed()
+        for line in self.computed():
+            yield line.row
         self.finish()
 
     def __len__(self) -> int:
@@ -92,7 +94,7 @@ class Sweep:
         ]
         return {"sweep": str(self.out), "members": entries}
 
-    def computed(self, progress: WordedProgress = silent) -> Iterator[Row]:
+    def computed(self, progress: WordedProgress = silent) -> Iterator[Line]:
         """Rows as they finish; each is stored before it is given.
 
         Raises
@@ -105,7 +107,7 @@ class Sweep:
             with stopping.watching(), closing(self._engine(len(self._todo))) as engine:
                 yield from self._computed_by(engine, progress)
 
-    def _computed_by(self, engine: Engine, progress: WordedProgress) -> Iterator[Row]:
+    def _computed_by(self, engine: Engine, progress: WordedProgress) -> Iterator[Line]:
         name = "all" if self.only is None else self.only.replace("/", "-of-")
         total, stored = len(self._todo), 0
         begun_at = time.perf_counter()
@@ -114,17 +116,16 @@ class Sweep:
         self._workers = engine.workers
         with Journal(self.out / ROWS_FOLDER / f"{name}.jsonl") as journal:
             progress("sweep", 0.0, f"0 of {total}")
-            for rows in Bundles(self._task, self.members(), total, engine):
-                journal.append(rows)
-                for row in rows:
-                    self.statuses[number_of(row)] = str(row[STATUS])
-                    failed += row[STATUS] != FINISHED
-                    self._worker_s += seconds_of(row)
-                stored += len(rows)
-                now = time.perf_counter()
-                self._computed, self._wall_s = stored, now - begun_at
-                self._rate = measured_rate(stored, begun_at)
-                yield from rows
+            for lines in Bundles(self._task, self.members(), total, engine):
+                journal.append(lines)
+                for line in lines:
+                    self.statuses[line.number] = line.status
+                    failed += line.status != FINISHED
+                    self._worker_s += line.seconds
+                stored += len(lines)
+                self._computed, self._wall_s = stored, time.perf_counter() - begun_at
+                self._rate = SECONDS_PER_MINUTE * stored / self._wall_s
+                yield from lines
                 progress("sweep", stored / total, f"{stored} of {total}, {self._rate:.0f} a minute, {failed} failed")
                 since_s = time.perf_counter() - table_at
                 if since_s > max(BETWEEN_PARTIAL_TABLES_S, table_s / LARGEST_SHARE_OF_PARTIAL_TABLES) and stored < total:

@@ -46,9 +46,8 @@ class Imagined(Engine):
         if self.broken:
             future.set_exception(BrokenProcessPool("a process died"))
         else:
-            future.set_result(
-                [{"member": n, "name": "", "status": "finished", "message": "", "member_s": self.member_s} for n in numbers]
-            )
+            row = {"name": "", "status": "finished", "message": "", "member_s": self.member_s}
+            future.set_result([line_of({"member": number} | row) for number in numbers])
         return future
 
     def is_death(self, error):
@@ -63,7 +62,7 @@ class Imagined(Engine):
 
 def rows_by(engine: Imagined, count: int) -> dict[int, dict]:
     members = [Member(number, "", ()) for number in range(count)]
-    return {row["member"]: row for rows in Bundles(WORK, members, count, engine) for row in rows}
+    return {line.number: line.row for lines in Bundles(WORK, members, count, engine) for line in lines}
 
 
 def test_bundles_take_a_second_and_get_smaller_at_the_end():

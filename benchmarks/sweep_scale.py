@@ -2,9 +2,9 @@
 
     python benchmarks/sweep_scale.py OUT
 
-What the driver does for a row, and for having rows on the disk, is measured first, on rows of a small sweep in OUT and on this disk;
-to send a bundle and get it back takes a millisecond, as Dask says of its tasks. Then bundles go to workers that only wait, as fast as a
-clock that is not real says, by the code that sends real ones. The table is that of docs/studies/sweeps.md.
+What the driver does for a row, and for having rows on the disk, is measured first, on rows of a small sweep in OUT and on this
+disk; to send a bundle and get it back takes a millisecond, as Dask says of its tasks. Then bundles go to workers that only wait,
+by a clock that is not real, and by the code that sends real ones. The table is that of docs/studies/sweeps.md.
 """
 
 from __future__ import annotations

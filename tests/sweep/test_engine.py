@@ -20,7 +20,7 @@ from explicitfe.errors import InputError, MachineError
 from explicitfe.sweep import engine
 from explicitfe.sweep.engine import Bundles, Engine
 from explicitfe.sweep.journal import Stored
-from explicitfe.sweep.rows import Member, Task
+from explicitfe.sweep.rows import Member, Task, line_of
 
 WORK = Task(Path("s.toml"), "", ("points",), Path())
 SCENARIO = str(ROOT / "scenarios" / "vowel-i.toml")

@@ -59,6 +59,7 @@ class Round:
     ambiguous_with : effects that these data cannot tell from the best.
     separations : (a, b, |y_a - y_b|^2).
     no_consequence : significant effects that do not lower the errors of left-out tests by more than the error of that gain.
+    is_form : what is left may be the form of an effect that was added.
     """
 
     fit: BestFit
@@ -77,6 +78,7 @@ class Round:
     ambiguous_with: tuple[str, ...] = ()
     separations: tuple[tuple[str, str, float], ...] = ()
     no_consequence: tuple[str, ...] = ()
+    is_form: bool = False
 
     @property
     def at_floor(self) -> bool:
@@ -185,7 +187,7 @@ def search(
         share = ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1)
         watch("trace the residual", share)
         seen, systems = _round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds)
-        rounds.append(seen)
+        rounds.append(_without_form(rounds, seen))
         if not fit.converged and len(rounds) == 1:
             return Outcome("failed", "unexplained", rounds, (), message="the search for the best parameters gave up.")
         chosen = rounds[-1].chosen
@@ -200,13 +202,29 @@ def search(
     return _outcome(rounds, single)
 
 
+def _without_form(before: Sequence[Round], seen: Round) -> Round:
+    """The round, without an effect that remembers whose gain may be the form of one that was added before.
+
+    Real tissue does not remember by one formula. What that leaves looks like a second memory, not like a sensor or a tool.
+    """
+    remembering = {s.candidate.effect for one in before for s in one.scores if s.candidate.remembers}
+    if seen.chosen is None or seen.chosen not in remembering or not remembering.intersection(seen.fit.model.effects):
+        return seen
+    gain = seen.fit.whitened - seen.refits[seen.chosen].whitened
+    if gain > THRESHOLDS.form_excess_share * before[0].lack.excess:
+        return seen
+    why = {seen.chosen: "not added: so little may be the form of an effect that was found, which remembers too"}
+    return replace(seen, chosen=None, best=None, why_not=seen.why_not | why, is_form=True)
+
+
 def _outcome(rounds: list[Round], single: bool) -> Outcome:
     """The verdict, by the first line that applies."""
     first, last = rounds[0], rounds[-1]
     effects = last.fit.model.effects
     slight = last.no_consequence
     quiet = last.at_floor or bool(slight) or _below_floor(last)
-    remainder: Remainder = "at-floor" if quiet else "ambiguous" if last.ambiguous_with else "unexplained"
+    left: Remainder = "ambiguous" if last.ambiguous_with else "unexplained"
+    remainder: Remainder = "at-floor" if quiet else "form" if last.is_form else left
     # An error below its own floor is nothing that is missing, whatever correlates in it.
     if first.at_floor or first.no_consequence or (_below_floor(first) and not effects and not first.ambiguous_with):
         verdict: Verdict = "limited-by-numerics" if _limited_by_numerics(first) else "no-missing-effect"
@@ -223,7 +241,7 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
         return Outcome("unexplained", "unexplained", rounds, ())
     # Where two effects cannot be told apart, what either of them explains counts as explained.
     more = last.fit.whitened - last.refits[last.best].whitened if last.ambiguous_with and last.best else 0.0
-    if not quiet and last.lack.excess - more > THRESHOLDS.unexplained_excess_share * first.lack.excess:
+    if not quiet and not last.is_form and last.lack.excess - more > THRESHOLDS.unexplained_excess_share * first.lack.excess:
         return Outcome("unexplained", "unexplained", rounds, (), nearest=effects)
     if single:
         return Outcome("ambiguous", remainder, rounds, effects, no_consequence=slight)
@@ -251,17 +269,18 @@ def _limited_by_numerics(one: Round) -> bool:
 
 
 def _round(
-    system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool
+    system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool, all_tried: bool = False
 ) -> tuple[Round, dict[str, System]]:
     """What a model lacks, and which effect explains it best; with the forward model of each effect that was fitted.
 
     Parameters
     ----------
     first, last : no effect was added before; none may be added any more.
+    all_tried : candidates are tried that would not be because no smooth curve explains anything of what is left.
     """
     lack = lack_of_fit(fit, covariance)
     candidates = system.candidates(fit.model)
-    quiet = system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p
+    quiet = system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p and not all_tried
     forgets = not quiet and system.costly(fit.model) and _forgets(system, fit, covariance)
     whys = [_why_not_tried(c, quiet=quiet, first=first, forgets=forgets) for c in candidates]
     tried = [c for c, why in zip(candidates, whys, strict=True) if not why]
@@ -276,6 +295,9 @@ def _round(
     least, is_bound = min([(lack.p, False), *((s.p_holm, s.p_is_bound) for s in scored)])
     seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound, prints=tuple(prints))
     significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.promise)
+    if quiet and first and significant and not seen.at_floor:
+        # One of the candidates explains something after all: it has to be the best of all of them.
+        return _round(system, fit, covariance, seed, last=last, first=first, all_tried=True)
     if seen.at_floor or not significant or last:
         why = "not added: what is left is no more than noise" if seen.at_floor else NO_MORE_EFFECTS
         return replace(seen, why_not={s.candidate.effect: why for s in significant}), {}

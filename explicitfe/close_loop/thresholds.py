@@ -197,6 +197,13 @@ class Thresholds:
         "of them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise.",
     )
 
+    form_excess_share: float = threshold(
+        0.0625,
+        "share of the excess of chi2 over noise",
+        "A quarter of what is missing in size. Where an effect that remembers was found, a second one that explains less may be "
+        "the form of the first: relaxation, set and softening of a tissue follow no formula more exactly.",
+    )
+
     # ---- how sure a verdict is ----
     discrepancy_odds: float = threshold(
         0.1, "odds", "Before the data, that something is at work that no effect does: about what real datasets have shown."

@@ -53,7 +53,8 @@ def sentence(outcome: Outcome, undetermined: Sequence[str] = ()) -> str:
             "they are too large here to say whether anything is missing."
         )
     if outcome.verdict == "unexplained":
-        helps = f" {sentence_case(list_of(outcome.nearest))} would help, and leaves most of it." if outcome.nearest else ""
+        nearest = sentence_case(list_of(outcome.nearest)) if outcome.nearest else ""
+        helps = f" {nearest} helps, and leaves too much of it to be what is missing." if nearest else ""
         return f"Something is missing, and none of the effects that were considered explains it.{helps}"
     if outcome.verdict == "ambiguous":
         first = outcome.rounds[0]
@@ -62,6 +63,7 @@ def sentence(outcome: Outcome, undetermined: Sequence[str] = ()) -> str:
         return f"{sentence_case(list_of(outcome.effects))} explains it, but one test alone cannot confirm it."
     remainder = {
         "at-floor": "what is left is no more than noise",
+        "form": "what little is left may be the form that it has in these data",
         "unexplained": "something else is left that none of the effects considered explains",
         "ambiguous": "something else is left that could be more than one effect",
     }[outcome.remainder]

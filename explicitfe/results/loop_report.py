@@ -17,7 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict
 from explicitfe.results.document import Document
 
 Verdict = Literal["failed", "no-missing-effect", "limited-by-numerics", "unexplained", "ambiguous", "effect-found"]
-Remainder = Literal["at-floor", "unexplained", "ambiguous"]
+Remainder = Literal["at-floor", "form", "unexplained", "ambiguous"]
 Side = Literal["fit", "holdout"]
 Status = Literal["significant", "not-significant", "not-testable", "failed"]
 ScatterSource = Literal["stated", "repeats", "unknown"]

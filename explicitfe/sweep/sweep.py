@@ -115,7 +115,7 @@ class Sweep:
         failed = 0
         self._workers = engine.workers
         with Journal(self.out / ROWS_FOLDER / f"{name}.jsonl") as journal:
-            progress("sweep", 0.0, f"0 of {total}")
+            progress("sweep", 0.0, f"0 of {total}, the first one makes or loads the machine code")
             for lines in Bundles(self._task, self.members(), total, engine):
                 journal.append(lines)
                 for line in lines:

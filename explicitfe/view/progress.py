@@ -105,7 +105,7 @@ class _InLog:
         name = STAGES.get(stage, stage)
         if stage not in self._begun:
             self._begun[stage] = time.monotonic(), share
-            self._say(name)
+            self._say(f"{name}: {words}" if words else name)
         elif time.monotonic() - self._said_at > BETWEEN_LINES_S and share < 1.0:
             begun_at, first = self._begun[stage]
             gone_s, done = time.monotonic() - begun_at, share - first

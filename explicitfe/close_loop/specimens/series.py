@@ -24,6 +24,8 @@ BEND_SHARE_OF_RANGE = 5e-3
 BEND_NOISE_FACTOR = 3.0
 # The variance of fourth differences of independent rows over that of a row.
 FOURTH_DIFFERENCE_VARIANCE = 70.0
+# A tool that feels less than this share of the largest force hangs in the air, or all but.
+AIR_SHARE_OF_FORCE = 0.01
 # A curve keeps rows on which its displacement does not depend rather than be left with fewer rows than this.
 FEWEST_ROWS = 3
 # Programmes are compared at so many instants.
@@ -67,6 +69,7 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
     phase = np.where(pace > still, "loading", np.where(pace < -still, "unloading", "hold"))
     slope = _slope(programme, values, span)
     unit, factor = PRINTED_UNITS[curve.predicted]
+    corners = np.unique(np.concatenate([corners, _ends_of_contact(curve)]))
     rows = np.flatnonzero(determined(curve))
     ends = np.searchsorted(rows, corners)
     number = curve.conditions.get("repeat", curve.conditions.get("order", 0))
@@ -88,6 +91,19 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
         unit=unit,
         factor=factor,
     )
+
+
+def _ends_of_contact(curve: Curve) -> np.ndarray:
+    """The rows where a tool whose displacement is imposed comes into contact or leaves it: there the force bends."""
+    nowhere = np.zeros(0, dtype=np.int64)
+    if curve.tool is None or curve.tool.control != "displacement" or curve.tool.shape == "bonded-disc":
+        return nowhere
+    pressed = np.flatnonzero(np.abs(curve.force_N) > AIR_SHARE_OF_FORCE * np.abs(curve.force_N).max())
+    if not len(pressed):
+        return nowhere
+    first, last = pressed[0] - 1, pressed[-1] + 1
+    rows_in_the_air = {int(first): first + 1, int(last): len(curve.force_N) - last}
+    return np.array([end for end, count in rows_in_the_air.items() if count >= FEWEST_ROWS], dtype=np.int64)
 
 
 def _imposed_sd(curve: Curve) -> float:

@@ -306,7 +306,7 @@ class Specimens:
         """The ``number``-th term of an effect."""
         effect = EFFECTS[name]
         term = candidate(name, number, effect.sought_in(tool=self.curves[0].tool is not None), scales)
-        term = replace(term, variant_of=effect.variant_of)
+        term = replace(term, variant_of=effect.variant_of, remembers=effect.remembers)
         lacking = [need for need in effect.requires if need not in self.features]
         if lacking:
             reason = f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"
@@ -318,7 +318,7 @@ class Specimens:
             return term
         # Runs on a mesh are dear, so the middle strength alone is tried.
         dear = effect.needs_half_body or (effect.depends_on_path and not self.homogeneous)
-        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials), dear=dear, remembers=effect.remembers)
+        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials), dear=dear)
         # A trial is compared with the elastic model on the same mesh where the model itself needs none, and where one ramp does
         # for the trial while the model needs its whole history.
         still = effect.acts_on != "reading" and not effect.depends_on_path

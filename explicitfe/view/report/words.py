@@ -30,6 +30,7 @@ VERDICTS = {
 }
 REMAINDERS = {
     "at-floor": "What is left is at the floor: noise and numerics explain it.",
+    "form": "What is left may be the form of what was found: real tissue does not remember by one formula.",
     "unexplained": "What is left is not explained.",
     "ambiguous": "What is left may be the work of more than one effect, and these data cannot tell of which.",
 }

@@ -38,7 +38,7 @@ from explicitfe.results.run_summary import (
     TransientCheckReport,
     TransientSummary,
 )
-from explicitfe.results.sweep_summary import SweepMembers, SweepSummary
+from explicitfe.results.sweep_summary import SweepMembers, SweepReport, SweepSummary
 from explicitfe.results.verification import Verification
 from explicitfe.run.lists import (
     ListedDataset,
@@ -123,7 +123,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "inspect": (InspectedResult,),
     "measure": (MeasuredResults,),
     "compare": (Comparison,),
-    "report": (ReportAnswer,),
+    "report": (ReportAnswer, SweepReport),
     "export": (ExportedResult,),
     "view": (ShownScene,),
     "plot": (DrawnPictures,),

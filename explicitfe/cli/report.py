@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -9,27 +10,46 @@ import typer
 
 from explicitfe.cli.answer import console, print_answer
 from explicitfe.cli.options import JsonOption
+from explicitfe.errors import InputError
 from explicitfe.view.progress import following
+
+SWEEP_FILE = "sweep.json"  # a folder that holds it is a sweep
 
 
 def report(
     results: Annotated[
-        list[Path], typer.Argument(help="Result files (.vtkhdf); several stand side by side.", show_default=False)
+        list[Path],
+        typer.Argument(help="Result files (.vtkhdf); several stand side by side. Or the folder of a sweep.", show_default=False),
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="The page; RESULT-report.html beside the first result if left out."),
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="The page; RESULT-report.html, or report.html in the folder, if left out.",
+        ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a page that exists.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Make one HTML page of results: they move, and it says what was run and whether its numbers may be quoted.
+    """Make one HTML page of results: they move, and it says what was run and whether it may be quoted. Or one of a sweep.
 
     Example: [bold]explicitfe report outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf --out vowels.html[/bold]
     """
     with following(console, f"reading {results[0]}") as progress:
-        from explicitfe.view.run_page.write import write_report
-        from explicitfe.view.terminal.report import report_table
+        folders = [path for path in results if (path / SWEEP_FILE).is_file()]
+        if folders:
+            from explicitfe.sweep.report import write_sweep_report
+            from explicitfe.view.terminal.sweep import sweep_report_table
 
-        answer = write_report(results, out, overwrite=overwrite, progress=progress)
-    print_answer(answer, as_json, lambda: report_table(answer))
+            if len(results) > 1:
+                raise InputError(f"{folders[0]}: a sweep has a page of its own; name nothing beside it.")
+            of_sweep = write_sweep_report(folders[0], out, overwrite=overwrite, progress=progress)
+            print_later = partial(print_answer, of_sweep, as_json, lambda: sweep_report_table(of_sweep))
+        else:
+            from explicitfe.view.run_page.write import write_report
+            from explicitfe.view.terminal.report import report_table
+
+            answer = write_report(results, out, overwrite=overwrite, progress=progress)
+            print_later = partial(print_answer, answer, as_json, lambda: report_table(answer))
+    print_later()

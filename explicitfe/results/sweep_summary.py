@@ -40,3 +40,20 @@ class SweepSummary(TypedDict):
     worker_s: float
     members_per_minute: float
     files: list[str]
+
+
+class SweepReport(TypedDict):
+    """What ``explicitfe report`` wrote of a sweep.
+
+    ``stored`` of the ``members`` have a row, and ``finished`` of these came to their end; the page draws ``outlines`` of them one
+    by one, and ``scattered`` as dots.
+    """
+
+    report: str
+    size_MB: float
+    sweep: str
+    members: int
+    stored: int
+    finished: int
+    outlines: int
+    scattered: int

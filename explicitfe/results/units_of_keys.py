@@ -10,6 +10,8 @@ _UNITS = {
     "m_s2": "m/s²",
     "mm_kPa": "mm/kPa",
     "mm_N": "mm/N",
+    "mm_s": "mm/s",
+    "mm2": "mm²",
     "N_s": "N/s",
     "kPa": "kPa",
     "Pa": "Pa",
@@ -20,6 +22,8 @@ _UNITS = {
     "ms": "ms",
     "s": "s",
     "deg": "°",
+    "hz": "Hz",
+    "percent": "%",
 }
 _AT_THE_END = re.compile(rf"_(?:(?P<unit>{'|'.join(_UNITS)})|(?:(?P<over>[A-Za-z]+)_)?per_(?P<under>[A-Za-z0-9]+))$")
 

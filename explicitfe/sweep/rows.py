@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -89,6 +90,11 @@ class Member:
 def number_of(row: Row) -> int:
     """Of the member that a row is of."""
     return cast(int, row[NUMBER])
+
+
+def cause_of(message: str) -> str:
+    """A message without its numbers, so that members which failed for one reason are counted together."""
+    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", message)
 
 
 class Line(NamedTuple):

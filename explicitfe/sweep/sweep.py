@@ -26,7 +26,7 @@ from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes
 from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
-from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Line, Member, Row, Task
+from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Line, Member, Row, Task, cause_of
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
@@ -162,7 +162,7 @@ class Sweep:
             "computed": self._computed,
             "complete": complete,
             "statuses": dict(Counter(self.statuses.values()).most_common()),
-            "failures": dict(Counter(_cause(str(row[MESSAGE])) for row in stored.rows(failed)).most_common()),
+            "failures": dict(Counter(cause_of(str(row[MESSAGE])) for row in stored.rows(failed)).most_common()),
             "workers": self._workers,
             "wall_s": self._wall_s,
             "worker_s": self._worker_s,
@@ -262,8 +262,3 @@ def engine_for(processes: int | None, executor: Executor | None, scheduler: str 
         return Cluster(scheduler)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Processes(max(1, min(processes or cores, members)))
-
-
-def _cause(message: str) -> str:
-    """A message without its numbers, so that members which failed for one reason are counted together."""
-    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", message)

@@ -31,7 +31,7 @@ ROUNDING_SHARE_OF_VALUE = 1e-12
 COLOUR_COUNT = 7
 DASH_COUNT = 4
 
-Drawn = Literal["line", "dots", "area"]
+Drawn = Literal["line", "dots", "area", "band"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Line:
     ----------
     name : in the legend; empty: it has no place there.
     x, y : (n,) NaN where the line is interrupted.
-    drawn : as a line, as dots, or as an area down to zero.
+    drawn : as a line, as dots, as an area down to zero, or as a band from y to ``y_high``, (n,), which only a band has.
     colour : number of its colour, from 0; None: by its place. "before" and "after" have colours of their own in pages of fits.
     dash : number of its kind of line, 0: whole.
     """
@@ -53,6 +53,7 @@ class Line:
     drawn: Drawn = "line"
     colour: int | None = None
     dash: int = 0
+    y_high: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,7 @@ def chart(
     logarithmic: bool = False,
     spans: Sequence[tuple[float, float]] = (),
     follows: str = "",
+    x_words: Sequence[str] = (),
 ) -> Chart | None:
     """A chart of some series; None where no number is finite.
 
@@ -120,6 +122,7 @@ def chart(
     x_range, y_range : what is to be seen at least; by the numbers if left out.
     logarithmic : whether y is drawn by its logarithm; numbers that are not positive are left out.
     spans : parts of the x axis that are shaded, from and to.
+    x_words : what stands at x = 0, 1, 2 and so on, in the place of numbers.
     """
     if logarithmic:
         series = [replace(one, y=np.log10(np.where(one.y > 0.0, one.y, np.nan))) for one in series]
@@ -129,7 +132,7 @@ def chart(
         return None
     has_dots = any(one.drawn == "dots" for one in kept)
     left, right = x_range or _span([one.x for one in kept], DOT_MARGIN_SHARE if has_dots else 0.0)
-    with_zero = [one.y if one.drawn != "area" else np.append(one.y, 0.0) for one in kept]
+    with_zero = [_reached(one) for one in kept]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
     placed = [
         DrawnLine(
@@ -142,7 +145,7 @@ def chart(
         for number, one in enumerate(kept)
     ]
     values, labels = _decades(bottom, top) if logarithmic else round_ticks(bottom, top)
-    marks, words = round_ticks(left, right)
+    marks, words = round_ticks(left, right) if not x_words else ([float(k) for k in range(len(x_words))], list(x_words))
     return Chart(
         title,
         x_label,
@@ -204,6 +207,13 @@ def _span(columns: Sequence[np.ndarray], margin: float) -> tuple[float, float]:
     return low - margin * size, high + margin * size
 
 
+def _reached(one: Line) -> np.ndarray:
+    """Every y that a series has to do with: an area zero, a band its other edge."""
+    if one.drawn == "area":
+        return np.append(one.y, 0.0)
+    return one.y if one.y_high is None else np.append(one.y, one.y_high)
+
+
 def _pieces(one: Line, across: tuple[float, float], up: tuple[float, float]) -> list[str]:
     """The points of each uninterrupted part of a series, in the square; an area has the foot of its ends."""
     x = CHART_SIDE * (one.x - across[0]) / (across[1] - across[0])
@@ -213,11 +223,15 @@ def _pieces(one: Line, across: tuple[float, float], up: tuple[float, float]) -> 
     for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(whole.astype(int)) != 0) + 1):
         if not len(part) or not whole[part[0]]:
             continue
-        kept = part[_drawn_rows(y[part])]
+        # Dots stand for themselves: of them all are drawn.
+        kept = part if one.drawn == "dots" else part[_drawn_rows(y[part])]
         points = [f"{x[k]:.1f},{y[k]:.1f}" for k in kept]
         if one.drawn == "dots":
             pieces += [f"{point} {point}" for point in points]
             continue
+        if one.drawn == "band" and one.y_high is not None:
+            high = CHART_SIDE * (up[1] - one.y_high) / (up[1] - up[0])
+            points += [f"{x[k]:.1f},{high[k]:.1f}" for k in kept[::-1]]
         if one.drawn == "area":
             foot = CHART_SIDE * up[1] / (up[1] - up[0])
             points = [f"{x[kept[0]]:.1f},{foot:.1f}", *points, f"{x[kept[-1]]:.1f},{foot:.1f}"]

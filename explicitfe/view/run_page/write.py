@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,11 +9,10 @@ from pathlib import Path
 from typing_extensions import TypedDict
 
 from explicitfe.errors import InputError, Progress, silent
-from explicitfe.host.files import reason
 from explicitfe.measure.steps import last_step
 from explicitfe.results import open_result
-from explicitfe.results.folder import whole_file
 from explicitfe.view.page.frame import page_text
+from explicitfe.view.page.page_file import page_file, write_page
 from explicitfe.view.run_page.charts import charts_of
 from explicitfe.view.run_page.parts import RunOnPage, differences, facts_table, labels_of, provenance_table, run_on_page
 
@@ -59,7 +57,7 @@ def write_report(
     paths = [Path(path) for path in paths]
     if len(paths) > MOST_RESULTS:
         raise InputError(f"a report shows at most {MOST_RESULTS} results side by side; {len(paths)} were named.")
-    target = _target(paths, out, overwrite)
+    target = page_file(paths[0].with_name(f"{paths[0].stem}-report.html"), out, overwrite)
     with ExitStack() as opened:
         results = [opened.enter_context(open_result(path)) for path in paths]
         runs: list[RunOnPage] = []
@@ -77,15 +75,11 @@ def write_report(
         facts=facts_table(runs),
         provenance=provenance_table(runs),
     )
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        whole_file(target, text)
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({reason(error)}); name another place with --out.") from None
+    size_MB = write_page(target, text)
     progress("draw", 1.0)
     return {
         "report": str(target),
-        "size_MB": len(text.encode()) / 1e6,
+        "size_MB": size_MB,
         "results": [
             {
                 "result": str(path),
@@ -97,15 +91,3 @@ def write_report(
         ],
         "differing_keys": [str(row.cells[0]) for row in differing.rows] if differing else [],
     }
-
-
-def _target(paths: Sequence[Path], out: Path | None, overwrite: bool) -> Path:
-    """Where the page goes, if it may."""
-    target = paths[0].with_name(f"{paths[0].stem}-report.html") if out is None else out
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"{target}: a report is a page; give it a name that ends in .html.")
-    if target.is_dir():
-        raise InputError(f"{target}: this is a folder; name a file in it.")
-    if os.path.lexists(target) and not overwrite:
-        raise InputError(f"{target} exists; add --overwrite to replace it, or name another file with --out.")
-    return target

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.results.sweep_summary import SweepMembers, SweepSummary
+from explicitfe.results.sweep_summary import SweepMembers, SweepReport, SweepSummary
+from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
 MOST_CAUSES_SHOWN = 8
@@ -38,3 +39,12 @@ def members_table(listed: SweepMembers) -> RenderableType:
     for member in listed["members"]:
         table.add_row(str(member["member"]), member["name"], escape(" ".join(member["settings"])))
     return table
+
+
+def sweep_report_table(answer: SweepReport) -> RenderableType:
+    """The page of a sweep, and how much of it is there."""
+    table = pairs("report of a sweep")
+    table.add_row("members", f"{answer['stored']} of {answer['members']}; {answer['finished']} finished")
+    table.add_row("drawn", f"{answer['outlines']} outlines, {answer['scattered']} dots")
+    table.add_row("size", f"{answer['size_MB']:.1f} MB")
+    return Group(table, file_lines([("sweep", answer["sweep"]), ("page", answer["report"])]))

@@ -1,0 +1,250 @@
+"""The page of a sweep: outlines, what each factor does, sensitivity with its intervals, any two columns, and what failed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from explicitfe.view.page.frame import page_text
+from explicitfe.view.page.sweep_data import DrawnMember, MeasureIndices, SweepColumn, SweepToDraw
+from explicitfe.view.page.sweep_effects import MOST_FACTORS_DRAWN, EffectsOnMeasure, effects_on, shares_of
+from explicitfe.view.page.sweep_scatter import scatter_of
+from explicitfe.view.report.tables import PageTable, table
+from explicitfe.view.report.words import bare, count, finite, number, plural
+
+# The picture goes on by this share of its extent beyond what is drawn.
+AROUND_OUTLINES_SHARE = 0.04
+# Of the palate so much is seen beside the tongue.
+BESIDE_THE_TONGUE_MM = 8.0
+# Lines that lie on each other are the fainter the more they are: so opaque in all, and each of them within these.
+OPACITY_OF_ONE_LINE, OPACITY_RANGE = 2.4, (0.25, 0.8)
+# Under an outline stand so many settings; who wants more finds them in members.csv.
+MOST_SETTINGS_SHOWN = 8
+# An interval is drawn as far as this beyond its scale, in lengths of the scale: nothing of it is seen there.
+REACH_OF_AN_INTERVAL = (-1.0, 2.0)
+ROUNDING_OF_A_BAR = 1e-9
+# So many numbers of members stand in the table of failures, and words of a factor in that of factors.
+MOST_NUMBERS_SAID, MOST_LEVELS_SAID = 6, 8
+# A column of shares for each factor: a table with more columns cannot be read.
+MOST_FACTORS_TABLED = 12
+KINDS_OF_INDICES = ("total", "first", "effect")
+
+
+@dataclass(frozen=True)
+class OutlineOnPage:
+    """A member's outline as SVG paths, with what stands below it."""
+
+    number: int
+    body: str
+    at_rest: str
+    palate: str
+    settings: list[tuple[str, str]]
+    left_out: int
+    remark: str
+
+
+@dataclass(frozen=True)
+class OutlinesOnPage:
+    """All outlines in one frame: ``box`` is the part of the plane that is seen, ``cloud`` many members, as opaque as is said."""
+
+    box: str
+    members: list[OutlineOnPage]
+    cloud: list[str]
+    opacity: str
+    has_palate: bool
+    has_rest: bool
+
+
+@dataclass(frozen=True)
+class IntervalBar:
+    """A bar of an index with its interval, all in % of the width, and the number in words."""
+
+    kind: str
+    percent: str
+    low: str
+    width: str
+    words: str
+
+
+@dataclass(frozen=True)
+class IndicesOnPage:
+    """The indices of one measure: rows of a factor and its bars, and what the right end of the bars stands for."""
+
+    title: str
+    rows: list[tuple[str, list[IntervalBar]]]
+    scale: str
+
+
+def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
+    """The text of the page, and how many members its scatter has."""
+    scatter = scatter_of(sweep)
+    effects = list(_effects(sweep))
+    text = page_text(
+        "page/sweep.html.j2",
+        styles=["page/sweep.css"],
+        scripts=["page/scatter.js"],
+        title=sweep.title,
+        sweep=sweep,
+        numbers=list(_numbers(sweep)),
+        factors=_factors(sweep.factors),
+        outlines=_outlines(sweep),
+        effects=effects,
+        # Of one factor there is one chart a measure: then all of them are seen at once.
+        single=[replace(effect.charts[0], title=effect.title, y_label="") for effect in effects]
+        if len(sweep.factors) == 1
+        else [],
+        shares=_shares(sweep),
+        factors_left_out=max(0, len(sweep.factors) - MOST_FACTORS_DRAWN),
+        indices=[_indices(one) for one in sweep.indices],
+        has_shares=any(not one.unit for one in sweep.indices)
+        and any("total" in f.values for o in sweep.indices for f in o.factors),
+        scatter=scatter,
+        causes=table(
+            ("status", "members", "why, as the first of them says", "which"),
+            [(cause.status, count(cause.count), cause.message, _which(cause.members, cause.count)) for cause in sweep.causes],
+            "tnwt",
+        ),
+        facts=table(("", ""), sweep.facts, "tt"),
+    )
+    return text, 0 if scatter is None else scatter.drawn
+
+
+def _numbers(sweep: SweepToDraw) -> Iterator[tuple[str, str, str]]:
+    """The large numbers at the top: class, number, and what it is."""
+    finished = sweep.statuses.count(sweep.finished)
+    failed = sweep.stored - finished
+    yield "after", count(finished), f"of {plural(sweep.members, 'member')} finished"
+    yield ("before" if failed else ""), count(failed), "did not finish"
+    if sweep.stored < sweep.members:
+        yield "", count(sweep.members - sweep.stored), "are not computed yet"
+    if sweep.warned:
+        yield "", count(sweep.warned), "finished with warnings"
+    came_to_end = np.array([status == sweep.finished for status in sweep.statuses], dtype=bool)
+    seconds = sweep.member_s[np.isfinite(sweep.member_s) & came_to_end]
+    if len(seconds) and float(np.median(seconds)) > 0.0:
+        median = float(np.median(seconds))
+        yield "", count(60.0 / median), f"a minute by one worker ({number(median, 2)} s each, the median)"
+
+
+def _factors(factors: Sequence[SweepColumn]) -> PageTable | None:
+    rows = []
+    for factor in factors:
+        known = factor.values[np.isfinite(factor.values)]
+        distinct = len(np.unique(known))
+        if factor.levels:
+            words = ", ".join(factor.levels[:MOST_LEVELS_SAID])
+            low, high = f"{words}{', …' if len(factor.levels) > MOST_LEVELS_SAID else ''}", ""
+        else:
+            low, high = (bare(known.min()), bare(known.max())) if len(known) else ("", "")
+        rows.append((factor.title, low, high, count(distinct), factor.name))
+    return table(("what was varied", "from", "to", "values", "key"), rows, "ttttt")
+
+
+def _effects(sweep: SweepToDraw) -> Iterator[EffectsOnMeasure]:
+    for measure in _main_measures(sweep):
+        effects = effects_on(measure, sweep.factors, with_shares=sweep.is_balanced)
+        if effects is not None and effects.charts:
+            yield effects
+
+
+def _shares(sweep: SweepToDraw) -> PageTable | None:
+    """How much of each measure follows each factor alone; nothing to say of a single one, or where shares do not add up."""
+    factors = sweep.factors[:MOST_FACTORS_TABLED]
+    if len(sweep.factors) < 2 or not sweep.is_balanced:
+        return None
+    rows = [(measure.title, *shares_of(measure, factors)) for measure in _main_measures(sweep)]
+    head = ("measure", *(factor.words for factor in factors))
+    return table(head, [row for row in rows if any(row[1:])], "t" + "n" * len(factors))
+
+
+def _main_measures(sweep: SweepToDraw) -> list[SweepColumn]:
+    by_name = {measure.name: measure for measure in sweep.measures}
+    return [by_name[name] for name in sweep.main_measures if name in by_name]
+
+
+def _outlines(sweep: SweepToDraw) -> OutlinesOnPage | None:
+    """Outlines in one frame that holds all of them, and of the palates what lies near."""
+    if not sweep.drawn:
+        return None
+    bodies = [member.outline for member in sweep.drawn] + [m.at_rest for m in sweep.drawn if len(m.at_rest)] + sweep.outlines
+    points = np.concatenate(bodies)
+    low, high = points.min(axis=0), points.max(axis=0)
+    palates = [member.palate for member in sweep.drawn if len(member.palate)]
+    for palate in palates:
+        near = palate[(palate[:, 0] > low[0] - BESIDE_THE_TONGUE_MM) & (palate[:, 0] < high[0] + BESIDE_THE_TONGUE_MM)]
+        if len(near):
+            low, high = np.minimum(low, near.min(axis=0)), np.maximum(high, near.max(axis=0))
+    around = AROUND_OUTLINES_SHARE * float((high - low).max())
+    low, high = low - around, high + around
+    has_rest = any(len(member.at_rest) for member in sweep.drawn)
+    first = sweep.drawn[0].outline
+    members = [_outline(member if has_rest else replace(member, at_rest=first)) for member in sweep.drawn]
+    return OutlinesOnPage(
+        f"{low[0]:.2f} {-high[1]:.2f} {high[0] - low[0]:.2f} {high[1] - low[1]:.2f}",
+        members,
+        [_path(outline, closed=True) for outline in sweep.outlines],
+        f"{np.clip(OPACITY_OF_ONE_LINE / max(1, len(sweep.outlines)) ** 0.5, *OPACITY_RANGE):.2f}",
+        any(member.palate for member in members),
+        has_rest,
+    )
+
+
+def _outline(member: DrawnMember) -> OutlineOnPage:
+    return OutlineOnPage(
+        member.number,
+        _path(member.outline, closed=True),
+        _path(member.at_rest, closed=True),
+        _path(member.palate, closed=False),
+        member.settings[:MOST_SETTINGS_SHOWN],
+        max(0, len(member.settings) - MOST_SETTINGS_SHOWN),
+        member.remark,
+    )
+
+
+def _path(points: np.ndarray, *, closed: bool) -> str:
+    """Points (k, 2) mm as an SVG path, in which y goes down; "" where there are none."""
+    if not len(points):
+        return ""
+    return "M" + "L".join(f"{x:.2f} {-z:.2f}" for x, z in points) + ("Z" if closed else "")
+
+
+def _indices(measure: MeasureIndices) -> IndicesOnPage:
+    """Bars with one scale for all factors: shares up to 1, effects up to the end of the longest interval."""
+    is_share = all("effect" not in factor.values for factor in measure.factors)
+    reach = max((abs(value) + half for factor in measure.factors for value, half in factor.values.values()), default=0.0)
+    whole = 1.0 if is_share or not (finite(reach) and reach > ROUNDING_OF_A_BAR) else reach
+    rows = [
+        (
+            factor.factor,
+            [_bar(kind, *factor.values[kind], whole) for kind in KINDS_OF_INDICES if kind in factor.values],
+        )
+        for factor in measure.factors
+    ]
+    return IndicesOnPage(measure.measure, rows, f"{bare(whole)}{f' {measure.unit}' if measure.unit else ''}")
+
+
+def _bar(kind: str, value: float, half: float, whole: float) -> IntervalBar:
+    """A bar, and its interval: what of that lies beyond the ends of the scale is not seen, nor the mark of its end."""
+    half = half if finite(half) else 0.0
+    low, high = np.clip([(value - half) / whole, (value + half) / whole], *REACH_OF_AN_INTERVAL)
+    places = 2 if kind != "effect" else _places(half)
+    return IntervalBar(
+        kind,
+        f"{100.0 * float(np.clip(value / whole, 0.0, 1.0)):.1f}",
+        f"{100.0 * low:.1f}",
+        f"{100.0 * (high - low):.1f}",
+        f"{round(value, places) + 0.0:.{places}f} ± {half:.{places}f}".replace("-", "\N{MINUS SIGN}"),
+    )
+
+
+def _places(half: float) -> int:
+    """Decimal places that show two digits of a half width."""
+    return max(0, 1 - math.floor(math.log10(half))) if half > 0.0 else 2
+
+
+def _which(members: Sequence[int], of: int) -> str:
+    shown = ", ".join(map(str, members[:MOST_NUMBERS_SAID]))
+    return f"{shown}, …" if of > min(len(members), MOST_NUMBERS_SAID) else shown

@@ -23,7 +23,7 @@ import numpy as np
 import explicitfe
 from explicitfe.sweep.engine import Bundles, Engine
 from explicitfe.sweep.journal import Journal, Stored
-from explicitfe.sweep.rows import Line, Member, Task, line_of
+from explicitfe.sweep.rows import Member, Task, WrittenRow, written
 
 MEMBERS = {"muscle.GGp.force_N": "0:4:40"}
 SPREAD_SHARE = 0.3  # of the times of members, one standard deviation
@@ -51,7 +51,7 @@ class Waiting(Engine):
         begin = max(heapq.heappop(self._free), self.now_s)
         heapq.heappush(self._free, begin + times.sum())
         self.worked_s += times.sum()
-        rows = [Line(m.number, "finished", float(s), "", "") for m, s in zip(members, times, strict=True)]
+        rows = [WrittenRow(m.number, "finished", float(s), "", "") for m, s in zip(members, times, strict=True)]
         heapq.heappush(self._ends, (begin + times.sum(), self._count, future, rows))
         self._count += 1
         return future
@@ -86,7 +86,7 @@ def costs(out: Path) -> tuple[float, float, int]:
     vary = [f"{key}={values}" for key, values in MEMBERS.items()]
     settings = ["model.resolution=coarse", "analysis.duration_ms=20"]
     list(explicitfe.sweep("vowel-i", vary, out=out, settings=settings))
-    lines = [line_of(row) for row in Stored(out / "rows").rows()]
+    lines = [written(row) for row in Stored(out / "rows").rows()]
     seconds = []
     with tempfile.TemporaryDirectory(dir=out) as folder, Journal(Path(folder) / "all.jsonl") as journal:
         for size in SIZES:

@@ -17,7 +17,7 @@ from multiprocessing import get_context
 from explicitfe.errors import InputError, MachineError, shortened
 from explicitfe.host import stopping
 from explicitfe.host.extras import require
-from explicitfe.sweep.rows import Line, Member, Task, line_of, lines_of, lost
+from explicitfe.sweep.rows import Member, Task, WrittenRow, lost, written, written_rows_of
 
 BUNDLE_S = 1.0  # of one worker's time; what sends and stores a bundle takes milliseconds
 MOST_MEMBERS_OF_A_BUNDLE = 1000
@@ -41,7 +41,7 @@ class Engine(ABC):
     workers: int
 
     @abstractmethod
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Line]]:
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
         """Send a bundle."""
 
     @abstractmethod
@@ -56,7 +56,7 @@ class Engine(ABC):
     def close(self) -> None:
         """Let go of the workers."""
 
-    def wait(self, futures: Iterable[Future[list[Line]]]) -> set[Future[list[Line]]]:
+    def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
         """Those that are done, after a short while at most."""
         return wait(futures, POLL_FUTURES_S, FIRST_COMPLETED).done
 
@@ -68,9 +68,9 @@ class Processes(Engine):
         self.workers = workers
         self._pool = self._made()
 
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Line]]:
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
         """Send a bundle."""
-        return self._pool.submit(lines_of, task, members)
+        return self._pool.submit(written_rows_of, task, members)
 
     def is_death(self, error: BaseException) -> bool:
         """A pool breaks as a whole: all that was in flight is lost with one process."""
@@ -106,9 +106,9 @@ class Given(Engine):
         self._executor = executor
         self.workers = workers or int(getattr(executor, "_max_workers", 0)) or 1
 
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Line]]:
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
         """Send a bundle."""
-        return self._executor.submit(lines_of, task, members)
+        return self._executor.submit(written_rows_of, task, members)
 
     def is_death(self, error: BaseException) -> bool:
         """Nobody here can start its workers again."""
@@ -146,9 +146,9 @@ class Cluster(Engine):
             raise InputError(f"--scheduler {shortened(address)}: no worker is there; start some with: dask worker {address}")
         self._executor = self._client.get_executor(pure=False)
 
-    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[Line]]:
+    def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
         """Send a bundle."""
-        return self._executor.submit(lines_of, task, members)
+        return self._executor.submit(written_rows_of, task, members)
 
     def is_death(self, error: BaseException) -> bool:
         """The scheduler sends a bundle to another worker by itself, and gives it up after some deaths."""
@@ -178,12 +178,12 @@ class Bundles:
         self._task, self._engine = task, engine
         self._todo, self._left = iter(members), count
         self._suspects: deque[Member] = deque()  # they were in flight when a process died
-        self._in_flight: dict[Future[list[Line]], Sequence[Member]] = {}
+        self._in_flight: dict[Future[list[WrittenRow]], Sequence[Member]] = {}
         self._deaths_alone: Counter[int] = Counter()
         self._deaths_in_a_row = 0
         self._member_s = 0.0  # mean time of a member; 0 until one is known
 
-    def __iter__(self) -> Iterator[list[Line]]:
+    def __iter__(self) -> Iterator[list[WrittenRow]]:
         """Rows as soon as they are there: those of all bundles that are done by then, to be stored at once.
 
         Raises
@@ -197,7 +197,7 @@ class Bundles:
             done = self._engine.wait(self._in_flight)
             stopping.check()
             deaths: list[Sequence[Member]] = []
-            lines: list[Line] = []
+            lines: list[WrittenRow] = []
             for future in done:
                 members = self._in_flight.pop(future)
                 error = future.exception()
@@ -233,14 +233,14 @@ class Bundles:
         share = -(-self._left // (LAST_BUNDLES_PER_WORKER * self._engine.workers))
         return max(1, min(round(BUNDLE_S / self._member_s), MOST_MEMBERS_OF_A_BUNDLE, share))
 
-    def _note(self, lines: Sequence[Line]) -> None:
+    def _note(self, lines: Sequence[WrittenRow]) -> None:
         """Learn how long members take; the first one compiles and is forgotten soon."""
         self._deaths_in_a_row = 0
         taken = sum(line.seconds for line in lines) / len(lines)
         weight = LARGEST_SHARE_OF_THE_NEWEST if 0.0 < self._member_s < 2.0 * taken else 1.0
         self._member_s = max(weight * taken + (1.0 - weight) * self._member_s, 1e-6)
 
-    def _after_deaths(self, deaths: list[Sequence[Member]]) -> Iterator[list[Line]]:
+    def _after_deaths(self, deaths: list[Sequence[Member]]) -> Iterator[list[WrittenRow]]:
         """Send again what dead processes had, one member at a time; give up a member that always kills its process."""
         self._deaths_in_a_row += 1
         if self._deaths_in_a_row > DEATHS_WITHOUT_A_ROW:
@@ -257,6 +257,6 @@ class Bundles:
             member = deaths[0][0]
             self._deaths_alone[member.number] += 1
             if self._deaths_alone[member.number] >= DEATHS_ALONE:
-                yield [line_of(lost(member, f"its process ended each of {DEATHS_ALONE} times: often memory has run out"))]
+                yield [written(lost(member, f"its process ended each of {DEATHS_ALONE} times: often memory has run out"))]
                 return
         self._suspects.extend(member for members in unfinished for member in members)

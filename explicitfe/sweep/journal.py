@@ -17,7 +17,7 @@ from typing import NamedTuple, Self
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host.files import lock, reason
 from explicitfe.results import FINISHED
-from explicitfe.sweep.rows import STATUS, Cell, Line, Row, number_of
+from explicitfe.sweep.rows import STATUS, Cell, Row, WrittenRow, number_of
 
 COLUMNS_KEY = "columns"
 
@@ -55,7 +55,7 @@ class Journal:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         os.close(self._number)
 
-    def append(self, lines: Iterable[Line]) -> None:
+    def append(self, lines: Iterable[WrittenRow]) -> None:
         """Add rows; they are safe when this returns.
 
         Raises
@@ -95,7 +95,7 @@ class _StoredLine(NamedTuple):
     cells: list[Cell]
 
 
-class Place(NamedTuple):
+class RowPlace(NamedTuple):
     """Where the row of a member stands: which journal and where in it, which columns it has, and how the member ended."""
 
     journal: int
@@ -119,7 +119,7 @@ class Stored:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.places: dict[int, Place] = {}
+        self.places: dict[int, RowPlace] = {}
         self._paths = sorted(folder.glob("*.jsonl"))
         self._columns: list[list[str]] = []
         for journal, path in enumerate(self._paths):
@@ -127,7 +127,7 @@ class Stored:
                 head = dict(zip(self._columns[line.columns], line.cells, strict=True))
                 number, status = number_of(head), str(head[STATUS])
                 if number not in self.places or self.places[number].status != FINISHED:
-                    self.places[number] = Place(journal, line.offset, line.columns, status)
+                    self.places[number] = RowPlace(journal, line.offset, line.columns, status)
 
     def __len__(self) -> int:
         """How many members have a row."""

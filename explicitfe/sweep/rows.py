@@ -97,7 +97,7 @@ def cause_of(message: str) -> str:
     return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", message)
 
 
-class Line(NamedTuple):
+class WrittenRow(NamedTuple):
     """A row as it comes back and is stored: written by the worker, so that who sends members has little to do for each.
 
     Attributes
@@ -118,10 +118,12 @@ class Line(NamedTuple):
         return dict(zip(json.loads(self.columns), json.loads(self.cells), strict=True))
 
 
-def line_of(row: Row) -> Line:
+def written(row: Row) -> WrittenRow:
     """A row, written."""
     seconds = cast(float, row.get(MEMBER_S) or 0.0)
-    return Line(number_of(row), str(row[STATUS]), seconds, _columns_of(tuple(row)), json.dumps([*row.values()], allow_nan=False))
+    return WrittenRow(
+        number_of(row), str(row[STATUS]), seconds, _columns_of(tuple(row)), json.dumps([*row.values()], allow_nan=False)
+    )
 
 
 @lru_cache(maxsize=64)
@@ -130,9 +132,9 @@ def _columns_of(names: tuple[str, ...]) -> str:
     return json.dumps(names)
 
 
-def lines_of(task: Task, members: Sequence[Member]) -> list[Line]:
+def written_rows_of(task: Task, members: Sequence[Member]) -> list[WrittenRow]:
     """The rows of some members: what a worker is asked for."""
-    return [line_of(row_of(task, member)) for member in members]
+    return [written(row_of(task, member)) for member in members]
 
 
 def row_of(task: Task, member: Member) -> Row:

@@ -26,7 +26,7 @@ from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes
 from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
-from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Line, Member, Row, Task, cause_of
+from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Member, Row, Task, WrittenRow, cause_of
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
@@ -94,7 +94,7 @@ class Sweep:
         ]
         return {"sweep": str(self.out), "members": entries}
 
-    def computed(self, progress: WordedProgress = silent) -> Iterator[Line]:
+    def computed(self, progress: WordedProgress = silent) -> Iterator[WrittenRow]:
         """Rows as they finish; each is stored before it is given.
 
         Raises
@@ -107,7 +107,7 @@ class Sweep:
             with stopping.watching(), closing(self._engine(len(self._todo))) as engine:
                 yield from self._computed_by(engine, progress)
 
-    def _computed_by(self, engine: Engine, progress: WordedProgress) -> Iterator[Line]:
+    def _computed_by(self, engine: Engine, progress: WordedProgress) -> Iterator[WrittenRow]:
         name = "all" if self.only is None else self.only.replace("/", "-of-")
         total, stored = len(self._todo), 0
         begun_at = time.perf_counter()

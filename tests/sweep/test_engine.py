@@ -20,7 +20,7 @@ from explicitfe.errors import InputError, MachineError
 from explicitfe.sweep import engine
 from explicitfe.sweep.engine import Bundles, Engine
 from explicitfe.sweep.journal import Stored
-from explicitfe.sweep.rows import Member, Task, line_of
+from explicitfe.sweep.rows import Member, Task, written
 
 WORK = Task(Path("s.toml"), "", ("points",), Path())
 SCENARIO = str(ROOT / "scenarios" / "vowel-i.toml")
@@ -47,7 +47,7 @@ class Imagined(Engine):
             future.set_exception(BrokenProcessPool("a process died"))
         else:
             row = {"name": "", "status": "finished", "message": "", "member_s": self.member_s}
-            future.set_result([line_of({"member": number} | row) for number in numbers])
+            future.set_result([written({"member": number} | row) for number in numbers])
         return future
 
     def is_death(self, error):

@@ -29,7 +29,7 @@ from explicitfe.sweep.outlines import spread_out
 from explicitfe.sweep.page_data import MAIN_MEASURES, factor_columns, sweep_to_draw
 from explicitfe.sweep.repeating import begun_sweep, commands_of, vary_text
 from explicitfe.sweep.report import write_sweep_report
-from explicitfe.sweep.rows import USUAL_PARTS, Row, line_of
+from explicitfe.sweep.rows import USUAL_PARTS, Row, written
 from explicitfe.view.page.sweep_data import SweepColumn
 from explicitfe.view.page.sweep_effects import main_effect
 from explicitfe.view.page.sweep_scatter import MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS, sample_of
@@ -65,7 +65,7 @@ def write_sweep(out: Path, members: Members, rows: Callable[[int, tuple[Any, ...
     given: dict[str, Any] = {"design": "random", "factors": factors_of(FORCES), "parts": USUAL_PARTS} | changes
     begin(out, define(scenario, settings, members, **given))
     with Journal(out / "rows" / "all.jsonl") as journal:
-        journal.append([line_of(rows(number, members.values[number])) for number in range(stored)])
+        journal.append([written(rows(number, members.values[number])) for number in range(stored)])
     return out
 
 

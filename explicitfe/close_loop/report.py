@@ -192,9 +192,7 @@ def not_rejected(judged: Round) -> list[BestFit]:
     alike = [fit for fit in judged.refits.values() if (fit.by_rows is None) == (judged.fit.by_rows is None)]
     gains = [judged.fit.chi2 - fit.chi2 for fit in alike]
     most = max(gains, default=0.0)
-    return [
-        fit for fit, gain in zip(alike, gains, strict=True) if gain >= THRESHOLDS.unexplained_excess_share * most and gain > 0.0
-    ]
+    return [fit for fit, gain in zip(alike, gains, strict=True) if gain >= THRESHOLDS.alike_gain_share * most and gain > 0.0]
 
 
 def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:

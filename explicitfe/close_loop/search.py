@@ -107,6 +107,11 @@ class Outcome:
     no_consequence: tuple[str, ...] = ()
     message: str = ""
 
+    @property
+    def keeps_effects(self) -> bool:
+        """Whether the final model has effects: those that are missing, or those that help without being what is missing."""
+        return self.verdict in ("effect-found", "ambiguous", "unexplained") and bool(self.rounds[-1].fit.model.effects)
+
 
 def covariance_of(
     system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: dict[str, np.ndarray]
@@ -241,7 +246,8 @@ def _outcome(rounds: list[Round], single: bool) -> Outcome:
         return Outcome("unexplained", "unexplained", rounds, ())
     # Where two effects cannot be told apart, what either of them explains counts as explained.
     more = last.fit.whitened - last.refits[last.best].whitened if last.ambiguous_with and last.best else 0.0
-    if not quiet and not last.is_form and last.lack.excess - more > THRESHOLDS.unexplained_excess_share * first.lack.excess:
+    most = max(THRESHOLDS.unexplained_excess_share * first.lack.excess, THRESHOLDS.visible_separation)
+    if not quiet and not last.is_form and last.lack.excess - more > most:
         return Outcome("unexplained", "unexplained", rounds, (), nearest=effects)
     if single:
         return Outcome("ambiguous", remainder, rounds, effects, no_consequence=slight)

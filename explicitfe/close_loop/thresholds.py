@@ -194,7 +194,14 @@ class Thresholds:
         0.02,
         "share of the excess of chi2 over noise",
         "A seventh of what is missing in size. Effects that leave more help, but they are not what is missing: a law that none "
-        "of them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise.",
+        "of them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise. "
+        "Less than a visible separation is not counted.",
+    )
+    alike_gain_share: float = threshold(
+        0.5,
+        "share of the gain in chi2 of the best model with one effect more",
+        "Beside an unexplained remainder nothing speaks for one of the models that gain about as much: intervals of the "
+        "constants hold those of all of them.",
     )
 
     form_excess_share: float = threshold(

@@ -148,7 +148,7 @@ class _SpecimenLoop:
         posterior = posterior_of(evidence, count_of_testable(outcome))
         outcome = weighed(outcome, posterior)
         self._enter("trace", 1.0, 1.0)
-        changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
+        changed = outcome.keeps_effects
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
         before, after = outcome.rounds[0].fit, last.fit
         if not self.system.exact(after.model):

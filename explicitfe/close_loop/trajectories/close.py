@@ -60,7 +60,7 @@ def close_trajectories(
         progress("trace", 1.0)
         posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
         outcome = weighed(outcome, posterior)
-        changed = outcome.verdict in ("effect-found", "ambiguous") and bool(outcome.effects)
+        changed = outcome.keeps_effects
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
         before, after = outcome.rounds[0].fit, last.fit
         add_outcome(report, outcome, before, after, last)

@@ -183,7 +183,8 @@ def baseline_name(report: LoopReport) -> str:
 def model_names(report: LoopReport) -> tuple[str, str]:
     """What the model is before and after."""
     effects = effect_titles(report)[0]
-    return baseline_name(report), f"with {joined(effects)}" if effects else "with the best candidate"
+    helping = [report.effect_titles.get(name, name) for name in report.nearest]
+    return baseline_name(report), f"with {joined(effects or helping)}" if effects or helping else "with the best candidate"
 
 
 def headline(report: LoopReport) -> str:

@@ -213,7 +213,8 @@ def _without_form(before: Sequence[Round], seen: Round) -> Round:
     Real tissue does not remember by one formula. What that leaves looks like a second memory, not like a sensor or a tool.
     """
     remembering = {s.candidate.effect for one in before for s in one.scores if s.candidate.remembers}
-    if seen.chosen is None or seen.chosen not in remembering or not remembering.intersection(seen.fit.model.effects):
+    # Where two are there already, their forms are no excuse: then it is another memory altogether.
+    if seen.chosen not in remembering or len(remembering.intersection(seen.fit.model.effects)) != 1:
         return seen
     gain = seen.fit.whitened - seen.refits[seen.chosen].whitened
     if gain > THRESHOLDS.form_excess_share * before[0].lack.excess:

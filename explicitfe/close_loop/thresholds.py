@@ -191,11 +191,11 @@ class Thresholds:
         "Far above the noise everything is significant. There a further effect has to lower the error of left-out tests by this.",
     )
     unexplained_excess_share: float = threshold(
-        0.02,
+        0.0625,
         "share of the excess of chi2 over noise",
-        "A seventh of what is missing in size. Effects that leave more help, but they are not what is missing: a law that none "
-        "of them describes is imitated by two or three to a half or to 3 %, while the right effect leaves noise. "
-        "Less than a visible separation is not counted.",
+        "A quarter of what is missing in size. Effects that leave more help, but they are not what is missing: a law that none "
+        "of them describes is imitated by two or three to a half or a tenth, while what is left by the right effect is noise or "
+        "its form. Less than a visible separation is not counted.",
     )
     alike_gain_share: float = threshold(
         0.5,

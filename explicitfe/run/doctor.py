@@ -23,7 +23,13 @@ from explicitfe.view.opengl import tried_renderer
 
 LIBRARIES = ("numpy", "numba", "scipy", "h5py", "meshio", "pydantic", "typer")
 # What an extra is for.
-USES = {"view": "3D, GIF and MP4", "plots": "pictures as PNG, PDF, SVG", "parquet": "export to Parquet"}
+USES = {
+    "view": "3D, GIF and MP4",
+    "plots": "pictures as PNG, PDF, SVG",
+    "parquet": "export to Parquet",
+    "sensitivity": "Sobol and Morris designs of a sweep",
+    "cluster": "a sweep on a Dask cluster",
+}
 # A run of the finest tongue needs less memory, and its result less room.
 SMALLEST_MEMORY_BYTES = 2e9
 SMALLEST_ROOM_BYTES = 1e9

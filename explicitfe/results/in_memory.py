@@ -15,9 +15,10 @@ from explicitfe.results import layout
 from explicitfe.results.contents import FieldInfo, StoredBone
 from explicitfe.results.layout import Quantity
 from explicitfe.results.recorded import Recorded
+from explicitfe.results.recorder import Recorder
 
 
-class ResultInMemory(Recorded):
+class ResultInMemory(Recorded, Recorder):
     """The samples of one run.
 
     A run begins it, appends samples and finishes it, with the methods that :class:`explicitfe.results.writer.ResultWriter` has;
@@ -66,19 +67,6 @@ class ResultInMemory(Recorded):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
         """Nothing is to be closed."""
-
-    def sample(
-        self,
-        time_s: float,
-        row: Mapping[str, float | np.ndarray],
-        point_data: Mapping[str, np.ndarray],
-        cell_data: Mapping[str, np.ndarray] | None = None,
-    ) -> None:
-        """Append one sample."""
-        one_row, one_point, one_cell = (
-            {name: np.asarray(value)[None] for name, value in (some or {}).items()} for some in (row, point_data, cell_data)
-        )
-        self.samples(np.array([time_s], dtype=float), one_row, one_point, one_cell)
 
     def samples(
         self,

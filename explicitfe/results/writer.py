@@ -22,6 +22,7 @@ from explicitfe.results import layout, names
 from explicitfe.results.disk import DiskFile
 from explicitfe.results.fibres import FibreLines, fibre_arrays
 from explicitfe.results.layout import INTERRUPTED, RUNNING, Quantity
+from explicitfe.results.recorder import Recorder
 from explicitfe.results.rows import FieldRows, HistoryRows, Rows
 from explicitfe.results.run_summary import without_history
 
@@ -29,7 +30,7 @@ from explicitfe.results.run_summary import without_history
 HDF5_ERRORS = (OSError, RuntimeError)
 
 
-class ResultWriter:
+class ResultWriter(Recorder):
     """Appends samples to a result file.
 
     Until its first sample the file has a name that nobody else can have; then it is called ``<stem>.running.vtkhdf``, and
@@ -191,19 +192,6 @@ class ResultWriter:
     def running_path(self) -> Path:
         """What the result is called while its run goes on."""
         return layout.running_path(self.path)
-
-    def sample(
-        self,
-        time_s: float,
-        row: Mapping[str, float | np.ndarray],
-        point_data: Mapping[str, np.ndarray],
-        cell_data: Mapping[str, np.ndarray] | None = None,
-    ) -> None:
-        """Store one sample; see :meth:`samples`."""
-        one_row, one_point, one_cell = (
-            {name: np.asarray(value)[None] for name, value in (some or {}).items()} for some in (row, point_data, cell_data)
-        )
-        self.samples(np.array([time_s], dtype=float), one_row, one_point, one_cell)
 
     def samples(
         self,

@@ -195,8 +195,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 status = Status(INTERRUPTED, f"{status.message}; {how_to_go_on(place)}")
             seconds = time.perf_counter() - started
             summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row)
-            if np.isfinite(ledger.energies[-1]).all() and isinstance(writer, ResultWriter):  # it takes as long as 500 steps
-                summary["limiting_element"] = simulation.limiting_element()
+            if isinstance(writer, ResultWriter) and np.isfinite(simulation.snapshot().energies).all():
+                summary["limiting_element"] = simulation.limiting_element()  # it takes as long as 500 steps
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
             writer.finish(status.state, status.message, summary)
         return summary

@@ -198,6 +198,7 @@ class Bundles:
             stopping.check()
             deaths: list[Sequence[Member]] = []
             lines: list[WrittenRow] = []
+            wrong: BaseException | None = None
             for future in done:
                 members = self._in_flight.pop(future)
                 error = future.exception()
@@ -206,10 +207,12 @@ class Bundles:
                 elif self._engine.is_death(error):
                     deaths.append(members)
                 else:
-                    raise error
+                    wrong = error
             if lines:
                 self._note(lines)
                 yield lines
+            if wrong is not None:
+                raise wrong
             if deaths:
                 yield from self._after_deaths(deaths)
 

@@ -2,6 +2,7 @@
 
     python benchmarks/postures.py pace OUT [--count 2000]     # random postures by one process, then by two, and by this one
     python benchmarks/postures.py braced OUT [--share 0.1]    # 0, 10 and 25 % of the largest force of ten muscles: 59 049 members
+    python benchmarks/postures.py counted OUT                 # the tables of what a braced one has computed so far
 
 The tables that they print are those of docs/studies/sweeps.md. What is computed stays in OUT: given again, it goes on.
 """
@@ -15,33 +16,41 @@ import time
 from pathlib import Path
 
 import numpy as np
+from bracing import bracing
 
 import explicitfe
 from explicitfe.sweep.journal import Stored
 
 SCENARIO = Path(__file__).with_name("postures.toml")
-# Largest forces of both sides, N, of the model that Liu et al. (2022) ran, by 22 N/cm2; GGp with its horizontal part.
+# Largest forces of both sides, N, of the model that Liu et al. (2022) ran, by 22 N/cm2. Their GGP is GGp and GGh here.
 LARGEST_N = {
-    "GGa": 18.0, "GGm": 12.0, "GGp": 37.0, "STY": 24.0, "HG": 65.0,
+    "GGa": 18.0, "GGm": 12.0, "GGp": 24.7, "GGh": 12.3, "STY": 24.0, "HG": 65.0,
     "VERT": 20.0, "TRANS": 50.0, "IL": 9.0, "SL": 19.0, "MH": 39.0,
 }  # fmt: skip
+MUSCLES = [name for name in LARGEST_N if name != "GGh"]  # it has the share of GGp
 SHARES = (0.0, 0.10, 0.25)
-KEYS = [f"muscle.{name}.force_N" for name in LARGEST_N]
+# As Liu et al. had it in one of their two conditions: the jaw 5 mm open, and a hyoid bone that gives way.
+AS_PUBLISHED = ["jaw={opening_mm=5}", "hyoid={}"]
+# Muscle on in so many %, of their braced postures at 5 and 10 mm.
+PUBLISHED = {"GGp": "99 to 100", "SL": "87 to 95", "MH": "86 to 100", "TRANS": "1 to 9", "HG": "0 to 2"}
 SEED = 2022
 
 
-def table(out: Path, lines: np.ndarray) -> Path:
-    """A table of members."""
+def table(out: Path, shares: np.ndarray) -> Path:
+    """A table of members, from the share of each of ``MUSCLES``."""
     out.mkdir(parents=True, exist_ok=True)
     path = out / "postures.csv"
-    text = "\n".join([",".join(KEYS), *(",".join(f"{force:.6g}" for force in line) for line in lines)])
-    path.write_text(text + "\n", encoding="utf-8")
+    of_muscle = dict(zip(MUSCLES, shares.T, strict=True))
+    forces = np.column_stack([of_muscle["GGp" if name == "GGh" else name] * force for name, force in LARGEST_N.items()])
+    keys = ",".join(f"muscle.{name}.force_N" for name in LARGEST_N)
+    path.write_text("\n".join([keys, *(",".join(f"{force:.6g}" for force in line) for line in forces)]) + "\n", encoding="utf-8")
     return path
 
 
 def pace(out: Path, count: int) -> None:
     rng = np.random.default_rng(SEED)
-    lines = rng.uniform(0.0, 0.25, (count, len(KEYS))) * list(LARGEST_N.values()) * (rng.random((count, len(KEYS))) < 0.4)
+    shape = (count, len(MUSCLES))
+    lines = rng.uniform(0.0, 0.25, shape) * (rng.random(shape) < 0.4)
     members = table(out, lines)
     print("| processes | members | seconds | a minute |\n|---|---|---|---|")
     for processes in (2, 1):
@@ -68,12 +77,19 @@ def pace(out: Path, count: int) -> None:
         print({status: statuses.count(status) for status in set(statuses)})
 
 
-def braced(out: Path, share: float) -> None:
-    lines = np.array(list(itertools.product(*([part * force for part in SHARES] for force in LARGEST_N.values()))))
-    if share < 1.0:
-        lines = lines[np.sort(np.random.default_rng(SEED).permutation(len(lines))[: round(share * len(lines))])]
+def combinations(share: float) -> np.ndarray:
+    """All combinations of ``SHARES`` in an order by chance, or the first of them: what is computed first is a random share."""
+    lines = np.array(list(itertools.product(SHARES, repeat=len(MUSCLES))))
+    return lines[np.random.default_rng(SEED).permutation(len(lines))[: round(share * len(lines))]]
+
+
+def braced(out: Path, share: float, duration_ms: float) -> None:
     sweep = explicitfe.sweep(
-        SCENARIO, table=table(out, lines), out=out / "sweep", measures=["contact", "constriction", "points", "grooves"]
+        SCENARIO,
+        table=table(out, combinations(share)),
+        out=out / "sweep",
+        settings=[*AS_PUBLISHED, f"analysis.duration_ms={duration_ms:g}"],
+        measures=["points", "contact", "contour", bracing],
     )
     begin = time.perf_counter()
     for number, _ in enumerate(sweep.computed(), 1):
@@ -81,18 +97,32 @@ def braced(out: Path, share: float) -> None:
             print(f"{number} of {len(sweep)}, {60.0 * number / (time.perf_counter() - begin):.0f} a minute", flush=True)
     summary = sweep.finish()
     print(summary["statuses"], summary["failures"])
+    counted(out)
+
+
+def counted(out: Path) -> None:
+    """Which muscles are on where the tongue is braced, by three ways to count."""
+    everything = combinations(1.0)
     rows = [row for row in Stored(out / "sweep" / "rows").rows() if row["status"] == "finished"]
-    finished = [row["member"] for row in rows]
-    is_braced = np.array([_is_braced(row) for row in rows])
-    on = lines[finished] > 0.0
-    print(f"{is_braced.sum()} of {len(finished)} are braced with a free midline")
-    print("| muscle | on, of the braced | on, of all |\n|---|---|---|")
-    for k, name in enumerate(LARGEST_N):
-        print(f"| {name} | {100 * on[is_braced, k].mean():.0f} % | {100 * on[:, k].mean():.0f} % |")
+    on = everything[[row["member"] for row in rows]] > 0.0
+    sides = np.array([row["bracing.left.touched"] > 0 and row["bracing.right.touched"] > 0 for row in rows])
+    centre = np.array([row["bracing.middle.touched"] == 0 for row in rows])
+    anywhere = np.array([_touches_anywhere(row) for row in rows])
+    whole = {"all": np.ones(len(rows), dtype=bool), "braced": sides, "braced, centre free": sides & centre, "anywhere": anywhere}
+    names = [f"{name} ({chosen.sum()})" for name, chosen in whole.items()]
+    print(f"| muscle on, % | {' | '.join(names)} | Liu et al. |\n{'|---' * (len(whole) + 2)}|")
+    for k, name in enumerate(MUSCLES):
+        cells = " | ".join(_percent(on[chosen, k]) for chosen in whole.values())
+        print(f"| {name} | {cells} | {PUBLISHED.get(name, '')} |")
 
 
-def _is_braced(row: dict) -> bool:
-    """Both sides touch the palate in the middle or at the back, and nothing touches within 3 mm of the midline."""
+def _percent(on: np.ndarray) -> str:
+    """A share with its standard error."""
+    return f"{100 * on.mean():.1f} ± {100 * np.sqrt(on.mean() * (1 - on.mean()) / len(on)):.1f}" if len(on) else "-"
+
+
+def _touches_anywhere(row: dict) -> bool:
+    """Both sides touch any place in the middle or at the back of the palate, and nothing touches within 3 mm of the midline."""
     sides = [
         max(row[f"contact.palate.cells.{side}.{depth}.area_mm2"] for depth in ("middle", "back")) > 0.0
         for side in ("left", "right")
@@ -102,16 +132,19 @@ def _is_braced(row: dict) -> bool:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("pace", "braced"))
+    parser.add_argument("what", choices=("pace", "braced", "counted"))
     parser.add_argument("out", type=Path)
     parser.add_argument("--count", type=int, default=2000)
-    parser.add_argument("--share", type=float, default=0.1)
+    parser.add_argument("--share", type=float, default=1.0, help="of all combinations, by chance")
+    parser.add_argument("--duration-ms", type=float, default=120.0, help="of a braced posture")
     options = parser.parse_args()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     if options.what == "pace":
         pace(options.out, options.count)
+    elif options.what == "braced":
+        braced(options.out, options.share, options.duration_ms)
     else:
-        braced(options.out, options.share)
+        counted(options.out)
 
 
 if __name__ == "__main__":

@@ -40,6 +40,7 @@ TissueGroupOption = Annotated[
     str | None,
     typer.Option("--tissue-group", metavar="NAME", help="Group of its constants, if there are several.", show_default=False),
 ]
+SWEEP_FILE = "sweep.json"  # a folder that holds it is a sweep
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the result.")]
 ResultArgument = Annotated[Path, typer.Argument(help="Result file (.vtkhdf).", show_default=False)]
 PicturesFolderOption = Annotated[
@@ -47,6 +48,11 @@ PicturesFolderOption = Annotated[
 ]
 OverwriteFilesOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, nothing else there.")]
+
+
+def is_sweep(path: Path) -> bool:
+    """Whether a path is the folder of a sweep, and no result."""
+    return (path / SWEEP_FILE).is_file()
 
 
 def tissue_settings_of(scenario: Path, model: Path | None, group: str | None) -> tuple[list[str], list[str]]:

@@ -9,11 +9,9 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import JsonOption
+from explicitfe.cli.options import JsonOption, is_sweep
 from explicitfe.errors import InputError
 from explicitfe.view.progress import following
-
-SWEEP_FILE = "sweep.json"  # a folder that holds it is a sweep
 
 
 def report(
@@ -37,7 +35,7 @@ def report(
     Example: [bold]explicitfe report outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf --out vowels.html[/bold]
     """
     with following(console, f"reading {results[0]}") as progress:
-        folders = [path for path in results if (path / SWEEP_FILE).is_file()]
+        folders = [path for path in results if is_sweep(path)]
         if folders:
             from explicitfe.sweep.report import write_sweep_report
             from explicitfe.view.terminal.sweep import sweep_report_table

@@ -6,6 +6,7 @@ Members of a sweep share a mesh, and most of what follows from it. Arrays are co
 from __future__ import annotations
 
 import hashlib
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import fields, is_dataclass
@@ -51,7 +52,7 @@ def kept(most: int) -> Callable[[Callable[Parameters, Answer]], Callable[Paramet
 
 def _key(value: object) -> Hashable:
     if isinstance(value, np.ndarray):
-        return value.shape, value.dtype.str, hashlib.blake2b(np.ascontiguousarray(value).data, digest_size=16).digest()
+        return value.shape, value.dtype.str, _digest(value)
     if isinstance(value, tuple):
         return tuple(_key(part) for part in value)
     if isinstance(value, dict):
@@ -60,6 +61,24 @@ def _key(value: object) -> Hashable:
         return tuple(_key(getattr(value, field.name)) for field in fields(value))
     assert isinstance(value, Hashable)
     return value
+
+
+def _digest(array: np.ndarray) -> bytes:
+    """Of what an array holds; of one that cannot be written it is computed once."""
+    fixed = array.base is None and not array.flags.writeable
+    if fixed:
+        known = _digests.get(id(array))
+        if known is not None and known[0]() is array:
+            return known[1]
+    digest = hashlib.blake2b(np.ascontiguousarray(array).data, digest_size=16).digest()
+    if fixed:
+        name = id(array)
+        _digests[name] = weakref.ref(array, lambda _: _digests.pop(name, None)), digest
+    return digest
+
+
+# The digests of arrays that cannot be written, by their identity; gone with the array.
+_digests: dict[int, tuple[weakref.ref[np.ndarray], bytes]] = {}
 
 
 def _lock_arrays(value: object) -> None:

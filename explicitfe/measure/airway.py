@@ -15,7 +15,7 @@ from explicitfe.errors import InputError
 from explicitfe.measure.document import AirwayRegion
 from explicitfe.measure.sections import X, Z, middle
 from explicitfe.measure.tract import COLUMN_WIDTH_M, TOUCHING_GAP_M, SectionPlane, columns, crossings, palate_midline
-from explicitfe.mesh.triangles import plane_segments, surface_triangles
+from explicitfe.mesh.triangles import corners_of, plane_segments, surface_triangles
 from explicitfe.results import Recorded
 from explicitfe.results.airway_table import AirwayTable, WallTable
 
@@ -91,9 +91,9 @@ def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surrounding
         raise InputError(f'{result.path} has no airway: it needs a [[bone]] called "{PALATE_BONE}".')
     mesh, bones = result.mesh, result.placed_bones(step)
     plane = middle(mesh)
-    palate = bones[PALATE_BONE].points[bones[PALATE_BONE].triangles]
+    palate = corners_of(*bones[PALATE_BONE])
     tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
-    jaw = bones[JAW_BONE].points[bones[JAW_BONE].triangles] if JAW_BONE in bones else tongue[:0]
+    jaw = corners_of(*bones[JAW_BONE]) if JAW_BONE in bones else tongue[:0]
     shift = _palate_shift(result)
     wall, wall_line = wall_surface(table.wall)
     front = palate_midline(palate, plane)

@@ -14,7 +14,7 @@ from explicitfe.measure.sections import middle
 from explicitfe.measure.shape import grooves, highest_point
 from explicitfe.measure.steps import last_step, step_at
 from explicitfe.measure.tract import PALATE, Nearest, constriction, narrowest, palate_midline
-from explicitfe.mesh.triangles import surface_triangles
+from explicitfe.mesh.triangles import corners_of, surface_triangles
 from explicitfe.results import Recorded, open_result
 from explicitfe.results.run_summary import kind_of
 
@@ -73,9 +73,7 @@ def constriction_of(result: Recorded, step: int) -> Constriction | None:
     if PALATE not in result.bones:
         return None
     at_rest, now = result.bones[PALATE], result.placed_bones(step)[PALATE]
-    rest_corners = at_rest.points[at_rest.triangles]
-    corners = rest_corners if now is at_rest else now.points[now.triangles]
-    return constriction(result.mesh, result.displacement(step), rest_corners, corners)
+    return constriction(result.mesh, result.displacement(step), corners_of(*at_rest), corners_of(*now))
 
 
 def nearest_of(result: Recorded, step: int) -> Nearest | None:
@@ -83,6 +81,6 @@ def nearest_of(result: Recorded, step: int) -> Nearest | None:
     if PALATE not in result.bones:
         return None
     mesh, palate = result.mesh, result.placed_bones(step)[PALATE]
-    line = palate_midline(palate.points[palate.triangles], middle(mesh))
+    line = palate_midline(corners_of(*palate), middle(mesh))
     tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
     return None if line is None else narrowest(line, tongue, middle(mesh))

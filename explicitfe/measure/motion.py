@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
+from explicitfe.host.kept import kept
 from explicitfe.measure.document import BodyMotion, MaterialPlace, PointMotion, SelfPenetrationFigures
 from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.hexmesh import HexMesh
@@ -44,7 +45,7 @@ def body_motion(result: Recorded, step: int) -> BodyMotion:
     mesh, u = result.mesh, result.displacement(step)
     largest = float(np.linalg.norm(u, axis=1).max())
     fastest = float(np.linalg.norm(_velocity(result, step), axis=1).max())
-    rest_m3, now_m3 = (float(volumes(points, mesh.hexes).sum()) for points in (mesh.points, mesh.points + u))
+    rest_m3, now_m3 = float(_rest_volumes(mesh).sum()), float(volumes(mesh.points + u, mesh.hexes).sum())
     passed = self_penetration(mesh, u)
     difference = left_right_difference(mesh, u)
     return BodyMotion(
@@ -80,12 +81,24 @@ def rise_time(times: np.ndarray, path: np.ndarray) -> float | None:
 
 def left_right_difference(mesh: HexMesh, displacement: np.ndarray) -> float | None:
     """Largest |u(mirror image) - mirror image of u| of all nodes, m; None where the mesh is not its own mirror image."""
+    partner = _mirror_images(mesh)
+    if partner is None:
+        return None
+    return float(np.linalg.norm(displacement[partner] - displacement * [1.0, -1.0, 1.0], axis=1).max())
+
+
+@kept(8)
+def _mirror_images(mesh: HexMesh) -> np.ndarray | None:
+    """The node (n,) that is the mirror image of each; None where the mesh is not its own mirror image."""
     mirrored = mesh.points.copy()
     mirrored[:, Y] = 2.0 * middle(mesh) - mirrored[:, Y]
     distance, partner = scipy.spatial.cKDTree(mesh.points).query(mirrored)
-    if distance.max() > MIRROR_SHARE_OF_EXTENT * np.ptp(mesh.points, axis=0).max():
-        return None
-    return float(np.linalg.norm(displacement[partner] - displacement * [1.0, -1.0, 1.0], axis=1).max())
+    return None if distance.max() > MIRROR_SHARE_OF_EXTENT * np.ptp(mesh.points, axis=0).max() else partner
+
+
+@kept(8)
+def _rest_volumes(mesh: HexMesh) -> np.ndarray:
+    return volumes(mesh.points, mesh.hexes)
 
 
 def unsigned_zero(value: float) -> float:
@@ -121,7 +134,7 @@ def _velocity(result: Recorded, step: int) -> np.ndarray:
 def _body_rise_time(result: Recorded, step: int) -> float | None:
     """The same as ``rise_time`` for the displacement field, each node weighted by its share of the volume."""
     mesh = result.mesh
-    shares = np.repeat(volumes(mesh.points, mesh.hexes) / 8.0, 8)
+    shares = np.repeat(_rest_volumes(mesh) / 8.0, 8)
     weights = np.bincount(mesh.hexes.ravel(), shares, mesh.node_count) / shares.sum()
     towards = weights[:, None] * result.displacement(step)
     size = float(np.sum(towards * result.displacement(step)))

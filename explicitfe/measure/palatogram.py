@@ -16,6 +16,7 @@ from explicitfe.measure.sections import middle
 from explicitfe.measure.tract import PALATE, TOUCHING_GAP_M, palate_midline
 from explicitfe.mesh.hexmesh import FACES, free_faces
 from explicitfe.mesh.surface_points import surface_areas
+from explicitfe.mesh.triangles import corners_of
 from explicitfe.results import Recorded
 
 # The surface of the tongue under an electrode is looked for within this distance, along the palate's normal.
@@ -98,7 +99,7 @@ def electrodes_of(result: Recorded) -> Electrodes | None:
     if PALATE not in result.bones or f"contact_pressure_{PALATE}" not in result.fields:
         return None
     bone, plane = result.bones[PALATE], middle(result.mesh)
-    corners = bone.points[bone.triangles]
+    corners = corners_of(*bone)
     line = palate_midline(corners, plane)
     return None if line is None else electrodes(line, corners, plane, _hard_palate(result))
 

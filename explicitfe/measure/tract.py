@@ -5,6 +5,7 @@ The palate's midline is its underside in the midsagittal plane, from the edge of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from explicitfe.host.kept import kept
 from explicitfe.measure.document import Constriction, TractSection
 from explicitfe.measure.sections import X, Y, Z, middle
 from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.triangles import plane_segments, surface_triangles
+from explicitfe.mesh.triangles import plane_segments, segments_of_planes, surface_triangles
 
 # The bone that makes a vocal tract with the tongue.
 PALATE = "palate"
@@ -98,14 +99,14 @@ def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarra
     plane = middle(mesh)
     rest_line, line = palate_midline(palate_rest, plane), palate_midline(palate_now, plane)
     tongue, _ = surface_triangles(mesh, mesh.points + displacement)
-    tongue_rest, _ = surface_triangles(mesh, mesh.points)
     if line is None or rest_line is None:
         return None
-    now, at_rest = narrowest(line, tongue, plane), narrowest(rest_line, tongue_rest, plane)
+    now, at_rest = narrowest(line, tongue, plane), _narrowest_at_rest(rest_line, mesh, plane)
     if now is None or at_rest is None:
         return None
     above = roofs(line, palate_now, plane)
-    sections = [_section_between(_between(over, cut, tongue, plane), place) for place, cut, over in above]
+    cuts = _in_sections(tongue, [cut for _, cut, _ in above], plane)
+    sections = [_section_between(_between(over, lines), place) for (place, _, over), lines in zip(above, cuts, strict=True)]
     channels = [(each.channel_mm2, each.place_mm) for each in sections if each.channel_mm2 is not None]
     area, place = min(channels, default=(None, None))
     return Constriction(
@@ -162,6 +163,11 @@ def narrowest(line: MidlineCurve, tongue: np.ndarray, plane: float) -> Nearest |
     return Nearest(max(0.0, float(of_tongue[k])), place, foot, corners[k])
 
 
+@kept(8)
+def _narrowest_at_rest(line: MidlineCurve, mesh: HexMesh, plane: float) -> Nearest | None:
+    return narrowest(line, surface_triangles(mesh, mesh.points)[0], plane)
+
+
 def section_places(line: MidlineCurve) -> np.ndarray:
     """Where sections are taken, m from the incisor edge: every 5 mm, as far as the chord across which they stand fits in."""
     return SECTION_STEP_M * np.arange(1, int(np.ceil((line.length[-1] - HALF_CHORD_M) / SECTION_STEP_M)))
@@ -177,12 +183,12 @@ def section_plane(line: MidlineCurve, place: float) -> SectionPlane:
 
 def columns(cut: SectionPlane, palate: np.ndarray, tongue: np.ndarray, plane: float) -> Column:
     """The section in a plane across the midline in columns, between a palate and a tongue of triangles (m, 3 corners, 3) m."""
-    return _between(roof(cut, palate, plane), cut, tongue, plane)
+    return _between(roof(cut, palate, plane), _in_sections(tongue, [cut], plane)[0])
 
 
 def roof(cut: SectionPlane, palate: np.ndarray, plane: float) -> Roof:
     """The underside of a palate (m, 3 corners, 3) m in a plane across the midline."""
-    lines = _in_section(palate, cut, plane)
+    lines = _in_sections(palate, [cut], plane)[0]
     half = int(np.ceil(np.abs(lines[:, :, 0]).max(initial=0.0) / COLUMN_WIDTH_M))
     y = COLUMN_WIDTH_M * (np.arange(-half, half) + 0.5)
     return Roof(y, outermost(lines, y, np.maximum, PALATE_REACH_M))
@@ -195,16 +201,21 @@ def roofs(line: MidlineCurve, palate: np.ndarray, plane: float) -> tuple[tuple[f
     return tuple((place, cut, roof(cut, palate, plane)) for place, cut in cuts)
 
 
-def _in_section(triangles: np.ndarray, cut: SectionPlane, plane: float) -> np.ndarray:
-    """Lines (k, 2 ends, 2) where a section cuts triangles: y m from the midsagittal plane, and m below the midline."""
-    lines = plane_segments(triangles, cut.point, cut.normal)
-    return np.stack([lines[:, :, Y] - plane, (lines - cut.point) @ cut.down], axis=-1)
+def _in_sections(triangles: np.ndarray, cuts: Sequence[SectionPlane], plane: float) -> list[np.ndarray]:
+    """Lines (k, 2 ends, 2) where each section cuts triangles: y m from the midsagittal plane, and m below the midline."""
+    if not cuts:
+        return []
+    of_planes = segments_of_planes(triangles, np.array([cut.point for cut in cuts]), np.array([cut.normal for cut in cuts]))
+    return [
+        np.stack([lines[:, :, Y] - plane, (lines - cut.point) @ cut.down], axis=-1)
+        for lines, cut in zip(of_planes, cuts, strict=True)
+    ]
 
 
-def _between(above: Roof, cut: SectionPlane, tongue: np.ndarray, plane: float) -> Column:
-    """A section in columns, between a palate and a tongue of triangles (m, 3 corners, 3) m."""
+def _between(above: Roof, tongue: np.ndarray) -> Column:
+    """A section in columns, between a palate and the lines (k, 2 ends, 2) of a tongue there."""
     y, underside = above
-    top = outermost(_in_section(tongue, cut, plane), y, np.minimum)
+    top = outermost(tongue, y, np.minimum)
     inside = np.zeros(len(y), dtype=bool)
     midline = float(np.mean(top[np.abs(y) < COLUMN_WIDTH_M])) if len(y) else np.nan
     for side in (y < 0.0, y > 0.0):

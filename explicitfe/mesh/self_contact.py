@@ -56,11 +56,7 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
     element, row = _in_boxes(x, mesh.hexes, x[surface])
     node = surface[row]
 
-    incidence = scipy.sparse.csr_array(
-        (np.ones(mesh.hexes.size, dtype=np.int32), mesh.hexes.ravel(), 8 * np.arange(mesh.element_count + 1)),
-        shape=(mesh.element_count, mesh.node_count),
-    )
-    neighbours = incidence[:, surface].T @ incidence  # surface node -> the nodes of its elements
+    neighbours = _neighbours(mesh.hexes, surface, mesh.node_count)
     elsewhere = _entries(neighbours, row, mesh.hexes[element]).max(axis=1, initial=0) == 0
     element, node = element[elsewhere], node[elsewhere]
 
@@ -84,6 +80,15 @@ def self_penetration(mesh: HexMesh, displacement: np.ndarray) -> SelfPenetration
         return nobody
     elements = np.unique(element[np.isin(node, through)])
     return SelfPenetration(len(through), float(depth[deepest]), mesh.points[nodes[deepest]].copy(), elements)
+
+
+@kept(4)
+def _neighbours(hexes: np.ndarray, surface: np.ndarray, node_count: int) -> scipy.sparse.csr_array:
+    """Which nodes the elements of each node of the surface have: entries that are not 0, (surface nodes, nodes)."""
+    incidence = scipy.sparse.csr_array(
+        (np.ones(hexes.size, dtype=np.int32), hexes.ravel(), 8 * np.arange(len(hexes) + 1)), shape=(len(hexes), node_count)
+    )
+    return (incidence[:, surface].T @ incidence).tocsr()
 
 
 def middles_in_elements(mesh: HexMesh) -> np.ndarray:
@@ -117,5 +122,5 @@ def _entries(matrix: scipy.sparse.csr_array, rows: np.ndarray, columns: np.ndarr
     """Entries (k, c) of a sparse matrix in rows (k,) and columns (k, c)."""
     if not columns.size:
         return np.zeros(columns.shape, dtype=np.int32)
-    picked = matrix.tocsr()[np.repeat(rows, columns.shape[1]), columns.ravel()]
+    picked = matrix[np.repeat(rows, columns.shape[1]), columns.ravel()]
     return np.asarray(picked).reshape(columns.shape)

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
+
+
+@kept(16)
+def corners_of(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Corners (m, 3 corners, 3) m of triangles (m, 3) of points (n, 3) m."""
+    return points[triangles]
 
 
 def triangle_distance(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -65,14 +72,20 @@ def plane_segments(corners: np.ndarray, point: np.ndarray, normal: np.ndarray) -
 
     A corner in the plane counts as before it, so a closed surface gives closed lines.
     """
-    height = (corners - point) @ normal
+    return segments_of_planes(corners, point[None], normal[None])[0]
+
+
+def segments_of_planes(corners: np.ndarray, points: np.ndarray, normals: np.ndarray) -> list[np.ndarray]:
+    """What :func:`plane_segments` gives for each of the planes through ``points`` (p, 3) across ``normals`` (p, 3)."""
+    height = np.einsum("mcpi,pi->pmc", corners[:, :, None] - points, normals)
     behind = height > 0.0
-    cut = behind.any(axis=1) & ~behind.all(axis=1)
-    corners, height, behind = corners[cut], height[cut], behind[cut]
+    plane, triangle = np.nonzero(behind.any(axis=2) & ~behind.all(axis=2))
+    corners, height, behind = corners[triangle], height[plane, triangle], behind[plane, triangle]
     # The corner that is alone on its side comes first: the plane cuts the two edges that meet there.
     alone = np.argmax(behind == (behind.sum(axis=1) == 1)[:, None], axis=1)
     order = (alone[:, None] + np.arange(3)) % 3
     corners = np.take_along_axis(corners, order[:, :, None], axis=1)
     height = np.take_along_axis(height, order, axis=1)
     share = height[:, :1] / (height[:, :1] - height[:, 1:])
-    return corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1])
+    segments = corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1])
+    return np.split(segments, np.searchsorted(plane, np.arange(1, len(points))))

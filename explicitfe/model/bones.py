@@ -136,7 +136,7 @@ def check_anchors(pulls: Sequence[FibrePull], bones: Sequence[Bone]) -> None:
     for bone in bones:
         if bone.motion is None:
             continue
-        corners = bone.surface.points[bone.surface.triangles]
+        corners = bone.surface.corners
         for pull in pulls:
             in_space = [points.position[points.element < 0] for points in pull.points]
             for anchor in np.unique(np.concatenate(in_space), axis=0):
@@ -164,4 +164,4 @@ def _patch(table: ModelTable, mesh: HexMesh, name: str) -> tuple[MaterialPoints,
     if table.name is None:
         return points_on_set(mesh, name)
     cells = catalogue.cells_of(table.name, table.resolution, table.cells)
-    return catalogue.contour(table.name).attachment_points(cells, name)
+    return catalogue.attachment_points(table.name, tuple(cells), name)

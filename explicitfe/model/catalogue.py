@@ -19,6 +19,7 @@ from explicitfe.bones.tables import BoneShape, read_bones
 from explicitfe.errors import InputError, nearest
 from explicitfe.host.shipped import folder_of
 from explicitfe.mesh.bent_block import ContourMap
+from explicitfe.mesh.hexmesh import MaterialPoints
 from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
 from explicitfe.model.anatomy import Anatomy
@@ -91,6 +92,7 @@ def bones(name: str) -> dict[str, BoneShape]:
     return _locked(read_bones(path)) if path.is_file() else {}
 
 
+@cache
 def airway(name: str) -> AirwayTable | None:
     """The airway around a built-in model by name; None for a mesh of one's own, and where its folder has no airway.toml."""
     from explicitfe.results.airway_table import AirwayTable
@@ -126,6 +128,12 @@ def _built_in(name: str, grid: tuple[int, int, int]) -> Anatomy:
     mesh = shape.mesh(grid)
     check(mesh, f"model {name}")
     return _locked(Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed))
+
+
+@lru_cache(maxsize=_KEPT_MESHES)
+def attachment_points(name: str, cells: tuple[int, int, int], patch: str) -> tuple[MaterialPoints, np.ndarray]:
+    """Points and areas of an attachment of a built-in model; see :meth:`ContourMap.attachment_points`. Read-only."""
+    return _locked(contour(name).attachment_points(cells, patch))
 
 
 def _locked(shared: _Shared) -> _Shared:

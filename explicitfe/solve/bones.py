@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 
 from explicitfe.bones.motion import RigidMotion
 from explicitfe.compiled.arrays import PLACEMENT, ROTATION, SHIFT, SPEED, SPIN, Bones, Ties
 from explicitfe.forces.bone import CONTACT_STIFFNESS_PA_M
+from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import HexMesh, shape_functions
 from explicitfe.mesh.surface_points import surface_areas
 from explicitfe.model.model import Attachment, Bone
@@ -66,26 +67,16 @@ def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray)
     node, column, stiffness, bone, length, row_sum = [], [], [], [], [], []
     first = 0
     for number, attachment in enumerate(attachments):
-        weights = shape_functions(attachment.points.natural)
-        nodes = mesh.hexes[attachment.points.element]
-        share = attachment.stiffness_Pa_m * attachment.areas_m2[:, None, None] * weights[:, :, None] * weights[:, None, :]
-        used, index = np.unique(nodes, return_inverse=True)
-        index = index.reshape(nodes.shape)
-        rows = np.broadcast_to(index[:, :, None], share.shape).ravel()
-        columns = np.broadcast_to(index[:, None, :], share.shape).ravel()
-        matrix = coo_matrix((share.ravel(), (rows, columns)), shape=(len(used), len(used))).tocsr()
-        # of a face's element four corners have no weight but rounding
-        matrix.data[np.abs(matrix.data) < 1e-12 * matrix.data.max(initial=0.0)] = 0.0
-        matrix.eliminate_zeros()
-        some = np.flatnonzero(np.diff(matrix.indptr))
-        matrix = matrix[some][:, some]
-        node.append(used[some])
-        bone.append(np.full(len(some), number))
+        used, matrix = _tied(
+            mesh.hexes, attachment.points.element, attachment.points.natural, attachment.areas_m2, attachment.stiffness_Pa_m
+        )
+        node.append(used)
+        bone.append(np.full(len(used), number))
         column.append(matrix.indices + first)
         stiffness.append(matrix.data)
         row_sum.append(np.asarray(matrix.sum(axis=1)).ravel())
         length.append(np.diff(matrix.indptr))
-        first += len(some)
+        first += len(used)
     nodes = np.concatenate([*node, np.zeros(0, dtype=np.int64)]).astype(np.int64)
     return Ties(
         node=place[nodes],
@@ -101,6 +92,25 @@ def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray)
         moved=np.zeros((len(nodes), 3)),
         moves=np.array([attachment.motion is not None for attachment in attachments], dtype=np.int64),
     )
+
+
+@kept(16)
+def _tied(
+    hexes: np.ndarray, element: np.ndarray, natural: np.ndarray, areas_m2: np.ndarray, stiffness_Pa_m: float
+) -> tuple[np.ndarray, csr_matrix]:
+    """The nodes (k,) that springs at points of elements hold, and the stiffness between them (k, k)."""
+    weights, nodes = shape_functions(natural), hexes[element]
+    share = stiffness_Pa_m * areas_m2[:, None, None] * weights[:, :, None] * weights[:, None, :]
+    used, index = np.unique(nodes, return_inverse=True)
+    index = index.reshape(nodes.shape)
+    rows = np.broadcast_to(index[:, :, None], share.shape).ravel()
+    columns = np.broadcast_to(index[:, None, :], share.shape).ravel()
+    matrix = coo_matrix((share.ravel(), (rows, columns)), shape=(len(used), len(used))).tocsr()
+    # of a face's element four corners have no weight but rounding
+    matrix.data[np.abs(matrix.data) < 1e-12 * matrix.data.max(initial=0.0)] = 0.0
+    matrix.eliminate_zeros()
+    some = np.flatnonzero(np.diff(matrix.indptr))
+    return used[some], matrix[some][:, some]
 
 
 def placements(motions: Sequence[RigidMotion | None], instants: np.ndarray) -> np.ndarray:

@@ -116,4 +116,9 @@ class Loads:
 
 
 def _scales(profiles: Sequence[Profile], instants: np.ndarray, dt_s: float) -> np.ndarray:
-    return np.array([p.at(instants, tolerance_s=1e-6 * dt_s) for p in profiles]).reshape(-1, len(instants))
+    scales: dict[tuple[bytes, bytes, float], np.ndarray] = {}  # equal courses of many muscles are computed once
+    names = [(profile.time_s.tobytes(), profile.scale.tobytes(), profile.lag_s) for profile in profiles]
+    for name, profile in zip(names, profiles, strict=True):
+        if name not in scales:
+            scales[name] = profile.at(instants, tolerance_s=1e-6 * dt_s)
+    return np.array([scales[name] for name in names]).reshape(-1, len(instants))

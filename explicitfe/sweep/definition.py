@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from explicitfe.run.inputs import sums_of
 from explicitfe.scenario.read import scenario_in
 from explicitfe.sweep.factors import Factor
 from explicitfe.sweep.members import LARGEST_TABLE_OF_MEMBERS_BYTES, Design, Members, members_in
+from explicitfe.sweep.own_measure import Measuring, OwnMeasure
 from explicitfe.sweep.rows import PARTS
 
 FORMAT = "explicitfe-sweep/1"
@@ -38,8 +40,9 @@ class Definition:
     settings : ``key=value`` pairs that hold for every member.
     members : what each member sets besides.
     parts : which measures its table has.
+    own : those of them that the user has written.
     design, factors, seed : where the members come from.
-    file_sums : SHA-256 of the files that the scenario names.
+    file_sums : SHA-256 of the files that the scenario names, and of those of the user's measures.
     """
 
     path: Path
@@ -47,6 +50,7 @@ class Definition:
     settings: tuple[str, ...]
     members: Members
     parts: tuple[str, ...]
+    own: dict[str, OwnMeasure]
     design: Design
     factors: tuple[Factor, ...]
     seed: int
@@ -91,17 +95,21 @@ def define(
     design: Design,
     factors: tuple[Factor, ...] = (),
     seed: int = 0,
-    parts: tuple[str, ...],
+    measures: Sequence[str | Measuring],
+    origin: str = "--vary",
 ) -> Definition:
     """Read the scenario, and make sure that members of it can be.
+
+    Parameters
+    ----------
+    measures : names of ``explicitfe.sweep.rows.PARTS``, and functions of the user's.
+    origin : where the members come from, for a message: an option, or the file of a table.
 
     Raises
     ------
     InputError : the scenario cannot be read, or not with any of the first members; or no such measure is there.
     """
-    for part in parts:
-        if part not in PARTS:
-            raise InputError(f"--measure {shortened(part)}: there are no such measures; {nearest(part, PARTS)}")
+    parts, own = _measures(measures)
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
     refusals = []
     sums: dict[str, str] = {}
@@ -114,8 +122,37 @@ def define(
         sums = sums_of(path, scenario)
         break
     else:
-        raise refusals[0]
-    return Definition(path, text, settings, members, parts, design, factors, seed, sums)
+        raise _refusal_of(refusals[0], text, path, settings, origin)
+    sums |= {part: measure.sha256 for part, measure in own.items()}
+    return Definition(path, text, settings, members, parts, own, design, factors, seed, sums)
+
+
+def _refusal_of(refusal: InputError, text: str, path: Path, settings: tuple[str, ...], origin: str) -> InputError:
+    """Why the first member cannot be: because of the scenario, or of what the member sets."""
+    try:
+        scenario_in(text, path, settings)
+    except InputError as error:
+        if str(error) == str(refusal):
+            return refusal
+    return InputError(f"{origin}: {str(refusal).removeprefix('--set ').removeprefix(f'{path}: ')}")
+
+
+def _measures(wanted: Sequence[str | Measuring]) -> tuple[tuple[str, ...], dict[str, OwnMeasure]]:
+    """The names of measures, each once, and those of them that the user has written."""
+    own: dict[str, OwnMeasure] = {}
+    parts: list[str] = []
+    for part in wanted:
+        if isinstance(part, str):
+            if part not in PARTS:
+                raise InputError(f"--measure {shortened(part)}: there are no such measures; {nearest(part, PARTS)}")
+            parts.append(part)
+            continue
+        measure = OwnMeasure(part)
+        if measure.name in PARTS or any(measure.name == other.name and part != other.function for other in own.values()):
+            raise InputError(f"measures: another measure is called {measure.name} too; give the function a new name.")
+        own[measure.full_name] = measure
+        parts.append(measure.full_name)
+    return tuple(dict.fromkeys(parts)), own
 
 
 def begin(out: Path, wanted: Definition) -> None:
@@ -179,7 +216,7 @@ def members_of(out: Path) -> Members:
 
 _NAMES = {
     DEFINITION_FILE, MEMBERS_FILE, RESULTS_FOLDER, ROWS_FOLDER,
-    "table.csv", "table.parquet", "table.partial.csv", "sensitivity.json", "report.html",
+    "table.csv", "table.parquet", "table.partial.csv", "sensitivity.json", "report.html", "pictures",
 }  # fmt: skip
 
 

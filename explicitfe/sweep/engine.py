@@ -10,7 +10,7 @@ import itertools
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
@@ -47,6 +47,12 @@ class Engine(ABC):
     @abstractmethod
     def is_death(self, error: BaseException) -> bool:
         """Whether an exception of a future means that the process which computed it ended."""
+
+    def explained(self, error: BaseException) -> BaseException:
+        """What to raise for an exception of a future that no member is to blame for."""
+        if isinstance(error, CancelledError):
+            return MachineError("the executor gave bundles back without computing them; what was computed before is stored.")
+        return error
 
     @abstractmethod
     def renew(self) -> None:
@@ -133,6 +139,7 @@ class Cluster(Engine):
         require("cluster", "a sweep on a cluster")
         from distributed import Client
 
+        self._address = address
         try:
             self._client = Client(address, timeout=CONNECT_WITHIN_S, set_as_default=False)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
@@ -155,6 +162,15 @@ class Cluster(Engine):
         from distributed import KilledWorker
 
         return isinstance(error, KilledWorker)
+
+    def explained(self, error: BaseException) -> BaseException:
+        """A scheduler that is gone cancels what it had."""
+        if isinstance(error, (CancelledError, OSError)):
+            return MachineError(
+                f"the scheduler at {self._address} is gone; all rows that came back are stored: give the same command to go on, "
+                "with the address of a new one."
+            )
+        return super().explained(error)
 
     def renew(self) -> None:
         """The cluster's own nannies start workers again."""
@@ -201,7 +217,7 @@ class Bundles:
             wrong: BaseException | None = None
             for future in done:
                 members = self._in_flight.pop(future)
-                error = future.exception()
+                error = CancelledError() if future.cancelled() else future.exception()
                 if error is None:
                     lines += future.result()
                 elif self._engine.is_death(error):
@@ -212,7 +228,7 @@ class Bundles:
                 self._note(lines)
                 yield lines
             if wrong is not None:
-                raise wrong
+                raise self._engine.explained(wrong)
             if deaths:
                 yield from self._after_deaths(deaths)
 

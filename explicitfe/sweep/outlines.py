@@ -83,7 +83,7 @@ def surroundings(begun: BegunSweep, path: Path, settings: Sequence[str]) -> tupl
     at_rest = cut.at(model.mesh.points)[max(cut.loops, key=len)][:, [X, Z]] if cut.loops else nothing
     for bone in model.bones:
         if bone.name == PALATE:
-            line = palate_midline(bone.surface.points[bone.surface.triangles], middle(model.mesh))
+            line = palate_midline(bone.surface.corners, middle(model.mesh))
             return MM_PER_M * at_rest, nothing if line is None else MM_PER_M * line.points
     return MM_PER_M * at_rest, nothing
 

@@ -13,7 +13,7 @@ from explicitfe.host.toml_text import toml_value
 from explicitfe.sweep.definition import DEFINITION_FILE, MEMBERS_FILE, ONE_THREAD, definition_of
 from explicitfe.sweep.factors import Factor, factor_of
 from explicitfe.sweep.members import Design, Members
-from explicitfe.sweep.rows import USUAL_PARTS
+from explicitfe.sweep.rows import PARTS, USUAL_PARTS
 
 LONGEST_LINE_OF_A_COMMAND = 100
 
@@ -87,7 +87,9 @@ def commands_of(folder: Path, begun: BegunSweep, members: Members, shown: int | 
     shown : the number of that member; None: none.
     """
     scenario, name = shlex.quote(begun.scenario), shlex.quote(str(folder))
+    own = [part for part in begun.measures if part not in PARTS]
     commands = [
+        *([f"# without the functions {', '.join(own)}, which explicitfe.sweep(..., measures=) takes from Python"] if own else []),
         _command(f"explicitfe sweep {scenario}", [*_options(folder, begun), ("--out", str(folder))]),
         f"explicitfe report {name} --overwrite",
     ]
@@ -124,7 +126,8 @@ def _options(folder: Path, begun: BegunSweep) -> Iterator[tuple[str, str]]:
         yield "--seed", str(begun.seed)
     if tuple(begun.measures) != USUAL_PARTS:
         for part in begun.measures:
-            yield "--measure", part
+            if part in PARTS:
+                yield "--measure", part
 
 
 def vary_text(factor: Factor) -> str:

@@ -7,7 +7,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -30,6 +30,7 @@ from explicitfe.results.run_summary import IndentationSummary, TransientSummary
 from explicitfe.run.prepare import analysis_of
 from explicitfe.scenario.read import Scenario, scenario_in
 from explicitfe.scenario.transient import TransientScenario
+from explicitfe.sweep.own_measure import OwnMeasure
 
 Cell = float | int | bool | str | list[int] | None
 Row = dict[str, Cell]
@@ -66,9 +67,10 @@ class Task:
     Attributes
     ----------
     path, text : the scenario's file, and what it says.
-    parts : of ``PARTS``, which measures are wanted.
+    parts : which measures are wanted, of ``PARTS`` and of ``own``.
     folder : where results go that are kept.
     keep : "none", "all", "failed", or "every:N".
+    own : measures of the user's own, by their full names.
     """
 
     path: Path
@@ -76,6 +78,7 @@ class Task:
     parts: tuple[str, ...]
     folder: Path
     keep: str = "none"
+    own: Mapping[str, OwnMeasure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -181,8 +184,12 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
         if summary["status"] == FINISHED:
             step = last_step(result)
             for part in task.parts:
-                value = PARTS[part](result, step)
-                cells |= {CONTOUR: cast(Cell, value)} if part == CONTOUR else flat(value, part)
+                if part == CONTOUR:
+                    cells[CONTOUR] = cast(Cell, PARTS[part](result, step))
+                elif part in task.own:
+                    cells |= flat(task.own[part].of(result, step), task.own[part].name)
+                else:
+                    cells |= flat(PARTS[part](result, step), part)
     else:
         cells |= _curve(cast(IndentationSummary, summary))
     status, message = summary["status"], summary["message"]

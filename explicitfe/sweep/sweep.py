@@ -26,6 +26,7 @@ from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes
 from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
+from explicitfe.sweep.own_measure import Measuring
 from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Member, Row, Task, WrittenRow, cause_of
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
@@ -69,7 +70,8 @@ class Sweep:
             remove_unfinished(folder)
         self.statuses = {number: place.status for number, place in Stored(out / ROWS_FOLDER).places.items()}
         self._todo = [n for n in numbers if n not in self.statuses or (retry and self.statuses[n] != FINISHED)]
-        self._task = Task(definition.path.absolute(), definition.text, definition.parts, (out / RESULTS_FOLDER).absolute(), keep)
+        folder = (out / RESULTS_FOLDER).absolute()
+        self._task = Task(definition.path.absolute(), definition.text, definition.parts, folder, keep, definition.own)
         self._engine = engine
         self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
 
@@ -182,7 +184,7 @@ def sweep(
     table: Path | str | None = None,
     seed: int = 0,
     settings: Sequence[str] = (),
-    measures: Sequence[str] = USUAL_PARTS,
+    measures: Sequence[str | Measuring] = USUAL_PARTS,
     keep: str = "none",
     retry: bool = False,
     only: str | None = None,
@@ -209,7 +211,8 @@ def sweep(
     table : a table (CSV) of members, a column for each key.
     seed : of what is drawn.
     settings : ``key=value`` pairs that hold for all members.
-    measures : which the rows have, of ``explicitfe.sweep.rows.PARTS``.
+    measures : which the rows have, of ``explicitfe.sweep.rows.PARTS``; and functions of a result and a step that give a dict of
+        numbers, defined in a module, so that workers find them.
     keep, retry, only : see :class:`Sweep`.
     processes : of this machine; as many as it has cores if left out.
     executor : who computes instead: any ``concurrent.futures.Executor``, which stays open.
@@ -243,7 +246,14 @@ def sweep(
         else:
             members = designs.grid(factors)
     definition = define(
-        path, tuple(settings), members, design=design, factors=factors, seed=seed, parts=tuple(dict.fromkeys(measures))
+        path,
+        tuple(settings),
+        members,
+        design=design,
+        factors=factors,
+        seed=seed,
+        measures=measures,
+        origin="--vary" if table is None else str(table),
     )
     folder = Path("outputs") / f"sweep-{path.stem}" if out is None else Path(out)
     engine = partial(engine_for, processes, executor, scheduler)

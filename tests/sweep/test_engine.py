@@ -177,14 +177,38 @@ def test_a_signal_keeps_what_came_back(tmp_path):
 
 
 def test_a_dask_cluster_by_its_address(tmp_path):
+    """Its scheduler goes away with most members in flight; another one computes them."""
     distributed = pytest.importorskip("distributed")
     options = {"settings": ["model.cells=[8,4,4]", "analysis.duration_ms=4"], "out": tmp_path / "dask"}
+
+    def rows_by(cluster):
+        return explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0:4:5"], scheduler=cluster.scheduler_address, **options)
+
+    first = []
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        with pytest.raises(MachineError, match="the scheduler at tcp://.* is gone; all rows that came back are stored"):
+            for row in rows_by(cluster):
+                first.append(row["member"])
+                cluster.close()
+    assert set(Stored(options["out"] / "rows").places) >= set(first) and len(first) < 5
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
-        rows = list(explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0:4:5"], scheduler=cluster.scheduler_address, **options))
-    assert sorted(row["member"] for row in rows) == [0, 1, 2, 3, 4]
+        rest = [row["member"] for row in rows_by(cluster)]
+    assert sorted([*first, *rest]) == [0, 1, 2, 3, 4]
     options["out"] = tmp_path / "here"
     list(explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0:4:5"], processes=1, **options))
     assert (tmp_path / "dask" / "table.csv").read_bytes() == (tmp_path / "here" / "table.csv").read_bytes()
+
+
+def test_an_executor_that_gives_up_is_named():
+    class Cancelling(Imagined):
+        def submit(self, work, members):
+            future: Future = Future()
+            future.cancel()
+            future.set_running_or_notify_cancel()
+            return future
+
+    with pytest.raises(MachineError, match="gave bundles back without computing them"):
+        rows_by(Cancelling({}), 5)
 
 
 def test_an_address_that_nobody_answers(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""Settled postures of the built-in tongue, a quarter of a second each: for benchmarks/posture_search.py and postures.py.
+"""Settled postures of the built-in tongue, a quarter of a second each: for benchmarks/posture_search.py.
 
     mouth = Mouth("coarse")
     settled = mouth.settle(Posture({"GGp": 2.0}, opening_mm=3.0))
@@ -38,8 +38,6 @@ from explicitfe.solve.transient import Ledger, Transient
 
 ALWAYS = Profile.constant()
 SAMPLE_EVERY_S = 0.02  # for the energy balance
-# The front of the palate, some 40 mm of it behind the incisors: rows 1 to 5 of a palatogram.
-FRONT_X_M = 90e-3
 # Regions along the midline of the palate, mm behind the edge of the upper incisors: behind the teeth, the hard palate, and the
 # soft palate, whose front end is put where the palate begins to fall (x = 103 mm): a choice.
 REGIONS_MM = {"teeth": (0.0, 22.0), "hard palate": (22.0, 60.0), "soft palate": (60.0, 88.0)}
@@ -72,7 +70,6 @@ class Settled:
     tip_mm : (2,) the way of the tip, forward and up.
     root_back_mm : how far the root has come back at most.
     left, right : whether the left and the right third of the palate are touched.
-    sides_in_front : whether both are in front of ``FRONT_X_M``.
     midline_free : whether no node within 3 mm of the midsagittal plane touches the palate.
     peak_kPa : highest pressure on the palate.
     """
@@ -91,7 +88,6 @@ class Settled:
     root_back_mm: float
     left: bool
     right: bool
-    sides_in_front: bool
     midline_free: bool
     peak_kPa: float
 
@@ -100,16 +96,6 @@ class Settled:
         """Whether a posture can be measured: the run has ended, stands still, and has no folded element."""
         return self.status == "finished" and self.settled and self.folded == 0 and self.balance_error < 1e-3
 
-    @property
-    def braced(self) -> bool:
-        """Both sides on the palate, and the centre free."""
-        return self.left and self.right and self.midline_free
-
-    @property
-    def braced_in_front(self) -> bool:
-        """Both sides on the front of the palate, and the centre free."""
-        return self.sides_in_front and self.midline_free
-
 
 class Mouth:
     """The built-in tongue at a resolution.
@@ -117,10 +103,9 @@ class Mouth:
     Parameters
     ----------
     resolution : "coarse", "medium" or "fine".
-    force_length : whether the stress of a shortened muscle falls off.
     """
 
-    def __init__(self, resolution: str = "coarse", *, force_length: bool = False) -> None:
+    def __init__(self, resolution: str = "coarse") -> None:
         self.scenario = TransientScenario(
             title="Posture",
             model=ModelTable(
@@ -139,10 +124,7 @@ class Mouth:
         self.base: Model = replace(bare, bones=bones_of(self.scenario, bare.mesh, folder))
         self.mesh = anatomy.mesh
         self.maxima_N = {name: muscle.max_force_N for name, muscle in anatomy.muscles.items()}
-        self._stresses = {
-            name: fibre_stress(self.mesh, muscle, 1.0, "both", ALWAYS, force_length=force_length)
-            for name, muscle in anatomy.muscles.items()
-        }
+        self._stresses = {name: fibre_stress(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
         self._outside = {name: outside_pull(muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
         self._outline: PlaneCut = midsagittal(self.mesh)
         self._loop = max(self._outline.loops, key=len)
@@ -196,7 +178,6 @@ class Mouth:
         pressure = sample.contact_pressure[[bone.name for bone in model.bones].index("palate")]
         touching = (self.mesh.points + u)[pressure > 0.0]
         half = 1.0 / 3.0 * np.abs(self.palate.points[:, Y]).max()
-        front = touching[touching[:, X] < FRONT_X_M, Y]
         rest, now = (self._outline.at(points)[self._loop][:, [X, Z]] for points in (self.mesh.points, self.mesh.points + u))
         places, gaps = self.midline[:, 0], 1e3 * distances(self.midline[:, 1:], now)
         tip = 1e3 * self.mesh.at(self.mesh.named_points["tip"], u)[0]
@@ -216,7 +197,6 @@ class Mouth:
             root_back_mm=1e3 * root_back(rest, now),
             left=bool(np.any(touching[:, Y] < -half)),
             right=bool(np.any(touching[:, Y] > half)),
-            sides_in_front=bool(np.any(front < -half) and np.any(front > half)),
             midline_free=not np.any(np.abs(touching[:, Y]) < MIDLINE_BAND_M),
             peak_kPa=1e-3 * float(pressure.max(initial=0.0)),
         )

@@ -130,9 +130,8 @@ def shares_at_a_time(members: Path, out: Path, parts: int = 4) -> None:
     commands = [command(members, out, "--processes", "1", "--only", f"{number}/{parts}") for number in range(1, parts + 1)]
     processes = [start(*words) for words in commands]
     answers = [json.loads(process.communicate(timeout=PATIENCE_S)[0]) for process in processes]
-    print(
-        f"{parts} shares: {[answer['computed'] for answer in answers]} computed; complete {[answer['complete'] for answer in answers]}"
-    )
+    computed, complete = ([answer[key] for answer in answers] for key in ("computed", "complete"))
+    print(f"{parts} shares at a time: {computed} computed; complete {complete}")
 
 
 def finish(driver: subprocess.Popen[str], out: Path, what: str) -> None:

@@ -28,6 +28,7 @@ MOST_SETTINGS_WRITTEN = 4
 MOST_MEASURES_DRAWN, MOST_FACTORS_DRAWN, PANELS_IN_A_ROW = 4, 6, 3
 PANEL_HEIGHT_IN = 2.2
 CLOUD_OPACITY = 0.15
+SHARES_SHOWN = (-0.1, 1.1)
 
 
 def draw_sweep(
@@ -219,6 +220,8 @@ def _bars(panel: Axes, of_measure: MeasureIndices) -> None:
     panel.set_title(of_measure.measure, fontsize=8)
     panel.set_xlabel(f"elementary effect ({of_measure.unit})" if of_measure.unit else "share of the variance", fontsize=7)
     panel.tick_params(axis="x", labelsize=7)
+    if not of_measure.unit:  # an interval may reach far beyond where there were few members
+        panel.set_xlim(*SHARES_SHOWN)
     if len(kinds) > 1:
         panel.legend(frameon=False, fontsize=6)
 

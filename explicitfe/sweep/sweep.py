@@ -12,6 +12,7 @@ from concurrent.futures import Executor
 from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 from explicitfe.errors import InputError, MachineError, WordedProgress, shortened, silent
 from explicitfe.host import stopping
@@ -27,7 +28,7 @@ from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
 from explicitfe.sweep.own_measure import Measuring
-from explicitfe.sweep.rows import MESSAGE, USUAL_PARTS, Member, Row, Task, WrittenRow, cause_of
+from explicitfe.sweep.rows import MESSAGE, NUMBER, USUAL_PARTS, Cell, Member, Row, Task, WrittenRow, cause_of
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
@@ -76,9 +77,11 @@ class Sweep:
         self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
 
     def __iter__(self) -> Iterator[Row]:
-        """The rows of the members that have none yet; when all are there, the table is written."""
+        """The rows of the members that have none yet, with what each varies; when all are there, the table is written."""
+        members = self.definition.members
         for line in self.computed():
-            yield line.row
+            varied = dict(zip(members.keys, cast(tuple[Cell, ...], members.values[line.number]), strict=True))
+            yield {NUMBER: line.number} | varied | line.row
         self.finish()
 
     def __len__(self) -> int:

@@ -89,6 +89,7 @@ def programs(tmp_path_factory) -> Path:
 @pytest.mark.parametrize("page", RUN)
 def test_a_page_can_be_followed(page, result, programs, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)  # as where Python is started in this folder
     for key, value in OFF_SCREEN.items():
         monkeypatch.setenv(key, value)
     if begins_with_a_result(page):

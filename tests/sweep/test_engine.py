@@ -185,11 +185,12 @@ def test_a_dask_cluster_by_its_address(tmp_path):
         return explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0:4:5"], scheduler=cluster.scheduler_address, **options)
 
     first = []
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
-        with pytest.raises(MachineError, match="the scheduler at tcp://.* is gone; all rows that came back are stored"):
-            for row in rows_by(cluster):
-                first.append(row["member"])
-                cluster.close()
+    gone = r"the scheduler at tcp://.* is gone; all rows that came back are stored"
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+    with pytest.raises(MachineError, match=gone):
+        for row in rows_by(cluster):
+            first.append(row["member"])
+            cluster.close()
     assert set(Stored(options["out"] / "rows").places) >= set(first) and len(first) < 5
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         rest = [row["member"] for row in rows_by(cluster)]

@@ -6,7 +6,7 @@ import json
 import re
 import shutil
 from base64 import b64decode
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -16,57 +16,24 @@ import numpy as np
 import pytest
 from answers import check_answer
 from command import command
-from support import ROOT
+from written_sweeps import FORCES, indices, write_sweep
 
 from explicitfe.errors import InputError
 from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.sweep import members as designs
-from explicitfe.sweep.definition import begin, define
 from explicitfe.sweep.factors import factor_of, factors_of
-from explicitfe.sweep.journal import Journal
-from explicitfe.sweep.members import Members
 from explicitfe.sweep.outlines import spread_out
 from explicitfe.sweep.page_data import MAIN_MEASURES, factor_columns, sweep_to_draw
 from explicitfe.sweep.repeating import begun_sweep, commands_of, vary_text
 from explicitfe.sweep.report import write_sweep_report
-from explicitfe.sweep.rows import USUAL_PARTS, Row, written
+from explicitfe.sweep.rows import Row
 from explicitfe.view.page.sweep_data import SweepColumn
 from explicitfe.view.page.sweep_effects import main_effect
 from explicitfe.view.page.sweep_scatter import MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS, sample_of
 from explicitfe.view.page.sweep_words import factors_in_words, measure_in_words
 
-SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
-CELLS = ("model.cells=[8,4,4]",)
-FORCES = ["muscle.GGp.force_N=0:4", "muscle.GGa.force_N=0:1"]
 EVIL = "</style><script>alert(1)</script>"
 PATIENCE_MS = 60_000  # of a machine that does much else
-
-
-def square(side: int) -> list[int]:
-    """An outline of a few points, in hundredths of a millimetre."""
-    return [0, 0, side, 0, side, side, 0, side]
-
-
-def row_of(number: int, values: tuple[Any, ...]) -> Row:
-    """A member whose tip rises by twice its first factor; each seventh folds."""
-    row: Row = {"member": number, "name": "0" * 16}
-    if number % 7 == 3:
-        return row | {"status": "inverted", "message": f"at {number}.5 ms element {number} folded.", "member_s": 0.1}
-    row |= {"status": "finished", "message": "", "steps": 100 + number, "min_J": 0.9, "settled": True, "warnings": number % 2}
-    row |= {"points.tip.up_mm": 2.0 * float(values[0]), "points.tip.right_mm": 1e-15 * number, "constriction.width_mm": 3.0}
-    return row | {"contact.palate.area_mm2": float(number), "contour": square(1000 + 10 * number), "member_s": 0.5}
-
-
-def write_sweep(out: Path, members: Members, rows: Callable[[int, tuple[Any, ...]], Row] = row_of, **changes: Any) -> Path:
-    """The folder of a sweep with rows of all members, or of as many as ``stored``."""
-    stored = changes.pop("stored", len(members))
-    scenario = changes.pop("scenario", SCENARIO)
-    settings = changes.pop("settings", CELLS)
-    given: dict[str, Any] = {"design": "random", "factors": factors_of(FORCES), "parts": USUAL_PARTS} | changes
-    begin(out, define(scenario, settings, members, **given))
-    with Journal(out / "rows" / "all.jsonl") as journal:
-        journal.append([written(rows(number, members.values[number])) for number in range(stored)])
-    return out
 
 
 @pytest.fixture(scope="module")
@@ -205,19 +172,6 @@ def test_a_table_is_repeated(tmp_path: Path) -> None:
     page = page_of(folder, tmp_path / "page.html")
     assert "3 members of a table of 1 key" in words(page) and "What GGp force does" in words(page)
     assert "<details" not in page  # of one factor all charts are seen at once
-
-
-def indices(method: str, measure: str) -> dict[str, Any]:
-    def one(value: float) -> list[dict[str, Any]]:
-        return [
-            {"factor": "muscle.GGp.force_N", "value": value, "half_width": 0.05},
-            {"factor": "muscle.GGa.force_N", "value": -0.001, "half_width": 2.5},
-        ]
-
-    shares = method == "sobol"
-    entry = {"measure": measure, "mean": 1.0, "spread": 1.0, "first": one(0.5) if shares else []}
-    entry |= {"total": one(0.75) if shares else [], "effect": [] if shares else one(8.0)}
-    return {"method": method, "members_used": 32, "members_left_out": 4, "measures": [entry]}
 
 
 @pytest.mark.parametrize("method", ["sobol", "morris"])

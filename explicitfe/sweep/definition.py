@@ -163,6 +163,8 @@ def begin(out: Path, wanted: Definition) -> None:
     InputError : it holds something else, or cannot be written.
     """
     document = wanted.document()
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: this is a file; name a new folder, or an empty one.")
     try:
         if out.is_dir() and any(path.name not in _NAMES for path in out.iterdir() if not path.name.startswith(".")):
             raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")

@@ -69,7 +69,9 @@ def factor_of(text: str) -> Factor:
     ends = [] if len(parts) > 1 else _split(values, ":")
     if len(ends) in (2, 3) and all(_is_number(end) for end in ends[:2]):
         low, high = (float(end) for end in ends[:2])
-        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise InputError(f"{option}: a range needs two finite numbers, such as 0:4.")
+        if not low < high:
             raise InputError(f"{option}: the range is empty; give a lower and then a higher number.")
         return Factor(key, low=low, high=high) if len(ends) == 2 else Factor(key, _levels(low, high, ends[2], option))
     if not values.strip() or not all(part.strip() for part in parts):

@@ -6,7 +6,7 @@ import json
 import math
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -96,8 +96,17 @@ def number_of(row: Row) -> int:
 
 
 def cause_of(message: str) -> str:
-    """A message without its numbers, so that members which failed for one reason are counted together."""
-    return re.sub(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?", "#", message)
+    """A message without its numbers, so that members which failed for one reason are counted together; names keep theirs."""
+    return re.sub(r"(?<![\w.-])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?![\w-])", "#", message)
+
+
+def counted_causes(messages: Iterable[str]) -> dict[str, int]:
+    """How often each cause is there, the most frequent first; numbers stand in it where all its messages have the same."""
+    by_cause: dict[str, list[str]] = {}
+    for message in messages:
+        by_cause.setdefault(cause_of(message), []).append(message)
+    frequent = sorted(by_cause.items(), key=lambda entry: -len(entry[1]))
+    return {same[0] if len(set(same)) == 1 else cause: len(same) for cause, same in frequent}
 
 
 class WrittenRow(NamedTuple):

@@ -28,7 +28,7 @@ from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
 from explicitfe.sweep.own_measure import Measuring
-from explicitfe.sweep.rows import MESSAGE, NUMBER, USUAL_PARTS, Cell, Member, Row, Task, WrittenRow, cause_of
+from explicitfe.sweep.rows import MESSAGE, NUMBER, USUAL_PARTS, Cell, Member, Row, Task, WrittenRow, counted_causes
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
@@ -167,7 +167,7 @@ class Sweep:
             "computed": self._computed,
             "complete": complete,
             "statuses": dict(Counter(self.statuses.values()).most_common()),
-            "failures": dict(Counter(cause_of(str(row[MESSAGE])) for row in stored.rows(failed)).most_common()),
+            "failures": counted_causes(str(row[MESSAGE]) for row in stored.rows(failed)),
             "workers": self._workers,
             "wall_s": self._wall_s,
             "worker_s": self._worker_s,

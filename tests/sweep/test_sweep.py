@@ -19,7 +19,7 @@ from explicitfe.errors import InputError, MachineError
 from explicitfe.measure.measure import measure
 from explicitfe.results import open_result
 from explicitfe.sweep.journal import Journal, Stored
-from explicitfe.sweep.rows import flat
+from explicitfe.sweep.rows import counted_causes, flat
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
 SMALL = ["model.cells=[8,4,4]", "analysis.duration_ms=4"]
@@ -239,3 +239,9 @@ def test_columns_do_not_depend_on_who_came_first(executor, tmp_path):
     for share in ("3/3", "2/3", "1/3"):
         sweep(tmp_path / "b", executor, forces, only=share)
     assert (tmp_path / "a" / "table.csv").read_bytes() == (tmp_path / "b" / "table.csv").read_bytes()
+
+
+def test_causes_are_counted_without_their_numbers():
+    messages = ["at 1.5 ms element 3 folded.", "at 2 ms element 17 folded.", 'unknown material "nobody-1999"']
+    assert counted_causes(messages) == {"at # ms element # folded.": 2, 'unknown material "nobody-1999"': 1}
+    assert counted_causes(messages[:1]) == {messages[0]: 1}  # with its numbers where there is one of them

@@ -19,7 +19,7 @@ def sweep_table(summary: SweepSummary) -> RenderableType:
     table.add_row("members", f"{summary['stored']} of {summary['members']}" + ("" if summary["complete"] else ", not complete"))
     table.add_row("ended", escape(", ".join(f"{count} {status}" for status, count in summary["statuses"].items())) or "none yet")
     for cause, count in list(summary["failures"].items())[:MOST_CAUSES_SHOWN]:
-        table.add_row("why not", f"{count} times: {escape(cause)}")
+        table.add_row("why not", f"{count} {'time' if count == 1 else 'times'}: {escape(cause)}")
     if summary["computed"]:
         busy = summary["worker_s"] / (summary["workers"] * summary["wall_s"])
         table.add_row("computed now", f"{summary['computed']} in {summary['wall_s']:.1f} s")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import traceback
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing_extensions import TypedDict
 
 from explicitfe.errors import InputError, MachineError, RunError
 from explicitfe.host import code_cache, stopping
+from explicitfe.host.files import REFUSALS
 
 DONE_EXIT_CODE = 0
 INPUT_EXIT_CODE = 2  # as programs that read options use it
@@ -24,12 +24,6 @@ nobody: a signal has stopped it, or what was to be checked does not hold."""
 
 LONGEST_MESSAGE_CHARACTERS = 1000  # an error echoes what it was given
 LONGEST_FAULT_CHARACTERS = 300
-# What an operating system refuses without anybody's fault in a program.
-_REFUSALS = {
-    getattr(errno, name)
-    for name in ("EACCES", "EDQUOT", "EFBIG", "EIO", "EMFILE", "ENFILE", "ENOMEM", "ENOSPC", "EPERM", "EROFS", "ESTALE")
-    if hasattr(errno, name)
-}
 _USAGE_ERROR = typer.BadParameter.__base__ or typer.BadParameter  # of click, which typer brings along under changing names
 
 
@@ -83,7 +77,7 @@ def failure_of(error: BaseException) -> CommandFailure:
             f"machine code that is kept on disk cannot be read or written ({short_name(error)}): remove that folder, "
             f"{_code_folder(error)}, and it is made again; or name another one that only you can write by {code_cache.VARIABLE}.",
         )
-    if isinstance(error, OSError) and error.errno in _REFUSALS:
+    if isinstance(error, OSError) and error.errno in REFUSALS:
         name = "" if error.filename is None else f"{error.filename}: "
         return command_failure("machine", f"{name}the operating system refuses this ({error.strerror}){at}.")
     return command_failure(

@@ -13,8 +13,8 @@ import re
 import secrets
 import stat
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 try:
@@ -28,6 +28,15 @@ RENAME_NOREPLACE_FLAG = 1  # of Linux's renameat2
 AT_FDCWD_NUMBER = -100
 # What a system answers that has no renameat2, or whose file system has none, or no hard links.
 CANNOT = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EPERM, errno.EMLINK}
+# What an operating system refuses without anybody's fault in a program.
+REFUSALS = {
+    getattr(errno, name)
+    for name in ("EACCES", "EDQUOT", "EFBIG", "EIO", "EMFILE", "ENFILE", "ENOMEM", "ENOSPC", "EPERM", "EROFS", "ESTALE")
+    if hasattr(errno, name)
+}
+# Of these what no other name of a file would change.
+WITHOUT_ROOM = {getattr(errno, name) for name in ("EDQUOT", "EIO", "ENOMEM", "ENOSPC") if hasattr(errno, name)}
+BETWEEN_LOCK_TRIES_S = 0.05
 STALE_AFTER_S = 3600.0  # an unlocked file younger than that may belong to a run that is just about to lock it
 
 
@@ -105,6 +114,23 @@ def lock(number: int) -> bool:
     except OSError:
         pass  # a file system without locks
     return True
+
+
+@contextmanager
+def one_at_a_time(path: Path) -> Iterator[None]:
+    """What is done within this no other process does at the same time; ``path`` is a file for it, which stays.
+
+    Raises
+    ------
+    OSError : the file cannot be made.
+    """
+    number = os.open(path, os.O_RDWR | os.O_CREAT | PLAIN_FILE_FLAGS, 0o666)
+    try:
+        while not lock(number):
+            time.sleep(BETWEEN_LOCK_TRIES_S)
+        yield
+    finally:
+        os.close(number)
 
 
 def rename_new(source: Path, target: Path) -> None:

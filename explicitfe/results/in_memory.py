@@ -139,4 +139,4 @@ class ResultInMemory(Recorded, Recorder):
         return np.concatenate(self._rows[name])
 
     def _of_step(self, name: str, step: int) -> np.ndarray:
-        return self._data[name][step]
+        return self._data[name][step].copy()  # as a file gives it: the reader's own

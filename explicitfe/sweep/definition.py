@@ -5,20 +5,23 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from explicitfe.errors import InputError, nearest, shortened
-from explicitfe.host.text import json_of, text_of
+from explicitfe.errors import InputError, MachineError, nearest, shortened
+from explicitfe.host.files import WITHOUT_ROOM, reason
+from explicitfe.host.text import text_of
 from explicitfe.results.folder import whole_file
 from explicitfe.results.provenance import version_of
 from explicitfe.run.inputs import sums_of
 from explicitfe.scenario.read import scenario_in
+from explicitfe.scenario.transient import TransientScenario
 from explicitfe.sweep.factors import Factor
 from explicitfe.sweep.members import LARGEST_TABLE_OF_MEMBERS_BYTES, Design, Members, members_in
 from explicitfe.sweep.own_measure import Measuring, OwnMeasure
-from explicitfe.sweep.rows import PARTS
+from explicitfe.sweep.rows import PARTS, USUAL_PARTS
 
 FORMAT = "explicitfe-sweep/1"
 DEFINITION_FILE, MEMBERS_FILE = "sweep.json", "members.csv"
@@ -26,6 +29,7 @@ RESULTS_FOLDER, ROWS_FOLDER = "results", "rows"
 ONE_THREAD = "analysis.threads=1"
 # So many members are read before the first is computed: if none of them is a scenario, it is the key that is wrong.
 READ_BEFORE_THE_FIRST = 20
+MOST_WORDS_READ = 1000  # of those that vary: each may name a file, and a scenario takes milliseconds to read
 NAME_HEX_DIGITS = 16
 PROGRAM_VERSION = version_of("explicitfe")
 
@@ -119,12 +123,32 @@ def define(
         except InputError as error:
             refusals.append(error)
             continue
-        sums = sums_of(path, scenario)
+        if not isinstance(scenario, TransientScenario) and tuple(measures) != USUAL_PARTS:
+            for part in parts:
+                if part not in own:
+                    raise InputError(f"--measure {part}: of an indentation a row has its curve; leave this out.")
+        sums = sums_of(path, scenario) | _sums_of_words(text, path, settings, members)
         break
     else:
         raise _refusal_of(refusals[0], text, path, settings, origin)
     sums |= {part: measure.sha256 for part, measure in own.items()}
     return Definition(path, text, settings, members, parts, own, design, factors, seed, sums)
+
+
+def _sums_of_words(text: str, path: Path, settings: tuple[str, ...], members: Members) -> dict[str, str]:
+    """Sums of the files that members name: of each word that varies the first member that has it is read."""
+    sums: dict[str, str] = {}
+    seen: set[tuple[str, str]] = set()
+    for number, values in enumerate(members.values):
+        words = {(key, value) for key, value in zip(members.keys, values, strict=True) if isinstance(value, str)} - seen
+        if not words:
+            continue
+        seen |= words
+        with suppress(InputError):  # such a member is refused when it is computed
+            sums |= sums_of(path, scenario_in(text, path, (*settings, *members.settings(number)))[0])
+        if len(seen) >= MOST_WORDS_READ:
+            break
+    return sums
 
 
 def _refusal_of(refusal: InputError, text: str, path: Path, settings: tuple[str, ...], origin: str) -> InputError:
@@ -166,7 +190,8 @@ def begin(out: Path, wanted: Definition) -> None:
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: this is a file; name a new folder, or an empty one.")
     try:
-        if out.is_dir() and any(path.name not in _NAMES for path in out.iterdir() if not path.name.startswith(".")):
+        others = [path.name for path in out.iterdir() if not path.name.startswith(".")] if out.is_dir() else []
+        if DEFINITION_FILE not in others and any(name not in _NAMES for name in others):
             raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
         out.mkdir(parents=True, exist_ok=True)
         for folder in (RESULTS_FOLDER, ROWS_FOLDER):
@@ -178,7 +203,8 @@ def begin(out: Path, wanted: Definition) -> None:
     except FileExistsError:
         pass
     except OSError as error:
-        raise InputError(f"{out}: this cannot be written ({error.strerror}).") from None
+        wrong = MachineError if error.errno in WITHOUT_ROOM else InputError
+        raise wrong(f"{out}: this cannot be written ({reason(error)}).") from None
     begun = definition_of(out)
     for key, value in document.items():
         if begun.get(key) != value:
@@ -196,7 +222,10 @@ def definition_of(out: Path) -> dict[str, Any]:
     InputError : it holds no sweep, or a damaged one.
     """
     path = out / DEFINITION_FILE
-    table = json_of(text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES), path)
+    try:
+        table = json.loads(text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES))
+    except ValueError:
+        raise InputError(f"{path}: this file is damaged; begin the sweep again in a new folder.") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise InputError(f"{path}: this is no sweep of this version; its format is to be {FORMAT}.")
     return table

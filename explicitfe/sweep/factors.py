@@ -6,6 +6,7 @@ import math
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import date, time
 
 from explicitfe.errors import InputError, shortened
 from explicitfe.host.toml_text import toml_value
@@ -76,19 +77,33 @@ def factor_of(text: str) -> Factor:
         return Factor(key, low=low, high=high) if len(ends) == 2 else Factor(key, _levels(low, high, ends[2], option))
     if not values.strip() or not all(part.strip() for part in parts):
         raise InputError(f"{option}: a value is missing; write KEY=a,b,c.")
-    levels = tuple(value_in(part) for part in parts)
+    try:
+        levels = tuple(value_in(part) for part in parts)
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from None
     if len({toml_value(level) for level in levels}) < len(levels):
         raise InputError(f"{option}: a value stands there twice.")
     return Factor(key, levels)
 
 
 def value_in(text: str) -> object:
-    """What the text of a value says: TOML, or else a bare word."""
+    """What the text of a value says: TOML, a number as other programs write it, or else a bare word.
+
+    Raises
+    ------
+    InputError : a number that is none.
+    """
+    word = text.strip()
     try:
-        table = tomllib.loads(f"value = {text}")
+        table = tomllib.loads(f"value = {word}")
+        value = table["value"] if table.keys() == {"value"} else word
     except (tomllib.TOMLDecodeError, ValueError, RecursionError):
-        return text.strip()
-    return table["value"] if table.keys() == {"value"} else text.strip()
+        value = float(word) if _is_number(word) else word  # such as .5, which TOML has not
+    if isinstance(value, (date, time)):  # no key of a scenario is one
+        return word
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{shortened(word)} is no value for a member; give finite numbers.")
+    return value
 
 
 def setting_of(key: str, value: object) -> str:

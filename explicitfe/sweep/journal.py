@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import json
 import os
+from collections import OrderedDict
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import BinaryIO, NamedTuple, Self
 
 from explicitfe.errors import InputError, MachineError
-from explicitfe.host.files import lock, reason
+from explicitfe.host.files import WITHOUT_ROOM, lock, reason
 from explicitfe.results import FINISHED
 from explicitfe.sweep.rows import STATUS, Cell, Row, WrittenRow, number_of
 
 COLUMNS_KEY = "columns"
+MOST_OPEN_JOURNALS = 64
 
 
 class Journal:
@@ -40,7 +42,8 @@ class Journal:
         try:
             self._number = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666)
         except OSError as error:
-            raise InputError(f"{path}: this cannot be written ({reason(error)}).") from None
+            wrong = MachineError if error.errno in WITHOUT_ROOM else InputError
+            raise wrong(f"{path}: this cannot be written ({reason(error)}).") from None
         if not lock(self._number):
             os.close(self._number)
             raise InputError(f"{path}: another command computes these members; wait until it has ended.")
@@ -107,6 +110,8 @@ class RowPlace(NamedTuple):
 class Stored:
     """The rows of all journals of a folder. Of two rows of a member that of one that finished counts, else the later one.
 
+    Later is what stands in a journal that was written later, or further behind in the same.
+
     What is in memory is where rows stand: they are read when they are asked for, so that millions of them have room.
 
     Attributes
@@ -120,7 +125,7 @@ class Stored:
 
     def __init__(self, folder: Path) -> None:
         self.places: dict[int, RowPlace] = {}
-        self._paths = sorted(folder.glob("*.jsonl"))
+        self._paths = sorted(folder.glob("*.jsonl"), key=lambda path: (path.stat().st_mtime_ns, path.name))
         self._columns: list[list[str]] = []
         for journal, path in enumerate(self._paths):
             for line in _lines(path, self._columns):
@@ -136,12 +141,21 @@ class Stored:
     def rows(self, numbers: Iterable[int] | None = None) -> Iterator[Row]:
         """Rows in the order of the members, or of some of them."""
         chosen = sorted(self.places) if numbers is None else numbers
-        with ExitStack() as stack:
-            files = [stack.enter_context(path.open("rb")) for path in self._paths]
+        files: OrderedDict[int, BinaryIO] = OrderedDict()  # of jobs of an array there are more than may be open at a time
+        try:
             for number in chosen:
                 place = self.places[number]
-                files[place.journal].seek(place.offset)
-                yield dict(zip(self._columns[place.columns], json.loads(files[place.journal].readline()), strict=True))
+                if place.journal not in files:
+                    files[place.journal] = self._paths[place.journal].open("rb")
+                    if len(files) > MOST_OPEN_JOURNALS:
+                        files.popitem(last=False)[1].close()
+                files.move_to_end(place.journal)
+                file = files[place.journal]
+                file.seek(place.offset)
+                yield dict(zip(self._columns[place.columns], json.loads(file.readline()), strict=True))
+        finally:
+            for file in files.values():
+                file.close()
 
     def names(self) -> list[str]:
         """The names of all cells, in the order in which they come, member after member."""

@@ -161,7 +161,13 @@ def from_table(path: Path) -> Members:
 
 def members_in(text: str, path: Path) -> Members:
     """The members of the text of a table; see :func:`from_table`."""
-    lines = csv.reader(io.StringIO(text))
+    try:
+        return _members_of_lines(csv.reader(io.StringIO(text)), path)
+    except csv.Error as error:
+        raise InputError(f"{path}: this is no table as CSV has them ({error}).") from None
+
+
+def _members_of_lines(lines: Any, path: Path) -> Members:
     head = [key.strip() for key in next(lines, [])]
     keys = tuple(key for key in head if key != NUMBER_COLUMN)
     for key in keys:
@@ -178,7 +184,10 @@ def members_in(text: str, path: Path) -> Members:
             continue
         if len(line) != len(head) or not all(cell.strip() for cell in line):
             raise InputError(f"{path}: line {lines.line_num} has not one value for each of the {len(head)} columns.")
-        values.append(tuple(value_in(cell) for key, cell in zip(head, line, strict=True) if key != NUMBER_COLUMN))
+        try:
+            values.append(tuple(value_in(cell) for key, cell in zip(head, line, strict=True) if key != NUMBER_COLUMN))
+        except InputError as error:
+            raise InputError(f"{path}: line {lines.line_num}: {error}") from None
     if not values:
         raise InputError(f"{path}: it names no member; give a line for each.")
     _check_count(len(values), f"--table {path}")

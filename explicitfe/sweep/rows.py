@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from explicitfe.errors import InputError, MachineError, RunError, silent
+from explicitfe.host.files import REFUSALS, reason
 from explicitfe.measure.contact import contacts
 from explicitfe.measure.formants import airway_of
 from explicitfe.measure.measure import constriction_of
@@ -36,7 +37,8 @@ Cell = float | int | bool | str | list[int] | None
 Row = dict[str, Cell]
 
 # Statuses of a member that has none from its run.
-REFUSED, FAULT, LOST = "refused", "fault", "lost"
+REFUSED, FAULT, LOST, FAILED = "refused", "fault", "lost", "failed"
+WITHOUT_RESULT = (REFUSED, FAULT, LOST, FAILED)
 NUMBER, NAME, STATUS, MESSAGE = "member", "name", "status", "message"
 MEMBER_S, COURSE_S = "member_s", "course_s"  # of all of it, and of steps, looks and samples alone
 CONTOUR = "contour"
@@ -159,8 +161,10 @@ def row_of(task: Task, member: Member) -> Row:
     except MachineError:
         raise  # no member is to blame for a disk that is full
     except RunError as error:
-        status, message, cells = "failed", str(error), {}
-    except (ArithmeticError, LookupError, TypeError, ValueError, AttributeError, RuntimeError, MemoryError) as error:
+        status, message, cells = FAILED, str(error), {}
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in REFUSALS:
+            raise MachineError(f"a worker: {error.filename or 'its machine'}: {reason(error)}.") from None
         status, message, cells = FAULT, f"a fault of explicitfe ({type(error).__name__}: {error})", {}
     row: Row = {NUMBER: member.number, NAME: member.name, STATUS: status, MESSAGE: message}
     return row | cells | {MEMBER_S: time.perf_counter() - begin}
@@ -181,7 +185,7 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
     scenario, text = scenario_in(task.text, task.path, member.settings)
     result = ResultInMemory(task.path)
     summary = analysis_of(task.path, scenario, text).run(result, overwrite=False, progress=silent)
-    if _is_kept(task.keep, member.number, summary["status"]):
+    if is_kept(task.keep, member.number, summary["status"]):
         _keep(task, member, scenario, text)
     cells: Row = {key: cast(Cell, summary[key]) for key in SUMMARY_CELLS if key in summary}  # type: ignore[literal-required]
     if "loop_s" in summary:
@@ -201,6 +205,9 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
                     cells |= flat(PARTS[part](result, step), part)
     else:
         cells |= _curve(cast(IndentationSummary, summary))
+        if summary["status"] == FINISHED:
+            for measure in task.own.values():
+                cells |= flat(measure.of(result, last_step(result)), measure.name)
     status, message = summary["status"], summary["message"]
     wrong = [name for name, value in cells.items() if isinstance(value, float) and not math.isfinite(value)]
     if wrong and status == FINISHED:
@@ -245,6 +252,7 @@ def _curve(summary: IndentationSummary) -> Row:
     return {f"load.{k}.{key}": cast(Any, point)[key] for k, point in enumerate(summary["curve"], 1) for key in point}
 
 
-def _is_kept(keep: str, number: int, status: str) -> bool:
+def is_kept(keep: str, number: int, status: str) -> bool:
+    """Whether ``--keep`` asks for the result file of a member that ended so."""
     kind, _, every = keep.partition(":")
     return kind == "all" or (kind == "failed" and status != FINISHED) or (kind == "every" and number % int(every) == 0)

@@ -28,7 +28,20 @@ from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
 from explicitfe.sweep.own_measure import Measuring
-from explicitfe.sweep.rows import MESSAGE, NUMBER, USUAL_PARTS, Cell, Member, Row, Task, WrittenRow, counted_causes
+from explicitfe.sweep.rows import (
+    MESSAGE,
+    NUMBER,
+    USUAL_PARTS,
+    WITHOUT_RESULT,
+    Cell,
+    Member,
+    Row,
+    Task,
+    WrittenRow,
+    counted_causes,
+    is_kept,
+    result_name,
+)
 from explicitfe.sweep.sensitivity import sensitivity_of
 from explicitfe.sweep.table import write_table
 
@@ -49,7 +62,8 @@ class Sweep:
 
     Parameters
     ----------
-    keep : which results are kept as files: "none", "all", "failed", or "every:N".
+    keep : which results are kept as files: "none", "all", "failed", or "every:N". Members that have their rows already are
+        computed again where such a file is missing.
     retry : whether members that have a row and did not finish are computed again.
     only : K/N, which share of the members; all if left out.
     engine : makes who computes, for so many members.
@@ -70,10 +84,19 @@ class Sweep:
         for folder in (out, out / RESULTS_FOLDER):
             remove_unfinished(folder)
         self.statuses = {number: place.status for number, place in Stored(out / ROWS_FOLDER).places.items()}
-        self._todo = [n for n in numbers if n not in self.statuses or (retry and self.statuses[n] != FINISHED)]
         folder = (out / RESULTS_FOLDER).absolute()
+
+        def is_missing(number: int) -> bool:
+            """Whether it has no row, or an unwanted one, or no result file where ``keep`` asks for one."""
+            status = self.statuses.get(number)
+            if status is None or (retry and status != FINISHED):
+                return True
+            return status not in WITHOUT_RESULT and is_kept(keep, number, status) and not (folder / result_name(number)).exists()
+
+        self._todo = [number for number in numbers if is_missing(number)]
         self._task = Task(definition.path.absolute(), definition.text, definition.parts, folder, keep, definition.own)
         self._engine = engine
+        self._given: set[int] = set()
         self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
 
     def __iter__(self) -> Iterator[Row]:
@@ -108,6 +131,7 @@ class Sweep:
         InputError : another command computes these members, or nobody is there to compute them.
         Stopped : a signal has asked to stop; what came back is stored.
         """
+        self._todo = [number for number in self._todo if number not in self._given]
         if self._todo:
             with stopping.watching(), closing(self._engine(len(self._todo))) as engine:
                 yield from self._computed_by(engine, progress)
@@ -125,6 +149,7 @@ class Sweep:
                 journal.append(lines)
                 for line in lines:
                     self.statuses[line.number] = line.status
+                    self._given.add(line.number)
                     failed += line.status != FINISHED
                     self._worker_s += line.seconds
                 stored += len(lines)
@@ -135,7 +160,7 @@ class Sweep:
                 since_s = time.perf_counter() - table_at
                 if since_s > max(BETWEEN_PARTIAL_TABLES_S, table_s / LARGEST_SHARE_OF_PARTIAL_TABLES) and stored < total:
                     table_at = time.perf_counter()
-                    write_table(self.out, self.definition.members, Stored(self.out / ROWS_FOLDER))
+                    write_table(self.out, self.out / ROWS_FOLDER, self.definition.members)
                     table_s = time.perf_counter() - table_at
 
     def finish(self) -> SweepSummary:
@@ -145,8 +170,8 @@ class Sweep:
         ------
         MachineError : they cannot be written.
         """
-        stored = Stored(self.out / ROWS_FOLDER)  # with what other commands have computed
-        files = write_table(self.out, self.definition.members, stored)
+        # with what other commands have computed
+        stored, files = write_table(self.out, self.out / ROWS_FOLDER, self.definition.members)
         complete = len(stored) == len(self.definition.members)
         self.statuses = {number: place.status for number, place in stored.places.items()}
         failed = (number for number, status in sorted(self.statuses.items()) if status != FINISHED)
@@ -217,7 +242,8 @@ def sweep(
     measures : which the rows have, of ``explicitfe.sweep.rows.PARTS``; and functions of a result and a step that give a dict of
         numbers, defined in a module, so that workers find them.
     keep, retry, only : see :class:`Sweep`.
-    processes : of this machine; as many as it has cores if left out.
+    processes : of this machine, as many as it has cores if left out; with an executor, how many workers it has, where it does not
+        say so itself.
     executor : who computes instead: any ``concurrent.futures.Executor``, which stays open.
     scheduler : who computes instead: the address of a Dask scheduler.
 
@@ -265,12 +291,12 @@ def sweep(
 
 def engine_for(processes: int | None, executor: Executor | None, scheduler: str | None, members: int) -> Engine:
     """Who computes so many members; see :func:`sweep`."""
-    if sum(choice is not None for choice in (processes, executor, scheduler)) > 1:
-        raise InputError("processes, an executor and a scheduler exclude each other; give one of them.")
+    if scheduler is not None and (processes is not None or executor is not None):
+        raise InputError("a scheduler has workers of its own; give no processes and no executor beside it.")
     if processes is not None and processes < 1:
         raise InputError(f"--processes {processes}: give 1 or more.")
     if executor is not None:
-        return Given(executor)
+        return Given(executor, processes)
     if scheduler is not None:
         return Cluster(scheduler)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -11,13 +11,14 @@ from pathlib import Path
 
 from explicitfe.errors import MachineError
 from explicitfe.host.extras import has_extra
-from explicitfe.host.files import reason
+from explicitfe.host.files import one_at_a_time, reason
 from explicitfe.results.folder import whole_stream
 from explicitfe.sweep.journal import Stored
 from explicitfe.sweep.members import Members
 from explicitfe.sweep.rows import BESIDE_THE_TABLE, MESSAGE, NAME, NUMBER, STATUS, Cell, Row, number_of
 
 TABLE_FILE, PARQUET_FILE, PARTIAL_FILE = "table.csv", "table.parquet", "table.partial.csv"
+LOCK_FILE = "table.lock"
 ROWS_OF_A_PIECE = 10_000
 ABOUT_A_RUN = (NUMBER, NAME, STATUS, MESSAGE)
 
@@ -28,34 +29,44 @@ def columns_of(stored: Stored, keys: Iterable[str]) -> list[str]:
     return [*head, *(name for name in stored.names() if name not in (*head, *BESIDE_THE_TABLE))]
 
 
-def write_table(out: Path, members: Members, stored: Stored) -> list[str]:
-    """Write the tables of a sweep, each as a whole; the names of the files.
+def write_table(out: Path, rows: Path, members: Members) -> tuple[Stored, list[str]]:
+    """Write the tables of a sweep, each as a whole: the rows that there are by now, and the names of the files.
 
-    A table that lacks members has another name, and takes none of the place of one that is complete.
+    A table that lacks members has another name, and takes none of the place of one that is complete. Of commands that do this at
+    the same time each waits for the others, so that the last one sees all rows.
+
+    Parameters
+    ----------
+    rows : the folder of the journals.
 
     Raises
     ------
     MachineError : they cannot be written.
     """
-    complete = len(stored) == len(members)
-    columns = columns_of(stored, members.keys)
     try:
-        if not complete:
-            for name in (TABLE_FILE, PARQUET_FILE):
-                (out / name).unlink(missing_ok=True)
-            _write_csv(out / PARTIAL_FILE, columns, members, stored)
-            return [str(out / PARTIAL_FILE)]
-        written = [out / TABLE_FILE]
-        kinds = _write_csv(out / TABLE_FILE, columns, members, stored)
-        if has_extra("parquet"):
-            _write_parquet(out / PARQUET_FILE, columns, members, stored, kinds)
-            written.append(out / PARQUET_FILE)
-        with suppress(OSError):
-            (out / PARTIAL_FILE).unlink(missing_ok=True)
+        with one_at_a_time(rows / LOCK_FILE):
+            stored = Stored(rows)
+            return stored, _write_tables(out, members, stored)
     except OSError as error:
         raise MachineError(
             f"{out}: the table cannot be written ({reason(error)}); all rows are there: free space, and give the command again."
         ) from None
+
+
+def _write_tables(out: Path, members: Members, stored: Stored) -> list[str]:
+    columns = columns_of(stored, members.keys)
+    if len(stored) < len(members):
+        for name in (TABLE_FILE, PARQUET_FILE):
+            (out / name).unlink(missing_ok=True)
+        _write_csv(out / PARTIAL_FILE, columns, members, stored)
+        return [str(out / PARTIAL_FILE)]
+    written = [out / TABLE_FILE]
+    kinds = _write_csv(out / TABLE_FILE, columns, members, stored)
+    if has_extra("parquet"):
+        _write_parquet(out / PARQUET_FILE, columns, members, stored, kinds)
+        written.append(out / PARQUET_FILE)
+    with suppress(OSError):
+        (out / PARTIAL_FILE).unlink(missing_ok=True)
     return [str(path) for path in written]
 
 

@@ -11,6 +11,13 @@ def rise(result, step):
     return {"most_mm": 1e3 * u[:, 2].max(), "moved": np.any(u != 0.0), "nodes": {"count": np.int64(len(u))}, "nothing": None}
 
 
+def spoils(result, step):
+    """Reckons in its own unit where it read."""
+    u = result.displacement(step)
+    u *= 1e3
+    return {"most_mm": 1e3 * u[:, 2].max()}
+
+
 def points(result, step):
     """Called as a built-in one is."""
     return {}

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -31,9 +32,15 @@ class Imagined(Engine):
     """Two workers in the head: some members end the process that computes them, and with it all that is in flight."""
 
     def __init__(self, killers: dict[int, int], member_s: float = 0.4) -> None:
-        self.workers, self.killers, self.member_s = 2, dict(killers), member_s
+        self.killers, self.member_s = dict(killers), member_s
         self.sent: list[list[int]] = []
         self.broken, self.waiting = False, []
+
+    breaks_as_a_whole = True
+
+    @property
+    def workers(self):
+        return 2
 
     def submit(self, work, members):
         future: Future = Future()
@@ -87,9 +94,53 @@ def test_a_member_that_always_kills_is_a_row_and_no_other_is():
     assert len(rows) == 20
 
 
+def test_many_members_that_kill_are_rows_each():
+    """A corner of a grid that needs more memory than there is."""
+    rows = rows_by(Imagined(dict.fromkeys(range(10, 25), 99)), 40)
+    assert [number for number, row in sorted(rows.items()) if row["status"] == "lost"] == list(range(10, 25)) and len(rows) == 40
+
+
 def test_where_no_process_can_live_it_says_so():
-    with pytest.raises(MachineError, match="without a single row"):
-        rows_by(Imagined(dict.fromkeys(range(40), 99)), 40)
+    imagined = Imagined(dict.fromkeys(range(40), 99))
+    with pytest.raises(MachineError, match="ended 3 times before the first row"):
+        rows_by(imagined, 40)
+    assert imagined.sent == [[0], [1], [2]]  # nobody is blamed, and another member is tried
+    with pytest.raises(MachineError, match="50 members one after another"):
+        rows_by(Imagined(dict.fromkeys(range(5, 400), 99)), 400)
+
+
+def test_a_pool_that_broke_while_nobody_looked_loses_nothing():
+    class Breaking(Imagined):
+        def submit(self, work, members):
+            if len(self.sent) in (3, 7) and not self.broken:
+                self.sent.append([])
+                self.broken = True
+                raise BrokenProcessPool("a process died before this was sent")
+            return super().submit(work, members)
+
+    rows = rows_by(Breaking({}), 40)
+    assert {row["status"] for row in rows.values()} == {"finished"} and len(rows) == 40
+
+
+class Apart(Imagined):
+    """Workers of a cluster: a death takes nothing with it but its own bundle."""
+
+    breaks_as_a_whole = False
+
+    def submit(self, work, members):
+        future = super().submit(work, members)
+        self.broken = False
+        return future
+
+
+def test_a_death_on_a_cluster_leaves_the_others_in_flight():
+    apart = Apart({17: 99, 30: 1}, member_s=0.1)
+    rows = rows_by(apart, 60)
+    assert [number for number, row in rows.items() if row["status"] == "lost"] == [17] and len(rows) == 60
+    times = Counter(number for numbers in apart.sent for number in numbers)
+    bundles = [numbers for numbers in apart.sent if len(numbers) > 1 and (17 in numbers or 30 in numbers)]
+    again = {number for numbers in bundles for number in numbers}
+    assert {number for number, count in times.items() if count > 1} <= again  # only those that were in the same bundles
 
 
 # ---- real ones ----
@@ -163,6 +214,19 @@ def test_kill_the_driver_and_a_worker(tmp_path):
     assert summary["complete"] and summary["statuses"] == {"finished": 60}
     assert summary["computed"] == 60 - len(kept)
     assert (out / "table.csv").read_bytes() == (whole / "table.csv").read_bytes()
+
+
+def test_a_script_without_its_guard_is_told_so(tmp_path):
+    """Its processes read it again, and come to the sweep themselves; no member is blamed."""
+    (tmp_path / "script.py").write_text(
+        "import explicitfe\n"
+        f"for row in explicitfe.sweep({SCENARIO!r}, ['muscle.GGp.force_N=1,2'], settings=['model.cells=[8,4,4]'], out='out'):\n"
+        "    print(row)\n"
+    )
+    done = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, cwd=tmp_path, timeout=120, check=False)
+    assert done.returncode == 1 and done.stdout == ""
+    assert 'put the call under  if __name__ == "__main__":' in done.stderr.splitlines()[-1]
+    assert stored(tmp_path / "out") == 0
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")

@@ -29,6 +29,17 @@ def test_values_of_a_factor():
     )
 
 
+def test_words_and_numbers_of_other_programs():
+    assert factor_of(f"{FORCE}=.5,1.,1E3").levels == (0.5, 1.0, 1000.0)
+    assert factor_of("model.resolution=coarse,2020-01-02").levels == ("coarse", "2020-01-02")  # no key is a date
+
+
+@pytest.mark.parametrize("text", ['muscle.GGp.force_N\n"1\n' + "2\n" * 100_000, "muscle.GGp.force_N\r1\r2\r", f"{FORCE}\nnan\n"])
+def test_a_table_that_csv_cannot_be(text):
+    with pytest.raises(InputError, match=r"^t.csv: (this is no table|line 2: nan is no value)"):
+        members.members_in(text, Path("t.csv"))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -44,6 +55,7 @@ def test_values_of_a_factor():
         (f"{FORCE}=", "a value is missing"),
         (f"{FORCE}=1,,2", "a value is missing"),
         (f"{FORCE}=1,2,1", "stands there twice"),
+        (f"{FORCE}=1,nan", "give finite numbers"),
     ],
 )
 def test_what_is_no_factor(text, words):

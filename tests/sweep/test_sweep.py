@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import own_measures
 import pytest
 from answers import check_answer
 from command import command
@@ -18,8 +20,12 @@ import explicitfe
 from explicitfe.errors import InputError, MachineError
 from explicitfe.measure.measure import measure
 from explicitfe.results import open_result
+from explicitfe.sweep import journal as journal_module
+from explicitfe.sweep import rows
+from explicitfe.sweep.definition import define
 from explicitfe.sweep.journal import Journal, Stored
-from explicitfe.sweep.rows import counted_causes, flat
+from explicitfe.sweep.members import Members
+from explicitfe.sweep.rows import Member, Task, counted_causes, flat, row_of, written
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
 SMALL = ["model.cells=[8,4,4]", "analysis.duration_ms=4"]
@@ -210,7 +216,10 @@ def test_a_disk_that_is_full_loses_nothing(whole, executor, tmp_path, monkeypatc
         (["--vary", "muscle.GGp.force_N=1,2", "--retry", "all"], "the only choice is failed"),
         (["--vary", "muscle.GGp.force_N=1,2", "--only", "3/2"], "write K/N"),
         (["--vary", "muscle.GGp.force_N=1,2", "--processes", "0"], "--processes 0"),
-        (["--vary", "muscle.GGp.force_N=1,2", "--processes", "1", "--scheduler", "tcp://a:1"], "exclude each other"),
+        (
+            ["--vary", "muscle.GGp.force_N=1,2", "--processes", "1", "--scheduler", "tcp://a:1"],
+            "a scheduler has workers of its own",
+        ),
     ],
 )
 def test_bad_input_is_one_sentence(options, words, tmp_path, capsys):
@@ -245,3 +254,91 @@ def test_causes_are_counted_without_their_numbers():
     messages = ["at 1.5 ms element 3 folded.", "at 2 ms element 17 folded.", 'unknown material "nobody-1999"']
     assert counted_causes(messages) == {"at # ms element # folded.": 2, 'unknown material "nobody-1999"': 1}
     assert counted_causes(messages[:1]) == {messages[0]: 1}  # with its numbers where there is one of them
+
+
+def test_a_table_is_written_by_whoever_sees_all_rows(whole, tmp_path, monkeypatch):
+    """A command that read the journals before the last row came does not take the table away."""
+    out = shutil.copytree(whole, tmp_path / "out")
+    for path in (out / "table.csv", out / "table.parquet"):
+        path.unlink()
+    lines = journal_of(out).read_text().splitlines(keepends=True)
+    journal_of(out).write_text("".join(lines[:-1]))
+    behind = explicitfe.sweep(SCENARIO, FORCES, out=out, settings=SMALL, only="1/5")
+    journal_of(out).write_text("".join(lines))  # another command's last row
+    assert explicitfe.sweep(SCENARIO, FORCES, out=out, settings=SMALL, only="2/5").finish()["complete"]
+    assert behind.finish()["complete"]
+    assert (out / "table.csv").read_bytes() == (whole / "table.csv").read_bytes()
+
+
+def test_more_shares_than_files_may_be_open(tmp_path, monkeypatch):
+    monkeypatch.setattr(journal_module, "MOST_OPEN_JOURNALS", 2)
+    for number in range(7):
+        with Journal(tmp_path / f"{number}-of-7.jsonl") as journal:
+            journal.append([written({"member": number, "status": "finished"})])
+    stored = Stored(tmp_path)
+    assert [row["member"] for row in stored.rows()] == list(range(7))
+    assert [row["member"] for row in stored.rows([6, 0, 6, 3])] == [6, 0, 6, 3]
+
+
+def test_the_later_row_counts_whatever_its_journal_is_called(tmp_path):
+    for at, (name, status) in enumerate([("all", "lost"), ("1-of-2", "inverted")]):
+        with Journal(tmp_path / f"{name}.jsonl") as journal:
+            journal.append([written({"member": 0, "status": status})])
+        os.utime(tmp_path / f"{name}.jsonl", (at, at))
+    assert [row["status"] for row in Stored(tmp_path).rows()] == ["inverted"]
+
+
+def test_files_that_only_later_members_name_belong_to_the_sweep(tmp_path):
+    for name in ("a", "b"):
+        shutil.copy(ROOT / "models/tongue/materials.toml", tmp_path / f"{name}.obj")
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(SCENARIO.read_text().replace('name = "palate"', 'name = "roof"\nlength_unit = "mm"\nfile = "a.obj"'))
+    sums = define(scenario, (), from_levels("bone.roof.file", "a.obj", "b.obj"), design="grid", measures=("points",)).file_sums
+    assert set(sums) == {"a.obj", "b.obj"}
+
+
+def from_levels(key: str, *levels: str) -> Members:
+    return Members((key,), [(level,) for level in levels])
+
+
+def test_a_second_walk_over_a_sweep_computes_nothing(executor, tmp_path):
+    both = explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=1,2"], out=tmp_path, settings=SMALL, executor=executor)
+    assert [row["muscle.GGp.force_N"] for row in both] == [1, 2]
+    assert list(both) == [] and journal_of(tmp_path).read_text().count("\n[") == 2
+
+
+def test_results_that_are_asked_for_later_are_computed_then(executor, tmp_path):
+    forces = [f"muscle.GGp.force_N=1.0,{REFUSED}"]
+    sweep(tmp_path, executor, forces)
+    assert not list((tmp_path / "results").iterdir())
+    assert len(sweep(tmp_path, executor, forces, keep="all")) == 1  # one that is refused has no result
+    assert [path.name for path in (tmp_path / "results").glob("*.vtkhdf")] == ["member-0000000.vtkhdf"]
+    assert sweep(tmp_path, executor, forces, keep="all") == []
+
+
+def test_a_long_scenario_is_a_scenario(tmp_path):
+    scenario = tmp_path / "long.toml"
+    scenario.write_text(SCENARIO.read_text() + "# a remark\n" * 3000)
+    explicitfe.sweep(scenario, FORCES, out=tmp_path / "out", settings=SMALL)
+    explicitfe.sweep(scenario, FORCES, out=tmp_path / "out", settings=SMALL)
+
+
+def test_what_a_measure_writes_into_its_arrays_is_its_own(executor, tmp_path):
+    row = sweep(tmp_path / "a", executor, ["muscle.GGp.force_N=1"], measures=[own_measures.spoils, own_measures.rise])[0]
+    assert row["spoils.most_mm"] == pytest.approx(1e3 * row["rise.most_mm"])
+
+
+@pytest.mark.parametrize(
+    ("error", "kept"), [(AssertionError("no"), "fault"), (EOFError("end"), "fault"), (OSError(28, "full"), "")]
+)
+def test_whatever_goes_wrong_with_a_member(monkeypatch, tmp_path, error, kept):
+    def fails(*words):
+        raise error
+
+    monkeypatch.setattr(rows, "_computed", fails)
+    task = Task(SCENARIO, SCENARIO.read_text(), ("points",), tmp_path)
+    if kept:
+        assert row_of(task, Member(3, "", ()))["status"] == kept
+    else:  # no member is to blame for a disk that is full
+        with pytest.raises(MachineError):
+            row_of(task, Member(3, "", ()))

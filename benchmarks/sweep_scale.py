@@ -1,6 +1,6 @@
 """What limits a sweep on many workers: the driver's own code with imagined workers, in imagined time.
 
-    python benchmarks/sweep_scale.py OUT
+    python benchmarks/sweep_scale.py OUT [--sync-ms 50]
 
 What the driver does for a row, and for having rows on the disk, is measured first, on rows of a small sweep in OUT and on this
 disk; to send a bundle and get it back takes a millisecond, as Dask says of its tasks. Then bundles go to workers that only wait,
@@ -37,12 +37,16 @@ class Waiting(Engine):
     """Workers that only wait. The driver has one clock for what it does itself."""
 
     def __init__(self, workers: int, member_s: float, sync_s: float, row_s: float) -> None:
-        self.workers, self.member_s, self.sync_s, self.row_s = workers, member_s, sync_s, row_s
+        self._workers, self.member_s, self.sync_s, self.row_s = workers, member_s, sync_s, row_s
         self.now_s = self.driver_s = self.worked_s = 0.0
         self._free = [0.0] * workers
         self._ends: list[tuple[float, int, Future, list]] = []
         self._rng = np.random.default_rng(1)
         self._count = 0
+
+    @property
+    def workers(self):
+        return self._workers
 
     def submit(self, task, members):
         self._spend(BUNDLE_SENT_S)
@@ -106,9 +110,13 @@ def costs(out: Path) -> tuple[float, float, int]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("out", type=Path)
+    parser.add_argument(
+        "--sync-ms", type=float, help="what a slower file system takes to have rows on its disk, instead of this one"
+    )
     options = parser.parse_args()
     sync_s, row_s, size = costs(options.out)
     print(f"to have rows on the disk takes {1e3 * sync_s:.2f} ms, a row {1e6 * row_s:.0f} us and {size} bytes")
+    sync_s = sync_s if options.sync_ms is None else 1e-3 * options.sync_ms
     print("| workers | a member takes | members | wall time | workers busy | driver busy | rows at a time |")
     print("|---|---|---|---|---|---|---|")
     for workers in WORKERS:

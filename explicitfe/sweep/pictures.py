@@ -123,19 +123,19 @@ def effects(sweep: SweepToDraw) -> Figure | None:
     by_name = {column.name: column for column in sweep.measures}
     rows: list[tuple[SweepColumn, list[MainEffect]]] = []
     for name in sweep.main_measures:
-        found = [effect for factor in sweep.factors if (effect := main_effect(factor, by_name[name])) is not None]
-        found = sorted(found, key=lambda effect: -np.nan_to_num(effect.share))[:MOST_FACTORS_DRAWN]
-        if found and len(rows) < MOST_MEASURES_DRAWN:
-            rows.append((by_name[name], found))
+        strongest = [effect for factor in sweep.factors if (effect := main_effect(factor, by_name[name])) is not None]
+        strongest = sorted(strongest, key=lambda effect: -np.nan_to_num(effect.share))[:MOST_FACTORS_DRAWN]
+        if strongest and len(rows) < MOST_MEASURES_DRAWN:
+            rows.append((by_name[name], strongest))
     if not rows:
         return None
-    across = max(len(found) for _, found in rows)
+    across = max(len(strongest) for _, strongest in rows)
     figure = new_figure(max(WIDTH_IN, 2.4 * across), PANEL_HEIGHT_IN * len(rows) + 0.4)
     grid = figure.subplots(len(rows), across, squeeze=False, sharey="row")
-    for panels, (measure, found) in zip(grid, rows, strict=True):
-        for panel, effect in zip(panels, found, strict=False):
+    for panels, (measure, strongest) in zip(grid, rows, strict=True):
+        for panel, effect in zip(panels, strongest, strict=False):
             _effect(panel, effect, sweep.is_balanced)
-        for panel in panels[len(found) :]:
+        for panel in panels[len(strongest) :]:
             panel.set_axis_off()
         panels[0].set_ylabel(measure.title.replace(": ", ":\n"), fontsize=8)
     figure.suptitle("Mean of each value or bin, and one standard deviation to both sides", fontsize=9)

@@ -23,6 +23,7 @@ from explicitfe.results import Recorded
 TOUCHING_MM = 0.5
 AROUND_PLACES_M = 10e-3
 TRIANGLES_TRIED = 24
+SAME_DISTANCE_M = 1e-9
 PLACES_MM = {
     "left": [
         (79.971, -19.706, 106.33), (84.914, -20.507, 106.2), (89.441, -21.197, 106.23), (93.601, -22.325, 106.0),
@@ -77,6 +78,7 @@ def _distance(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     distance = triangle_distance(repeated, flat).reshape(count, tried)
     outward = np.cross(flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0])
     outside = (np.einsum("ij,ij->i", repeated - flat[:, 0], outward) > 0.0).reshape(count, tried)
-    nearest = distance.argmin(axis=1)
-    rows = np.arange(count)
-    return np.where(outside[rows, nearest], distance[rows, nearest], 0.0)
+    # Over an edge two triangles are as near, and one of them may face away.
+    nearest = distance.min(axis=1)
+    as_near = distance <= nearest[:, None] + SAME_DISTANCE_M
+    return np.where((outside & as_near).any(axis=1), nearest, 0.0)

@@ -268,8 +268,8 @@ class Bundles:
             wrong: BaseException | None = None
             for future in done:
                 members = self._in_flight.pop(future)
-                # jobs of batch systems have no such word
-                error = CancelledError() if getattr(future, "cancelled", bool)() else future.exception()
+                # jobs of batch systems are no futures, and are never cancelled here
+                error = CancelledError() if isinstance(future, Future) and future.cancelled() else future.exception()
                 if error is None:
                     lines += future.result()
                 elif self._engine.is_death(error):

@@ -276,6 +276,37 @@ def test_an_executor_that_gives_up_is_named():
         rows_by(Cancelling({}), 5)
 
 
+class Job:
+    """What a batch system gives for a bundle: no future, but it can be asked."""
+
+    cancelled = False
+
+    def __init__(self, function, *words):
+        self._asked, self._rows = 0, function(*words)
+
+    def done(self):
+        self._asked += 1
+        return self._asked > 2
+
+    def exception(self):
+        return None
+
+    def result(self):
+        return self._rows
+
+
+def test_jobs_of_a_batch_system(tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "POLL_FUTURES_S", 0.01)
+
+    class Batch:
+        def submit(self, function, *words):
+            return Job(function, *words)
+
+    options = {"settings": ["model.cells=[8,4,4]", "analysis.duration_ms=4"], "executor": Batch(), "processes": 2}
+    rows = list(explicitfe.sweep(SCENARIO, ["muscle.GGp.force_N=0,1,2"], out=tmp_path, **options))
+    assert sorted(row["member"] for row in rows) == [0, 1, 2] and {row["status"] for row in rows} == {"finished"}
+
+
 def test_an_address_that_nobody_answers(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr(engine, "CONNECT_WITHIN_S", 0.5)

@@ -90,7 +90,9 @@ def commands_of(folder: Path, begun: BegunSweep, members: Members, shown: int | 
     own = [part for part in begun.measures if part not in PARTS]
     commands = [
         *([f"# without the functions {', '.join(own)}, which explicitfe.sweep(..., measures=) takes from Python"] if own else []),
-        _command(f"explicitfe sweep {scenario}", [*_options(folder, begun), ("--out", str(folder))]),
+        _command(
+            f"explicitfe sweep {scenario}", [*_options(folder, begun), ("--out", f"{folder}-again" if own else str(folder))]
+        ),
         f"explicitfe report {name} --overwrite",
     ]
     if shown is not None:

@@ -45,6 +45,7 @@ def test_the_page_says_what_a_command_cannot_repeat(tmp_path):
     sweep = explicitfe.sweep(SCENARIO, FORCES, out=tmp_path, settings=SMALL, measures=["points", own_measures.rise])
     commands = commands_of(tmp_path, begun_sweep(tmp_path), sweep.definition.members, None)
     assert commands[0].startswith("# without the functions own_measures.rise")
+    assert f"--out {tmp_path}-again" in commands[1]  # in its own folder it would be another sweep
     assert "--measure points" in commands[1] and "own_measures" not in commands[1]
 
 

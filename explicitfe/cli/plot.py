@@ -46,15 +46,17 @@ def plot(
     names = None if only is None else [name.strip() for name in only.split(",")]
     times_s = None if times is None else [1e-3 * _number(text) for text in times.split(",")]
     with following(console, f"reading {result}") as progress:
-        from explicitfe.sweep.pictures import draw_sweep
-        from explicitfe.view.draw import draw
         from explicitfe.view.terminal.drawn import drawn_table
 
         if is_sweep(result):
+            from explicitfe.sweep.pictures import draw_sweep
+
             if times_s is not None:
                 raise InputError(f"{result}: a sweep has no times to draw; leave --times out.")
             drawn = draw_sweep(result, out, only=names, file_format=file_format, overwrite=overwrite, progress=progress)
         else:
+            from explicitfe.view.draw import draw
+
             drawn = draw(
                 result, out, only=names, file_format=file_format, times_s=times_s, overwrite=overwrite, progress=progress
             )

@@ -8,7 +8,7 @@ from explicitfe.host.kept import kept
 from explicitfe.mesh.hexmesh import FACES, HexMesh, free_faces
 
 
-@kept(16)
+@kept(4)  # of a fine surface they take much memory
 def corners_of(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Corners (m, 3 corners, 3) m of triangles (m, 3) of points (n, 3) m."""
     return points[triangles]
@@ -77,10 +77,16 @@ def plane_segments(corners: np.ndarray, point: np.ndarray, normal: np.ndarray) -
 
 def segments_of_planes(corners: np.ndarray, points: np.ndarray, normals: np.ndarray) -> list[np.ndarray]:
     """What :func:`plane_segments` gives for each of the planes through ``points`` (p, 3) across ``normals`` (p, 3)."""
-    height = np.einsum("mcpi,pi->pmc", corners[:, :, None] - points, normals)
+    # Plane after plane: heights of all triangles over all planes would be many times the surface.
+    heights, triangles = [], []
+    for point, normal in zip(points, normals, strict=True):
+        height = (corners - point) @ normal
+        behind = height > 0.0
+        cut = np.flatnonzero(behind.any(axis=1) & ~behind.all(axis=1))
+        heights.append(height[cut])
+        triangles.append(cut)
+    corners, height = corners[np.concatenate(triangles)], np.concatenate(heights)
     behind = height > 0.0
-    plane, triangle = np.nonzero(behind.any(axis=2) & ~behind.all(axis=2))
-    corners, height, behind = corners[triangle], height[plane, triangle], behind[plane, triangle]
     # The corner that is alone on its side comes first: the plane cuts the two edges that meet there.
     alone = np.argmax(behind == (behind.sum(axis=1) == 1)[:, None], axis=1)
     order = (alone[:, None] + np.arange(3)) % 3
@@ -88,4 +94,4 @@ def segments_of_planes(corners: np.ndarray, points: np.ndarray, normals: np.ndar
     height = np.take_along_axis(height, order, axis=1)
     share = height[:, :1] / (height[:, :1] - height[:, 1:])
     segments = corners[:, :1] + share[:, :, None] * (corners[:, 1:] - corners[:, :1])
-    return np.split(segments, np.searchsorted(plane, np.arange(1, len(points))))
+    return np.split(segments, np.cumsum([len(cut) for cut in triangles])[:-1])

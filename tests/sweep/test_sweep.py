@@ -256,7 +256,7 @@ def test_causes_are_counted_without_their_numbers():
     assert counted_causes(messages[:1]) == {messages[0]: 1}  # with its numbers where there is one of them
 
 
-def test_a_table_is_written_by_whoever_sees_all_rows(whole, tmp_path, monkeypatch):
+def test_a_table_is_written_by_whoever_sees_all_rows(whole, tmp_path):
     """A command that read the journals before the last row came does not take the table away."""
     out = shutil.copytree(whole, tmp_path / "out")
     for path in (out / "table.csv", out / "table.parquet"):

@@ -10,12 +10,14 @@ import pytest
 import tiny_result
 from answers import check_answer
 from command import command
+from support import ROOT
 
 from explicitfe.errors import InputError
 from explicitfe.measure.compare import compare
 from explicitfe.mesh.box import box
 from explicitfe.results import FINISHED, Quantity
 from explicitfe.results.differing_keys import differing_keys
+from explicitfe.scenario.read import read_scenario
 
 SIZE_M = np.array([0.04, 0.03, 0.02])
 GRADIENT = np.array([[0.02, 0.01, -0.03], [0.0, 0.04, 0.01], [0.05, -0.02, 0.0]])
@@ -150,14 +152,29 @@ def test_keys_are_named_as_set_takes_them() -> None:
     assert differing_keys([one, other, one]) == {
         "model.gravity_m_s2": [[0, 0, 0], [0, 0, -9.81], [0, 0, 0]],
         "muscle.GGp.force_N": [1.0, 2.0, 1.0],
-        "muscle.SL.name": ["SL", None, "SL"],
-        "muscle.SL.force_N": [1.0, None, 1.0],
-        "model.damping.alpha_per_s": [None, 40.0, None],
-        "muscle.1.name": [None, "STY", None],
-        "muscle.1.force_N": [None, 1.0, None],
-        "muscle.2.name": [None, "STY", None],
-        "muscle.2.force_N": [None, 0.5, None],
+        "muscle.SL": [{"name": "SL", "force_N": 1.0}, None, {"name": "SL", "force_N": 1.0}],
+        "model.damping": [None, {"alpha_per_s": 40.0}, None],
+        "muscle.1": [None, {"name": "STY", "force_N": 1.0}, None],
+        "muscle.2": [None, {"name": "STY", "force_N": 0.5}, None],
     }
+
+
+def test_a_table_that_only_one_scenario_has_is_one_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The tables of bundled scenarios have dozens of keys once their defaults are filled in."""
+    settings = ("muscle.+={name='STY', force_N=1.4}", "bone.jaw.friction=0.3", "effects.activation-lag.tau_ms=12.0")
+    scenarios = (read_scenario(ROOT / "scenarios" / "vowel-i.toml", chosen)[0] for chosen in ((), settings))
+    plain, changed = (scenario.model_dump(mode="json", by_alias=True) for scenario in scenarios)
+    assert len(changed["muscle"][-1]) > 10
+    assert list(differing_keys([plain, changed])) == ["muscle.STY", "bone.jaw.friction", "effects.activation-lag"]
+    paths = [write(tmp_path / "a.vtkhdf", scenario=plain), write(tmp_path / "b.vtkhdf", scenario=changed, rate=1.1)]
+    assert command(["compare", *map(str, paths), "--json"]) == 0
+    rows = check_answer("compare", capsys.readouterr().out)["differing_keys"]
+    assert [row["key"] for row in rows] == ["muscle.STY", "bone.jaw.friction", "effects.activation-lag"]
+    assert command(["compare", *map(str, paths)]) == 0
+    lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in capsys.readouterr().out.splitlines() if "│" in line]
+    assert ["muscle.STY", "absent", "1.4 N"] in lines and ["effects.activation-lag", "absent", "tau_ms = 12"] in lines
+    assert command(["report", *map(str, paths), "--out", str(tmp_path / "page.html")]) == 0
+    assert "<td>1.4 N</td>" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
 def test_the_command_tells_a_script_by_its_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

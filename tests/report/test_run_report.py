@@ -162,7 +162,7 @@ def test_what_differs() -> None:
     assert differences([{"a": 1}, {"a": 1}], ["x", "y"]) is None
     shown = differences([{"title": "p", "a": 1, "b": "l" * 100}, {"title": "q", "a": 2}], ["x", "y"])
     assert shown is not None
-    assert [row.cells for row in shown.rows] == [["a", "1", "2"], ["b", "l" * 79 + "…", "not given"]]
+    assert [row.cells for row in shown.rows] == [["a", "1", "2"], ["b", "l" * 79 + "…", "absent"]]
 
 
 @pytest.mark.parametrize("low, high", [(0.0, 1.0), (-3.2e-7, 5e-7), (1.0, 1.0001), (0.0, 3e8), (-120.0, -3.0)])

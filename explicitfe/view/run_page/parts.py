@@ -14,7 +14,7 @@ from pydantic import JsonValue
 
 from explicitfe.measure.measure import measures_of
 from explicitfe.results import Result
-from explicitfe.results.differing_keys import differing_keys
+from explicitfe.results.differing_keys import differing_keys, table_in_words
 from explicitfe.results.run_summary import kind_of
 from explicitfe.results.units_of_keys import words_and_unit
 from explicitfe.view.heading import title_of
@@ -104,7 +104,9 @@ def differences(scenarios: Sequence[Mapping[str, Any]], labels: Sequence[str]) -
 
 def _value(value: JsonValue) -> str:
     if value is None:
-        return "not given"
+        return "absent"
+    if isinstance(value, dict):
+        return table_in_words(value)
     text = bare(value) if finite(value) else str(value)
     return text if len(text) <= LONGEST_VALUE_CHARACTERS else f"{text[: LONGEST_VALUE_CHARACTERS - 1]}…"
 

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.measure.comparison import ComparedField, ComparedHistory, Comparison, DifferingKey
+from explicitfe.results.differing_keys import table_in_words
 from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import moved, pairs, spaced, text_of
 
@@ -148,10 +149,10 @@ def _measures(comparison: Comparison) -> Iterator[tuple[str, str, str]]:
 
 def _value(value: JsonValue) -> str:
     if value is None:
-        return "-"
+        return "absent"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return text_of(value)
+    return table_in_words(value) if isinstance(value, dict) else text_of(value)
 
 
 def _percent(share: float | None) -> str:

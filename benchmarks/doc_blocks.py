@@ -1,8 +1,9 @@
-"""Run the code blocks of the pages that are too slow for the tests, as a reader would, each page in a folder of its own.
+"""Run the code blocks of the pages that are too slow for the tests, each page in an empty folder, and compare their output.
 
     python benchmarks/doc_blocks.py [PAGE ...]
 
-Prints how many blocks of each page ran and how long they took; the first one that fails ends its page.
+Prints the number of blocks and the wall time of each page. A page ends at its first block that fails, or
+that prints something else than the page shows.
 """
 
 from __future__ import annotations
@@ -18,26 +19,23 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from docs_blocks import OFF_SCREEN, begins_with_a_result, blocks_of, is_slow, pages, run_block, write_programs  # noqa: E402
+from docs_blocks import OFF_SCREEN, begins_with_a_result, follow, is_slow, pages, write_programs  # noqa: E402
 
 
-def follow(page: str, folder: Path, programs: Path) -> tuple[int, float]:
-    """Run a page; give the number of its blocks and the wall time [s]."""
+def time_page(page: str, folder: Path, programs: Path) -> tuple[int, float]:
+    """Run a page in a folder; give the number of its blocks and the wall time [s]."""
     import explicitfe
 
     os.chdir(folder)
     if begins_with_a_result(page):
         explicitfe.run(ROOT / "scenarios" / "vowel-i.toml", "outputs")
-    blocks = blocks_of(page)
     begun = time.perf_counter()
-    for block in blocks:
-        run_block(block, programs)
-    return len(blocks), time.perf_counter() - begun
+    return follow(page, programs), time.perf_counter() - begun
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("pages", nargs="*", metavar="PAGE", help="such as docs/tutorials/specimen.md; all slow pages if left out")
+    parser.add_argument("pages", nargs="*", metavar="PAGE", help="such as docs/tutorials/specimen.md; default: all slow pages")
     chosen = parser.parse_args().pages or [page for page in pages() if is_slow(page)]
     os.environ.update(OFF_SCREEN)
     top = Path(tempfile.mkdtemp())
@@ -47,9 +45,9 @@ def main() -> int:
         folder = top / page.replace("/", "-")
         folder.mkdir()
         try:
-            count, wall_s = follow(page, folder, programs)
+            count, wall_s = time_page(page, folder, programs)
             rows.append(f"| {page} | {count} | {wall_s:.0f} s |")
-        except Exception as error:  # whatever a block raises belongs to its page; the others are run all the same
+        except Exception as error:  # a block may raise anything; the other pages are run nevertheless
             failed += 1
             rows.append(f"| {page} | failed: {error} | |")
     os.chdir(ROOT)

@@ -1,6 +1,6 @@
-"""What a reader copies from a page works: files are read, commands exist with their options, and blocks run.
+"""Code blocks of the documentation: files are valid, commands and options exist, blocks run and print what the page shows.
 
-Pages that say that they are slow are run by ``benchmarks/doc_blocks.py``; of these the commands are only looked up.
+Pages marked as slow are run by ``benchmarks/doc_blocks.py``; here only their commands are checked.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ from pathlib import Path
 import h5py
 import pytest
 from docs_blocks import (
+    ALLOWED_REASONS,
     LANGUAGES,
     OFF_SCREEN,
     begins_with_a_result,
     blocks_of,
+    check_output,
     commands_of,
+    follow,
     is_slow,
     pages,
-    run_block,
     text_of,
     write_programs,
 )
@@ -29,7 +31,7 @@ from support import ROOT
 
 import explicitfe
 
-# They have tests of their own: what the blocks print is compared too, and files are put into a copy of the package.
+# These pages have tests of their own: test_python_page.py, and test_extending.py, which works on a copy of the package.
 ELSEWHERE = ("docs/tutorials/python.md", "docs/reference/extending.md")
 RUN = [
     page
@@ -95,12 +97,32 @@ def test_a_page_can_be_followed(page, result, programs, tmp_path, monkeypatch):
     if begins_with_a_result(page):
         Path("outputs").mkdir()
         shutil.copy(result, "outputs/vowel-i.vtkhdf")
+    follow(page, programs)
+
+
+@pytest.mark.parametrize("page", [page for page in pages() if not re.match(r"docs/(studies|reference)/", page)])
+def test_all_blocks_are_executed(page):
+    """Only installation, and commands for a cluster on their page, may be marked as not run, or hide in a block of text."""
     for block in blocks_of(page):
-        run_block(block, programs)
+        if block.not_run is not None:
+            assert block.not_run.startswith(ALLOWED_REASONS), (block.heading, block.not_run)
+            assert page == "docs/how-to/cluster.md" or not block.not_run.startswith("cluster"), block.heading
+        if block.language == "text":
+            assert not re.search(r"^(explicitfe|python) ", block.text, re.M), f"{block.heading}: mark this block as bash"
+
+
+def test_output_is_compared():
+    """Words, their order and numbers are compared; frames, line breaks and what ``...`` stands for are not."""
+    output = "│ tip │ forward 4.27, up 1.55 mm,  │\n│     │ at 1 mm/s │\nresult  outputs/a.vtkhdf"
+    check_output("tip  forward 4.26, up 1.57 mm, at 1 mm/s", output)
+    check_output("tip ... mm/s\n...\nresult outputs/a.vtkhdf", output)
+    for wrong in ("tip forward 4.24", "tip backward 4.27", "at 2 mm/s", "result ... tip"):
+        with pytest.raises(AssertionError):
+            check_output(wrong, output)
 
 
 def test_matlab_reads_what_is_there(result):
-    """Every dataset that a MATLAB block reads is in a result; there is no MATLAB here to run it."""
+    """Every dataset that a MATLAB block reads is in a result; MATLAB itself is not run."""
     with h5py.File(result) as file:
         for page in pages():
             for block in blocks_of(page):
@@ -111,5 +133,5 @@ def test_matlab_reads_what_is_there(result):
 
 @pytest.mark.parametrize("page", [page for page in pages() if not re.match(r"docs/(studies|reference)/", page)])
 def test_a_page_is_read_in_a_few_minutes(page):
-    """1 500 words at most, but for studies and the reference."""
+    """1 500 words at most, except for studies and the reference."""
     assert len(re.sub(r"```.*?```", "", text_of(page), flags=re.S).split()) <= 1500

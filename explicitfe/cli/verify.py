@@ -13,13 +13,13 @@ from explicitfe.view.progress import following
 
 def verify(
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="NAME", help="Compute only this claim; repeat for more.")
+        list[str] | None, typer.Option("--only", metavar="NAME", help="Compute only this claim; can be repeated.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Compute the claims of the page "Is it true?" on this machine, each beside its reference; a few minutes in all.
+    """Compute the validation claims on this machine and compare them with their references (several minutes).
 
-    Exit code 3 if one of them does not hold.
+    The claims are those of the page "Is it true?" of the documentation. The exit code is 3 if a claim does not hold.
 
     Example: [bold]explicitfe verify --only febio --only tubes[/bold]
     """
@@ -34,5 +34,7 @@ def verify(
         verification,
         as_json,
         lambda: verification_tables(verification),
-        failure=("check", f"{count} do not hold here: {', '.join(broken)}.") if broken else None,
+        failure=("check", f"{count} do not hold on this machine: {', '.join(broken)}. See the table for the deviations.")
+        if broken
+        else None,
     )

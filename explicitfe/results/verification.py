@@ -1,4 +1,4 @@
-"""What ``explicitfe verify`` says of each claim."""
+"""Answer of ``explicitfe verify``."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from typing_extensions import TypedDict
 
 
 class VerifiedClaim(TypedDict):
-    """A claim that was computed on this machine.
+    """A claim, computed on this machine.
 
     Attributes
     ----------
     evidence : closed form, other program, published, measured data, or own data.
-    measured, reference : what was computed and what it is compared with, in words.
-    off, allowed, unit : how far they are apart, and how far they may be; ``off`` is None where nothing could be computed.
-    fails : how far the claim goes.
-    message : why it could not be computed; "" if it could.
+    measured, reference : computed figures and reference as texts.
+    off, allowed, unit : deviation and permitted deviation; ``off`` is None if the claim could not be computed.
+    fails : limits of the claim.
+    message : why the claim could not be computed; otherwise "".
     """
 
     name: str
@@ -33,12 +33,12 @@ class VerifiedClaim(TypedDict):
 
 
 class Verification(TypedDict):
-    """All claims that were asked for.
+    """All requested claims.
 
     Attributes
     ----------
-    holding : how many hold.
-    version : of explicitfe.
+    holding : number of claims that hold.
+    version : version of explicitfe.
     """
 
     version: str | None

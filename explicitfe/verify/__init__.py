@@ -1,1 +1,1 @@
-"""The headline claims of the page "Is it true?", each computed anew on this machine beside what it is compared with."""
+"""Claims of the page "Is it true?": each is computed and compared with a reference."""

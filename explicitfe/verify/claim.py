@@ -1,4 +1,4 @@
-"""What a claim is: a sentence, what it is compared with, how far off it may be, where it fails, and how it is computed."""
+"""A claim: its sentence, reference, tolerance, limits and computation."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from explicitfe.results.run_summary import RunSummary
 from explicitfe.run.run import run
 
 Evidence = Literal["closed form", "other program", "published", "measured data", "own data"]
-"""What a claim is compared with. "own data" are those of this program with other numerics, or with a secret in them."""
+"""Kind of reference. "own data" are simulated with this program, with other numerical settings or with a hidden effect."""
 
 
 @dataclass(frozen=True)
 class ClaimFigure:
-    """What a claim came to.
+    """The computed figure of a claim.
 
     Attributes
     ----------
-    text : the figures, in words.
-    off : how far from the reference, in the unit of the claim.
+    text : the figures as a text.
+    off : deviation from the reference, in the unit of the claim.
     """
 
     text: str
@@ -32,22 +32,22 @@ class ClaimFigure:
 
 @dataclass
 class Workshop:
-    """Where claims are computed; what one has run another one need not run again.
+    """A temporary folder in which claims are computed; runs are shared between claims.
 
     Attributes
     ----------
-    folder : for results and datasets; nothing in it is kept.
+    folder : for results and datasets; it is deleted afterwards.
     """
 
     folder: Path
     _summaries: dict[tuple[str, ...], RunSummary] = field(default_factory=dict)
 
     def run(self, scenario: str, *settings: str) -> RunSummary:
-        """The summary of a run of a scenario that comes with the program.
+        """Run a scenario that comes with the program, unless another claim has run it, and give its summary.
 
         Raises
         ------
-        RunError : it did not come to its end.
+        RunError : the run did not finish.
         """
         key = (scenario, *settings)
         if key not in self._summaries:
@@ -61,17 +61,18 @@ class Workshop:
 
 @dataclass(frozen=True)
 class Claim:
-    """One line of the page.
+    """One row of the page "Is it true?".
 
     Attributes
     ----------
-    name : by which ``explicitfe verify --only`` asks for it.
-    sentence : what is claimed.
-    reference, source : what it is compared with, and from where that is.
-    allowed, unit : the largest deviation at which it holds, and why that much stands in ``because``.
-    fails : how far it goes: where it does not hold, or is not known to.
-    figure : computes it.
-    seconds : about how long that takes, by which progress goes on.
+    name : name for ``explicitfe verify --only``.
+    sentence : the claim.
+    evidence : kind of the reference.
+    reference, source : value of the reference, and its origin.
+    allowed, unit, because : largest permitted deviation, its unit, and its reason.
+    fails : limits of the claim.
+    figure : computes the figure.
+    seconds : approximate duration, for the progress display.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Constants and missing effects from measured and from made data: what comes back, and what is foretold."""
+"""Claims on data: recovered constants, prediction of held-out tests, effects found in blind cases."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from explicitfe.predict.setup import Setup, SpecimenKeys, ToolKeys
 from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.verify.claim import ClaimFigure, Workshop
 
-# Of Gérard et al. (2005), front of the tongue with its mucosa [Pa], from whose forces the test is made.
+# Constants [Pa] of Gérard et al. (2005), front of the tongue with its mucosa, for the simulated test.
 CONSTANTS_PA = (190.0, 87.0)
 LOADS_N = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 TOOL: ToolKeys = {"shape": "flat-cylinder", "radius_mm": 14.0, "edge_radius_mm": 1.0, "friction": 0.0}
-# The data are made on a quarter with smaller elements than the sector on which they are fitted.
+# The data are computed on a quarter model with smaller elements than the sector model of the fit.
 REFINEMENT_OF_DATA, REFINEMENT_OF_FIT = 1.25, 0.8
 SPECIMEN: SpecimenKeys = {
     "symmetry": "quarter",
@@ -34,8 +34,8 @@ SPECIMEN: SpecimenKeys = {
     "refinement": REFINEMENT_OF_DATA,
 }
 DATASET = """format = "explicitfe-dataset/1"
-name = "made"
-title = "Made with known constants"
+name = "simulated"
+title = "Simulated with known constants"
 test = "indentation"
 [specimen]
 shape = "cylinder"
@@ -52,27 +52,27 @@ friction = 0.0
 force_sd_N = 0.002
 displacement_sd_mm = 0.01
 [[curve]]
-id = "made"
-file = "made.csv"
+id = "simulated"
+file = "simulated.csv"
 """
 SILICONE = "ecoflex-compression"
-# Seed and kinds of the sealed cases; none of them was looked at when the program was made.
+# Seed and kinds of the blind cases, which were not used to develop the program.
 SEALED_SEED, SEALED_KINDS = 20260, {"control": 4, "single": 6}
 PROCESSES = 2
 
 
 def constants_come_back(work: Workshop) -> ClaimFigure:
-    """The larger relative error of C10 and C20, in units of what is allowed for each: 1 and 4 per cent."""
+    """Larger one of the relative error of C10 and a quarter of the relative error of C20."""
     body = Setup(SPECIMEN, TOOL, 0.499, 1040.0).relaxation(*CONSTANTS_PA, tolerance=3e-5)
     rows = ["time_s,displacement_mm,force_N"]
     for number, load_N in enumerate(LOADS_N):
         reached = body.press(load_N)
         if not isinstance(reached, Equilibrium):
-            raise RunError(f"a force of {load_N} N was not reached: {reached}")
+            raise RunError(f"the equilibrium at {load_N} N was not reached: {reached}")
         rows.append(f"{number},{1e3 * reached.displacement_m:.9g},{load_N}")
-    folder = work.folder / "made"
+    folder = work.folder / "simulated"
     folder.mkdir()
-    (folder / "made.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    (folder / "simulated.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     (folder / "dataset.toml").write_text(DATASET, encoding="utf-8")
     constants = identify(folder, refinement=REFINEMENT_OF_FIT)["groups"]["all"]["constants"]
     values = [constants[name]["value"] for name in ("C10_Pa", "C20_Pa")]
@@ -81,8 +81,8 @@ def constants_come_back(work: Workshop) -> ClaimFigure:
 
 
 def other_casting(_: Workshop) -> ClaimFigure:
-    """The rms error of one casting by constants that were fitted to another one, over the largest force; of the worst mix."""
-    groups, _left_out = select(read_dataset(shipped.dataset_folder(SILICONE)), ["sample=A"])
+    """Rms error of the predicted force of a held-out casting, relative to its maximum; largest value of all mixtures."""
+    groups, _held_out = select(read_dataset(shipped.dataset_folder(SILICONE)), ["sample=A"])
     models = ForwardModels(groups, 0.499, 1.0)
     errors: dict[str, float] = {}
     for group in groups:
@@ -90,11 +90,11 @@ def other_casting(_: Workshop) -> ClaimFigure:
         shares = [models.observed(curve, group.rows[curve.id]).errors(fit.constants)["nrmse"] for curve in group.predicted]
         errors[group.name] = float(np.mean(shares))
     text = ", ".join(f"{name} {100.0 * share:.2f} %" for name, share in errors.items())
-    return ClaimFigure(f"left out: {text} of the largest force", max(errors.values()))
+    return ClaimFigure(f"error of held-out castings: {text} of the largest force", max(errors.values()))
 
 
 def sealed_cases(work: Workshop) -> ClaimFigure:
-    """How many of the sealed cases end with a cause that is not in them, or with no answer at all."""
+    """Number of blind cases with a named cause that is not in the data, or without an answer."""
     folder = work.folder / "sealed-cases"
     processes = min(PROCESSES, os.cpu_count() or 1)
     make(folder, seed=SEALED_SEED, kinds=SEALED_KINDS, processes=processes)
@@ -104,7 +104,7 @@ def sealed_cases(work: Workshop) -> ClaimFigure:
     wrong = sum(case["outcome"] in ("confidently wrong", "failed") for case in cases)
     wrong += sum(case["kind"] == "control" and case["outcome"] in ALARMS for case in cases)
     text = (
-        f"{wrong} wrong of {len(cases)}; silent in {silent} of {SEALED_KINDS['control']} without an effect, the effect named in "
-        f"{right} of {SEALED_KINDS['single']} with one"
+        f"{wrong} wrong of {len(cases)}; no effect reported in {silent} of {SEALED_KINDS['control']} cases without one, "
+        f"the right effect named in {right} of {SEALED_KINDS['single']} cases with one"
     )
     return ClaimFigure(text, float(wrong))

@@ -1,4 +1,4 @@
-"""Formants of tubes, muscles alone, and the corners of the vowel triangle: beside closed forms, another program, and speakers."""
+"""Claims on speech: formants of tubes, directions of single muscles, corners of the vowel triangle."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from explicitfe.measure.measure import measure
 from explicitfe.verify.claim import ClaimFigure, Workshop
 
 # Areas in cm2 from the glottis to the lips, every 5 mm, of three Russian vowels after X-ray pictures of one speaker (Fant 1960),
-# and the first three peaks [Hz] that Praat 6.1.38 computes of them without loss, on a grid of 0.25 Hz, with its speed of sound.
+# and the first three peaks [Hz] that Praat 6.1.38 computes from them without losses, on a grid of 0.25 Hz, at its speed of sound.
 FANT_CM2 = {
     "a": "1.7 1.2 1.6 3.39 2.1 1.4 1 .8 .8 .8 1 1.4 2.1 2.9 3.09 2.1 2.5 4 5.3 6.16 7 7.6 8.15 8.5 8.6 8.4 8 "
     "7.5 6.9 6 5.1 5 5.5 7.9",
@@ -29,7 +29,7 @@ PRAAT_SPEED_M_S = 353.0
 SECTION_M = 5e-3
 
 Moved = tuple[float, float]  # forward and up [mm]
-# Scenario -> point, where it should go, and whether it does.
+# Scenario -> point, expected direction, and its criterion.
 MUSCLES: dict[str, tuple[str, str, Callable[[Moved], bool]]] = {
     "ggp-alone": ("dorsum", "forward", lambda m: m[0] > 0.0),
     "ggm-alone": ("dorsum", "down", lambda m: m[1] < 0.0),
@@ -47,7 +47,7 @@ COARSE = "model.resolution=coarse"
 
 
 def tubes(_: Workshop) -> ClaimFigure:
-    """The largest difference of the formants of Fant's tubes to Praat's [Hz]."""
+    """Largest difference [Hz] between the formants of Fant's tubes and those of Praat."""
     off = 0.0
     for vowel, wanted in PRAAT_HZ.items():
         areas = 1e-4 * np.array(FANT_CM2[vowel].split(), dtype=float)
@@ -55,11 +55,11 @@ def tubes(_: Workshop) -> ClaimFigure:
         share = PRAAT_SPEED_M_S / SPEED_OF_SOUND_M_S
         ours = [share * f.frequency_hz for f in formants(Tube(np.full(len(areas), SECTION_M), areas), len(wanted), LOSSLESS)]
         off = max(off, float(np.abs(np.array(ours) - wanted).max()))
-    return ClaimFigure(f"nine formants of [a], [i], [u], off by {off:.2f} Hz at most", off)
+    return ClaimFigure(f"nine formants of [a], [i], [u], largest difference {off:.2f} Hz", off)
 
 
 def muscles(work: Workshop) -> ClaimFigure:
-    """How many muscles that pull alone do not move the tongue as the anatomy says."""
+    """Number of muscles that move the tongue in another direction than anatomy textbooks state."""
     wrong = []
     for scenario, (point, should, holds) in MUSCLES.items():
         moved = _measured(work, scenario).points[point]
@@ -70,12 +70,12 @@ def muscles(work: Workshop) -> ClaimFigure:
 
 
 def vowel_triangle(work: Workshop) -> ClaimFigure:
-    """How many of the five orders of F1 and F2 that speakers have are the other way round."""
+    """Number of pairs of vowels, out of five, whose order in F1 or F2 differs from that of speakers."""
     ours = {}
     for vowel, scenario in VOWELS.items():
         airway = _measured(work, scenario, with_formants=True).airway
         if airway is None or len(airway.formants) < 2:
-            raise RunError(f"{scenario}: its airway has no formants.")
+            raise RunError(f"{scenario}: no formants could be computed.")
         ours[vowel] = [formant.frequency_hz for formant in airway.formants[:2]]
     orders = [("a", "i", 0), ("a", "u", 0), ("i", "a", 1), ("a", "u", 1), ("i", "u", 1)]
     wrong = sum(ours[high][k] <= ours[low][k] for high, low, k in orders)

@@ -1,4 +1,4 @@
-"""``explicitfe verify``: every claim computed anew, and whether it holds."""
+"""``explicitfe verify``: compute the claims and compare them with their references."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from explicitfe.errors import InputError, Progress, RunError, nearest, shortened, silent
+from explicitfe.errors import InputError, Progress, RunError, Share, nearest, shortened, silent
 from explicitfe.results import provenance
 from explicitfe.results.verification import Verification, VerifiedClaim
 from explicitfe.verify.claim import Claim, Workshop
@@ -15,32 +15,32 @@ from explicitfe.verify.claims import CLAIMS
 
 
 def verify(only: Sequence[str] = (), *, progress: Progress = silent) -> Verification:
-    """Compute claims, and compare each with its reference.
+    """Compute claims and compare each with its reference.
 
     Parameters
     ----------
-    only : names of claims; all if left out.
-    progress : called with "verify" and the share that is done, between claims.
+    only : names of claims; default: all.
+    progress : called with "verify" and the completed share after each claim.
 
     Raises
     ------
-    InputError : there is no such claim.
+    InputError : a name is unknown.
     """
     begin = time.perf_counter()
     names = [claim.name for claim in CLAIMS]
     for name in only:
         if name not in names:
-            raise InputError(f"there is no claim {shortened(name)!r}; {nearest(name, names)}")
+            raise InputError(f"unknown claim {shortened(name)!r}; {nearest(name, names)}")
     chosen = [claim for claim in CLAIMS if not only or claim.name in only]
     whole, done = sum(claim.seconds for claim in chosen), 0.0
     rows = []
-    progress("verify", 0.0)
     with tempfile.TemporaryDirectory(prefix="explicitfe-verify-") as folder:
         work = Workshop(Path(folder))
-        for claim in chosen:
+        for number, claim in enumerate(chosen, 1):
+            progress("verify", Share(done / whole, f"claim {number} of {len(chosen)}, {claim.name}"))
             rows.append(_verified(claim, work))
             done += claim.seconds
-            progress("verify", done / whole)
+    progress("verify", 1.0)
     return {
         "version": provenance()["explicitfe"],
         "claims": rows,
@@ -68,7 +68,7 @@ def _verified(claim: Claim, work: Workshop) -> VerifiedClaim:
     }
     try:
         finding = claim.figure(work)
-    except RunError as error:  # what cannot be computed does not hold, and the others are computed nevertheless
+    except RunError as error:  # the claim does not hold; the other claims are computed nevertheless
         row["message"] = str(error)
     else:
         off = float(finding.off)
@@ -78,8 +78,8 @@ def _verified(claim: Claim, work: Workshop) -> VerifiedClaim:
 
 
 def markdown_table() -> str:
-    """The claims as the table of the page: claim, evidence, how far off it may be, where it fails."""
-    lines = ["| claim | compared with | may be off by | where it fails | `--only` |", "|---|---|---|---|---|"]
+    """The table of the page: claim, reference, tolerance, limits."""
+    lines = ["| claim | reference | permitted deviation | limits | `--only` |", "|---|---|---|---|---|"]
     for claim in CLAIMS:
         evidence = f"**{claim.evidence}**: {claim.source}"
         allowed = f"{allowed_in_words(claim.allowed, claim.unit)}: {claim.because}"
@@ -88,7 +88,7 @@ def markdown_table() -> str:
 
 
 def allowed_in_words(value: float, unit: str) -> str:
-    """A deviation with its unit: shares of at least a thousandth in per cent."""
+    """A deviation with its unit; shares of at least 1e-5 in per cent."""
     if unit and not unit.startswith("of "):
         return f"{value:g} {unit}"
     share = f"{100.0 * value:.3g} %" if value >= 1e-5 else f"{value:.2g}".replace("e-0", "e-")

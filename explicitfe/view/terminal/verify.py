@@ -1,4 +1,4 @@
-"""What ``verify`` says, in the terminal: each claim, what it is compared with, and whether it holds."""
+"""Terminal output of ``verify``: claims, references, deviations."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from explicitfe.view.terminal.rows import pairs
 
 
 def verification_tables(verification: Verification) -> Group:
-    """A row a claim, and how many hold."""
-    table = Table(title=f"explicitfe {escape(verification['version'] or '')}: is it true?", title_justify="left", show_lines=True)
-    table.add_column("claim, and what it is compared with", overflow="fold")
-    table.add_column("here", overflow="fold")
-    table.add_column("off by", max_width=11)
+    """One row per claim, and the number of claims that hold."""
+    table = Table(title=f"explicitfe {escape(verification['version'] or '')}: validation", title_justify="left", show_lines=True)
+    table.add_column("claim and reference", overflow="fold")
+    table.add_column("result", overflow="fold")
+    table.add_column("deviation", max_width=11)
     table.add_column("allowed", max_width=11)
     table.add_column("", no_wrap=True)
     for row in verification["claims"]:
@@ -30,12 +30,12 @@ def verification_tables(verification: Verification) -> Group:
         )
     end = pairs("")
     end.add_row("claims that hold", f"{verification['holding']} of {len(verification['claims'])}")
-    end.add_row("computed in", f"{verification['wall_s']:.0f} s")
+    end.add_row("duration", f"{verification['wall_s']:.0f} s")
     return Group(table, end)
 
 
 def deviation_in_words(off: float, unit: str) -> str:
-    """A deviation with its unit; a share without one in per cent, unless it is tiny."""
+    """A deviation with its unit; a share in per cent unless it is below 1e-4."""
     if unit and not unit.startswith("of "):
         return f"{bare(off)} {unit}"
     return f"{bare(100.0 * off)} %" if off >= 1e-4 or off == 0.0 else bare(off)

@@ -1,4 +1,4 @@
-"""The page of the command line: what ``explicitfe COMMAND --help`` says of every command."""
+"""The page of the command line, generated from ``explicitfe COMMAND --help``."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import re
 
 HEAD = """# The command line
 
-This page is made from `--help` of every command. How commands end, what they print for programs, and what `--json` gives:
-[Commands: how they end](commands.md).
+This page is generated from the `--help` text of every command. [Exit codes and JSON](commands.md) describes exit codes and `--json`.
 
 """
 _BOLD = re.compile(r"\[bold\](.*?)\[/bold\]", re.S)
@@ -16,7 +15,7 @@ _HEADING = re.compile(r"^(#+) `explicitfe ?(.*?)`$", re.M)
 
 
 def command_page() -> str:
-    """Markdown of all commands, each under a heading of its name."""
+    """Markdown of all commands, one heading per command."""
     import typer
     from typer.cli import get_docs_for_click
 
@@ -25,6 +24,6 @@ def command_page() -> str:
     command = typer.main.get_command(app)
     text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="explicitfe"), name="explicitfe")
     text = _BOLD.sub(lambda match: f"`{' '.join(match[1].split())}`", text)
-    text = _LIST_OF_COMMANDS.sub("", text)  # its words are cut short, and the sections follow
+    text = _LIST_OF_COMMANDS.sub("", text)  # its texts are truncated, and the sections follow
     text = _HEADING.sub(lambda match: f"{match[1]} {match[2] or 'explicitfe'}", text)
     return HEAD + text.partition("\n")[2].replace("```console\n$ ", "```text\n").replace("](docs/reference/", "](")

@@ -1,4 +1,4 @@
-"""Links from the pages to the glossary."""
+"""Link the first use of a term on a page to the glossary."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pymdownx.slugs import slugify
 _HEADING = re.compile(r"^### (.+)\n+(.+)$", re.M)
 _TAG = re.compile(r"(<[^>]+>)")
 _LINK_IN_TEXT = re.compile(r"\[([^]]*)\]\([^)]*\)")
-# In these a word stays as it is.
+# Text in these elements is not linked.
 _CLOSED = ("a", "code", "pre", "h1", "h2", "h3", "h4", "th", "script", "style")
 
 
 class Glossary:
-    """The words of the glossary, each with the first sentence of its meaning.
+    """Terms of the glossary with their definitions.
 
-    Every heading of the third level is a word, or several with commas between them: ``### hourglass mode, hourglass energy``.
+    Every heading of the third level is a term or several terms separated by commas: ``### hexahedron, hex8, element``.
     """
 
     def __init__(self, path: Path) -> None:
@@ -32,7 +32,7 @@ class Glossary:
         self._pattern = re.compile(rf"(?<![\w-])({'|'.join(words)})(?:s|es)?(?![\w-])", re.I)
 
     def linked(self, page: str, url: str) -> str:
-        """A page with the first use of each word as a link; words in code, headings and links stay as they are."""
+        """Give a page with the first use of each term as a link; text in code, headings and links is not changed."""
         seen: set[str] = set()
         closed = 0
         pieces = _TAG.split(page)

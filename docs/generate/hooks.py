@@ -1,8 +1,8 @@
-"""What the site has beside the files of docs/: called by mkdocs when it is built (see mkdocs.yml), never by hand.
+"""Hooks of mkdocs (see mkdocs.yml) that add generated pages and links to the site.
 
-- Pages made from the program itself: the command line, all keys, the Python names.
-- ``models/*/SOURCES.md``, ``CHANGELOG.md`` and what else a reader of the sources looks for at the top of the repository.
-- A link to the glossary where a page first uses one of its words.
+- Pages generated from the program: the command line, all keys, the Python API.
+- ``models/*/SOURCES.md`` and ``CHANGELOG.md``, which are outside docs/.
+- Links to the glossary at the first use of a term.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LINK_TO_DOCS = re.compile(r"\]\((?:\.\./)*docs/")
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the pages that are made here."""
+    """Add the generated pages."""
     for name, make in GENERATED.items():
         files.append(File.generated(config, name, content=make()))
     for name in FROM_THE_TOP:
@@ -45,13 +45,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Links that leave docs/ in the repository stay inside the site."""
+    """Redirect links to files outside docs/ to their copies in the site."""
     up = posixpath.relpath(".", posixpath.dirname(page.file.src_uri) or ".")
     return _LINK_TO_THE_TOP.sub(lambda match: f"]({posixpath.join(up, match[1])})", markdown)
 
 
 def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """The first use of a word of the glossary leads there."""
+    """Link the first use of each term to the glossary."""
     if page.file.src_uri in {GLOSSARY, *GENERATED, *FROM_THE_TOP}:
         return html
     target = files.get_file_from_path(GLOSSARY)

@@ -1,4 +1,4 @@
-"""The pages of keys: of scenarios, datasets and results, made from the types that the program reads and writes."""
+"""Pages of all keys of scenarios, datasets and results, generated from the types of the program."""
 
 from __future__ import annotations
 
@@ -7,50 +7,50 @@ from typing import Any
 
 from key_tables import KeyTables
 
-SCENARIO_HEAD = """# Every key of a scenario
+SCENARIO_HEAD = """# Scenario keys
 
-Made from the types that check a scenario. What the keys do, with examples: [The scenario file](scenarios.md). A key that
-has no default and is not required may be left out.
-
-"""
-DATASET_HEAD = """# Every key of a dataset
-
-Made from the types that check `dataset.toml`. The tables `[specimen]`, `[tool]` and `[noise]` may stand once for all curves; a
-curve replaces single keys of them with a table of its own, such as `[curve.specimen]`.
+Generated from the types that validate a scenario. [The scenario file](scenarios.md) explains the keys with examples. A key without a
+default that is not required can be omitted.
 
 """
-OTHERS_HEAD = """# Every key of other files
+DATASET_HEAD = """# Dataset keys
 
-Made from the types that check them. How they are used: [design-test](close-loop.md#planning-a-test) reads protocols,
-[a mesh of your own](own-mesh.md) has a model file, [predict](effects.md#predicting-measured-curves) and `--tissue` read tissue
+Generated from the types that validate `dataset.toml`. The tables `[specimen]`, `[tool]` and `[noise]` apply to all curves. A curve can
+override single keys with its own table, such as `[curve.specimen]`.
+
+"""
+OTHERS_HEAD = """# Keys of other files
+
+Generated from the types that validate them. [design-test](close-loop.md#planning-a-test) reads protocols,
+[your own mesh](own-mesh.md) is described by a model file, and [predict](effects.md#predicting-measured-curves) and `--tissue` read tissue
 files.
 
 """
-OTHERS = {"protocol": "A planned test", "model": "The model file of a mesh", "tissue": "A tissue"}
-RESULT_HEAD = """# Every key of a result
+OTHERS = {"protocol": "Protocol of a planned test", "model": "Model file of a mesh", "tissue": "Tissue file"}
+RESULT_HEAD = """# Result keys
 
-Made from the types that the program writes. What is in a result file and how to read it: [The result file](results.md).
+Generated from the types that the program writes. [The result file](results.md) explains how to read a result.
 
-## Fields and histories of a run in time
+## Fields and histories of a dynamic run
 
-`<bone>` and `<point>` stand for each bone and each named point of the model.
+`<bone>` and `<point>` are placeholders for each bone and each named point of the model.
 
 """
 
 
 def scenario_page() -> str:
-    """Keys of a run in time and of an indentation."""
+    """Keys of a dynamic run and of an indentation."""
     from explicitfe.scenario.indentation import IndentationScenario
     from explicitfe.scenario.transient import TransientScenario
 
     parts = [SCENARIO_HEAD]
-    for kind, heading in ((TransientScenario, "A run in time"), (IndentationScenario, "An indentation")):
+    for kind, heading in ((TransientScenario, "Dynamic run"), (IndentationScenario, "Indentation")):
         parts += [f"## {heading}\n", KeyTables(kind.model_json_schema(), toml=True).markdown(level=3)]
     return "\n".join(parts)
 
 
 def dataset_page() -> str:
-    """Keys of ``dataset.toml``; the tables that a curve may replace in part are those of the merged curve."""
+    """Keys of ``dataset.toml``, including the tables that a curve can override."""
     from explicitfe.cli.file_schemas import file_schema
 
     return DATASET_HEAD + KeyTables(file_schema("dataset"), toml=True).markdown()
@@ -67,7 +67,7 @@ def other_files_page() -> str:
 
 
 def result_page() -> str:
-    """Fields, histories and what each command prints with ``--json``."""
+    """Fields, histories and the ``--json`` answers of all commands."""
     from explicitfe.cli.answers import ANSWERS, answer_schema
     from explicitfe.results.layout import DISPLACEMENT
     from explicitfe.run.indentation import INDENTATION_FIELDS, INDENTATION_HISTORY
@@ -76,12 +76,12 @@ def result_page() -> str:
     everything = ("velocity", "J", "hourglass_energy")
     parts = [
         RESULT_HEAD,
-        _quantities({"displacement": DISPLACEMENT, **point_fields(everything, ["<bone>"])}, "field of nodes"),
-        _quantities(cell_fields(everything), "field of elements"),
+        _quantities({"displacement": DISPLACEMENT, **point_fields(everything, ["<bone>"])}, "nodal field"),
+        _quantities(cell_fields(everything), "element field"),
         _quantities(history_columns(["<point>"], ["<bone>"], ["<bone>"]), "history"),
         "## Fields and histories of an indentation\n",
-        _quantities({"displacement": DISPLACEMENT}, "field of nodes"),
-        _quantities(INDENTATION_FIELDS, "field of elements"),
+        _quantities({"displacement": DISPLACEMENT}, "nodal field"),
+        _quantities(INDENTATION_FIELDS, "element field"),
         _quantities(INDENTATION_HISTORY, "history"),
     ]
     kinds: dict[tuple[Any, ...], list[str]] = {}
@@ -105,4 +105,4 @@ def _quantities(quantities: Mapping[str, Any], what: str) -> str:
         f"| `{name}` | {quantity.unit} | {quantity.components} | {quantity.description.replace('<', '&lt;')} |"
         for name, quantity in quantities.items()
     ]
-    return "\n".join([f"| {what} | unit | numbers | meaning |", "|---|---|---|---|", *rows, ""])
+    return "\n".join([f"| {what} | unit | components | meaning |", "|---|---|---|---|", *rows, ""])

@@ -1,4 +1,4 @@
-"""Tables of keys from JSON schemas: a section for each table of the file, a row for each key."""
+"""Tables of keys from JSON schemas: one section per table of the file, one row per key."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ _NUMBERS = {"number": "number", "integer": "whole number", "string": "text", "bo
 
 
 class KeyTables:
-    """What a schema says, as Markdown.
+    """Markdown tables of a JSON schema.
 
     Parameters
     ----------
-    schema : of an object, with its ``$defs``.
-    toml : whether it is that of a TOML file, whose tables have heads such as ``[model]`` and ``[[muscle]]``.
+    schema : JSON schema of an object, with its ``$defs``.
+    toml : whether it describes a TOML file, with tables such as ``[model]`` and ``[[muscle]]``.
     """
 
     def __init__(self, schema: Schema, toml: bool) -> None:
@@ -26,8 +26,8 @@ class KeyTables:
         self.schema = schema
         self.toml = toml
 
-    def markdown(self, title: str = "At the top", level: int = 2) -> str:
-        """Sections of all tables that can be reached, in the order in which they appear."""
+    def markdown(self, title: str = "Top level", level: int = 2) -> str:
+        """Sections of all tables, in the order in which they appear."""
         waiting: list[tuple[str, str, Schema]] = [(title, "", self._resolved(self.schema))]
         shown: set[str] = set()
         sections = []
@@ -73,7 +73,7 @@ class KeyTables:
                 yield resolved
 
     def _tables_of(self, value: Schema) -> Iterator[tuple[Schema, bool]]:
-        """Tables that can stand under a key, and whether there is a list of them."""
+        """Tables that a key can hold, and whether it holds a list of them."""
         for choice in self._alternatives(self._resolved(value)):
             if choice.get("properties"):
                 yield choice, False
@@ -121,12 +121,12 @@ def _default(value: Schema) -> str:
 
 
 def _without_bounds(words: str) -> str:
-    """A meaning without the bounds that all keys of its unit have; a page of their own says them."""
+    """A description without the bounds that are common to all keys of its unit."""
     for bounds in BOUNDS.values():
         words = words.replace(f" ({bounds.reason})", "").replace(bounds.reason, "")
     return words
 
 
 def _plain(words: str) -> str:
-    """Words of a docstring in a cell of a table."""
+    """Text of a docstring for a table cell."""
     return " ".join(words.split()).replace("``", "`").replace("|", "\\|")

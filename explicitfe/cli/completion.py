@@ -1,4 +1,4 @@
-"""What a shell offers when a word is begun and Tab is pressed: names that come with the program, then files at hand."""
+"""Shell completion: names of shipped scenarios and data and of results, then files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from typer.completion import shell_complete
 
-from explicitfe.host import shipped
+from explicitfe.host import result_files, shipped
 
 PROGRAM = "explicitfe"
 VARIABLE = f"_{PROGRAM.upper()}_COMPLETE"
@@ -53,6 +53,18 @@ def complete_protocol(incomplete: str) -> list[str]:
 def complete_table(incomplete: str) -> list[str]:
     """Tables of testing machines."""
     return _fitting(incomplete, shipped.exports(), (".csv", ".txt", ".tsv"))
+
+
+def complete_result(incomplete: str) -> list[str]:
+    """Results: names in the output folder, and files."""
+    return _fitting(incomplete, result_files.result_names(), result_files.SUFFIX)
+
+
+def complete_unfinished_result(incomplete: str) -> list[str]:
+    """Interrupted results: names in the output folder, and files."""
+    ending = result_files.RUNNING_SUFFIX
+    names = [name.removesuffix(ending) for name in result_files.result_names() if name.endswith(ending)]
+    return _fitting(incomplete, names, f"{ending}{result_files.SUFFIX}")
 
 
 def complete_words(words: Sequence[str]) -> Callable[[str], list[str]]:

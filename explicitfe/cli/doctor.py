@@ -8,13 +8,13 @@ from explicitfe.view.progress import following
 
 
 def doctor(as_json: JsonOption = False) -> None:
-    """Look at this installation: versions, cores, load, memory, disk, kept machine code, extras, and whether 3D can be drawn.
+    """Check the installation: versions, cores, load, memory, disk, compiled kernels, optional packages and 3D graphics.
 
-    Its answer belongs into every report of a fault.
+    Include this output in bug reports.
 
     Example: [bold]explicitfe doctor[/bold]
     """
-    with following(console, "looking at this machine") as progress:
+    with following(console, "checking the installation") as progress:
         from explicitfe.run.doctor import examine
         from explicitfe.view.terminal.program import examination_table
 

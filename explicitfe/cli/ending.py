@@ -58,8 +58,8 @@ def failure_of(error: BaseException) -> CommandFailure:
     if isinstance(error, _USAGE_ERROR):
         return command_failure("input", _usage(error))
     if isinstance(error, KeyboardInterrupt):
-        reason = str(error) or "stopped by hand"
-        return command_failure("stopped", f"{reason}; nothing is left half-written, and what was stored before is still there")
+        reason = str(error) or stopping.described(stopping.SIGNALS[0])
+        return command_failure("stopped", f"{reason}; no incomplete file was left, and files stored before are unchanged.")
     if isinstance(error, MachineError):
         return command_failure("machine", str(error))
     if isinstance(error, RunError):

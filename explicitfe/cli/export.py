@@ -8,34 +8,33 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import JsonOption
+from explicitfe.cli.options import JsonOption, ResultArgument
 from explicitfe.view.progress import following
 
 
 def export(
-    result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf).", show_default=False)],
+    result: ResultArgument,
     to: Annotated[
         list[str],
         typer.Option(
-            "--to", metavar="FORMAT", help="csv | parquet | vtu | stl | mat | npz; repeat for more.", show_default=False
+            "--to", metavar="FORMAT", help="csv, parquet, vtu, stl, mat or npz; repeat for several formats.", show_default=False
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder; that of the result if left out.", show_default=False)
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Output folder [default: folder of the result].", show_default=False),
     ] = None,
     at_ms: Annotated[
-        float | None, typer.Option("--at-ms", metavar="T", help="When, for vtu and stl; at the end if left out.")
+        float | None, typer.Option("--at-ms", metavar="T", help="Time for vtu and stl [default: last sample].")
     ] = None,
-    positions: Annotated[
-        bool, typer.Option("--positions", help="In tables, where points are, not how far they have moved from rest.")
-    ] = False,
-    history: Annotated[bool, typer.Option("--history", help="In tables, energies and the rest of the history too.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    positions: Annotated[bool, typer.Option("--positions", help="In tables: write positions instead of displacements.")] = False,
+    history: Annotated[bool, typer.Option("--history", help="In tables: add energies and all other histories.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Write a result for other programs: a table of points as sensors see them, arrays, a mesh, a surface.
+    """Export a result for other programs: a table of point trajectories, all arrays, a mesh or a surface.
 
-    Example: [bold]explicitfe export outputs/vowel-i.vtkhdf --to csv[/bold]
+    Example: [bold]explicitfe export vowel-i --to csv[/bold]
     """
     with following(console, f"reading {result}") as progress:
         from explicitfe.results.export.export import export as export_result

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import JsonOption
+from explicitfe.cli.options import JsonOption, ResultArgument
 from explicitfe.view.progress import following
 
 
-def inspect(result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf).")], as_json: JsonOption = False) -> None:
-    """Show what a result holds: status, times, fields, energies, probes, provenance.
+def inspect(result: ResultArgument, as_json: JsonOption = False) -> None:
+    """Show the contents of a result: status, times, fields, energies, probes, provenance.
 
-    Example: [bold]explicitfe inspect outputs/vowel-i.vtkhdf[/bold]
+    Example: [bold]explicitfe inspect vowel-i[/bold]
     """
     with following(console, f"reading {result}"):
         from explicitfe.measure.measure import measures_if_any

@@ -12,7 +12,7 @@ STDERR = 2  # the file descriptor
 
 
 def entry() -> None:
-    """The whole process: what comes after its command can no more be interrupted, there is nothing left to stop."""
+    """Entry point of the process; signals are ignored after the command has ended."""
     try:
         main()
     finally:
@@ -26,7 +26,7 @@ def main() -> None:
     # imported numpy yet, and for the processes that are started too.
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-    with stopping.watching(_say_that_it_stops, _end_at_once):
+    with stopping.watching(_confirm_stop, _quit):
         from explicitfe.cli.execute import execute
 
         code = execute(sys.argv[1:])
@@ -34,14 +34,12 @@ def main() -> None:
         sys.exit(code)
 
 
-def _say_that_it_stops(stop_signal: signal.Signals) -> None:
-    """Words that may be written in the midst of anything."""
-    os.write(
-        STDERR, f"\n{stopping.described(stop_signal)}: what has been computed is being stored; once more ends at once\n".encode()
-    )
+def _confirm_stop(stop_signal: signal.Signals) -> None:
+    """Confirm the first signal; os.write is safe inside a signal handler."""
+    os.write(STDERR, f"\n{stopping.described(stop_signal)}: storing all samples; press Ctrl-C again to quit now\n".encode())
 
 
-def _end_at_once(stop_signal: signal.Signals) -> None:
-    """End without another instruction: result files can be read at any instant."""
-    os.write(STDERR, b"ended at once; what was stored until then can be read\n")
+def _quit(stop_signal: signal.Signals) -> None:
+    """Exit immediately; result files are readable at any time."""
+    os.write(STDERR, b"quit; samples that were stored are readable\n")
     os._exit(stopping.exit_code(stop_signal))

@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import JsonOption
+from explicitfe.cli.options import JsonOption, result_argument
 from explicitfe.view.progress import following
 
 
 def measure(
-    results: Annotated[list[Path], typer.Argument(help="Result files (.vtkhdf).", show_default=False)],
+    results: Annotated[list[Path], result_argument("Result files (.vtkhdf), or their names in outputs/.")],
     at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="When; at the end if left out.")] = None,
     formants: Annotated[bool, typer.Option("--formants", help="The airway and F1 to F3 too (docs/reference/airway.md).")] = False,
     as_json: JsonOption = False,

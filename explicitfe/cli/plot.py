@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import JsonOption, OverwriteFilesOption, PicturesFolderOption, is_sweep
+from explicitfe.cli.options import JsonOption, OverwriteFilesOption, PicturesFolderOption, is_sweep, result_argument
 from explicitfe.errors import InputError
 from explicitfe.view.progress import following
 
 
 def plot(
-    result: Annotated[Path, typer.Argument(help="Result file (.vtkhdf), or the folder of a sweep.", show_default=False)],
+    result: Annotated[Path, result_argument("Result file (.vtkhdf), its name in outputs/, or the folder of a sweep.")],
     only: Annotated[
         str | None,
         typer.Option(

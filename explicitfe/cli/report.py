@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console, print_answer
-from explicitfe.cli.options import JsonOption, is_sweep
+from explicitfe.cli.options import JsonOption, is_sweep, result_argument
 from explicitfe.errors import InputError
 from explicitfe.view.progress import following
 
@@ -17,7 +17,7 @@ from explicitfe.view.progress import following
 def report(
     results: Annotated[
         list[Path],
-        typer.Argument(help="Result files (.vtkhdf); several stand side by side. Or the folder of a sweep.", show_default=False),
+        result_argument("Result files (.vtkhdf) to compare side by side, their names in outputs/, or the folder of a sweep."),
     ],
     out: Annotated[
         Path | None,

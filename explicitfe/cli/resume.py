@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from explicitfe.cli.answer import console
+from explicitfe.cli.completion import complete_unfinished_result
 from explicitfe.cli.options import JsonOption
 from explicitfe.cli.run import OverwriteOption, PlotsOption, draw_run, show_run
 from explicitfe.host.extras import require
@@ -17,22 +18,30 @@ from explicitfe.view.progress import following
 def resume(
     context: typer.Context,
     result: Annotated[
-        Path, typer.Argument(help="Result file of a run that was stopped or killed (.vtkhdf).", show_default=False)
+        Path,
+        typer.Argument(
+            help="Interrupted result (NAME.running.vtkhdf), or its name in outputs/.",
+            show_default=False,
+            autocompletion=complete_unfinished_result,
+        ),
     ],
-    threads: Annotated[int | None, typer.Option("--threads", help="That share a step from here on.", show_default=False)] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", metavar="N", help="Number of threads [default: as before].", show_default=False),
+    ] = None,
     plots: PlotsOption = False,
     overwrite: OverwriteOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Go on with a run that was stopped or killed; it ends as if nothing had been.
+    """Resume an interrupted run. The result is bitwise identical to that of an uninterrupted run.
 
-    Example: [bold]explicitfe resume outputs/vowel-i.running.vtkhdf[/bold]
+    Example: [bold]explicitfe resume vowel-i[/bold]
     """
     if plots:
         require("plots", "drawing pictures")
     with following(console, f"reading {result}") as progress:
-        from explicitfe.run.resume import resumed
+        from explicitfe.run.resume import resume_file
 
-        run = resumed(result, overwrite=overwrite, threads=threads, progress=progress)
+        run = resume_file(result, overwrite=overwrite, threads=threads, progress=progress)
         stopped = draw_run(run.analysis, run.summary, progress, context) if plots else None
     show_run(run.analysis, run.summary, stopped, as_json)

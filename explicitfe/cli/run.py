@@ -24,6 +24,7 @@ from explicitfe.cli.streams import stderr
 from explicitfe.errors import Progress
 from explicitfe.host import stopping
 from explicitfe.host.extras import require
+from explicitfe.host.result_files import OUTPUT_FOLDER
 from explicitfe.view.progress import following
 
 if TYPE_CHECKING:
@@ -31,31 +32,29 @@ if TYPE_CHECKING:
     from explicitfe.run.analysis import Analysis
 
 
-PlotsOption = Annotated[bool, typer.Option("--plots", help="Draw the run as PNG beside the result.")]
-OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace a result that exists.")]
+PlotsOption = Annotated[bool, typer.Option("--plots", help="Write PNG pictures of the run next to the result.")]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace an existing result.")]
 
 
 def run(
     context: typer.Context,
     scenario: ScenarioArgument,
-    out: OutOption = Path("outputs"),
+    out: OutOption = OUTPUT_FOLDER,
     settings: SettingsOption = None,
     tissue: TissueOption = None,
     tissue_group: TissueGroupOption = None,
     plots: PlotsOption = False,
     name: Annotated[
         str | None,
-        typer.Option(
-            "--name", metavar="NAME", help="Name of the result, for a variant; the scenario's if left out.", show_default=False
-        ),
+        typer.Option("--name", metavar="NAME", help="Name of the result [default: name of the scenario].", show_default=False),
     ] = None,
     overwrite: OverwriteOption = False,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Go on with a run of this scenario that was stopped or killed, if there is one.")
+        bool, typer.Option("--resume", help="Resume an interrupted run of this scenario; start one if there is none.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Run a scenario and store its result as one .vtkhdf file.
+    """Run a scenario and store its result in one .vtkhdf file.
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml --set muscle.GGp.force_N=1.5 --name softer --plots[/bold]
     """
@@ -63,23 +62,23 @@ def run(
         require("plots", "drawing pictures")
     with following(console, f"reading {scenario}") as progress:
         from explicitfe.run.prepare import prepare
-        from explicitfe.run.resume import begun_at, go_on
+        from explicitfe.run.resume import resume_analysis, stored_before
         from explicitfe.run.run import result_path
 
         tissue_settings, notes = tissue_settings_of(scenario, tissue, tissue_group)
         analysis = prepare(scenario, [*tissue_settings, *(settings or ())], notes)
         target = result_path(scenario, out, name)
-        begun = begun_at(target) if resume else None
-        if begun is None:
+        stored = stored_before(target) if resume else None
+        if stored is None:
             summary = analysis.run(target, overwrite=overwrite, progress=progress)
         else:
-            analysis, summary = go_on(analysis, begun, overwrite=overwrite, progress=progress)
+            analysis, summary = resume_analysis(analysis, stored, overwrite=overwrite, progress=progress)
         stopped = draw_run(analysis, summary, progress, context) if plots else None
     show_run(analysis, summary, stopped, as_json)
 
 
 def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | None, as_json: bool) -> None:
-    """Print what a run came to, and leave with an exit code if it ended early, or if its drawing was stopped."""
+    """Print the summary of a run; exit with a code if it ended early or its drawing was interrupted."""
     failure: tuple[FailureKind, str] | None = None
     if summary["status"] != "finished":
         kind: FailureKind = "stopped" if summary["status"] == "interrupted" else "simulation"
@@ -90,14 +89,14 @@ def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | N
 
 
 def draw_run(analysis: Analysis[Any, Any], summary: RunSummary, progress: Progress, context: typer.Context) -> str | None:
-    """Draw a result that is stored: whatever goes wrong now, the run is done, and its summary says what is missing.
+    """Draw a stored result. An error here is only a warning in the summary, because the result is complete.
 
     Returns
     -------
-    A sentence, where a signal has stopped the drawing.
+    A sentence if a signal has interrupted the drawing.
     """
     result = summary["result"]
-    again = f"the result stands; draw it with: explicitfe plot {shlex.quote(result)}"
+    again = f"the result is complete; draw it with 'explicitfe plot {shlex.quote(result)}'."
     try:
         drawn = analysis.draw(Path(result), progress)
         summary["plots"] = drawn["files"]

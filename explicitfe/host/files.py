@@ -1,7 +1,7 @@
-"""Files in folders that others write to as well: no name is taken twice, no link followed, nothing of anybody replaced by chance.
+"""Safe files in folders that other processes use too: unique names, no symbolic links followed, no accidental replacement.
 
-A file that is being written is known by its lock, which ends with the process that holds it. Where a system has no such locks
-(Windows) or no such renaming, the nearest that it has is used.
+A file that is being written is locked by its process; the lock ends with the process. A system without such locks (Windows) or
+without atomic renaming uses the nearest equivalent.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from explicitfe.errors import InputError, MachineError
 
 try:
     import fcntl
@@ -34,8 +36,8 @@ REFUSALS = {
     for name in ("EACCES", "EDQUOT", "EFBIG", "EIO", "EMFILE", "ENFILE", "ENOMEM", "ENOSPC", "EPERM", "EROFS", "ESTALE")
     if hasattr(errno, name)
 }
-# Of these what no other name of a file would change.
-WITHOUT_ROOM = {getattr(errno, name) for name in ("EDQUOT", "EIO", "ENOMEM", "ENOSPC") if hasattr(errno, name)}
+# Those of them that no other file name would change.
+WITHOUT_ROOM = {getattr(errno, name) for name in ("EDQUOT", "EFBIG", "EIO", "ENOMEM", "ENOSPC") if hasattr(errno, name)}
 BETWEEN_LOCK_TRIES_S = 0.05
 STALE_AFTER_S = 3600.0  # an unlocked file younger than that may belong to a run that is just about to lock it
 
@@ -183,6 +185,19 @@ def reserve(number: int, size: int) -> None:
         with suppress(OSError):
             os.ftruncate(number, end)
         raise
+
+
+def refusal(error: BaseException, what: str, advice: str) -> InputError | MachineError:
+    """The error to raise where a file cannot be written: MachineError (exit code 3) for a full disk, otherwise InputError (2).
+
+    Parameters
+    ----------
+    what : begins the sentence, such as "cannot write FILE".
+    advice : what the user can do if the disk is not full, such as "choose another --out folder".
+    """
+    if isinstance(error, OSError) and error.errno in WITHOUT_ROOM:
+        return MachineError(f"{what} ({reason(error)}); free disk space or use another disk.")
+    return InputError(f"{what} ({reason(error)}); {advice}.")
 
 
 def reason(error: BaseException) -> str:

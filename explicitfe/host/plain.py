@@ -36,7 +36,7 @@ def check_plain(data: object, where: object) -> None:
                 _check_key(key, where, path)
             waiting += [(inner, (*path, key)) for key, inner in reversed(value.items())]
         elif isinstance(value, list):
-            waiting += [(inner, (*path, str(number))) for number, inner in reversed(list(enumerate(value)))]
+            waiting += [(inner, (*path, str(number))) for number, inner in reversed(list(enumerate(value, 1)))]
         elif isinstance(value, str):
             _check_text(value, where, path)
         elif isinstance(value, int):

@@ -57,8 +57,8 @@ def check() -> None:
 
 
 def described(stop_signal: signal.Signals) -> str:
-    """'stopped by hand', or by what."""
-    return "stopped by hand" if stop_signal == signal.SIGINT else f"stopped by {stop_signal.name}"
+    """ "interrupted by Ctrl-C" or "interrupted by SIGTERM"."""
+    return f"interrupted by {'Ctrl-C' if stop_signal == signal.SIGINT else stop_signal.name}"
 
 
 def exit_code(stop_signal: signal.Signals) -> int:

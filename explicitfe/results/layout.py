@@ -44,7 +44,6 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from zlib import crc32
 
 import h5py
@@ -113,11 +112,6 @@ class Quantity:
 
 DISPLACEMENT = Quantity("m", 3, "displacement of the nodes from their reference positions")
 TIME = Quantity("s", 1, "time of each row of the history")
-
-
-def running_path(path: Path) -> Path:
-    """What a result is called while its run goes on."""
-    return path.with_name(f"{path.stem}.running.vtkhdf")
 
 
 def create(

@@ -1,36 +1,39 @@
-"""What results are called, and which files a run may replace.
+"""Names of result files, and which existing files a run may replace.
 
-While its run goes on, a result is ``<stem>.running.vtkhdf``; before its first sample it has a name that nobody else can have, and
-at the end its own. Only results are ever replaced, with ``overwrite`` alone, and never one that is being written.
+A result has a hidden temporary name before its first sample and is ``<stem>.running.vtkhdf`` until its run ends. It gets its
+final name ``<stem>.vtkhdf`` when the run ends by itself, successfully or not. An interrupted or killed run keeps the running
+name. Only results are replaced, only with ``overwrite``, and never one that is being written.
 """
 
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from explicitfe.errors import InputError
 from explicitfe.host import files
-from explicitfe.results.layout import FINISHED, FORMAT_VERSION, RUNNING, running_path
+from explicitfe.host.result_files import RUNNING_SUFFIX, SUFFIX, running_path
+from explicitfe.results.layout import FINISHED, FORMAT_VERSION, RUNNING
 from explicitfe.results.reader import open_result
 from explicitfe.results.stored import NoResultError
 
 
 def check_names(path: Path, overwrite: bool) -> None:
-    """See that a run may store its result at ``path``, and call it as it likes until then; nothing is touched.
+    """Check that a run may write its result to ``path`` and use the running name until then; no file is changed.
 
     Raises
     ------
-    InputError : the name is of another kind, or something has it that a run must not replace.
+    InputError : the name has another suffix, or belongs to a file that a run must not replace.
     """
-    if path.suffix != ".vtkhdf":
-        raise InputError(f"result {path} must end in .vtkhdf: ParaView and pyvista know it by that")
+    if path.suffix != SUFFIX:
+        raise InputError(f"result {path} must end in .vtkhdf: ParaView and pyvista recognize the file type by this suffix")
     running = running_path(path)
-    if path.stem.endswith(".running"):
-        owner = path.name.removesuffix(".running.vtkhdf")
-        raise InputError(f'{path} is what an unfinished result of "{owner}" is called; give the scenario another name')
+    if path.stem.endswith(RUNNING_SUFFIX):
+        owner = path.stem.removesuffix(RUNNING_SUFFIX)
+        raise InputError(f'{path} is the name of an unfinished result of "{owner}"; choose another name with --name')
     try:
         is_folder = path.is_dir()
     except OSError as error:  # a name that is too long
@@ -43,23 +46,21 @@ def check_names(path: Path, overwrite: bool) -> None:
         with _locked(path):
             _check_replaceable(path)
     if os.path.lexists(running):
-        with _dead_run(running, overwrite):
+        with _unfinished(running, overwrite):
             pass
 
 
 def check_stopped(path: Path, final: Path, overwrite: bool) -> tuple[int, int]:
-    """How many restart states and samples a stopped result has; InputError if it cannot be gone on with."""
+    """Number of restart states and of samples in an interrupted result; InputError if it cannot be resumed."""
     if path.is_symlink():
-        raise InputError(f"{path} is a link; name the file that it leads to")
+        raise InputError(f"{path} is a symbolic link; give the file it points to")
     with open_result(path) as result:
         if result.live:
             raise InputError(f"another run is writing {path}; wait until it ends")
         if result.status == FINISHED:
-            raise InputError(f"{path} is finished: there is nothing to go on with")
+            raise InputError(f"{path} is finished; there is nothing to resume")
         if result.format != FORMAT_VERSION:
-            raise InputError(
-                f"{path} was written by an older version, which stored no state to go on from; run the scenario again"
-            )
+            raise InputError(f"{path} was written by an older version, which stored no restart state; run the scenario again")
         if path != final and os.path.lexists(final) and not overwrite:
             raise InputError(f"result {final} exists; add --overwrite to replace it, or move it away")
         if len(result.times):
@@ -71,26 +72,26 @@ def check_stopped(path: Path, final: Path, overwrite: bool) -> tuple[int, int]:
 
 
 def to_running(source: Path, running: Path, overwrite: bool) -> None:
-    """Give a new file the name of a run that goes on, in place of what a dead run left if that may go.
+    """Rename the temporary result file to the running name, replacing the file of a killed run if that is permitted.
 
     Raises
     ------
-    InputError : something has the name that must not be replaced.
+    InputError : a file of this name exists that must not be replaced.
     OSError : the folder cannot be written.
     """
     try:
         files.rename_new(source, running)
     except FileExistsError:
-        with _dead_run(running, overwrite):
+        with _unfinished(running, overwrite):
             source.replace(running)
 
 
 def to_final(running: Path, path: Path, overwrite: bool) -> None:
-    """Give a result that is whole its final name.
+    """Rename a complete result to its final name.
 
     Raises
     ------
-    InputError : something has got the name meanwhile that must not be replaced; the result keeps its running name.
+    InputError : a file of this name has been created meanwhile and must not be replaced; the result keeps its running name.
     OSError : the folder cannot be written.
     """
     try:
@@ -98,36 +99,36 @@ def to_final(running: Path, path: Path, overwrite: bool) -> None:
     except FileExistsError:
         try:
             if not overwrite:
-                raise InputError(f"{path} has appeared while the run went on") from None
+                raise InputError(f"{path} was created by another program during the run") from None
             with _locked(path):
                 _check_replaceable(path)
                 running.replace(path)
         except InputError as error:
-            raise InputError(f"{error.args[0].rstrip('.')}: the whole result stays at {running}; give it another name") from None
+            raise InputError(f"{error.args[0].rstrip('.')}; the complete result is {running}, rename it yourself") from None
 
 
 def _check_replaceable(path: Path) -> None:
-    """InputError unless a file is a result of this program, be it a damaged one."""
+    """InputError unless a file is a result of this program, damaged or not."""
     try:
         open_result(path).close()
     except NoResultError as error:
-        raise InputError(f"{error}, and is not replaced; move it away or choose another --out folder") from None
+        raise InputError(f"{error}. It is not replaced; move it away or choose another --out folder") from None
     except InputError:
         pass  # HDF5, damaged
 
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, so that nobody goes on writing it.
+    """Hold the lock of a file, so that no other process writes it.
 
     Raises
     ------
-    InputError : another process holds it, or it is a link or no plain file, or may not be written.
+    InputError : another process holds it, or it is a link or no regular file, or may not be written.
     """
     if path.is_symlink():
-        raise InputError(f"{path} is a link, which is never replaced; remove it or choose another --out folder")
+        raise InputError(f"{path} is a symbolic link and is not replaced; remove it or choose another --out folder")
     if not files.is_plain(path):
-        raise InputError(f"{path} is no plain file, and is not replaced; choose another --out folder")
+        raise InputError(f"{path} is not a regular file and is not replaced; choose another --out folder")
     try:
         number = files.open_plain(path)
     except OSError as error:
@@ -141,24 +142,22 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _dead_run(running: Path, overwrite: bool) -> Iterator[None]:
-    """Hold what a run left that was killed, so that it may be replaced; InputError if it may not."""
+def _unfinished(running: Path, overwrite: bool) -> Iterator[None]:
+    """Hold the lock of an interrupted or killed run's file while it is replaced; InputError if it must not be replaced."""
     with _locked(running):
         _check_replaceable(running)
-        state, samples = _left(running)
+        state, samples = _progress_of(running)
         if state == FINISHED:
-            raise InputError(
-                f"{running} holds a whole result that has not got its name; rename it or choose another --out folder"
-            )
+            raise InputError(f"{running} is a complete result that was not renamed; rename it or choose another --out folder")
         if not overwrite:
-            held = f"{samples} samples" if samples is not None else "what is left"
-            go_on = f"go on with explicitfe resume {running}, or " if samples else ""
-            raise InputError(f"{running} holds {held} of a run that was stopped; {go_on}add --overwrite to begin anew")
+            held = f"{samples} samples" if samples is not None else "damaged data"
+            how = f"resume it with 'explicitfe resume {shlex.quote(str(running))}', or " if samples else ""
+            raise InputError(f"{running} holds {held} of an interrupted run; {how}add --overwrite to start again")
         yield
 
 
-def _left(running: Path) -> tuple[str, int | None]:
-    """Status and number of samples of what a dead run left; None where it is damaged."""
+def _progress_of(running: Path) -> tuple[str, int | None]:
+    """Status and number of samples of an unfinished result; None where it is damaged."""
     try:
         with open_result(running) as result:
             return result.status, len(result.times)

@@ -1,4 +1,4 @@
-"""Checked access to what stands in a result file: a damaged one is told so in a sentence, whatever is wrong with it."""
+"""Checked reading of a result file: any damage is reported in one sentence."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from explicitfe.errors import InputError
 from explicitfe.host.files import reason
+from explicitfe.host.result_files import running_path
 from explicitfe.results import layout
 
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -193,7 +194,7 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
         with path.open("rb") as file:
             signature = file.read(len(HDF5_SIGNATURE))
     except FileNotFoundError as error:
-        left = layout.running_path(path)
+        left = running_path(path)
         hint = f"; a run that goes on or was stopped has {left}" if left.exists() else ""
         raise InputError(f"{path} does not exist{hint}") from error
     except InputError:

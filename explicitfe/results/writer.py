@@ -1,8 +1,8 @@
-"""Writes a run's samples to one file that stays readable when the process is killed at any time, or the disk fills."""
+"""Writer of result files that stay readable if the process is killed at any time or the disk is full."""
 
 from __future__ import annotations
 
-import os
+import shlex
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host import files
+from explicitfe.host.result_files import final_path, running_path
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.results import layout, names
 from explicitfe.results.disk import DiskFile
@@ -33,35 +34,35 @@ HDF5_ERRORS = (OSError, RuntimeError)
 class ResultWriter(Recorder):
     """Appends samples to a result file.
 
-    Until its first sample the file has a name that nobody else can have; then it is called ``<stem>.running.vtkhdf``, and
-    :meth:`finish` gives it the name ``path``. So an older result at ``path`` stays whole until the new one is, a run that is
-    refused touches nothing, and a killed run leaves its samples under the running name. Leaving the ``with`` block without
-    :meth:`finish` keeps the running file, and leaves nothing where there was no sample.
+    The file has a hidden temporary name until its first sample, and is ``<stem>.running.vtkhdf`` until :meth:`finish` renames it
+    to ``path``. Therefore an older result at ``path`` stays unchanged until the new one is complete, a refused run changes no
+    file, and an interrupted or killed run leaves its samples under the running name. Leaving the ``with`` block without
+    :meth:`finish` keeps the running file, or removes it if it has no sample.
 
     Parameters
     ----------
     path : the finished result; ends in ``.vtkhdf``. Missing folders are made.
     mesh : the reference mesh; its node sets and named points are stored too.
-    point_fields, cell_fields : name -> quantity, what :meth:`samples` gets beside ``displacement`` (m), which is always
-        stored.
-    history : name -> quantity, what the rows of :meth:`samples` have beside the time.
+    point_fields, cell_fields : name -> quantity of each field in addition to ``displacement`` (m), which is always stored.
+    history : name -> quantity of each column of the history in addition to the time.
     scenario_text : the scenario file as the user wrote it.
     model, provenance : JSON-able dicts.
     bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
-    fibres : of each muscle of ``model["muscles"]`` the lines that its fibres run along.
+    fibres : fibre lines of each muscle of ``model["muscles"]``.
     restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
-    expected_samples : room is made for this many at once; more are possible, fewer are trimmed by :meth:`finish`.
-    overwrite : whether a result at ``path``, and what a killed run left, may be replaced.
+    expected_samples : number of samples to allocate; more are possible, unused ones are removed by :meth:`finish`.
+    overwrite : whether a result at ``path``, and the file of an interrupted run, may be replaced.
 
     Attributes
     ----------
-    path, running_path : the result when it is finished, and until then.
+    path, running_path : the result when its run has ended, and until then.
     last_row : name -> number or (components,), the last row of the history; empty before the first sample.
 
     Raises
     ------
-    InputError : something has one of the names that must not be replaced, another process is writing it, or the folder
-        cannot be written or has no room for the expected samples.
+    InputError : one of the names belongs to a file that must not be replaced, another process is writing it, or the folder
+        cannot be written.
+    MachineError : the disk has too little free space for the expected samples.
     """
 
     _disk: DiskFile
@@ -133,40 +134,39 @@ class ResultWriter(Recorder):
 
     @classmethod
     def reopen(cls, path: Path | str, *, overwrite: bool = False) -> Self:
-        """A result that was stopped, to go on with it: with all its samples, and its running name until :meth:`finish`.
+        """Open the result of an interrupted run to append to it; it has its running name until :meth:`finish`.
 
-        Samples that are not later than the last one are passed over from then on: they are there already.
+        Samples that are not later than the last stored one are skipped.
 
         Parameters
         ----------
-        path : the result of a run that was killed or ended early, under whichever of its names it has.
-        overwrite : whether a finished result of the same name may be replaced in the end.
+        path : result of a killed or interrupted run.
+        overwrite : whether a finished result of the same name may be replaced at the end.
 
         Raises
         ------
-        InputError : it is no result, finished, damaged or of an older format, is being written, or cannot be written.
+        InputError : it is no result, finished, damaged or of an older format, or is being written by another process.
+        MachineError : it cannot be written.
         """
         path = Path(path)
-        final = path
-        if path.stem.endswith(".running"):
-            final = path.with_name(path.name.replace(".running.vtkhdf", ".vtkhdf"))
+        final = final_path(path)
         restarts, count = names.check_stopped(path, final, overwrite)
         try:
             number = files.open_plain(path)
         except OSError as error:
-            raise _cannot_go_on(path, error) from None
+            raise _cannot_reopen(path, error) from None
         disk, name = DiskFile(number), path
         try:
             if not files.lock(number) or not files.is_at(path, number):
                 raise InputError(f"another run is writing {path}; wait until it ends")
             if path == final:
-                name = layout.running_path(final)
+                name = running_path(final)
                 names.to_running(path, name, overwrite)
             file = h5py.File(disk, "r+", rdcc_nbytes=0, libver=layout.LIBRARY_VERSIONS)
         except BaseException as error:
             disk.close()
             if isinstance(error, HDF5_ERRORS):
-                raise _cannot_go_on(path, error) from error
+                raise _cannot_reopen(path, error) from error
             raise
         writer = cls.__new__(cls)
         writer.path, writer.last_row, writer._made = final, {}, []
@@ -174,11 +174,11 @@ class ResultWriter(Recorder):
         writer._reopened, writer._private = True, False
         writer._restarts, writer._samples = restarts, count
         try:
-            writer._go_on()
+            writer._reattach()
         except BaseException as error:
             writer.close()
             if isinstance(error, HDF5_ERRORS):
-                raise _cannot_go_on(path, error) from error
+                raise _cannot_reopen(path, error) from error
             raise
         return writer
 
@@ -190,8 +190,8 @@ class ResultWriter(Recorder):
 
     @property
     def running_path(self) -> Path:
-        """What the result is called while its run goes on."""
-        return layout.running_path(self.path)
+        """Name of the result until its run has ended."""
+        return running_path(self.path)
 
     def samples(
         self,
@@ -200,7 +200,7 @@ class ResultWriter(Recorder):
         point_data: Mapping[str, np.ndarray],
         cell_data: Mapping[str, np.ndarray] | None = None,
     ) -> None:
-        """Store fields and history at some times; they are safe from a kill when this returns.
+        """Store fields and history at some times; when this returns, a kill does not lose them.
 
         Parameters
         ----------
@@ -253,7 +253,7 @@ class ResultWriter(Recorder):
             self._rename(names.to_running, self.running_path)
 
     def restart(self, arrays: Mapping[str, npt.ArrayLike]) -> None:
-        """Store the state to go on from, over the older of the two slots; safe from a kill when this returns.
+        """Store the restart state in the older of the two slots; when this returns, a kill does not lose it.
 
         Parameters
         ----------
@@ -282,25 +282,26 @@ class ResultWriter(Recorder):
         self._restarts = number
 
     def place(self, status: str) -> Path:
-        """Where the result will be when it has ended so: a run that was stopped leaves what stands at ``path`` in its place."""
-        return self.running_path if status == INTERRUPTED and os.path.lexists(self.path) else self.path
+        """Path of the result after :meth:`finish` with this status: an interrupted run keeps its running name."""
+        return self.running_path if status == INTERRUPTED else self.path
 
     def finish(self, status: str, message: str, summary: Mapping[str, object]) -> Path:
-        """Store how the run ended, close the file and give it its final name.
+        """Store how the run ended, close the file and rename it.
 
         Parameters
         ----------
-        status : ``"finished"``, ``"failed"`` or another word of at most 32 bytes; not ``"running"``.
-        message : one sentence for the user; empty when there is nothing to say.
-        summary : JSON-able dict of what the run came to; what the history holds already is not stored twice.
+        status : ``"finished"``, ``"failed"``, ``"interrupted"`` or another word of at most 32 bytes; not ``"running"``.
+        message : one sentence for the user; may be empty.
+        summary : JSON-able summary of the run; values that the history contains are not stored twice.
 
         Returns
         -------
-        Where it is: see :meth:`place`.
+        Path of the result: see :meth:`place`.
 
         Raises
         ------
-        MachineError : the disk refuses, or something has got the final name; what is stored stays under the running name.
+        MachineError : the disk refuses; what is stored stays under the running name.
+        InputError : another file has taken the final name; the result keeps the running name.
         """
         if status == RUNNING:
             raise ValueError('a run that ends is not "running"')
@@ -325,12 +326,14 @@ class ResultWriter(Recorder):
         place = self.place(status)
         if place == self.path:
             self._rename(names.to_final, self.path)
+        elif self._private:  # interrupted before its first sample
+            self._rename(names.to_running, place)
         self._disk.close()
         self._ended = True
         return place
 
     def close(self) -> None:
-        """Close the file; without :meth:`finish` it keeps its running name, or goes if it holds no sample."""
+        """Close the file; without :meth:`finish` it keeps its running name, or is removed if it has no sample."""
         if self._ended:
             return
         self._ended = True
@@ -365,7 +368,7 @@ class ResultWriter(Recorder):
         self._times = file[f"{layout.STEPS}/Values"]
         self._step_count = h5py.h5a.open(file[layout.STEPS].id, b"NSteps")
 
-    def _go_on(self) -> None:
+    def _reattach(self) -> None:
         """Make a file that was stopped, perhaps between two writes, one that is being written."""
         file, count = self._file, self._samples
         self._attach()
@@ -381,7 +384,7 @@ class ResultWriter(Recorder):
             self.last_row = {name: dataset[count - 1] for name, dataset in file[layout.HISTORY].items()}
 
     def _flush(self) -> None:
-        """Have all on the disk; OSError where it refuses."""
+        """Write everything to the disk; OSError if that fails."""
         self._file.flush()
         self._disk.settle()
 
@@ -389,7 +392,7 @@ class ResultWriter(Recorder):
         try:
             rename(self._name, name, self._overwrite)
         except OSError as error:
-            raise MachineError(f"{self._name} cannot be renamed to {name} ({files.reason(error)}); it keeps its name") from error
+            raise MachineError(f"cannot rename {self._name} to {name} ({files.reason(error)}); rename it yourself") from error
         self._name, self._private = name, False
 
     def _remove_folders(self) -> None:
@@ -401,17 +404,19 @@ class ResultWriter(Recorder):
     def _stopped_writing(self, error: Exception, samples: int) -> MachineError:
         kept = self.running_path if samples else self._name
         return MachineError(
-            f"could not go on writing {kept} ({files.reason(error)}); its {samples} samples so far stay "
-            f"readable: free space, then go on with explicitfe resume {kept}"
+            f"cannot write {kept} ({files.reason(error)}). The {samples} samples stored so far are readable; "
+            f"free disk space, then resume the run with 'explicitfe resume {shlex.quote(str(kept))}'."
+            if samples
+            else f"cannot write {self.path} ({files.reason(error)}); free disk space or choose another --out folder."
         )
 
 
-def _cannot_write(path: Path, error: Exception) -> InputError:
-    return InputError(f"cannot write results in {path.parent} ({files.reason(error)}); choose another --out folder")
+def _cannot_write(path: Path, error: Exception) -> InputError | MachineError:
+    return files.refusal(error, f"cannot write results to {path.parent}", "choose another --out folder")
 
 
-def _cannot_go_on(path: Path, error: Exception) -> InputError:
-    return InputError(f"{path} cannot be written ({files.reason(error)}), so the run cannot go on")
+def _cannot_reopen(path: Path, error: Exception) -> InputError | MachineError:
+    return files.refusal(error, f"cannot resume the run, because {path} cannot be written", "check its permissions")
 
 
 def _checked(

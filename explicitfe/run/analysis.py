@@ -34,13 +34,13 @@ BENDING_WARNING_SHARE = 0.10
 TIMED_EVALUATIONS = 5  # of the forces, the best of which predicts the wall time
 
 
-def how_to_go_on(result: Path) -> str:
-    """The end of a sentence on a run that was stopped."""
-    return f"what is stored is complete, and 'explicitfe resume {shlex.quote(str(result))}' goes on."
+def how_to_resume(result: Path) -> str:
+    """End of the sentence on an interrupted run."""
+    return f"all samples so far are stored; resume with 'explicitfe resume {shlex.quote(str(result))}'."
 
 
 def restart_extras(samples: int, seconds: float) -> dict[str, np.ndarray]:
-    """What a restart state holds beside the body's: samples and seconds of wall time so far, and lanes of a vector."""
+    """Restart arrays in addition to those of the body: samples and seconds of wall time so far, and lanes of a vector."""
     return {"samples": np.array(samples), "lanes": np.array(WIDTH), "seconds": np.array(seconds)}
 
 
@@ -49,9 +49,9 @@ BodyT = TypeVar("BodyT", bound=Body)
 
 
 class Begun(NamedTuple):
-    """What is stored of a run that goes on: its file, the newest state, and the history of the samples up to there.
+    """An interrupted run to resume: its file, the newest restart state, and the history of the samples up to that state.
 
-    ``state`` is None where the run was killed before it stored one: it then begins again, and passes over what is stored.
+    ``state`` is None if the run was killed before it stored one: it then starts again and skips the stored samples.
     """
 
     path: Path

@@ -1,35 +1,47 @@
-"""From a scenario file to a result file: read, build, compile, run, record, summarise."""
+"""Running a scenario file: read, build, compile, run, store, summarize."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from explicitfe.errors import InputError, Progress, shortened, silent
 from explicitfe.host import stopping
+from explicitfe.host.result_files import OUTPUT_FOLDER, SUFFIX
 from explicitfe.host.shipped import scenario_file
 from explicitfe.results.run_summary import RunSummary
 from explicitfe.run.prepare import prepare
-from explicitfe.run.resume import begun_at, go_on
+from explicitfe.run.resume import resume_analysis, stored_before
+
+# File systems allow 255 bytes; pictures and temporary files append to the name.
+LONGEST_NAME_BYTES = 200
 
 
-def result_path(scenario_path: Path | str, out: Path | str = "outputs", name: str | None = None) -> Path:
-    """Where the result of a scenario goes: it is called as the scenario, or by a name of its own.
+def result_path(scenario_path: Path | str, out: Path | str = OUTPUT_FOLDER, name: str | None = None) -> Path:
+    """Path of the result of a scenario: it has the name of the scenario, or a name of its own.
 
     Raises
     ------
-    InputError : the name cannot be that of a file.
+    InputError : the name cannot be the name of a file, or is longer than 200 bytes.
     """
     if name is None:
         name = scenario_file(scenario_path).stem
     elif not name or not name.isprintable() or name != Path(name).name or name.startswith("."):
-        raise InputError(f'a result cannot be called "{shortened(name)}"; give a word, such as softer')
-    return Path(out) / f"{name.removesuffix('.vtkhdf')}.vtkhdf"
+        raise InputError(f'--name "{shortened(name)}" cannot be the name of a file; use letters and digits, such as softer.')
+    name = name.removesuffix(SUFFIX)
+    size = len(os.fsencode(name))
+    if size > LONGEST_NAME_BYTES:
+        raise InputError(
+            f'the name of the result, "{shortened(name)}", has {size} bytes; at most {LONGEST_NAME_BYTES} are possible: choose a '
+            "shorter --name."
+        )
+    return Path(out) / f"{name}{SUFFIX}"
 
 
 def run(
     path: Path | str,
-    out: Path | str = "outputs",
+    out: Path | str = OUTPUT_FOLDER,
     *,
     name: str | None = None,
     settings: Sequence[str] = (),
@@ -38,32 +50,32 @@ def run(
     resume: bool = False,
     progress: Progress = silent,
 ) -> RunSummary:
-    """Run a scenario to its end and store its result.
+    """Run a scenario and store its result.
 
     Parameters
     ----------
-    path : scenario file, or the name of a scenario that comes with the program.
-    out : folder of the result, made if it does not exist.
-    name : of the result, so that variants of a scenario can be told apart; the scenario's if left out.
-    settings : ``key=value`` pairs that replace what the file says.
-    notes : sentences for the user that the summary begins its warnings with.
-    overwrite : replace a result that exists.
-    resume : go on with a run of this scenario that was stopped or killed, if there is one; see ``run/resume.py``.
+    path : scenario file, or the name of a shipped scenario.
+    out : folder of the result, created if it does not exist.
+    name : name of the result, to distinguish variants of a scenario; that of the scenario by default.
+    settings : ``key=value`` pairs that replace values of the file.
+    notes : sentences for the user, prepended to the warnings of the summary.
+    overwrite : replace an existing result.
+    resume : resume an interrupted run of this scenario if there is one; see ``run/resume.py``.
     progress : called with the stage and the share of it that is done.
 
     Returns
     -------
-    The summary: what ``explicitfe run --json`` prints. ``status`` is "finished", or says why the run ended early; then
-    ``message`` holds a sentence for the user, and what was computed until then is stored. Ctrl-C ends a run after a sample, with
-    the status "interrupted"; a second one raises KeyboardInterrupt at once.
+    The summary, as ``explicitfe run --json`` prints it. ``status`` is "finished", or the reason why the run ended early; then
+    ``message`` has a sentence for the user, and the samples so far are stored. Ctrl-C ends a run after the current sample, with
+    the status "interrupted"; a second Ctrl-C raises KeyboardInterrupt immediately.
 
     Raises
     ------
     InputError : nothing was run and nothing written.
     """
     analysis, target = prepare(path, settings, notes), result_path(path, out, name)
-    begun = begun_at(target) if resume else None
-    if begun is not None:
-        return go_on(analysis, begun, overwrite=overwrite, progress=progress).summary
+    stored = stored_before(target) if resume else None
+    if stored is not None:
+        return resume_analysis(analysis, stored, overwrite=overwrite, progress=progress).summary
     with stopping.watching():
         return analysis.run(target, overwrite=overwrite, progress=progress)

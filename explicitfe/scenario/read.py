@@ -1,4 +1,4 @@
-"""A scenario's file becomes a scenario: its reading, what --set changes, its schema."""
+"""Reading of scenario files, ``--set``, and the JSON schema of scenarios."""
 
 from __future__ import annotations
 
@@ -22,44 +22,44 @@ Scenario = TransientScenario | IndentationScenario
 
 
 def kind_of(data: object) -> type[TransientScenario] | type[IndentationScenario]:
-    """The schema that parsed TOML is meant for: by its model or its type of analysis."""
+    """The schema of a parsed scenario, chosen by its model or its type of analysis."""
     model, analysis = (data.get(key) if isinstance(data, dict) else None for key in ("model", "analysis"))
     specimen = isinstance(model, dict) and model.get("name") == "specimen"
     relaxation = isinstance(analysis, dict) and analysis.get("type") == "relaxation"
     return IndentationScenario if specimen or relaxation else TransientScenario
 
 
-# What other files of a user say of themselves under "format" -> what they are for.
+# "format" of other files -> what they are and which command takes them.
 _OTHER_FILES = {
-    "explicitfe-dataset/1": "a dataset: give its folder to `explicitfe check`, `identify` or `close-loop`",
-    "explicitfe-protocol/1": "the protocol of a test: give it to `explicitfe design-test`",
-    "explicitfe-model/1": "a tissue: give it to `explicitfe run SCENARIO` with --tissue, or to `explicitfe predict` with --model",
+    "explicitfe-dataset/1": "a dataset; use its folder with `explicitfe check`, `identify` or `close-loop`",
+    "explicitfe-protocol/1": "a test protocol; use it with `explicitfe design-test`",
+    "explicitfe-model/1": "a tissue model; use it with `explicitfe run SCENARIO --tissue` or `explicitfe predict --model`",
 }
 
 
 def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
-    """A scenario file, checked, and its text with the settings noted at its head.
+    """Read and validate a scenario file; return it and its text, with the settings as comments at the top.
 
     Parameters
     ----------
-    path : the file; one that ends in .json holds the same tables as JSON, as a result does.
-    settings : ``key=value`` pairs that replace what the file says; a muscle is reached by its name
-        (``muscle.GGp.force_N=1.5``), and ``bone.+={name="palate"}`` adds a table.
+    path : TOML file; a ``.json`` file has the same tables as JSON.
+    settings : ``key=value`` pairs that replace values of the file. A muscle is selected by its name
+        (``muscle.GGp.force_N=1.5``) and is added if it is not listed; ``bone.+={name="palate"}`` adds any other table.
 
     Raises
     ------
     InputError : the file cannot be read, is not TOML, or does not fit the schema; one sentence.
     """
     path = Path(path)
-    text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
+    text = text_of(path, "give a scenario file (TOML) or a name from 'explicitfe list scenarios'")
     return scenario_in(text, path, settings)
 
 
 def scenario_in(text: str, path: Path, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
-    """A scenario in a text, as :func:`read_scenario` gives it; ``path`` is where messages say that it stands."""
+    """Parse and validate the text of a scenario as :func:`read_scenario` does; ``path`` is the file named in messages."""
     data = json_of(text, path) if path.suffix == ".json" else toml_of(text, path)
     if isinstance(data, dict) and data.get("format") in _OTHER_FILES:
-        raise InputError(f"{path}: this is no scenario but {_OTHER_FILES[data['format']]}.")
+        raise InputError(f"{path} is not a scenario but {_OTHER_FILES[data['format']]}.")
     for setting in settings:
         _apply(data, setting)
     try:
@@ -76,7 +76,7 @@ def json_schema() -> dict[str, object]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **with_bounds(both)}
 
 
-# Keys that exclude each other: whoever sets one takes its alternatives, keys of the same table, out.
+# Mutually exclusive keys of a table: setting one removes the others.
 _ALTERNATIVES = {
     "model.cells": ("resolution",),
     "model.resolution": ("cells",),
@@ -90,7 +90,9 @@ _ALTERNATIVES = {
 }
 
 
-LONGEST_SETTING_CHARACTERS = 20_000  # of one --set: what is longer belongs into a file
+LONGEST_SETTING_CHARACTERS = 20_000  # of one --set
+# Keys of an added muscle that are copied from the first listed muscle: its time course and its kind of force.
+_COPIED_TO_ADDED_MUSCLE = ("profile", "start_ms", "rise_ms", "end_ms", "table", "distribution", "force_length", "direction")
 
 
 def _apply(data: object, setting: str) -> None:
@@ -99,11 +101,11 @@ def _apply(data: object, setting: str) -> None:
     path, equals, text = setting.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        raise InputError(f"{option}: write key=value, for example --set muscle.GGp.force_N=1.5.")
+        raise InputError(f"{option} is not of the form key=value; write for example --set muscle.GGp.force_N=1.5.")
     if len(setting) > LONGEST_SETTING_CHARACTERS or len(keys) > MOST_LEVELS:
         raise InputError(
-            f"{option}: this is too long; up to {LONGEST_SETTING_CHARACTERS} characters and {MOST_LEVELS} keys are possible, "
-            "so write it into the scenario."
+            f"{option}: the setting is longer than {LONGEST_SETTING_CHARACTERS} characters or {MOST_LEVELS} keys; "
+            "write it into the scenario file."
         )
     value = _value(text, option)
     nested: object = value
@@ -124,10 +126,13 @@ def _apply(data: object, setting: str) -> None:
             index: Any = -1
         elif isinstance(at, list):
             index = _entry(at, key, place, option)
+            if index is None:
+                at.append(_added_muscle(at, key))
+                index = -1
         elif isinstance(at, dict):
             index = key
         else:
-            raise InputError(f'{option}: {place} is a value, it has no key "{key}".')
+            raise InputError(f'{option}: {place} is a single value and has no key "{shortened(key)}"; remove this key.')
         if depth == len(keys) - 1:
             at[index] = value
         else:
@@ -135,29 +140,46 @@ def _apply(data: object, setting: str) -> None:
 
 
 def _value(text: str, option: str) -> object:
-    """What a setting's text says: TOML, or else a bare word, which is text."""
+    """Value of a setting: parsed as TOML, or else a bare word, which is a string."""
     try:
         table = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text.strip()
     except RecursionError:
-        raise InputError(f"{option}: lists or tables stand too deep inside each other; take some brackets out.") from None
+        raise InputError(f"{option}: too many nested lists or tables; remove brackets.") from None
     except ValueError as error:  # a whole number of thousands of digits
-        raise InputError(f"{option}: this number cannot be read ({shortened(str(error))}).") from None
+        raise InputError(f"{option}: the number cannot be read ({shortened(str(error))}); write fewer digits.") from None
     if table.keys() != {"value"}:
-        raise InputError(f"{option}: there is more than one line; give each key with a --set of its own.")
+        raise InputError(f"{option}: the value has more than one line; use one --set for each key.")
     return table["value"]
 
 
-def _entry(entries: list[object], key: str, place: str, option: str) -> int:
-    """The place of the entry of a list that has this name, or else this number."""
+def _entry(entries: list[object], key: str, place: str, option: str) -> int | None:
+    """Index of the list entry with this name, or with this number from 1; None for a muscle that is not listed."""
     names = {k: str(entry.get("name", "")) for k, entry in enumerate(entries) if isinstance(entry, dict)}
     chosen = [k for k, name in names.items() if name == key]
-    if not chosen and key.isascii() and key.isdecimal() and len(key) < 10 and int(key) < len(entries):
-        chosen = [int(key)]
+    if not chosen and key.isascii() and key.isdecimal() and len(key) < 10 and 1 <= int(key) <= len(entries):
+        chosen = [int(key) - 1]
     if len(chosen) > 1:
-        numbers = ", ".join(f"{place}.{k}" for k in chosen)
-        raise InputError(f'{option}: "{key}" stands {len(chosen)} times in {place}; say which: {numbers}.')
-    if not chosen:
-        raise InputError(f'{option}: {place} has no entry "{shortened(key)}"; {nearest(key, filter(None, names.values()))}')
-    return chosen[0]
+        numbers = ", ".join(f"{place}.{k + 1}" for k in chosen)
+        raise InputError(f'{option}: {place} lists "{key}" {len(chosen)} times; select one by its number: {numbers}.')
+    if chosen:
+        return chosen[0]
+    if place == "muscle" and not _is_number(key):
+        return None
+    if _is_number(key):
+        raise InputError(f"{option}: {place} has {len(entries)} entries, counted from 1, and no entry {shortened(key)}.")
+    raise InputError(
+        f'{option}: {place} has no entry "{shortened(key)}"; {nearest(key, filter(None, names.values()))} '
+        f"To add an entry write '{place}.+={{name=\"{shortened(key)}\", ...}}'."
+    )
+
+
+def _added_muscle(listed: list[object], name: str) -> dict[str, object]:
+    """Table of a muscle that a setting adds, with the time course and kind of force of the first listed muscle."""
+    first = listed[0] if listed and isinstance(listed[0], dict) else {}
+    return {"name": name, **{key: first[key] for key in _COPIED_TO_ADDED_MUSCLE if key in first}}
+
+
+def _is_number(key: str) -> bool:
+    return key.removeprefix("-").isdecimal()

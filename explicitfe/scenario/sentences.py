@@ -1,4 +1,4 @@
-"""What is wrong with a table, as a sentence for whoever wrote it."""
+"""Error messages for tables that do not fit their schema."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 from explicitfe.errors import nearest, shortened
 from explicitfe.materials import LAWS
 
-# What a value must be, where the words of pydantic are those of Python; other kinds of fault keep its words.
+# Requirements in the user's words where those of pydantic are about Python; other errors keep pydantic's words.
 _KINDS = {
     "model_type": "it must be a table",
     "model_attributes_type": "it must be a table",
@@ -26,16 +26,16 @@ _KINDS = {
 
 
 def explain(error: ValidationError, data: object, table: type[BaseModel]) -> str:
-    """The first thing that is wrong with ``data`` as a ``table``, as one sentence with the key and what to do."""
+    """The first error in ``data`` as one sentence with the key and what to do."""
     # A misspelt key is named before the key that is missing because of it.
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     problem = problems[0]
     keys = _keys(problem, data)
     where = _where(keys, data)
     sentence = _sentence(problem, keys, where, table)
-    # A value that none of several kinds fits has a problem of each kind.
+    # A value that fits none of several types has one problem for each type.
     more = len({tuple(_keys(other, data)) for other in problems}) - 1
-    after = f" ({more} more after this one)" if more else ""
+    after = f" ({more} more error{'s' * (more > 1)})" if more else ""
     return f"{sentence.rstrip('.')}{after}" + ("" if sentence.endswith("?") and not more else ".")
 
 
@@ -54,14 +54,15 @@ def _sentence(problem: ErrorDetails, keys: Sequence[int | str], where: Sequence[
     if kind == "value_error":
         return f"{place or 'the scenario'}: {context['error']}"
     if kind == "out_of_bounds":
-        place = ".".join([*where, *([context["key"]] if "key" in context else []), *(str(k) for k in context["place"])])
+        place = ".".join([*where, *([context["key"]] if "key" in context else [])])
+        place += "".join(f" {number + 1}" for number in context["place"])
         return f"{place} = {context['number']:g} is not possible: {context['reason']}"
     message = _KINDS.get(kind, problem["msg"][0].lower() + problem["msg"][1:])
-    return f"{place or 'the whole'} = {written(problem['input'])} is not possible: {message}"
+    return f"{place or 'the scenario'} = {written(problem['input'])} is not possible: {message}"
 
 
 def written(value: object) -> str:
-    """A value about as its text says it, its beginning where it is long."""
+    """A value approximately as written in the file, shortened if it is long."""
     if value is None or isinstance(value, bool):
         return "nothing" if value is None else str(value).lower()
     if isinstance(value, Mapping):
@@ -72,12 +73,12 @@ def written(value: object) -> str:
 
 
 def _first(values: Iterable[Any]) -> list[Any]:
-    """As many as a sentence could show."""
+    """The first values, as many as a sentence can show."""
     return [value for _, value in zip(range(40), values, strict=False)]
 
 
 def _keys(problem: ErrorDetails, data: object) -> list[int | str]:
-    """The keys of a problem as they stand in the data: without the names of the kinds that a value was tried as."""
+    """Keys of a problem in the data, without the names of the types that were tried."""
     keys: list[int | str] = []
     at: Any = data
     named = problem["loc"][:-1] if problem["type"] in ("missing", "extra_forbidden") else problem["loc"]
@@ -91,7 +92,7 @@ def _keys(problem: ErrorDetails, data: object) -> list[int | str]:
 
 
 def _where(keys: Iterable[int | str], data: object) -> list[str]:
-    """The path of a key as a user would say it: entries of an array by their name."""
+    """Path of a key for messages: entries of an array by their name, or else by their number from 1."""
     path: list[str] = []
     part: Any = data
     for key in keys:
@@ -100,9 +101,10 @@ def _where(keys: Iterable[int | str], data: object) -> list[str]:
         except (KeyError, IndexError, TypeError):
             part = None
         if isinstance(part, dict) and isinstance(key, int) and path:
-            # A table of an array goes by its name, or else by its number, from 1 as a person counts.
             name = part.get("name")
             path[-1:] = [path[-1], shortened(name)] if isinstance(name, str) else [f"{path[-1]} {key + 1}"]
+        elif isinstance(key, int) and path:
+            path[-1] += f" {key + 1}"
         else:
             path.append(shortened(str(key)))
     return path
@@ -113,7 +115,7 @@ def _inside(path: Sequence[str]) -> str:
 
 
 def _valid_keys(table: type[BaseModel], keys: Sequence[int | str]) -> list[str]:
-    """Keys that the table at this place knows; a material has those of its law."""
+    """Valid keys of the table at this place; a material has those of its law."""
     current: type[BaseModel] | None = table
     for key in keys:
         if isinstance(key, int) or current is None:
@@ -128,7 +130,7 @@ def _valid_keys(table: type[BaseModel], keys: Sequence[int | str]) -> list[str]:
 
 
 def _tables(annotation: object) -> Iterable[type[BaseModel]]:
-    """The tables that an annotation names, such as SpecimenTable in ``list[SpecimenTable] | None``."""
+    """Table classes in an annotation, such as SpecimenTable in ``list[SpecimenTable] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):

@@ -66,7 +66,7 @@ def test_what_a_killed_run_left_goes_only_with_overwrite_and_at_the_first_sample
     with start(tmp_path / "a.vtkhdf") as run:
         add(run, 7)
     before = running.read_bytes()
-    with pytest.raises(InputError, match=r"holds 1 samples of a run that was stopped; go on with explicitfe resume .*a\.running"):
+    with pytest.raises(InputError, match=r"holds 1 samples of an interrupted run; resume it with .*a\.running"):
         start(tmp_path / "a.vtkhdf")
     with start(tmp_path / "a.vtkhdf", overwrite=True) as run:  # refused before its first sample, as for a step that is too long
         assert running.read_bytes() == before
@@ -104,11 +104,11 @@ def test_a_name_of_an_unfinished_result_is_refused(tmp_path):
     """A scenario x.running.toml would take the place in which x.toml writes."""
     with start(tmp_path / "x.vtkhdf") as run:
         add(run, 0)
-        with pytest.raises(InputError, match='is what an unfinished result of "x" is called; give the scenario another name'):
+        with pytest.raises(InputError, match='is the name of an unfinished result of "x"; choose another name with --name'):
             start(tmp_path / "x.running.vtkhdf", overwrite=True)
     # One that an older version has finished under such a name is not taken for the rest of x.toml's run.
     write(tmp_path / "y.vtkhdf", 1).rename(tmp_path / "x.running.vtkhdf")
-    with pytest.raises(InputError, match="holds a whole result that has not got its name"):
+    with pytest.raises(InputError, match="is a complete result that was not renamed"):
         start(tmp_path / "x.vtkhdf", overwrite=True)
     with open_result(tmp_path / "x.running.vtkhdf") as result:
         check_steps(result, 1)
@@ -124,10 +124,11 @@ def test_a_stopped_run_goes_on(tmp_path):
         np.testing.assert_array_equal(run.last_row["probe_tip_displacement"], displacement(2)[11])
         for step in range(1, 7):  # from an older restart state: what is there already is passed over
             add(run, step)
-        run.finish("interrupted", "stopped by hand", {})
-    with open_result(path) as result:
+        assert run.finish("interrupted", "stopped by hand", {}) == running
+    assert [*tmp_path.iterdir()] == [running]
+    with open_result(running) as result:
         assert (result.status, result.message) == ("interrupted", "stopped by hand")
-    with ResultWriter.reopen(path) as run:
+    with ResultWriter.reopen(running) as run:
         assert [*tmp_path.iterdir()] == [running]
         with open_result(running) as result:
             assert (result.status, result.message, result.summary) == ("running", "", {})
@@ -141,7 +142,7 @@ def test_a_stopped_run_goes_on(tmp_path):
         np.testing.assert_array_equal(result.history("kinetic_energy"), np.arange(8) + 0.5)
         assert result.restart_state().arrays["step"] == 7
         assert result.summary == {"steps": 8}
-    with pytest.raises(InputError, match="is finished: there is nothing to go on with"):
+    with pytest.raises(InputError, match="is finished; there is nothing to resume"):
         ResultWriter.reopen(path)
 
 
@@ -211,7 +212,7 @@ for name in ("a.vtkhdf", "closed/b.vtkhdf"):
 """
         file, closed = python(code).stdout.splitlines()
         assert file.startswith(f"{folder / 'a.vtkhdf'} cannot be replaced (Permission denied)")
-        assert closed.startswith(f"cannot write results in {folder / 'closed'} (Permission denied)")
+        assert closed.startswith(f"cannot write results to {folder / 'closed'} (Permission denied)")
         assert (folder / "a.vtkhdf").read_bytes() == before
         assert {path.name for path in folder.iterdir()} == {"a.vtkhdf", "closed"}
 
@@ -230,7 +231,7 @@ def test_two_runs_of_a_result_at_once(tmp_path):
         add(other, 0)
         one.finish(FINISHED, "", {})
         write(tmp_path / "c.vtkhdf", 1).rename(tmp_path / "b.vtkhdf")  # without --overwrite it stays
-        with pytest.raises(InputError, match=r"has appeared while the run went on: the whole result stays at .*b\.running"):
+        with pytest.raises(InputError, match=r"was created by another program .*; the complete result is .*b\.running"):
             other.finish(FINISHED, "", {})
     assert {file.name for file in tmp_path.iterdir()} == {"a.vtkhdf", "b.vtkhdf", "b.running.vtkhdf"}
 
@@ -250,7 +251,7 @@ def test_what_dead_processes_left_is_cleared_away(tmp_path):
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"cannot write results in .*file/sub \(Not a directory\); choose another --out"):
+    with pytest.raises(InputError, match=r"cannot write results to .*file/sub \(Not a directory\); choose another --out"):
         start(tmp_path / "file" / "sub" / "a.vtkhdf")
     (tmp_path / "b.vtkhdf").mkdir()
     with pytest.raises(InputError, match="is a folder"):

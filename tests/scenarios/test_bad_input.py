@@ -40,7 +40,7 @@ SETTINGS = [
     ("model.cells=[8, 4]", ["model.cells: must be three whole numbers"]),
     (
         'muscle=[{name="GGp", force_N=1, profile="table", table=[[0, 1, 2]]}]',
-        ["muscle.GGp.table.0: must be a pair [time_ms, scale]"],
+        ["muscle.GGp.table 1: must be a pair [time_ms, scale]"],
     ),
     (
         'muscle=[{name="GGp", force_N=1, profile="table", table=[[0, 1]], end_ms=5}]',
@@ -82,7 +82,7 @@ def test_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     stored.write_text("{")
     _refused(["check", str(stored)], ["stored.json", "not valid JSON"], capsys)
     stored.write_text("[1]")
-    _refused(["check", str(stored)], ["stored.json: the whole = [1] is not possible"], capsys)
+    _refused(["check", str(stored)], ["stored.json: the scenario = [1] is not possible"], capsys)
 
 
 def test_folder_that_cannot_be_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
-from typing import Literal, Protocol
+from typing import Literal, Self
 
 Stage = Literal[
     "load",
     "compile",
     "run",
+    "load-step",
     "draw",
     "compare",
     "export",
@@ -28,18 +29,27 @@ Stage = Literal[
 """What a long task is doing; ``view/progress.py`` has words for each."""
 
 Progress = Callable[[Stage, float], None]
-"""What a long task calls from time to time with its stage and the share of it that is done, 0 to 1."""
+"""What a long task calls from time to time with its stage and the share of it that is done, 0 to 1; it may be a ``Share``."""
 
 
-class WordedProgress(Protocol):
-    """Progress that takes some words as well, on what is going on in the stage."""
+class Share(float):
+    """A share of a task that is done, 0 to 1, with words that say what is being computed, such as "effect 12 of 24"."""
 
-    def __call__(self, stage: Stage, share: float, words: str = "") -> None:
-        """Tell the stage, the share of it that is done, and words such as "120 of 2000, 3 failed"."""
+    words: str
+
+    def __new__(cls, share: float, words: str) -> Self:
+        self = super().__new__(cls, share)
+        self.words = words
+        return self
 
 
-def silent(stage: Stage, share: float, words: str = "") -> None:
-    """Progress that nobody follows."""
+def counted(done: int, count: int, unit: str) -> Share:
+    """The share of ``count`` equal parts after ``done`` of them; its words name the part that is computed next."""
+    return Share(done / count, f"{unit} {min(done + 1, count)} of {count}")
+
+
+def silent(stage: Stage, share: float) -> None:
+    """Progress that is discarded."""
 
 
 class InputError(ValueError):

@@ -13,9 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,8 +23,9 @@ from explicitfe.blind import homogeneous, under_a_tool
 from explicitfe.blind.case import KINDS, LEVELS, CaseRequest, write
 from explicitfe.blind.folder import MANIFEST, Manifest, alone_in, manifest_of
 from explicitfe.blind.foreign import family as foreign
-from explicitfe.errors import InputError, Progress, nearest, shortened, silent
-from explicitfe.host.stopping import leave_signals_to_the_parent
+from explicitfe.errors import InputError, Progress, counted, nearest, shortened, silent
+from explicitfe.host.compilation import announcing
+from explicitfe.host.worker_pool import WorkerPool
 from explicitfe.results.folder import whole_file, whole_folder
 
 FAMILIES = {"homogeneous": homogeneous, "indentation": under_a_tool, "foreign": foreign}
@@ -105,14 +104,14 @@ def _make_missing(out: Path, wanted: Manifest, requests: list[CaseRequest], proc
     jobs = [_Job(out, k + 1, wanted["family"], requests[k], seeds[k]) for k in range(len(requests))]
     missing = [job for job in jobs if not job.dataset.is_dir()]
     done = len(jobs) - len(missing)
-    progress("make", done / len(jobs))
+    progress("make", counted(done, len(jobs), "case"))
     pool = None
     if processes > 1 and len(missing) > 1:
-        pool = ProcessPoolExecutor(processes, mp_context=get_context("spawn"), initializer=leave_signals_to_the_parent)
+        pool = WorkerPool(processes)
     with pool or nullcontext():
         for _ in (pool.map if pool else map)(_make_one, missing):
             done += 1
-            progress("make", done / len(jobs))
+            progress("make", counted(done, len(jobs), "case"))
 
 
 def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> dict[str, int]:
@@ -169,7 +168,8 @@ class _Job(NamedTuple):
 
 
 def _make_one(job: _Job) -> None:
-    case = FAMILIES[job.family].draw(np.random.default_rng(job.seed), job.request)
+    with announcing(f"simulated tests of the family {job.family}"):
+        case = FAMILIES[job.family].draw(np.random.default_rng(job.seed), job.request)
     truth = {"case": job.name, "family": job.family} | case.truth
     whole_file(job.out / "sealed" / f"{job.name}.json", json.dumps(truth, indent=1) + "\n")
     with whole_folder(job.dataset) as folder:

@@ -22,7 +22,7 @@ from explicitfe.blind.report import ScoredCase, ToolReport
 from explicitfe.blind.tables import Tables, markdown, picture, tables_of
 from explicitfe.blind.truth import Truth
 from explicitfe.close_loop.report import SUMMARY
-from explicitfe.errors import InputError, Progress, silent
+from explicitfe.errors import InputError, Progress, counted, silent
 from explicitfe.host import stopping
 from explicitfe.results.folder import whole_file, whole_folder
 
@@ -182,7 +182,7 @@ def _run(
     running: dict[str, tuple[SpawnProcess, float]] = {}
     todo = left[::-1]
     done = len(names) - len(left)
-    progress("close-loop", done / len(names))
+    progress("close-loop", counted(done, len(names), "case"))
     try:
         while todo or running:
             while todo and len(running) < processes:
@@ -205,7 +205,7 @@ def _run(
                 if not (reports / name / SUMMARY).is_file():
                     _record(reports, name, taken, f"stopped after {taken:.0f} s" if late else f"ended with {job.exitcode}")
                 done += 1
-                progress("close-loop", done / len(names))
+                progress("close-loop", counted(done, len(names), "case"))
     finally:
         for job, _ in running.values():
             job.kill()

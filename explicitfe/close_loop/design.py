@@ -21,7 +21,7 @@ from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerpri
 from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.errors import InputError, Progress, RunError, silent
+from explicitfe.errors import InputError, Progress, RunError, Share, silent
 from explicitfe.host.shipped import protocol_file
 from explicitfe.host.text import text_of, toml_of
 from explicitfe.host.toml_text import toml_value
@@ -119,7 +119,9 @@ def design_test(
         candidates = system.candidates(fit.model)
         usual = RUNS_OF_A_TEST * len(system.tests)
         left = 1.0 - SYSTEM_PROGRESS
-        simulator.watch = lambda: progress("design", SYSTEM_PROGRESS + left * float(-np.expm1(-simulator.runs / usual)))
+        simulator.watch = lambda words: progress(
+            "design", Share(SYSTEM_PROGRESS + left * float(-np.expm1(-simulator.runs / usual)), words)
+        )
         prints = fingerprints(system, fit, covariance, candidates)
         progress("design", 1.0)
     finally:

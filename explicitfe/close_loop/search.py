@@ -175,14 +175,14 @@ def search(
     estimated = rows is None
     rows = row_noise(system.series) if rows is None else rows
     spread = scatter(system.series, rows)
-    watch("fit the baseline", BASELINE_PROGRESS)
+    watch("fit of the baseline", BASELINE_PROGRESS)
     by_tests = Covariance(system.series, rows, spread)
     baseline = settled(system, refit(system, start or system.start(), by_tests), by_tests)
     system, baseline = renewed(system, baseline, by_tests)
     if estimated:
         rows = row_noise_beside(system.series, rows, baseline.answer)
         spread = scatter(system.series, rows)
-    watch("floors", FLOORS_PROGRESS)
+    watch("numerical error", FLOORS_PROGRESS)
     assumed = {f"{ASSUMED}{name}": stack(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()}
     covariance = covariance_of(system, baseline.model, rows, spread, assumed)
     fit = settled(system, refit(system, baseline.model, covariance, slopes=baseline.slopes), covariance)
@@ -190,7 +190,7 @@ def search(
     while True:
         covariance = covariance.at(fit.answer)
         share = ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1)
-        watch("trace the residual", share)
+        watch(f"round {len(rounds) + 1} of at most {max_effects + 1}", share)
         seen, systems = _round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds)
         rounds.append(_without_form(rounds, seen))
         if not fit.converged and len(rounds) == 1:
@@ -198,7 +198,7 @@ def search(
         chosen = rounds[-1].chosen
         if chosen is None:
             break
-        watch("add an effect", ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1))
+        watch(f"add effect {chosen}", ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1))
         system, fit = systems[chosen], rounds[-1].refits[chosen]
         if estimated:
             rows = row_noise_beside(system.series, rows, fit.answer)

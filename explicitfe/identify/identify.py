@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.errors import InputError, Progress, RunError, nearest, shortened, silent
+from explicitfe.errors import InputError, Progress, RunError, Share, nearest, shortened, silent
+from explicitfe.host.compilation import announcing
 from explicitfe.identify.assumptions import alternatives, what_a_fit_hides
 from explicitfe.identify.fit import Fit, Observed, least_squares_fit
 from explicitfe.identify.forward import FIRST_Q, ToolResponse, ratio
@@ -92,9 +93,10 @@ def identify(
     if method == "paper":
         for group in groups:
             force_steps(group.fitted, group.rows)
-    progress("compile", 0.0)
-    models.compile()
-    progress("compile", 1.0)
+    progress("load", 0.0)
+    with announcing("indentation tests"):
+        models.compile()
+    progress("load", 1.0)
     work = _Work(progress, models.runs_planned(groups, method))
 
     rows: dict[str, IdentifiedGroup] = {}
@@ -169,7 +171,7 @@ class _Work:
         if share >= steady:
             share = 1.0 - (1.0 - steady) * float(np.exp(-(share - steady) / (1.0 - steady)))
         self._shown = max(self._shown, LARGEST_PROGRESS_SHARE * share)
-        self._progress("identify", self._shown)
+        self._progress("identify", Share(self._shown, f"run {int(done) + 1} of about {self._planned}"))
 
 
 def _fit_group(group: Group, models: ForwardModels, method: str, work: _Work) -> GroupFit:

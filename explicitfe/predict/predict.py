@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from types import MappingProxyType
 
@@ -15,8 +14,10 @@ import numpy as np
 from pydantic import ValidationError
 
 from explicitfe.compiled.threads import cores
-from explicitfe.errors import InputError, Progress, RunError, nearest, shortened, silent
+from explicitfe.errors import InputError, Progress, RunError, counted, nearest, shortened, silent
 from explicitfe.host import stopping
+from explicitfe.host.compilation import announcing
+from explicitfe.host.worker_pool import WorkerPool
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of
 from explicitfe.measured.read import read_dataset
 from explicitfe.predict.correction import Correction, Job, Run, corrections_of
@@ -133,8 +134,15 @@ def predict_test(
     numerics = _with_numerics(tissue, refinement, density, tolerance).numerics
     correction = corrections.get(first.id)
     if correction is None:
-        return predict_under_a_tool(test, law, effects, numerics, progress)
-    return predict_under_a_tool(test, law, effects, numerics, progress, partial(correction.applied, followed=test))
+        return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress)
+    corrected = partial(correction.applied, followed=test)
+    return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress, corrected)
+
+
+def kernels_of_test(test: Sequence[Curve], tissue: Tissue) -> str:
+    """Describe the compiled kernels that a test needs, such as "indentation tests with viscoelastic"."""
+    effects = ", ".join(effect_name(effect) for effect in tissue.effects.chosen)
+    return f"{test[0].kind} tests" + (f" with {effects}" if effects else "")
 
 
 def _with_numerics(tissue: Tissue, refinement: float | None, density: float | None, tolerance: float | None) -> Tissue:
@@ -161,7 +169,9 @@ def _run(jobs: list[Job]) -> list[Run]:
 def _answers_or_message(test: Sequence[Curve], text: str, corrections: Mapping[str, Correction]) -> list[CurveAnswer] | str:
     """What the tissue of a model file's text answers, or why it does not."""
     try:
-        return predict_test(test, parse_tissue(text), corrections=corrections)
+        tissue = parse_tissue(text)
+        with announcing(kernels_of_test(test, tissue)):
+            return predict_test(test, tissue, corrections=corrections)
     except RunError as error:
         return str(error)
 
@@ -179,10 +189,10 @@ def _predict_tests(
     def keep(test: Sequence[Curve], answer: list[CurveAnswer] | str) -> None:
         for number, curve in enumerate(test):
             answers[curve.id] = answer if isinstance(answer, str) else answer[number]
-        progress("predict", len(answers) / sum(map(len, tests)))
+        progress("predict", counted(len(answers), sum(map(len, tests)), "curve"))
 
     progress("predict", 0.0)
-    # This process computes the first test: that makes the machine code, which the other processes then only load.
+    # This process computes the first test: that compiles the kernels, which the other processes then load.
     text = tissue.text
     keep(tests[0], _answers_or_message(tests[0], text, corrections))
     remaining = list(tests[1:])
@@ -190,9 +200,7 @@ def _predict_tests(
     workers = min(workers, processes or workers)
     if workers > 1 and tests[0][0].tool is not None:
         try:
-            with ProcessPoolExecutor(
-                workers, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
-            ) as pool:
+            with WorkerPool(workers) as pool:
                 jobs = {pool.submit(_answers_or_message, test, text, corrections): test for test in remaining}
                 for job in as_completed(jobs):
                     keep(jobs[job], job.result())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self, cast
 
 import numpy as np
 
-from explicitfe.errors import InputError, Progress
+from explicitfe.errors import InputError, Progress, Share, counted
 from explicitfe.host import stopping
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Quantity, ResultInMemory, ResultWriter, provenance
@@ -25,8 +25,8 @@ from explicitfe.results.run_summary import (
     IndentationSummary,
     RunSummary,
 )
-from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_go_on, restart_extras
-from explicitfe.run.machine_code import make_ready
+from explicitfe.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_resume, restart_extras
+from explicitfe.run.machine_code import kernels_of, make_ready
 from explicitfe.run.notes import equilibrium_notes
 from explicitfe.run.outlook import check_room, warn_of_long_run
 from explicitfe.run.work import balance_of, external_work
@@ -110,14 +110,14 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         if begun is None and isinstance(target, Path):
             check_room(target, self._result_bytes(), "take fewer loads, fewer record.fields or another --out")
         with self._opened(target, overwrite, len(loads) + 1, begun) as writer:
-            compile_s = make_ready(body, progress)
+            compile_s = make_ready(body, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
             started = time.perf_counter()
             curve: list[Equilibrium] = []
             if begun is not None and state is not None:
                 curve = _equilibria(begun.rows)
                 body.restore(state.arrays)
                 started -= float(state.arrays["seconds"])
-            progress("run", max(0, len(curve) - 1) / len(loads))
+            progress("load-step", counted(max(0, len(curve) - 1), len(loads), "load"))
             status, message = FINISHED, ""
             try:
                 if not curve:
@@ -131,7 +131,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                     go = body.press if by_force else body.move
 
                     def report(share: float, k: int = k) -> None:
-                        progress("run", (k + share) / len(loads))
+                        progress("load-step", Share((k + share) / len(loads), f"load {k + 1} of {len(loads)}"))
 
                     reached = go(load, report, at_s=at)
                     if isinstance(reached, Stuck):
@@ -142,7 +142,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                     self._store(writer, curve, at, started)
                     if k == first:
                         warn_of_long_run((time.perf_counter() - paced) * (len(loads) - first), f"{len(loads)} loads")
-                    progress("run", (k + 1) / len(loads))
+                    progress("load-step", counted(k + 1, len(loads), "load"))
             except stopping.Stopped as stopped:
                 if not curve:
                     raise
@@ -157,7 +157,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         """How long an indentation will take, from a few iterations and from what loads have taken so far."""
         body, scenario = self.body, self.scenario
         mesh_report = self._mesh_report()
-        make_ready(body, progress)
+        make_ready(body, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
         loads = len(scenario.analysis.course)
         iterations = loads * ITERATIONS_PER_LOAD
         return {

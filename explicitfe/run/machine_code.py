@@ -1,39 +1,51 @@
-"""Machine code for a run: loaded from the disk, or compiled where it is not there yet."""
+"""Compiled kernels of a run: loaded from the cache on disk, or compiled where they are missing."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Protocol
 
+from pydantic import BaseModel
+
 from explicitfe.errors import Progress
-from explicitfe.host.code_cache import compiler_watched
+from explicitfe.host.compilation import announcing
 
 
 class Compiled(Protocol):
-    """A body whose steps are machine code: a simulation, or a search for equilibria."""
+    """A body whose steps are compiled kernels: a simulation in time, or a search for equilibria."""
 
     def compile(self, progress: Callable[[float], None]) -> float:
-        """Make the machine code ready, telling the share that is done; give the seconds that it took."""
+        """Load or compile the kernels, reporting the share that is done; give the seconds that it took."""
 
 
-def make_ready(body: Compiled, progress: Progress) -> float:
-    """Make the machine code of a body ready; give the seconds that it took.
+def make_ready(body: Compiled, progress: Progress, what: str) -> float:
+    """Load or compile the kernels of a body; give the seconds that it took.
 
-    ``progress`` is called with the stage "load" and, from when the compiler begins, if it does, with "compile".
+    Parameters
+    ----------
+    progress : called with the stage "load" and, from the first compilation on, with "compile".
+    what : the kernels, for the report of a compilation, such as "tongue models".
     """
     compiles = False
 
     def compiler_begins() -> None:
         nonlocal compiles
-        if not compiles:
-            compiles = True
-            progress("compile", 0.0)
+        compiles = True
+        progress("compile", 0.0)
 
     def report(share: float) -> None:
-        if compiles:
-            progress("compile", share)
-        else:
-            progress("load", share)
+        progress("compile" if compiles else "load", share)
 
-    with compiler_watched(compiler_begins):
+    with announcing(what, compiler_begins):
         return body.compile(report)
+
+
+def kernels_of(model: str, element: str, effects: BaseModel) -> str:
+    """Describe the kernels of a run, such as "tongue models of hex8 elements with viscoelastic".
+
+    Parameters
+    ----------
+    effects : the table of effects of a scenario.
+    """
+    names = ", ".join(name for name in type(effects).model_fields if getattr(effects, name) is not None)
+    return f"{model} models of {element} elements" + (f" with {names}" if names else "")

@@ -9,7 +9,7 @@ import numpy as np
 
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import cores
-from explicitfe.errors import InputError, Progress, silent
+from explicitfe.errors import InputError, Progress, Share, counted, silent
 from explicitfe.host import shipped
 from explicitfe.host.load import load
 from explicitfe.materials.yeoh import Yeoh
@@ -107,9 +107,9 @@ def bench(sizes: Sequence[int] = tuple(TIMED_SIZES), progress: Progress = silent
     reference = next((table for name, table in DOCUMENTED_NS.items() if f" {WIDTH} lanes" in name), {})
     rows: list[SpeedRow] = []
     for done, (size, element) in enumerate([(size, element) for size in sizes for element in TIMED_ELEMENTS]):
-        progress("bench", done / (len(sizes) * len(TIMED_ELEMENTS) + 1))
+        progress("bench", counted(done, len(sizes) * len(TIMED_ELEMENTS) + 1, "measurement"))
         alone = problem(size, element, threads=1)
-        make_ready(alone, progress)
+        make_ready(alone, progress, f"blocks of {element} elements")
         row: SpeedRow = {
             "elements": size,
             "element": element,
@@ -154,10 +154,10 @@ def warm(everything: bool = False, progress: Progress = silent) -> MachineCode:
     seconds_of: dict[str, float] = {}
     progress("warm", 0.0)
     for number, (name, (scenario, settings)) in enumerate(wanted.items()):
-        share = 1.0 / (len(wanted) + 1)
+        words = f"group {number + 1} of {len(wanted) + 1}, {name}"
 
-        def report(part: float, begin: float = number * share, share: float = share) -> None:
-            progress("warm", begin + part * share)
+        def report(part: float, number: int = number, words: str = words) -> None:
+            progress("warm", Share((number + part) / (len(wanted) + 1), words))
 
         seconds_of[name] = prepare(shipped.scenarios()[scenario], settings).body.compile(report)
     begin = time.perf_counter()

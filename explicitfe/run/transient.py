@@ -54,7 +54,7 @@ from explicitfe.run.analysis import (
     how_to_go_on,
     restart_extras,
 )
-from explicitfe.run.machine_code import make_ready
+from explicitfe.run.machine_code import kernels_of, make_ready
 from explicitfe.run.notes import balance_notes
 from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.run.quantities import cell_fields, history_columns, point_fields
@@ -146,7 +146,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another --out")
 
         with self._opened(target, overwrite, expected, begun) as writer:
-            compile_s = make_ready(simulation, progress)
+            compile_s = make_ready(simulation, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
             try:
                 transient = Transient(simulation, duration_s, step_s)
                 check_steps(duration_s / transient.smallest_dt_s, transient.smallest_dt_s)
@@ -205,7 +205,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         """Mesh, stable step, steps and wall time; see ``Analysis.check``."""
         simulation, scenario = self.body, self.scenario
         mesh_report = self._mesh_report()
-        make_ready(simulation, progress)
+        make_ready(simulation, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
         bound_s, element = simulation.stable_bound()
         limit_s = simulation.stable_limit(TURNS_AT_THE_START)
         fixed = scenario.analysis.step_us

@@ -11,14 +11,15 @@ import time
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from multiprocessing import current_process, get_context
+from multiprocessing import current_process
 
 from explicitfe.errors import InputError, MachineError, shortened
 from explicitfe.host import stopping
 from explicitfe.host.extras import require
+from explicitfe.host.worker_pool import WorkerPool
 from explicitfe.sweep.rows import Member, Task, WrittenRow, lost, written, written_rows_of
 
 BUNDLE_S = 1.0  # of one worker's time; what sends and stores a bundle takes milliseconds
@@ -91,11 +92,11 @@ class Processes(Engine):
         if getattr(current_process(), "_inheriting", False):  # multiprocessing says so while a process reads its script again
             raise InputError(f"a process that computes members came to the sweep itself: {GUARD}.")
         self._workers = workers
-        self._pool = self._made()
+        self._pool = WorkerPool(workers)
 
     @property
     def workers(self) -> int:
-        """As many as were asked for."""
+        """The number that was given."""
         return self._workers
 
     def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
@@ -109,19 +110,11 @@ class Processes(Engine):
     def renew(self) -> None:
         """Start a new pool."""
         self.close()
-        self._pool = self._made()
+        self._pool = WorkerPool(self._workers)
 
     def close(self) -> None:
-        """End the processes: what they compute now is computed again another time."""
-        processes = list((self._pool._processes or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
-        for process in processes:
-            process.terminate()
-
-    def _made(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
-            self._workers, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
-        )
+        """Terminate the processes; runs that are not finished are computed when the sweep is resumed."""
+        self._pool.end()
 
 
 class Given(Engine):

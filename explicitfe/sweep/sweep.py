@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from explicitfe.errors import InputError, MachineError, WordedProgress, shortened, silent
+from explicitfe.errors import InputError, MachineError, Progress, Share, shortened, silent
 from explicitfe.host import stopping
 from explicitfe.host.files import reason
 from explicitfe.host.shipped import scenario_file
@@ -122,7 +122,7 @@ class Sweep:
         ]
         return {"sweep": str(self.out), "members": entries}
 
-    def computed(self, progress: WordedProgress = silent) -> Iterator[WrittenRow]:
+    def computed(self, progress: Progress = silent) -> Iterator[WrittenRow]:
         """Rows as they finish; each is stored before it is given.
 
         Raises
@@ -136,7 +136,7 @@ class Sweep:
             with stopping.watching(), closing(self._engine(len(self._todo))) as engine:
                 yield from self._computed_by(engine, progress)
 
-    def _computed_by(self, engine: Engine, progress: WordedProgress) -> Iterator[WrittenRow]:
+    def _computed_by(self, engine: Engine, progress: Progress) -> Iterator[WrittenRow]:
         name = "all" if self.only is None else self.only.replace("/", "-of-")
         total, stored = len(self._todo), 0
         begun_at = time.perf_counter()
@@ -144,7 +144,7 @@ class Sweep:
         failed = 0
         self._workers = engine.workers
         with Journal(self.out / ROWS_FOLDER / f"{name}.jsonl") as journal:
-            progress("sweep", 0.0, f"0 of {total}, the first one makes or loads the machine code")
+            progress("sweep", Share(0.0, f"0 of {total}; the first run loads or compiles the kernels"))
             for lines in Bundles(self._task, self.members(), total, engine):
                 journal.append(lines)
                 for line in lines:
@@ -156,7 +156,7 @@ class Sweep:
                 self._computed, self._wall_s = stored, time.perf_counter() - begun_at
                 self._rate = SECONDS_PER_MINUTE * stored / self._wall_s
                 yield from lines
-                progress("sweep", stored / total, f"{stored} of {total}, {self._rate:.0f} a minute, {failed} failed")
+                progress("sweep", Share(stored / total, f"{stored} of {total}, {self._rate:.0f} per minute, {failed} failed"))
                 since_s = time.perf_counter() - table_at
                 if since_s > max(BETWEEN_PARTIAL_TABLES_S, table_s / LARGEST_SHARE_OF_PARTIAL_TABLES) and stored < total:
                     table_at = time.perf_counter()

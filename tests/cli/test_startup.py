@@ -14,6 +14,7 @@ from support import ROOT
 
 from explicitfe.cli.app import COMMANDS, GROUPS
 from explicitfe.errors import Stage
+from explicitfe.host.compilation import listening
 from explicitfe.run.machine_code import make_ready
 
 SLOW = ["numba", "scipy.interpolate", "scipy.spatial", "scipy.optimize", "h5py", "pyvista", "matplotlib", "meshio"]
@@ -48,7 +49,7 @@ from explicitfe.view import progress
 def say(self, words):
     print(words, "numpy" in sys.modules, "numba" in sys.modules, flush=True)
     os._exit(0)
-progress._InLog._say = say
+progress._InLog.say = say
 execute(["check", "missing.toml"])
 """
     assert printed_by(code) == "reading missing.toml False False\n"
@@ -104,9 +105,12 @@ def test_compiling_is_said_only_where_something_is_compiled(tmp_path: Path, monk
             progress(1.0)
             return 0.0
 
-    make_ready(Small(), lambda stage, share: reported.append((stage, share)))
-    assert reported == [("load", 0.0), ("compile", 0.0), ("compile", 1.0)]
-    reported.clear()
-    module = importlib.reload(module)
-    make_ready(Small(), lambda stage, share: reported.append((stage, share)))
+    announced: list[str] = []
+    with listening(announced.append):
+        make_ready(Small(), lambda stage, share: reported.append((stage, share)), "small models")
+        assert reported == [("load", 0.0), ("compile", 0.0), ("compile", 1.0)]
+        reported.clear()
+        module = importlib.reload(module)
+        make_ready(Small(), lambda stage, share: reported.append((stage, share)), "small models")
     assert reported == [("load", 0.0), ("load", 1.0)]
+    assert announced == ["small models"]

@@ -6,10 +6,12 @@ import ast
 import io
 from typing import get_args
 
+import pytest
 from rich.console import Console
 from support import ROOT
 
-from explicitfe.errors import Stage
+from explicitfe.errors import Share, Stage, counted
+from explicitfe.host.compilation import announce
 from explicitfe.view import progress as progress_bars
 from explicitfe.view.progress import STAGES, following
 
@@ -65,14 +67,55 @@ def test_where_nothing_was_to_be_followed_nothing_is_left():
     assert stream.getvalue().endswith("\x1b[1A\x1b[2K")
 
 
-def test_a_log_gets_a_line_for_each_stage_and_then_how_long_it_takes(monkeypatch):
+def lines_of_a_log(monkeypatch, stage: str, words: str = "") -> list[str]:
+    """What a log says of a stage that takes 100 s."""
     now = [0.0]
     monkeypatch.setattr(progress_bars.time, "monotonic", lambda: now[0])
     stream, console = screen(terminal=False)
     with following(console, "reading [a].toml") as progress:
         for second in range(0, 101):
             now[0] = float(second)
-            progress("run", second / 100.0)
-    said = stream.getvalue().splitlines()
-    assert said[:3] == ["reading [a].toml", "running", "running: 11 %, 0:01:29 left"]
-    assert len(said) == 2 + 9 and said[-1] == "running: 99 %, 0:00:01 left"
+            progress(stage, Share(second / 100.0, words) if words else second / 100.0)
+    return stream.getvalue().splitlines()
+
+
+def test_a_log_gets_a_line_for_each_stage_and_then_the_remaining_time(monkeypatch):
+    said = lines_of_a_log(monkeypatch, "run")
+    assert said[:3] == ["reading [a].toml", "running", "running: 11 %, 0:01:29 remaining"]
+    assert len(said) == 2 + 9 and said[-1] == "running: 99 %, 0:00:01 remaining"
+
+
+def test_parts_of_different_length_are_counted_without_an_estimate(monkeypatch):
+    """Estimates of such stages grew: 23 s, 69 s, 160 s."""
+    said = lines_of_a_log(monkeypatch, "trace", "effect 12 of 24")
+    assert said[1:3] == ["tracing the residual: effect 12 of 24", "tracing the residual: effect 12 of 24, 11 %"]
+    assert "remaining" not in "".join(said)
+
+
+def test_a_terminal_shows_an_estimate_only_where_it_holds():
+    for stage, estimates in (("run", True), ("trace", False), ("load-step", False), ("identify", False)):
+        stream, console = screen(terminal=True)
+        with following(console, "reading a.toml") as progress:
+            progress(stage, 0.0)
+            progress(stage, 0.5)
+        assert ("remaining" in stream.getvalue()) == estimates, stage
+
+
+def test_counted_parts():
+    shares = [counted(done, 3, "effect") for done in range(4)]
+    assert shares == [0.0, 1 / 3, 2 / 3, 1.0]
+    assert [share.words for share in shares] == ["effect 1 of 3", "effect 2 of 3", "effect 3 of 3", "effect 3 of 3"]
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_compilation_is_shown_once_with_the_kernels_and_the_reason(terminal):
+    stream, console = screen(terminal)
+    with following(console, "reading a.toml"):
+        announce("tongue models")
+        announce("tongue models")
+        announce("specimen models")
+    shown = " ".join(stream.getvalue().split())
+    assert shown.count("Compiling kernels for tongue models (JIT; cached for later runs; `explicitfe warmup`") == 1
+    assert shown.count("Compiling kernels for specimen models") == 1
+    announce("nothing, as the command has ended")
+    assert "nothing" not in stream.getvalue()

@@ -32,7 +32,7 @@ from explicitfe.close_loop.statistics.starts import renewed
 from explicitfe.close_loop.statistics.system import values_by_name
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS
-from explicitfe.errors import Progress, RunError, Stage
+from explicitfe.errors import Progress, RunError, Share, Stage
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
 from explicitfe.measured.rig import RigLimits
 from explicitfe.results import provenance
@@ -104,6 +104,7 @@ class _SpecimenLoop:
         self.max_effects, self.progress = max_effects, progress
         self.system = Specimens(dataset, sides.fit, simulator, CORRECTED, constants_by, effects)
         self._stage: tuple[Stage, float, float] = ("trace", 0.0, 0.0)
+        self._step = ""
         self._runs_before = 0
         self._shown_share: dict[Stage, float] = {}
         simulator.watch = self._after_a_run
@@ -115,16 +116,22 @@ class _SpecimenLoop:
         self._stage, self._runs_before = (stage, share, until), self.simulator.runs
         self._show(stage, share)
 
-    def _after_a_run(self) -> None:
-        """Move the share on: never backwards, and never quite to the end, since nobody knows how many runs are to come."""
+    def _after_a_run(self, words: str) -> None:
+        """Advance the share, but not to the end: the number of runs is not known in advance."""
         stage, share, until = self._stage
         runs = (self.simulator.runs - self._runs_before) / (USUAL_RUNS_OF_A_TEST * len(self.system.tests))
-        self._show(stage, share + (until - share) * float(-np.expm1(-runs)))
+        self._show(stage, share + (until - share) * float(-np.expm1(-runs)), words)
 
-    def _show(self, stage: Stage, share: float) -> None:
-        """Show no less than before: a round that took many runs may have been thought further than it was."""
+    def _show(self, stage: Stage, share: float, words: str = "") -> None:
+        """Show a share that never decreases, with the step and the number of the run."""
         self._shown_share[stage] = max(self._shown_share.get(stage, 0.0), share)
-        self.progress(stage, self._shown_share[stage])
+        words = ", ".join(part for part in (self._step if stage == "trace" else "", words) if part)
+        self.progress(stage, Share(self._shown_share[stage], words))
+
+    def _begin_step(self, step: str, share: float, until: float) -> None:
+        """Enter a step of the search."""
+        self._step = step
+        self._enter("trace", share, until)
 
     # ---- the loop ----
 
@@ -138,7 +145,7 @@ class _SpecimenLoop:
                 self.system,
                 max_effects=self.max_effects,
                 single=len(self.system.tests) == 1,
-                watch=lambda _, share: self._enter("trace", share, min(share + share_of_round, 1.0)),
+                watch=lambda step, share: self._begin_step(step, share, min(share + share_of_round, 1.0)),
             )
         except RunError as error:
             report = self._new_report()

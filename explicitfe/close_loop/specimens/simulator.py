@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import lru_cache
-from multiprocessing import get_context
 from zlib import crc32
 
 import numpy as np
@@ -14,16 +12,20 @@ import numpy as np
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
+from explicitfe.host.compilation import announcing
+from explicitfe.host.worker_pool import WorkerPool
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.correction import Job, Run
-from explicitfe.predict.predict import predict_test
+from explicitfe.predict.predict import kernels_of_test, predict_test
 from explicitfe.predict.tissue import parse_tissue
 
 
 def _answer(job: Job) -> Run:
     test, text = job
     try:
-        return [p.values for p in predict_test(test, parse_tissue(text))]
+        tissue = parse_tissue(text)
+        with announcing(kernels_of_test(test, tissue)):
+            return [p.values for p in predict_test(test, tissue)]
     except (RunError, InputError, ValueError) as error:  # ValueError: values that a table of the scenario refuses
         return str(error)
 
@@ -39,9 +41,10 @@ class Simulator:
     def __init__(self, processes: int | None = None) -> None:
         self.processes = min(processes or cores(), cores())
         self.runs = 0
-        self.watch: Callable[[], object] = lambda: None  # called after each run
+        self.watch: Callable[[str], object] = lambda words: None  # called after each run, with the number of the run in words
+        self._batch = (0, 0)  # runs that are done, and runs, of the last call of run()
         self._kept: dict[tuple[str, ...], Run] = {}
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: WorkerPool | None = None
 
     def close(self) -> None:
         """End its processes."""
@@ -54,15 +57,14 @@ class Simulator:
         keys = [(*map(_identity, test), text) for test, text in jobs]
         wanted = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._kept}
         todo = list(wanted.items())
-        # The first run is done here: it makes the machine code, which the other processes then only load.
+        self._batch = 0, len(todo)
+        # The first run is done here: it compiles the kernels, which the other processes then load.
         if todo and (self._pool is None or len(todo) == 1 or self.processes == 1):
             self._compute(*todo[0])
             todo = todo[1:]
         if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
             try:
-                self._pool = self._pool or ProcessPoolExecutor(
-                    self.processes, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
-                )
+                self._pool = self._pool or WorkerPool(self.processes)
                 for (key, _), run in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
                     self._keep(key, run)
                 todo = []
@@ -80,7 +82,9 @@ class Simulator:
     def _keep(self, key: tuple[str, ...], run: Run) -> None:
         self._kept[key] = run
         self.runs += 1
-        self.watch()
+        done, count = self._batch
+        self._batch = done + 1, count
+        self.watch(f"simulation {self.runs}" + (f", {done + 1} of {count} of this step" if count > 1 else ""))
 
 
 def _on_a_mesh(job: Job) -> bool:

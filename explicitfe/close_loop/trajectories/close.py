@@ -21,7 +21,7 @@ from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Answer
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
-from explicitfe.errors import InputError, Progress, RunError
+from explicitfe.errors import InputError, Progress, RunError, Share
 from explicitfe.measured.curve import Dataset
 from explicitfe.results import provenance
 from explicitfe.results.loop_report import CurveError, LoopReport, ReportCurve, Side
@@ -55,7 +55,7 @@ def close_trajectories(
             max_effects=max_effects,
             rows=system.rows,
             single=len(sides.fit) == 1,
-            watch=lambda _, share: progress("trace", share),
+            watch=lambda step, share: progress("trace", Share(share, step)),
         )
         progress("trace", 1.0)
         posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
+from explicitfe.host.compilation import announcing
+from explicitfe.host.worker_pool import WorkerPool
 from explicitfe.mesh.muscle_lines import locate_in_mesh
 from explicitfe.run.prepare import prepare
 from explicitfe.solve.transient import Transient
@@ -65,7 +65,8 @@ def displacements_of(
 
 def _run_job(path: Path, places: np.ndarray, job: Job) -> Run:
     try:
-        return displacements_of(path, job[0], places, job[1])
+        with announcing(f"runs of {path.name}"):
+            return displacements_of(path, job[0], places, job[1])
     except (RunError, InputError) as error:
         return str(error)
 
@@ -84,7 +85,7 @@ class Runs:
         self.places = places
         self.processes = processes
         self._kept: dict[Job, Run] = {}
-        self._pool: ProcessPoolExecutor | None = None
+        self._pool: WorkerPool | None = None
 
     def close(self) -> None:
         """End its processes."""
@@ -96,15 +97,13 @@ class Runs:
         """Displacements (k, s, 3) m and smallest step [s] of each job, or why it cannot be computed."""
         jobs = list(jobs)
         todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
-        # The first run is done here: it makes the machine code, which the other processes then only load.
+        # The first run is done here: it compiles the kernels, which the other processes then load.
         if todo and not self._kept:
             self._kept[todo[0]] = _run_job(self.path, self.places, todo[0])
             del todo[0]
         if self.processes > 1 and len(todo) > 1:
             try:
-                self._pool = self._pool or ProcessPoolExecutor(
-                    self.processes, mp_context=get_context("spawn"), initializer=stopping.leave_signals_to_the_parent
-                )
+                self._pool = self._pool or WorkerPool(self.processes)
                 work = self._pool.map(_run_job, [self.path] * len(todo), [self.places] * len(todo), todo)
                 self._kept |= dict(zip(todo, work, strict=True))
             except BrokenProcessPool:  # a script that is read from standard input can start no process

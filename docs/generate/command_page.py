@@ -6,7 +6,8 @@ import re
 
 HEAD = """# The command line
 
-This page is generated from the `--help` text of every command. [Exit codes and JSON](commands.md) describes exit codes and `--json`.
+This page is generated from the `--help` text of every command. For exit codes and `--json` see
+[Exit codes and JSON](commands.md).
 
 """
 _BOLD = re.compile(r"\[bold\](.*?)\[/bold\]", re.S)

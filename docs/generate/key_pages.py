@@ -9,21 +9,21 @@ from key_tables import KeyTables
 
 SCENARIO_HEAD = """# Scenario keys
 
-Generated from the types that validate a scenario. [The scenario file](scenarios.md) explains the keys with examples. A key without a
-default that is not required can be omitted.
+Generated from the types that validate a scenario. [The scenario file](scenarios.md) explains the keys with examples. A key
+without a default that is not required can be omitted.
 
 """
 DATASET_HEAD = """# Dataset keys
 
-Generated from the types that validate `dataset.toml`. The tables `[specimen]`, `[tool]` and `[noise]` apply to all curves. A curve can
-override single keys with its own table, such as `[curve.specimen]`.
+Generated from the types that validate `dataset.toml`. The tables `[specimen]`, `[tool]` and `[noise]` apply to all curves. A
+curve can override single keys with its own table, such as `[curve.specimen]`.
 
 """
 OTHERS_HEAD = """# Keys of other files
 
 Generated from the types that validate them. [design-test](close-loop.md#planning-a-test) reads protocols,
-[your own mesh](own-mesh.md) is described by a model file, and [predict](effects.md#predicting-measured-curves) and `--tissue` read tissue
-files.
+[your own mesh](own-mesh.md) is described by a model file, and [predict](effects.md#predicting-measured-curves) and `--tissue`
+read tissue files.
 
 """
 OTHERS = {"protocol": "Protocol of a planned test", "model": "Model file of a mesh", "tissue": "Tissue file"}

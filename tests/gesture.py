@@ -74,7 +74,7 @@ def write_gesture(path: Path, warnings: list[str] | None = None, frames: int = F
         for number in range(frames):
             share = push * number / max(frames - 1, 1)
             moved, velocity = displacement(share), displacement(push / DURATION_S)
-            row = dict.fromkeys(ENERGIES, 1e-3 * share) | {"balance_error": 1e-5 * (1.0 + number)}
+            row = dict.fromkeys(ENERGIES, 1e-3 * share) | {"external_work": 4e-3 * share, "balance_error": 1e-5 * (1.0 + number)}
             for name, point in mesh.named_points.items():
                 node = int(np.argmin(np.linalg.norm(mesh.points - point.position[0], axis=1)))
                 row |= {f"probe_{name}_displacement": moved[node], f"probe_{name}_velocity": velocity[node]}

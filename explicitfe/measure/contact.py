@@ -1,4 +1,4 @@
-"""Where the body touches bones, and how hard: cells across and along each bone."""
+"""Contact with bones: areas, pressures and forces, of each bone and of nine cells across and along it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DEPTHS: tuple[Depth, ...] = get_args(Depth)
 
 
 def contacts(result: Recorded, step: int) -> dict[str, BoneContact]:
-    """Contact with each bone whose pressure is stored."""
+    """Contact with each bone whose pressure is stored, by the name of the bone."""
     stored = [name for name in result.bones if f"contact_pressure_{name}" in result.fields]
     if not stored:
         return {}
@@ -41,6 +41,7 @@ def _contact(result: Recorded, step: int, bone: str, areas: np.ndarray) -> BoneC
     force = _force_on_body(result, step, bone)
     return BoneContact(
         **whole.model_dump(),
+        resultant_N=None if force is None else float(np.linalg.norm(force)),
         peak_kPa=1e-3 * float(pressure.max()),
         midline_free=not np.any(touched & (off_plane < MIDLINE_BAND_M)),
         forward_N=None if force is None else unsigned_zero(-force[X]),
@@ -62,7 +63,7 @@ def _part(areas: np.ndarray, pressure: np.ndarray, touched: np.ndarray) -> Conta
 
 
 def _force_on_body(result: Recorded, step: int, bone: str) -> np.ndarray | None:
-    """Force of a bone on the body at a step (3,) N, if the run stored it."""
+    """Resultant force of a bone on the body at a step (3,) N; None where the run did not store it."""
     name = f"contact_{bone}_force"
     if name not in result.history_names:
         return None

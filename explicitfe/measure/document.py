@@ -25,11 +25,19 @@ class MeasuredPart(BaseModel):
 
 
 class PointMotion(MeasuredPart):
-    """How a named point has moved since rest, and how fast; ``time_to_90_ms`` is None where it has not moved."""
+    """Displacement of a named point from rest, and its speed.
+
+    Attributes
+    ----------
+    largest_mm, largest_at_ms : largest distance from its place at rest so far, and when.
+    time_to_90_ms : None where it has not moved, or where it has returned to less than half of the largest distance.
+    """
 
     forward_mm: float
     up_mm: float
     right_mm: float
+    largest_mm: float
+    largest_at_ms: float
     time_to_90_ms: float | None
     peak_speed_mm_s: float
     speed_mm_s: float
@@ -73,15 +81,17 @@ class BodyMotion(MeasuredPart):
 
     Attributes
     ----------
-    largest_displacement_mm, fastest_mm_s : of all nodes.
-    settled : whether no node would move by 5 % of the largest displacement in another 100 ms at its present speed.
-    time_to_90_ms : None where nothing has moved.
+    largest_displacement_mm, fastest_mm_s : of all nodes, at the time that is measured.
+    largest_so_far_mm : largest displacement of any node at any sample up to then.
+    settled : whether no node would move by 5 % of ``largest_so_far_mm`` in another 100 ms at its present speed.
+    time_to_90_ms : None where nothing has moved, or where the body has returned to less than half of its largest displacement.
     volume_change_percent : positive where it has grown.
     left_right_mm : largest difference between the motion of a node and the mirrored motion of its mirror image; None for a mesh
         that is not its own mirror image.
     """
 
     largest_displacement_mm: float
+    largest_so_far_mm: float
     fastest_mm_s: float
     settled: bool
     time_to_90_ms: float | None
@@ -128,7 +138,14 @@ class Constriction(MeasuredPart):
 
 
 class ContactPart(MeasuredPart):
-    """A part of a bone that is touched: area, force across it, and the mean pressure over the area."""
+    """Contact with a part of a bone.
+
+    Attributes
+    ----------
+    area_mm2 : area of the surface in contact.
+    force_N : normal force sum: the integral of the contact pressure over that area.
+    mean_kPa : mean pressure over that area.
+    """
 
     area_mm2: float
     force_N: float
@@ -138,14 +155,19 @@ class ContactPart(MeasuredPart):
 class BoneContact(ContactPart):
     """Contact with a bone.
 
+    The normal force sum ``force_N`` adds magnitudes, the resultant adds vectors. They differ where the bone pushes from several
+    sides, so that forces cancel in the resultant, and by damping and friction, which only the resultant contains.
+
     Attributes
     ----------
+    resultant_N : resultant contact force: the magnitude of the bone's force on the body.
     peak_kPa : largest pressure at a node.
     midline_free : whether no node touches within 3 mm of the midsagittal plane.
-    forward_N, up_N, right_N : components of the bone's force on the body; None where the run did not store it.
+    forward_N, up_N, right_N : components of the resultant. As ``resultant_N`` None where the run did not store them.
     cells : thirds across and along the bone.
     """
 
+    resultant_N: float | None
     peak_kPa: float
     midline_free: bool
     forward_N: float | None
@@ -178,7 +200,7 @@ class PalatogramPattern(MeasuredPart):
 
 
 class ContactCourse(MeasuredPart):
-    """Contact with the whole palate at every sample: electrodes that are on, area of the nodes that touch, force across it."""
+    """Contact with the whole palate at every sample: electrodes in contact, contact area, and normal force sum ``force_N``."""
 
     time_ms: list[float]
     contacts: list[int]

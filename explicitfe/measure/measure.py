@@ -20,22 +20,22 @@ from explicitfe.results.run_summary import kind_of
 
 
 def measure(path: Path, time_s: float | None = None, formants: bool = False) -> Measures:
-    """Measure a result of a run in time; docs/reference/measures.md defines what.
+    """Measure a result of a run in time; docs/reference/measures.md defines the measures.
 
     Parameters
     ----------
     path : the result, of a run that finished, failed or was killed.
-    time_s : the sample nearest to it is measured; the last one if left out.
+    time_s : time of the measured sample, the nearest one; the last sample by default.
     formants : whether the airway and its formants are measured too.
 
     Raises
     ------
-    InputError : the file cannot be read, is of an indentation, or holds no such time; or formants are asked for where there is no
-        airway.
+    InputError : the file cannot be read, is the result of an indentation, or has no such time; or formants are requested of a run
+        without an airway.
     """
     with open_result(path) as result:
         if kind_of(result.model) != "transient":
-            raise InputError(f"{path} is the result of an indentation, which has a curve: see explicitfe inspect")
+            raise InputError(f"{path} is the result of an indentation, which has no such measures; see `explicitfe inspect`.")
         return measures_of(result, step_at(result, time_s), formants)
 
 

@@ -1,4 +1,4 @@
-"""Which stored step of a run is measured or drawn."""
+"""Selection of the stored sample that is measured or drawn."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from explicitfe.results import Recorded
 
 
 def last_step(result: Recorded) -> int:
-    """The last stored step whose displacements are finite.
+    """Number of the last stored sample whose displacements are finite.
 
     Raises
     ------
@@ -18,15 +18,15 @@ def last_step(result: Recorded) -> int:
     for step in reversed(range(len(result.times))):
         if np.isfinite(result.displacement(step)).all():
             return step
-    raise InputError(f"{result.path} has no step that can be drawn or measured; run the scenario again")
+    raise InputError(f"{result.path} has no sample with finite displacements; run the scenario again.")
 
 
 def step_at(result: Recorded, time_s: float | None) -> int:
-    """The stored step nearest to a time; the last one with finite displacements if left out.
+    """Number of the stored sample nearest to a time; of the last one with finite displacements if the time is None.
 
     Raises
     ------
-    InputError : there is none, or the time is not one of the run, or the displacements there are not finite.
+    InputError : there is none, or the time is outside the times of the samples with finite displacements.
     """
     last = last_step(result)
     if time_s is None:
@@ -34,5 +34,7 @@ def step_at(result: Recorded, time_s: float | None) -> int:
     first_ms, last_ms = 1e3 * result.times[0], 1e3 * result.times[last]
     rounding_ms = 1e-6 * max(abs(first_ms), abs(last_ms))
     if not first_ms - rounding_ms <= 1e3 * time_s <= last_ms + rounding_ms:
-        raise InputError(f"{result.path} has no time {1e3 * time_s:g} ms; give one from {first_ms:g} to {last_ms:g} ms")
+        raise InputError(
+            f"{result.path}: time {1e3 * time_s:g} ms is outside the stored samples; give a time from {first_ms:g} to {last_ms:g} ms."
+        )
     return int(np.argmin(np.abs(result.times[: last + 1] - time_s)))

@@ -29,11 +29,11 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.errors import InputError, Progress
 from explicitfe.host import stopping
-from explicitfe.measure.motion import has_settled
+from explicitfe.measure.motion import has_settled, largest_displacement
 from explicitfe.mesh.self_contact import self_penetration
 from explicitfe.model import catalogue
 from explicitfe.model.tongue import assemble
-from explicitfe.results import ResultInMemory, ResultWriter, provenance
+from explicitfe.results import ResultInMemory, ResultWriter, open_result, provenance
 from explicitfe.results.recorded import Declared
 from explicitfe.results.run_summary import (
     CheckReport,
@@ -51,7 +51,7 @@ from explicitfe.run.analysis import (
     HOURGLASS_WARNING_SHARE,
     Analysis,
     Begun,
-    how_to_go_on,
+    how_to_resume,
     restart_extras,
 )
 from explicitfe.run.machine_code import kernels_of, make_ready
@@ -145,6 +145,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         if begun is None and isinstance(target, Path):
             check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another --out")
 
+        largest_m = 0.0 if begun is None else _largest_stored(begun)
         with self._opened(target, overwrite, expected, begun) as writer:
             compile_s = make_ready(simulation, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
             try:
@@ -177,6 +178,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 count, imbalance = ledger.add_until(recording.energies, BALANCE_ERROR_LIMIT)
                 if count:
                     self._store(writer, recording, ledger, count)
+                    largest_m = max(largest_m, largest_displacement(recording.arrays.displacement[:count]))
                 if not imbalance < BALANCE_ERROR_LIMIT:
                     status = _diverged(float(recording.time_s[count - 1]), imbalance)
                     break
@@ -192,9 +194,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             status = status or Status(FINISHED)
             place = writer.place(status.state)
             if status.state == INTERRUPTED:
-                status = Status(INTERRUPTED, f"{status.message}; {how_to_go_on(place)}")
+                status = Status(INTERRUPTED, f"{status.message} of {1e3 * duration_s:g} ms; {how_to_resume(place)}")
             seconds = time.perf_counter() - started
-            summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row)
+            summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row, largest_m)
             if isinstance(writer, ResultWriter) and np.isfinite(simulation.snapshot().energies).all():
                 summary["limiting_element"] = simulation.limiting_element()  # it takes as long as 500 steps
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
@@ -352,6 +354,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         compile_s: float,
         wall_s: float,
         last_row: Mapping[str, np.ndarray],
+        largest_m: float,
     ) -> TransientSummary:
         simulation, mesh = transient.simulation, self.model.mesh
         last = simulation.snapshot()
@@ -384,7 +387,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             "hourglass_share_end": ledger.hourglass_share_at_end,
             "min_J": float(simulation.ledger[SMALLEST_J]),
             "folded": folded,
-            "settled": finite and has_settled(float(speed.max()), float(path_length.max())),
+            "settled": finite and has_settled(float(speed.max()), max(largest_m, float(path_length.max()))),
             "largest_displacement_mm": float(1e3 * path_length.max()),
             "largest_speed_mm_s": float(1e3 * speed.max()),
             "probes": probes_of({name: np.asarray(value)[None] for name, value in last_row.items()}),
@@ -405,6 +408,14 @@ def _energies(rows: Mapping[str, np.ndarray]) -> np.ndarray:
     for name, entry in ENERGY_COLUMNS.items():
         energies[:, entry] = rows[name]
     return energies
+
+
+def _largest_stored(begun: Begun) -> float:
+    """The largest displacement of any node, m, in the samples of an interrupted run that are kept."""
+    if begun.state is None:
+        return 0.0
+    with open_result(begun.path) as stored:
+        return max((largest_displacement(stored.displacement(k)) for k in range(int(begun.state.arrays["samples"]))), default=0.0)
 
 
 def _diverged(time_s: float, error: float) -> Status:

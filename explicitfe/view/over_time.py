@@ -1,4 +1,4 @@
-"""Pictures of a run of a tongue over time: its named points, and its energies."""
+"""Pictures of a run over time: its named points, and its energies."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from explicitfe.measure.sections import X, Y, Z
 from explicitfe.results import Result
+from explicitfe.view.energy_balance import energy_balance
 from explicitfe.view.heading import result_figure
 from explicitfe.view.hourglass import hourglass_share
 from explicitfe.view.muscles import activation, muscle_name, muscles_of, on_times
@@ -20,8 +21,10 @@ if TYPE_CHECKING:
 
 # Users of explicit codes are advised to keep the hourglass energy below this share of the elastic energy.
 ADVISED_HOURGLASS_SHARE = 0.1
-# A sideways movement below this share of the largest one gets a line of words instead of a panel.
+# A lateral movement below this share of the largest one gets a line of text instead of a panel.
 SIDEWAYS_SHARE = 1e-3
+# Opacity of stored and of dissipated energies in a stack.
+STORED_OPACITY, LOST_OPACITY = 0.8, 0.3
 # Names of lines stand this far apart, which keeps them readable.
 LINE_OF_TEXT_IN = 0.19
 
@@ -33,7 +36,7 @@ def probes_figure(result: Result, step: int) -> Figure | None:
     times = 1e3 * result.history("time")
     if not probes or len(times) < 2:
         return None
-    # The probes stand from front to back, as the model names its points, and not as the file sorts them.
+    # In the order of the model, from front to back; the file sorts them by name.
     order = list(result.model.get("probes", result.mesh.named_points))
     probes.sort(key=lambda name: order.index(name) if name in order else len(order))
     moved = {name: 1e3 * result.history(f"probe_{name}_displacement") for name in probes}
@@ -72,31 +75,27 @@ def probes_figure(result: Result, step: int) -> Figure | None:
 
 
 def energies_figure(result: Result, step: int) -> Figure | None:
-    """Energies over time, the error of their balance and the share of hourglass energy; None where there is nothing to show."""
+    """Stacked energies over time, the error of their balance and the hourglass share; None where there is nothing to show."""
+    from matplotlib.colors import to_rgba
     from matplotlib.ticker import LogFormatter
 
-    lines = {
-        "external_work": ("external work", "black", "-"),
-        "internal_energy": ("elastic", COLOURS[0], "-"),
-        "hourglass_energy": ("hourglass", COLOURS[1], "-"),
-        "kinetic_energy": ("kinetic", COLOURS[2], "-"),
-        "damping_loss": ("lost to damping", COLOURS[3], "--"),
-    }
-    times = 1e3 * result.history("time")
-    if len(times) < 2 or not {*lines, "balance_error"} <= set(result.history_names):
+    balance = energy_balance(result)
+    if balance is None or not {"internal_energy", "hourglass_energy"} <= set(result.history_names):
         return None
-    energies = {name: result.history(name) for name in lines}
-    largest = max(float(np.nanmax(np.abs(energy), initial=0.0)) for energy in energies.values())
-    factor, unit = next(((f, u) for f, u in ((1.0, "J"), (1e3, "mJ"), (1e6, "µJ")) if f * largest >= 0.1), (1e9, "nJ"))
-
+    times, (factor, unit) = 1e3 * balance.time, balance.unit()
     muscles = muscles_of(result)
-    figure = result_figure(result, 7.2 + 0.22 * len(muscles), "Energies over time")
+    figure = result_figure(result, 7.4 + 0.22 * len(muscles), "Energy balance over time")
     panels = _time_panels(figure, result, [["energy", "energy"], ["balance", "share"]], times[-1], [1.9, 1.0])
-    for name, energy in energies.items():
-        label, colour, line = lines[name]
-        panels[0].plot(times, factor * energy, line, color=colour, lw=1.8, label=label)
+    edges = factor * balance.edges()
+    for (term, _), low, high in zip(balance.terms, edges[:-1], edges[1:], strict=True):
+        colour = to_rgba(COLOURS[term.colour], LOST_OPACITY if term.is_loss else STORED_OPACITY)
+        panels[0].fill_between(times, low, high, color=colour, lw=0, label=term.label)
+    panels[0].plot(times, factor * balance.work, color="black", lw=1.8, label=balance.work_label)
+    panels[0].set_title("stored (dark) and dissipated (pale) energies add up to the external work (line)", fontsize=10)
     panels[0].set_ylabel(f"energy ({unit})")
-    panels[0].legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), frameon=False, ncols=5, borderpad=0.2, columnspacing=1.6)
+    handles, labels = panels[0].get_legend_handles_labels()
+    # From the top of the stack downwards, as the areas are drawn.
+    panels[0].legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
     error = 100.0 * result.history("balance_error")
     if np.any(error > 0.0):
@@ -104,12 +103,14 @@ def energies_figure(result: Result, step: int) -> Figure | None:
         panels[1].set_yscale("log")
         panels[1].yaxis.set_major_formatter(LogFormatter())  # the usual one writes formulas
         panels[1].yaxis.set_minor_formatter(LogFormatter())
-    panels[1].set_title("error of the energy balance, largest so far", fontsize=10)
+    panels[1].set_title("largest error of the energy balance so far", fontsize=10)
     panels[1].set_ylabel("relative error (%)")
     share = hourglass_share(result)
     panels[2].axhline(100.0 * ADVISED_HOURGLASS_SHARE, color="0.4", lw=1.0, ls="--")
     panels[2].plot(times, 100.0 * share, color=COLOURS[1], lw=1.6)
-    panels[2].set_title(f"hourglass share of elastic energy (dashed: {100.0 * ADVISED_HOURGLASS_SHARE:g} %)", fontsize=10)
+    panels[2].set_title(
+        f"hourglass share of the elastic energy (dashed: limit, {100.0 * ADVISED_HOURGLASS_SHARE:g} %)", fontsize=10
+    )
     panels[2].set_ylabel("share (%)")
     panels[2].set_ylim(0.0, max(12.5, 110.0 * np.nanmax(share, initial=0.0)))
     for axes in panels[1:]:

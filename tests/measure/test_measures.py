@@ -18,6 +18,7 @@ from explicitfe.mesh.box import box
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.triangles import plane_segments, surface_triangles
 from explicitfe.results import FINISHED, Quantity, ResultWriter
+from explicitfe.view.terminal.measures import measure_rows
 
 # A "tongue": a block of 60 x 40 x 20 mm, front at x = 0, symmetric in y, its top at z = 0.
 SIZE_M = np.array([0.06, 0.04, 0.02])
@@ -129,7 +130,7 @@ def test_earlier_times_are_measured_as_if_the_run_ended_there(tmp_path):
     assert at_rest.points["tip"].time_to_90_ms is None
     assert at_rest.body.time_to_90_ms is None
     assert at_rest.body.settled
-    with pytest.raises(InputError, match=r"has no time 101 ms; give one from 0 to 100 ms"):
+    with pytest.raises(InputError, match=r"time 101 ms is outside the stored samples; give a time from 0 to 100 ms"):
         measure(path, 0.101)
 
 
@@ -155,6 +156,45 @@ def test_rise_time_of_an_exponential_and_of_an_overshoot():
     first = times[np.argmax(swing >= 0.9 * swing[-1])]
     assert motion.rise_time(times, swing[:, None] * end) == pytest.approx(first, abs=times[1])
     assert motion.rise_time(times, np.zeros((2001, 3))) is None
+    # A movement that returns to near its place at rest has no rise time; even an undamped step response has one.
+    returning = np.sin(2.0 * np.pi * times) + 1e-3 * times
+    assert motion.rise_time(times, returning[:, None] * end) is None
+    undamped = 1.0 - np.cos(2.0 * np.pi * times / 0.1)
+    undamped[-1] = 1.0
+    assert motion.rise_time(times, undamped[:, None] * end) == pytest.approx(0.1 * np.arccos(0.1) / (2.0 * np.pi), abs=1e-5)
+
+
+def test_a_movement_that_has_returned_is_settled_and_has_its_largest_displacement(tmp_path):
+    """The criterion compares the speed with the whole movement, and not with the remainder of a displacement at the end."""
+    mesh = block()
+    # Up to 1 and back: 10 um remain, and the last two samples are 2 um apart, 0.4 mm/s.
+    course = np.concatenate([np.linspace(0.0, 1.0, 11), np.linspace(0.9, 0.003, 9), [0.0025]])
+    path = write(
+        tmp_path / "a.vtkhdf",
+        mesh,
+        np.tile([-0.004, 0.0, 0.0], (mesh.node_count, 1)),
+        course=lambda share: course[round(share * SAMPLES)],
+    )
+    answer = measure(path)
+    tip, body = answer.points["tip"], answer.body
+    assert tip.forward_mm == pytest.approx(0.01) and tip.time_to_90_ms is None
+    assert (tip.largest_mm, tip.largest_at_ms) == (pytest.approx(4.0), pytest.approx(50.0))
+    assert body.settled and body.time_to_90_ms is None
+    assert body.fastest_mm_s == pytest.approx(0.4, rel=1e-6)
+    assert (body.largest_displacement_mm, body.largest_so_far_mm) == (pytest.approx(0.01), pytest.approx(4.0))
+    # The terminal shows so many digits that a speed above 0 is not 0.
+    assert dict(measure_rows(answer))["whole body"].endswith("settled, fastest node 0.40 mm/s")
+    assert "largest 4.00 mm at 50 ms" in dict(measure_rows(answer))["tip"]
+    at_the_top = measure(path, 0.05)
+    assert at_the_top.points["tip"].time_to_90_ms == pytest.approx(45.0)
+
+
+def test_settled_without_any_motion_and_while_moving():
+    assert motion.has_settled(0.0, 0.0)
+    assert not motion.has_settled(1e-6, 0.0)
+    assert motion.has_settled(4e-3, 8e-3) and not motion.has_settled(4.1e-3, 8e-3)
+    assert motion.largest_displacement(np.array([[3.0, 4.0, 0.0], [np.nan, 9.0, 9.0]])) == 5.0
+    assert motion.largest_displacement(np.zeros((0, 3))) == 0.0
 
 
 # Shape
@@ -330,6 +370,7 @@ def test_even_pressure_on_a_third_of_the_bone(tmp_path):
     assert contact.mean_kPa == contact.peak_kPa == pytest.approx(0.5)
     assert contact.midline_free
     assert (contact.forward_N, contact.right_N, contact.up_N) == (-0.01, -0.02, -0.03)
+    assert contact.resultant_N == pytest.approx(np.linalg.norm(force))  # stored, and another quantity than the sum of pressures
     # The bone reaches from x = -5 to 65 mm and to |y| = 20 mm: all of that is in its right front cell.
     assert contact.cells["right"]["front"].area_mm2 == pytest.approx(contact.area_mm2)
     assert sum(cell.area_mm2 for row in contact.cells.values() for cell in row.values()) == pytest.approx(contact.area_mm2)
@@ -345,7 +386,7 @@ def test_even_pressure_on_a_third_of_the_bone(tmp_path):
     )
     contact = measure(path).contact["palate"]
     assert contact.cells["right"]["middle"].area_mm2 == pytest.approx(contact.area_mm2)
-    assert contact.forward_N is None
+    assert contact.forward_N is None and contact.resultant_N is None
 
 
 def test_a_touched_midline_is_not_free(tmp_path):
@@ -378,7 +419,9 @@ def test_the_document_has_all_keys(tmp_path, capsys):
     assert command(["measure", str(path), str(path), "--at-ms", "50", "--json"]) == 0
     answer = check_answer("measure", capsys.readouterr().out)
     assert len(answer["results"]) == 2
-    point = dict.fromkeys(("forward_mm", "up_mm", "right_mm", "time_to_90_ms", "peak_speed_mm_s", "speed_mm_s"))
+    point = dict.fromkeys(
+        ("forward_mm", "up_mm", "right_mm", "largest_mm", "largest_at_ms", "time_to_90_ms", "peak_speed_mm_s", "speed_mm_s")
+    )
     part = dict.fromkeys(("area_mm2", "force_N", "mean_kPa"))
     groove = dict.fromkeys(("depth_mm", "at_rest_mm", "behind_tip_mm"))
     section = dict.fromkeys(("place_mm", "height_mm", "area_mm2", "channel_mm2"))
@@ -402,7 +445,7 @@ def test_the_document_has_all_keys(tmp_path, capsys):
         "contact": {
             "palate": {
                 **part,
-                **dict.fromkeys(("peak_kPa", "midline_free", "forward_N", "up_N", "right_N")),
+                **dict.fromkeys(("resultant_N", "peak_kPa", "midline_free", "forward_N", "up_N", "right_N")),
                 "cells": dict.fromkeys(("left", "centre", "right"), dict.fromkeys(("front", "middle", "back"), part)),
             }
         },
@@ -414,7 +457,7 @@ def test_the_document_has_all_keys(tmp_path, capsys):
             "course": {name: [None] for name in ("time_ms", "contacts", "area_mm2", "force_N")},
         },
         "body": {
-            **dict.fromkeys(("largest_displacement_mm", "fastest_mm_s", "settled", "time_to_90_ms")),
+            **dict.fromkeys(("largest_displacement_mm", "largest_so_far_mm", "fastest_mm_s", "settled", "time_to_90_ms")),
             **dict.fromkeys(("volume_change_percent", "left_right_mm")),
             "self_penetration": dict.fromkeys(("nodes", "deepest_mm", "deepest_at_rest")),
         },
@@ -434,7 +477,7 @@ def test_tables_and_inspect(tmp_path, capsys):
     assert "forward 4.00, down 1.00 mm" in text
     assert command(["inspect", str(other)]) == 0
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "tip forward 4.00, down 1.00 mm; 90 % at 90 ms, peak 41 mm/s" in text
+    assert "tip forward 4.00, down 1.00 mm; 90 % after 90 ms; peak speed 41 mm/s" in text
     assert command(["inspect", str(other), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["measures"]["points"]["tip"]["forward_mm"] == pytest.approx(4.0)
     assert command(["measure", str(tmp_path / "none.vtkhdf")]) == 2

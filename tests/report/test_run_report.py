@@ -1,4 +1,4 @@
-"""The report of runs: what moves in it is what is stored, it says why a run is not quotable, and it is whole and harmless."""
+"""The report of runs: its animation is what is stored, failed checks and all energies are shown, and it is one harmless file."""
 
 from __future__ import annotations
 
@@ -92,9 +92,19 @@ def test_the_command_writes_one_page(gesture: Path, tmp_path: Path, capsys: pyte
     page = tmp_path / "page.html"
     assert command(["report", str(gesture), "--out", str(page), "--json"]) == 0
     answer = check_answer("report", capsys.readouterr().out)
-    assert answer["results"][0] | {"result": ""} == {"result": "", "quotable": True, "reasons": [], "frames": FRAMES}
+    assert answer["results"][0] | {"result": ""} == {
+        "result": "",
+        "checks_passed": True,
+        "quotable": True,
+        "reasons": [],
+        "frames": FRAMES,
+    }
     text = page.read_text(encoding="utf-8")
-    assert "Quotable" in text and "Does it go forward?" in text and answer["size_MB"] == pytest.approx(len(text.encode()) / 1e6)
+    assert (
+        "All checks passed" in text
+        and "Does it go forward?" in text
+        and answer["size_MB"] == pytest.approx(len(text.encode()) / 1e6)
+    )
     assert not re.search(r"""(src|href)\s*=\s*["']?(https?:)?//""", text.split("<script>")[0])  # nothing is fetched
     assert "default-src 'none'" in text
     assert "explicitfe run push.toml --set muscle.GGp.force_N=2.0 --set 'title=It'\"'\"'s a push'\n" in unescape(text)
@@ -109,9 +119,9 @@ def test_a_warning_is_a_reason(tmp_path: Path) -> None:
     path = write_gesture(tmp_path / "bad.vtkhdf", warnings=["2 elements are folded <b>here</b>."])
     answer = write_report([path])
     assert answer["report"] == str(tmp_path / "bad-report.html")
-    assert answer["results"][0]["reasons"] == ["2 elements are folded <b>here</b>."] and not answer["results"][0]["quotable"]
+    assert answer["results"][0]["reasons"] == ["2 elements are folded <b>here</b>."] and not answer["results"][0]["checks_passed"]
     text = Path(answer["report"]).read_text(encoding="utf-8")
-    assert "Not quotable, because" in text and "&lt;b&gt;here" in text and "<b>here" not in text
+    assert "1 check failed" in text and "&lt;b&gt;here" in text and "<b>here" not in text
 
 
 def test_results_side_by_side(gesture: Path, tmp_path: Path) -> None:
@@ -120,7 +130,7 @@ def test_results_side_by_side(gesture: Path, tmp_path: Path) -> None:
     answer = write_report([gesture, other], tmp_path / "two.html")
     assert answer["differing_keys"] == ["muscle.GGp.force_N", "muscle.GGp.end_ms"]
     text = (tmp_path / "two.html").read_text(encoding="utf-8")
-    assert text.count("<article data-run") == 2 and "not given" in text and "<details open><summary>2 keys" in text
+    assert text.count("<article data-run") == 2 and "absent" in text and "<details open><summary>2 keys" in text
     forward = re.findall(r'data-y="([^"]*)"[^>]*>\s*<figcaption>Named points: forward', text)
     assert len(forward) == 2 and len(set(forward)) == 1
     with pytest.raises(InputError, match=f"at most {MOST_RESULTS} results"):
@@ -195,9 +205,9 @@ def test_the_duration_is_on_the_axis(gesture: Path) -> None:
     assert spans == {f"0.0 {1e3 * DURATION_S}"}
 
 
-def test_numbers_are_as_they_may_be_quoted(tmp_path: Path) -> None:
-    """Constants are not rounded, a column of zeros is left out, and decades are written alike."""
-    path = write_gesture(tmp_path / "quoted.vtkhdf", material={"law": "yeoh", "C10_Pa": 1037.25, "density_kg_m3": 1040.0})
+def test_constants_have_all_their_digits(tmp_path: Path) -> None:
+    """Constants are not rounded, a column of zeros is omitted, and decades are written alike."""
+    path = write_gesture(tmp_path / "digits.vtkhdf", material={"law": "yeoh", "C10_Pa": 1037.25, "density_kg_m3": 1040.0})
     text = Path(write_report([path])["report"]).read_text(encoding="utf-8")
     assert "yeoh, C10 1037.25 Pa, density 1040 kg/m³" in text
     assert "forward (mm)" in text and "right (mm)" not in text and ">-0.00<" not in text

@@ -41,7 +41,7 @@ def test_a_variant_has_its_name_and_says_what_was_set(tiny, tmp_path):
     with open_result(plain) as result:
         assert variant_of(result) == "model.cells=[8,4,4], analysis.duration_ms=0.1"
     for name in ("a/b", "", ".hidden", "..", "a\nb"):
-        with pytest.raises(InputError, match="a result cannot be called"):
+        with pytest.raises(InputError, match="cannot be the name of a file"):
             result_path(VOWEL, tmp_path, name)
 
 
@@ -62,7 +62,7 @@ def test_pictures_formats_and_times_are_chosen(tiny, tmp_path, capsys):
         (["--only", "contur"], 'no picture "contur"; did you mean "contour"?'),
         (["--format", "jpg"], 'cannot be drawn as "jpg"'),
         (["--times", "1,x"], '"x" is no number of milliseconds'),
-        (["--times", "9"], "has no time 9 ms; give one from 0 to 4 ms"),
+        (["--times", "9"], "time 9 ms is outside the stored samples; give a time from 0 to 4 ms"),
     ):
         assert command(["plot", str(tiny), "--out", str(tmp_path / "none"), "--json", *more]) == 2
         assert sentence in json.loads(capsys.readouterr().out)["failure"]["message"]

@@ -31,7 +31,7 @@ ROUNDING_SHARE_OF_VALUE = 1e-12
 COLOUR_COUNT = 7
 DASH_COUNT = 4
 
-Drawn = Literal["line", "dots", "area", "band"]
+Drawn = Literal["line", "dots", "area", "band", "dark-band"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,10 @@ class Line:
     ----------
     name : in the legend; empty: it has no place there.
     x, y : (n,) NaN where the line is interrupted.
-    drawn : as a line, as dots, as an area down to zero, or as a band from y to ``y_high``, (n,), which only a band has.
+    drawn : as a line, as dots, as an area down to zero, or as a pale or dark band from y to ``y_high``.
     colour : number of its colour, from 0; None: by its place. "before" and "after" have colours of their own in pages of fits.
-    dash : number of its kind of line, 0: whole.
+    dash : number of its kind of line, 0: solid.
+    y_high : (n,) upper edge of a band; None for all others.
     """
 
     name: str
@@ -131,8 +132,10 @@ def chart(
     if not kept:
         return None
     has_dots = any(one.drawn == "dots" for one in kept)
-    left, right = x_range or _span([one.x for one in kept], DOT_MARGIN_SHARE if has_dots else 0.0)
-    with_zero = [_reached(one) for one in kept]
+    # Samples of which only one can be drawn, such as a share that is undefined at rest, span no range.
+    across = [np.array(x_range)] if x_range else [one.x for one in kept]
+    left, right = _span(across, DOT_MARGIN_SHARE if has_dots and not x_range else 0.0)
+    with_zero = [reached(one) for one in kept]
     bottom, top = _span([*with_zero, np.array(y_range or [])], MARGIN_SHARE)
     placed = [
         DrawnLine(
@@ -171,7 +174,8 @@ def round_ticks(low: float, high: float, wanted: int = TICKS_WANTED) -> tuple[li
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     largest = max(map(abs, numbers), default=0.0)
     if digits > 4 or largest >= 1e5:
-        return numbers, [f"{x:.{max(0, math.floor(math.log10(largest / step) + 0.5))}e}" if x else "0" for x in numbers]
+        places = math.floor(math.log10(largest) + 1e-9) - math.floor(math.log10(step) + 1e-9) if largest else 0
+        return numbers, [f"{x:.{max(0, places)}e}" if x else "0" for x in numbers]
     return numbers, [f"{x + 0.0:.{digits}f}".replace("-", "\N{MINUS SIGN}") for x in numbers]
 
 
@@ -207,8 +211,8 @@ def _span(columns: Sequence[np.ndarray], margin: float) -> tuple[float, float]:
     return low - margin * size, high + margin * size
 
 
-def _reached(one: Line) -> np.ndarray:
-    """Every y that a series has to do with: an area zero, a band its other edge."""
+def reached(one: Line) -> np.ndarray:
+    """All y values that a series covers, (k,): those of its line, zero for an area, and the upper edge of a band."""
     if one.drawn == "area":
         return np.append(one.y, 0.0)
     return one.y if one.y_high is None else np.append(one.y, one.y_high)
@@ -225,17 +229,20 @@ def _pieces(one: Line, across: tuple[float, float], up: tuple[float, float]) -> 
             continue
         # Dots stand for themselves: of them all are drawn.
         kept = part if one.drawn == "dots" else part[_drawn_rows(y[part])]
+        if one.y_high is not None:
+            kept = np.union1d(kept, part[_drawn_rows(one.y_high[part])])
         points = [f"{x[k]:.1f},{y[k]:.1f}" for k in kept]
         if one.drawn == "dots":
             pieces += [f"{point} {point}" for point in points]
             continue
-        if one.drawn == "band" and one.y_high is not None:
+        if one.y_high is not None:
             high = CHART_SIDE * (up[1] - one.y_high) / (up[1] - up[0])
             points += [f"{x[k]:.1f},{high[k]:.1f}" for k in kept[::-1]]
         if one.drawn == "area":
             foot = CHART_SIDE * up[1] / (up[1] - up[0])
             points = [f"{x[kept[0]]:.1f},{foot:.1f}", *points, f"{x[kept[-1]]:.1f},{foot:.1f}"]
-        pieces.append(" ".join(points))
+        # A line of one point has no length; its round end is drawn as a dot.
+        pieces.append(" ".join(points * 2 if len(points) == 1 else points))
     return pieces
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import TypeGuard
 
@@ -39,6 +40,8 @@ TRIAL_DROP, FITTED_DROP = "χ² drop, best trial", "χ² drop, fitted"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Below this p-value only its smallness is said: no data tell one smaller chance from another.
 SMALLEST_SAID_P = 1e-4
+# Speeds below this have two significant digits, mm/s.
+WHOLE_SPEED_MM_S = 10.0
 # Below this share, 0.01 %, only its smallness is said.
 SMALLEST_SAID_SHARE = 1e-4
 
@@ -77,6 +80,23 @@ def count(value: object) -> str:
 def plural(how_many: int, noun: str) -> str:
     """Such as "1 curve" and "2 curves"."""
     return f"{how_many} {noun}{'' if how_many == 1 else 's'}"
+
+
+def speed(mm_s: float) -> str:
+    """A speed in mm/s without its unit: whole from 10 mm/s on, and with two digits below, so that 0 means no motion at all."""
+    return f"{mm_s:.0f}" if mm_s >= WHOLE_SPEED_MM_S else number(mm_s, 2)
+
+
+def motion_at_end(settled: bool, fastest_mm_s: float) -> str:
+    """Whether a body moves at the end of a run, with the speed of its fastest node."""
+    if settled and fastest_mm_s == 0.0:
+        return "at rest"
+    return f"{'settled' if settled else 'still moving'}, fastest node {speed(fastest_mm_s)} mm/s"
+
+
+def paragraphs(text: str) -> list[str]:
+    """The paragraphs of a text, which empty lines separate, each on one line: the page breaks lines where it needs to."""
+    return [" ".join(part.split()) for part in re.split(r"\n\s*\n", text) if part.strip()]
 
 
 def percent(share: object) -> str:

@@ -1,1 +1,1 @@
-"""The report of runs: one page with each result moving in three dimensions, what it says, and whether it may be quoted."""
+"""The report of runs: one page with an animation, charts and the checks of each result."""

@@ -1,4 +1,4 @@
-"""The charts of a run: its muscles, named points, contact and energies over time, or force over displacement of a tool."""
+"""Charts of a run: muscles, named points, contact and energies over time, or force over displacement of a tool."""
 
 from __future__ import annotations
 
@@ -10,26 +10,21 @@ import numpy as np
 from explicitfe.measure.sections import X, Y, Z
 from explicitfe.results import Result
 from explicitfe.results.run_summary import kind_of
+from explicitfe.view.energy_balance import energy_balance
 from explicitfe.view.hourglass import hourglass_share
 from explicitfe.view.muscles import activation, muscle_name, muscles_of, on_times
 from explicitfe.view.over_time import ADVISED_HOURGLASS_SHARE, SIDEWAYS_SHARE
-from explicitfe.view.page.chart import COLOUR_COUNT, Chart, Line, chart
+from explicitfe.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
 
 TIME_LABEL = "time (ms)"
-ENERGY_LINES = {
-    "external_work": "external work",
-    "internal_energy": "elastic",
-    "hourglass_energy": "hourglass",
-    "kinetic_energy": "kinetic",
-    "damping_loss": "lost to damping",
-}
-# Black is the last colour; the work from outside stands apart from where it goes.
+# Black is the last colour: the external work is drawn over the energies that add up to it.
 COLOUR_OF_WORK = COLOUR_COUNT - 1
+BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies add up to the external work (line)"
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedChart:
-    """What a chart is to show, before its axes are those of the same chart of other results."""
+    """Contents of a chart, before it gets the axes that it shares with the same chart of other results."""
 
     title: str
     y_label: str
@@ -41,19 +36,19 @@ class PlannedChart:
 
 
 def charts_of(results: Sequence[Result]) -> list[list[Chart]]:
-    """The charts of each result, those left out for which it has nothing to show; the same charts have the same axes."""
+    """The charts of each result, without those for which it has no data; charts of the same title have the same axes."""
     plans = [_plans(result) for result in results]
     return [[drawn for plan in own if (drawn := _draw(plan, _alike(plan, plans))) is not None] for own in plans]
 
 
 def _alike(plan: PlannedChart, plans: Sequence[Sequence[PlannedChart]]) -> list[Line]:
-    """The series of all charts of this name."""
+    """The series of all charts of this title."""
     return [series for own in plans for other in own if other.title == plan.title for series in other.series]
 
 
 def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
-    x, y = np.concatenate([one.x for one in alike]), np.concatenate([one.y for one in alike])
-    kept = np.isfinite(x) & np.isfinite(y) & ((y > 0.0) | (not plan.logarithmic))
+    x, y = np.concatenate([one.x for one in alike]), np.concatenate([reached(one) for one in alike])
+    kept = np.isfinite(y) & ((y > 0.0) | (not plan.logarithmic))
     if not kept.any():
         return None
     return chart(
@@ -61,7 +56,7 @@ def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
         plan.series,
         x_label=plan.x_label,
         y_label=plan.y_label,
-        x_range=(float(x[kept].min()), float(x[kept].max())),
+        x_range=(float(np.nanmin(x)), float(np.nanmax(x))),
         y_range=(float(y[kept].min()), float(y[kept].max())),
         logarithmic=plan.logarithmic,
         spans=plan.spans,
@@ -86,25 +81,34 @@ def _time_charts(result: Result) -> list[PlannedChart]:
             plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic))
 
     courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
-    add("Force of the muscles", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
+    add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
         add(title, unit, _lines(times, lines))
-    if {*ENERGY_LINES, "balance_error"} <= set(result.history_names):
-        energies = {label: result.history(name) for name, label in ENERGY_LINES.items()}
-        largest = max(float(np.nanmax(np.abs(energy), initial=0.0)) for energy in energies.values())
-        factor, unit = next(((f, u) for f, u in ((1.0, "J"), (1e3, "mJ"), (1e6, "µJ")) if f * largest >= 0.1), (1e9, "nJ"))
-        colours = [COLOUR_OF_WORK, *range(len(energies))]
-        add(
-            "Energies",
-            unit,
-            [Line(label, times, factor * y, colour=c) for (label, y), c in zip(energies.items(), colours, strict=False)],
-        )
+    if lines_and_unit := energy_lines(result):
+        lines, unit = lines_and_unit
+        add(BALANCE_TITLE, unit, lines)
         error = 100.0 * result.history("balance_error")
-        add("Error of the energy balance, largest so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True)
-        advised = np.full(len(times), 100.0 * ADVISED_HOURGLASS_SHARE)
-        share = [Line("", times, 100.0 * hourglass_share(result), colour=1), Line("", times, advised, colour=6, dash=1)]
-        add(f"Hourglass share of the elastic energy (dashed: {100.0 * ADVISED_HOURGLASS_SHARE:g} % is advised)", "%", share)
+        add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True)
+        if {"internal_energy", "hourglass_energy"} <= set(result.history_names):
+            limit = np.full(len(times), 100.0 * ADVISED_HOURGLASS_SHARE)
+            share = [Line("", times, 100.0 * hourglass_share(result), colour=1), Line("", times, limit, colour=6, dash=1)]
+            title = f"Hourglass energy as a share of the elastic energy (dashed: recommended limit, {limit[0]:g} %)"
+            add(title, "%", share)
     return plans
+
+
+def energy_lines(result: Result) -> tuple[list[Line], str] | None:
+    """The stacked terms of the energy balance as bands and the external work as a line, in a unit; None where there are none."""
+    balance = energy_balance(result)
+    if balance is None:
+        return None
+    factor, unit = balance.unit()
+    times, edges = 1e3 * balance.time, factor * balance.edges()
+    bands = [
+        Line(term.label, times, low, "band" if term.is_loss else "dark-band", colour=term.colour, y_high=high)
+        for (term, _), low, high in zip(balance.terms, edges[:-1], edges[1:], strict=True)
+    ]
+    return [*bands, Line(balance.work_label, times, factor * balance.work, colour=COLOUR_OF_WORK)], unit
 
 
 def _lines(times: np.ndarray, lines: dict[str, np.ndarray]) -> list[Line]:
@@ -112,7 +116,7 @@ def _lines(times: np.ndarray, lines: dict[str, np.ndarray]) -> list[Line]:
 
 
 def _point_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]:
-    """Of the named points: title, unit, and lines by name, from front to back as the model names them."""
+    """Title, unit and lines by name of the charts of the named points, in the order of the model."""
     stored = [name.removeprefix("probe_").removesuffix("_displacement") for name in result.history_names]
     probes = [name for name in stored if f"probe_{name}_displacement" in result.history_names]
     if not probes:
@@ -133,9 +137,9 @@ def _point_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]
 
 
 def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]:
-    """Of the bones that were touched: title, unit, and lines by the bones' names."""
+    """Title, unit and lines by bone of the charts of contact, of bones that were touched."""
     charts = []
-    for title, unit, factor, kind in (("Contact force", "N", 1.0, "force"), ("Contact area", "mm²", 1e6, "area")):
+    for title, unit, factor, kind in (("Resultant contact force", "N", 1.0, "force"), ("Contact area", "mm²", 1e6, "area")):
         lines = {}
         for bone in result.bones:
             name = f"contact_{bone}_{kind}"
@@ -150,5 +154,5 @@ def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]
 def _tool_charts(result: Result) -> list[PlannedChart]:
     displacement, force = 1e3 * result.history("indentation"), result.history("force")
     series = [Line("force", displacement, force), Line("", displacement, force, drawn="dots", colour=0)]
-    label = "displacement of the tool since first touch (mm)"
-    return [PlannedChart("Force of the whole tool", "N", series, label, "indentation", [])]
+    label = "displacement of the tool after first contact (mm)"
+    return [PlannedChart("Tool force (whole tool)", "N", series, label, "indentation", [])]

@@ -1,17 +1,19 @@
-"""What the report of runs says: texts and tables, without a mark of HTML."""
+"""Texts and tables of the report of runs, without HTML."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import dropwhile, takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydantic import JsonValue
 
+from explicitfe.host import shipped
+from explicitfe.measure.document import BoneContact, Measures
 from explicitfe.measure.measure import measures_of
 from explicitfe.results import Result
 from explicitfe.results.differing_keys import differing_keys, table_in_words
@@ -21,15 +23,15 @@ from explicitfe.view.heading import title_of
 from explicitfe.view.muscles import muscles_of, pull_in_words
 from explicitfe.view.page.chart import Chart
 from explicitfe.view.report.tables import PageTable, table
-from explicitfe.view.report.words import bare, finite, number, percent
+from explicitfe.view.report.words import bare, finite, motion_at_end, number, paragraphs, percent, speed
+from explicitfe.view.run_page.checks import Checks, checks_of
 from explicitfe.view.run_page.playback import frame_count, playback
-from explicitfe.view.run_page.quotable import Quotability, quotability
 
-# So many characters of a value of a scenario stand in the table of what differs.
+# Longer values of a scenario are cut in the table of differences.
 LONGEST_VALUE_CHARACTERS = 80
-# What is less than this everywhere is 0.00 in a table, and says nothing.
+# A column in which all displacements are smaller is omitted: it would show 0.00 throughout.
 SMALLEST_SHOWN_MM = 0.005
-# So begins each line in which a stored scenario notes a setting that it was run with.
+# Prefix of the lines at the head of a stored scenario that record the settings of the run.
 SETTING = "# --set "
 
 
@@ -39,20 +41,21 @@ class RunOnPage:
 
     Attributes
     ----------
-    label : short name, unlike that of any other result of the page: its file.
-    question, expect : of the scenario; empty where it has none.
-    facts : name -> what was run and what it came to, in words.
-    moved : what each named point did; None where there are none.
-    charts : drawn from its history; ``playback`` is what moves, of ``frames`` of the ``stored`` samples.
-    scenario : the scenario file as the user wrote it; ``commands`` repeat the run and look at it closer.
-    is_tongue : whether it is a run in time, and not an indentation.
+    label : short name, unique on the page: that of its file.
+    question, expect : paragraphs of the scenario; empty where it has none.
+    facts : name -> value, in words, of the table of the run and its results.
+    moved : displacement of each named point; None where there are none.
+    charts : drawn from its history.
+    playback : data of the animation, with ``frames`` of the ``stored`` samples.
+    scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
+    is_tongue : whether it is a run in time rather than an indentation.
     """
 
     label: str
     title: str
-    verdict: Quotability
-    question: str
-    expect: str
+    checks: Checks
+    question: list[str]
+    expect: list[str]
     facts: dict[str, str]
     moved: PageTable | None
     charts: list[Chart]
@@ -68,14 +71,15 @@ class RunOnPage:
 def run_on_page(result: Result, last: int, label: str, charts: list[Chart], share: float) -> RunOnPage:
     """One result as the page shows it, up to a step; ``share`` is its part of the size that a page may have."""
     scenario = result.model.get("scenario", {})
+    measures = measures_of(result, last) if kind_of(result.model) == "transient" else None
     return RunOnPage(
         label=label,
         title=title_of(result),
-        verdict=quotability(result),
-        question=str(scenario.get("question") or "").strip(),
-        expect=str(scenario.get("expect") or "").strip(),
-        facts=dict(_facts(result)),
-        moved=_moved(result, last),
+        checks=checks_of(result),
+        question=paragraphs(str(scenario.get("question") or "")),
+        expect=paragraphs(str(scenario.get("expect") or "")),
+        facts=dict(_facts(result, measures)),
+        moved=None if measures is None or not result.mesh.named_points else _moved(measures),
         charts=charts,
         playback=playback(result, last, share),
         frames=frame_count(result, last, share),
@@ -88,7 +92,7 @@ def run_on_page(result: Result, last: int, label: str, charts: list[Chart], shar
 
 
 def labels_of(paths: Sequence[Path]) -> list[str]:
-    """A short name for each result, no two the same: its file's, with as many folders as it takes, or a number."""
+    """A unique short name for each result: its file's name, with as many folders as necessary, or with a number."""
     for depth in range(1, 1 + max(len(path.parts) for path in paths)):
         labels = ["/".join([*path.parts[-depth:-1], path.stem]) for path in paths]
         if len(set(labels)) == len(labels):
@@ -112,7 +116,7 @@ def _value(value: JsonValue) -> str:
 
 
 def facts_table(runs: Sequence[RunOnPage]) -> PageTable | None:
-    """What was run and what it came to, a column a result."""
+    """The facts of all runs, one column per result."""
     names = list(dict.fromkeys(name for run in runs for name in run.facts))
     rows = [(name, *(run.facts.get(name, "") for run in runs)) for name in names]
     return table(("", *([run.label for run in runs] if len(runs) > 1 else [""])), rows, "t" * (1 + len(runs)))
@@ -125,8 +129,8 @@ def provenance_table(runs: Sequence[RunOnPage]) -> PageTable | None:
     return table(("", *([run.label for run in runs] if len(runs) > 1 else [""])), rows, "t" * (1 + len(runs)))
 
 
-def _facts(result: Result) -> Iterator[tuple[str, str]]:
-    """What was run and what it came to, in words."""
+def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str]]:
+    """Names and values of the run and its results, in words."""
     model, summary, scenario = result.model, result.summary, result.model.get("scenario", {})
     yield "status", result.status
     size = f"{result.mesh.element_count} elements, {result.mesh.node_count} nodes"
@@ -144,68 +148,100 @@ def _facts(result: Result) -> Iterator[tuple[str, str]]:
     if len(result.times) and kind_of(model) == "transient":
         yield "simulated", f"{1e3 * result.times[-1]:.4g} ms, {len(result.times)} samples stored"
     if finite(summary.get("steps")) and finite(summary.get("dt_s")):
-        yield "steps", f"{summary['steps']} of {1e6 * summary['dt_s']:.3g} µs or longer"
+        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
     if kind_of(model) == "relaxation" and len(result.history("force")):
         most = int(np.argmax(result.history("force")))
         depth_mm = 1e3 * result.history("indentation")[most]
-        yield "largest force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
+        yield "maximum force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
     if finite(summary.get("energy_balance_error")):
-        yield "energy balance", f"off by at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
+        yield "energy balance error", f"at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
     if finite(summary.get("hourglass_share")):
-        yield "hourglass share", f"{percent(summary['hourglass_share'])} of the elastic energy at most"
+        yield "hourglass share", f"at most {percent(summary['hourglass_share'])} of the elastic energy"
     if finite(summary.get("min_J")):
-        yield "smallest J", f"{summary['min_J']:.3f}"
+        yield "minimum volume ratio J", f"{summary['min_J']:.3f}"
     if folded := summary.get("folded"):
-        undecided = f", {folded['undecided']} undecided" if folded.get("undecided") else ", certified"
-        yield "folded elements", f"{folded['elements']} of {result.mesh.element_count}{undecided}"
-    if "settled" in summary:
-        speed = f"fastest node {number(summary.get('largest_speed_mm_s'), 2)} mm/s"
-        yield "at the end", f"{'settled' if summary['settled'] else 'still moving'}, {speed}"
+        undecided = f", {folded['undecided']} undecided" if folded.get("undecided") else " (certified)"
+        yield "inverted elements", f"{folded['elements']} of {result.mesh.element_count}{undecided}"
+    if measures is not None:
+        yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
+        for name, contact in measures.contact.items():
+            yield f"contact with the {name} at the end", _contact(contact)
     if finite(summary.get("wall_s")):
-        yield "computed in", f"{number(summary['wall_s'], 2)} s"
+        yield "wall time", f"{number(summary['wall_s'], 2)} s"
     if scenario.get("effects"):
         yield "effects", ", ".join(sorted(key.replace("_", "-") for key in scenario["effects"]))
 
 
 def _constant(key: str, value: object) -> str:
-    """Such as "C10 1037 Pa": the number as it stands, for it may be quoted."""
+    """Such as "C10 1037 Pa", with all digits of the number."""
     words, unit = words_and_unit(key)
     text = f"{value:.10g}" if finite(value) else str(value)
     return text if key in ("law", "shape") else f"{words} {text} {unit}".rstrip()
 
 
-def _moved(result: Result, last: int) -> PageTable | None:
-    """What each named point of a tongue did, from the measures of the result."""
-    if kind_of(result.model) != "transient" or not result.mesh.named_points:
-        return None
-    points = measures_of(result, last).points
+def _contact(contact: BoneContact) -> str:
+    """Contact with a bone: its area and both forces, with the digits that distinguish them."""
+    if not contact.area_mm2:
+        return "none"
+    forces = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N, 2)} N"]
+    return ", ".join([f"{contact.area_mm2:.0f} mm²", *forces, f"normal force sum {number(contact.force_N, 2)} N"])
+
+
+def _moved(measures: Measures) -> PageTable | None:
+    """The displacement of each named point at the end and its largest one, from the measures of the result."""
+    points = measures.points
     moves_aside = any(abs(point.right_mm) >= SMALLEST_SHOWN_MM for point in points.values())
     rows = [
         (
             name,
             *(f"{mm:z.2f}" for mm in (point.forward_mm, point.up_mm)),
             f"{point.right_mm:z.2f}" if moves_aside else "",
-            f"{point.peak_speed_mm_s:.0f}",
+            f"{point.largest_mm:.2f}",
+            f"{point.largest_at_ms:.0f}",
+            speed(point.peak_speed_mm_s),
             "" if point.time_to_90_ms is None else f"{point.time_to_90_ms:.0f}",
         )
         for name, point in points.items()
     ]
-    head = ("point", "forward (mm)", "up (mm)", "right (mm)", "fastest (mm/s)", "90 % after (ms)")
-    return table(head, rows, "tnnnnn")
+    head = ("point", "forward (mm)", "up (mm)", "right (mm)", "largest (mm)", "at (ms)", "peak speed (mm/s)", "time to 90 % (ms)")
+    return table(head, rows, "tnnnnnnn")
 
 
 def _commands(result: Result) -> Iterator[str]:
-    """The command that repeats the run, and those that look at it closer."""
+    """The command that repeats the run, and those that show more of it."""
     stored = result.model
-    file = shlex.quote(str(stored.get("scenario_file") or f"{result.path.stem}.toml"))
+    file = Path(str(stored.get("scenario_file") or f"{result.path.stem}.toml"))
     settings = "".join(f" --set {shlex.quote(setting)}" for setting in _settings(result))
-    yield f"explicitfe run {file}{settings}"
+    name = result.path.stem.removesuffix(".running")
+    named = "" if name == file.stem else f" --name {shlex.quote(name)}"
+    yield f"explicitfe run {shlex.quote(scenario_words(file, result.scenario_text))}{settings}{named}"
     yield f"explicitfe inspect {shlex.quote(str(result.path))}"
     if kind_of(stored) == "transient":
         yield f"explicitfe measure {shlex.quote(str(result.path))}"
 
 
+def scenario_words(file: Path, text: str) -> str:
+    """What a user types to run a stored scenario again.
+
+    The name alone of a scenario that comes with explicitfe, whatever the folder of the installation; otherwise the path, relative
+    where it is in the working directory.
+
+    Parameters
+    ----------
+    file : the scenario file of the run.
+    text : the text of that scenario, which may begin with the settings of the run.
+    """
+    own = shipped.scenarios().get(file.stem)
+    if own is not None and own.read_text(encoding="utf-8").strip() == _without_settings(text).strip():
+        return file.stem
+    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
+
+
+def _without_settings(text: str) -> str:
+    return "".join(dropwhile(lambda line: line.startswith(SETTING), text.splitlines(keepends=True)))
+
+
 def _settings(result: Result) -> list[str]:
-    """The ``--set`` of a run, as its scenario notes them at its head."""
+    """The ``--set`` options of a run, as recorded at the head of its stored scenario."""
     head = takewhile(lambda line: line.startswith(SETTING), result.scenario_text.splitlines())
     return [line.removeprefix(SETTING) for line in head]

@@ -90,8 +90,12 @@
 
   const charts = [...document.querySelectorAll("figure[data-follows]")].map((figure) => {
     const numbers = (name) => figure.dataset[name].split(" ").map(Number);
-    const lines = [...figure.querySelectorAll("[data-series]")].map((group) =>
-      [...group.children].map((line) => line.getAttribute("points").split(" ").map((point) => point.split(",").map(Number))));
+    const lines = [...figure.querySelectorAll("[data-series]")].map((group) => {
+      const pieces = [...group.children].map((line) => line.getAttribute("points").split(" ").map((point) => point.split(",").map(Number)));
+      if (!group.matches(".band, .dark-band")) return { line: pieces };
+      // The points of a band go along its lower edge, and back along the upper one.
+      return { line: pieces.map((piece) => piece.slice(0, piece.length / 2)), top: pieces.map((piece) => piece.slice(piece.length / 2).reverse()) };
+    });
     const run = runs.find((one) => one.section.contains(figure));
     const mark = figure.querySelector(".now");
     mark.hidden = false;
@@ -119,8 +123,9 @@
       mark.style.transform = `translateX(${across / 10}%)`;
       if (!withNumbers) continue;
       outputs.forEach((output, k) => {
-        const place = valueOf(lines[k], Math.min(1000, Math.max(0, across)));
-        const value = y[1] - (place / 1000) * (y[1] - y[0]);
+        const { line, top } = lines[k], inside = Math.min(1000, Math.max(0, across)), place = valueOf(line, inside);
+        const share = top ? (place - valueOf(top, inside)) / 1000 : 1 - place / 1000; // of a band its height
+        const value = (top ? 0 : y[0]) + share * (y[1] - y[0]);
         output.textContent = Number.isFinite(value) ? shown("logarithmic" in figure.dataset ? 10 ** value : value, y[1] - y[0]) : "";
       });
     }

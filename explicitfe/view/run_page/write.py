@@ -1,4 +1,4 @@
-"""Writes the report of one result or of several: one HTML file, which needs no network and nothing beside it."""
+"""Write the report of one or several results as one HTML file, which needs neither a network nor other files."""
 
 from __future__ import annotations
 
@@ -16,21 +16,26 @@ from explicitfe.view.page.page_file import page_file, write_page
 from explicitfe.view.run_page.charts import charts_of
 from explicitfe.view.run_page.parts import RunOnPage, differences, facts_table, labels_of, provenance_table, run_on_page
 
-# More results beside each other than this are too narrow to be seen, and more moving pictures than a browser draws.
+# More results would be too narrow to be seen, and more animations than a browser draws.
 MOST_RESULTS = 8
 
 
 class ReportedRun(TypedDict):
-    """What a report says of one result: ``reasons`` are why its numbers should not be quoted, none where they may be."""
+    """One result of a report.
+
+    ``checks_passed`` is true if the run finished and its checks gave no warning; ``reasons`` are the checks that failed.
+    ``quotable`` is the earlier name of ``checks_passed``.
+    """
 
     result: str
+    checks_passed: bool
     quotable: bool
     reasons: list[str]
     frames: int
 
 
 class ReportAnswer(TypedDict):
-    """What ``explicitfe report`` wrote: ``differing_keys`` are those of the scenarios, sorted as they stand there."""
+    """What ``explicitfe report`` wrote: ``differing_keys`` are keys whose values differ between the scenarios, in their order."""
 
     report: str
     size_MB: float
@@ -46,17 +51,18 @@ def write_report(
     Parameters
     ----------
     paths : the results, of runs that finished, failed or were killed.
-    out : the page; ``<stem>-report.html`` beside the first result if left out.
-    overwrite : replace a page that exists.
-    progress : called with the stage and the share of it that is done.
+    out : the page; ``<stem>-report.html`` in the folder of the first result by default.
+    overwrite : replace an existing page.
+    progress : called with the stage and the completed share of it.
 
     Raises
     ------
-    InputError : a result cannot be read or holds no step that can be drawn; the page exists or cannot be written.
+    InputError : a result cannot be read or has no sample that can be drawn; the page exists, or its folder cannot be written.
+    MachineError : the disk is full.
     """
     paths = [Path(path) for path in paths]
     if len(paths) > MOST_RESULTS:
-        raise InputError(f"a report shows at most {MOST_RESULTS} results side by side; {len(paths)} were named.")
+        raise InputError(f"a report shows at most {MOST_RESULTS} results side by side, not {len(paths)}; leave out some of them.")
     target = page_file(paths[0].with_name(f"{paths[0].stem}-report.html"), out, overwrite)
     with ExitStack() as opened:
         results = [opened.enter_context(open_result(path)) for path in paths]
@@ -83,8 +89,9 @@ def write_report(
         "results": [
             {
                 "result": str(path),
-                "quotable": run.verdict.is_quotable,
-                "reasons": run.verdict.reasons,
+                "checks_passed": run.checks.all_passed,
+                "quotable": run.checks.all_passed,
+                "reasons": run.checks.failed,
                 "frames": run.frames,
             }
             for path, run in zip(paths, runs, strict=True)

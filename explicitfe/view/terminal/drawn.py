@@ -1,4 +1,4 @@
-"""What was drawn, in the terminal."""
+"""Output of ``explicitfe plot`` and ``explicitfe view`` in the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measures of results in the terminal: a row for each measure, a column for each result."""
+"""Table of measures in the terminal: one row per measure, one column per result."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from rich.markup import escape
 from rich.table import Table
 
 from explicitfe.measure.document import Airway, BoneContact, Constriction, Measures, PalatogramPattern, PointMotion
+from explicitfe.view.report.words import motion_at_end, number, speed
 from explicitfe.view.terminal.rows import forward_up, moved, pairs
+
+# A point that has never moved farther is shown without its largest displacement.
+SMALLEST_SHOWN_MM = 0.005
 
 
 def measures_table(measured: Sequence[Measures]) -> Table:
-    """One result as pairs, several side by side."""
+    """One result as pairs of name and value; several as columns."""
     if len(measured) == 1:
         table = pairs(measured[0].title or Path(measured[0].result).stem)
         for row in measure_rows(measured[0]):
@@ -40,21 +44,21 @@ def measures_table(measured: Sequence[Measures]) -> Table:
 
 
 def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
-    """Names and values of what was measured; lengths in mm."""
+    """Names and values of the measures; lengths in mm."""
     body = measures.body
-    yield "measured at", f"{measures.time_ms:.4g} ms"
+    yield "time", f"{measures.time_ms:.4g} ms"
     for name, point in measures.points.items():
         yield escape(name), _motion(point)
     if measures.highest is not None:
         highest = measures.highest
         yield (
             "highest point",
-            f"{forward_up(highest.forward_mm, highest.up_mm)} (now {highest.behind_tip_mm:.1f} behind and "
-            f"{highest.above_tip_mm:.1f} above the tip at rest)",
+            f"{forward_up(highest.forward_mm, highest.up_mm)} (now {highest.behind_tip_mm:.1f} mm behind and "
+            f"{highest.above_tip_mm:.1f} mm above the tip at rest)",
         )
     if measures.grooves:
         depths = " / ".join(f"{groove.depth_mm:.1f}" for groove in measures.grooves.values())
-        yield "groove", f"{depths} mm ({' / '.join(measures.grooves)})"
+        yield "groove depth", f"{depths} mm ({' / '.join(measures.grooves)})"
     if measures.constriction is not None:
         yield from _constriction_rows(measures.constriction)
     if measures.airway is not None:
@@ -65,30 +69,33 @@ def measure_rows(measures: Measures) -> Iterator[tuple[str, str]]:
         yield "palatogram", _pattern(measures.palatogram.now)
     yield (
         "whole body",
-        f"moved by up to {body.largest_displacement_mm:.1f} mm{_rise(body.time_to_90_ms)}; "
-        f"{'settled' if body.settled else 'still moving'}, fastest node {body.fastest_mm_s:.0f} mm/s",
+        f"largest displacement {body.largest_displacement_mm:.2f} mm (so far {body.largest_so_far_mm:.2f} mm)"
+        f"{_rise(body.time_to_90_ms)}; {motion_at_end(body.settled, body.fastest_mm_s)}",
     )
-    yield "volume", f"{body.volume_change_percent:+.2f} %"
+    yield "volume change", f"{body.volume_change_percent:+.2f} %"
     if body.left_right_mm is not None:
-        yield "left, right", f"differ by up to {body.left_right_mm:.2g} mm"
+        yield "asymmetry", f"at most {body.left_right_mm:.2g} mm"
     passed = body.self_penetration
     if passed.nodes:
         place = passed.deepest_at_rest
         assert place is not None
         yield (
-            "passes through itself",
-            f"[red]{passed.nodes} nodes, up to {passed.deepest_mm:.1f} mm deep[/red], at rest near "
+            "self-penetration",
+            f"[red]{passed.nodes} nodes, at most {passed.deepest_mm:.1f} mm deep[/red], at rest near "
             f"({place.back_mm:.0f}, {place.right_mm:.0f}, {place.up_mm:.0f}) mm",
         )
 
 
 def _motion(point: PointMotion) -> str:
     text = moved(point.forward_mm, point.up_mm, point.right_mm)
-    return f"{text}{_rise(point.time_to_90_ms)}, peak {point.peak_speed_mm_s:.0f} mm/s"
+    # A movement that has returned is described by its largest displacement, any other by its rise time.
+    has_returned = point.time_to_90_ms is None and point.largest_mm > SMALLEST_SHOWN_MM
+    farthest = f"; largest {point.largest_mm:.2f} mm at {point.largest_at_ms:.0f} ms" if has_returned else ""
+    return f"{text}{_rise(point.time_to_90_ms)}{farthest}; peak speed {speed(point.peak_speed_mm_s)} mm/s"
 
 
 def _rise(time_ms: float | None) -> str:
-    return "" if time_ms is None else f"; 90 % at {time_ms:.0f} ms"
+    return "" if time_ms is None else f"; 90 % after {time_ms:.0f} ms"
 
 
 def _constriction_rows(constriction: Constriction) -> Iterator[tuple[str, str]]:
@@ -104,11 +111,11 @@ def _constriction_rows(constriction: Constriction) -> Iterator[tuple[str, str]]:
         )
         met = [section for section in constriction.sections if section.area_mm2 is not None]
         areas = " ".join(f"{section.area_mm2:.0f}" for section in met)
-        yield "areas, mm²", f"{areas} (from {met[0].place_mm:.0f} mm on, every 5 mm)"
+        yield "areas, mm²", f"{areas} (every 5 mm, from {met[0].place_mm:.0f} mm behind the incisors)"
 
 
 def _pattern(pattern: PalatogramPattern) -> str:
-    """Eight rows from the front, a filled circle for an electrode that is on; the speaker's left is at the left."""
+    """Eight rows from the front, a filled circle for an electrode in contact; the speaker's left is on the left."""
     rows = ("".join(" " if on is None else "●" if on else "○" for on in row) for row in pattern.electrodes)
     line = f"{pattern.contacts} of 62 contacts"
     if pattern.centre_of_gravity is not None:
@@ -117,24 +124,24 @@ def _pattern(pattern: PalatogramPattern) -> str:
             f"centre of gravity {pattern.centre_of_gravity:.2f}"
         )
         closed = ", ".join(str(row) for row in pattern.closed_rows)
-        line += f"; closed in row {closed}" if closed else "; no row closed"
+        line += f"; complete closure in row {closed}" if closed else "; no complete closure"
     return "\n".join([line, *rows])
 
 
 def _airway_rows(airway: Airway) -> Iterator[tuple[str, str]]:
-    """The airway and its formants, and what the assumed ends would change; frequencies in Hz."""
+    """The airway, its formants, and their sensitivity to the assumed ends; frequencies in Hz."""
     assumed_mm = sum(section.to_mm - section.from_mm for section in airway.sections if section.source == "assumed")
-    yield "airway", f"{airway.length_mm:.0f} mm from the glottis to the lips, {assumed_mm:.0f} of it assumed"
-    yield "narrowest in it", f"{airway.smallest_area_mm2:.0f} mm², {airway.smallest_area_place_mm:.0f} mm from the glottis"
+    yield "airway", f"{airway.length_mm:.0f} mm from the glottis to the lips, {assumed_mm:.0f} mm of it assumed"
+    yield "narrowest section", f"{airway.smallest_area_mm2:.0f} mm², {airway.smallest_area_place_mm:.0f} mm from the glottis"
     if airway.closed or airway.shifts is None:
-        yield "formants", "none: the airway is closed"
+        yield "formants", "none, because the airway is closed"
         return
-    for number, formant in enumerate(airway.formants, 1):
-        yield f"F{number}", f"{formant.frequency_hz:.0f} Hz (bandwidth {formant.bandwidth_hz:.0f} Hz)"
+    for order, formant in enumerate(airway.formants, 1):
+        yield f"F{order}", f"{formant.frequency_hz:.0f} Hz (bandwidth {formant.bandwidth_hz:.0f} Hz)"
     shifts = airway.shifts
     rows = {
-        "with half the lips": shifts.lips_area_times_half,
-        "with 1.5 times": shifts.lips_area_times_one_and_a_half,
+        "lip area × 0.5": shifts.lips_area_times_half,
+        "lip area × 1.5": shifts.lips_area_times_one_and_a_half,
         "larynx 5 mm shorter": shifts.larynx_tube_5_mm_shorter,
         "larynx 5 mm longer": shifts.larynx_tube_5_mm_longer,
     }
@@ -145,9 +152,11 @@ def _airway_rows(airway: Airway) -> Iterator[tuple[str, str]]:
 def _contact(contact: BoneContact) -> str:
     if not contact.area_mm2:
         return "none"
+    resultant = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N, 2)} N"]
     lines = [
-        f"{contact.area_mm2:.0f} mm², {contact.force_N:.2f} N, {contact.mean_kPa:.2f} kPa (peak {contact.peak_kPa:.2f}), "
-        f"midline {'free' if contact.midline_free else 'touched'}"
+        ", ".join([f"area {contact.area_mm2:.0f} mm²", *resultant, f"normal force sum {number(contact.force_N, 2)} N"]),
+        f"mean pressure {number(contact.mean_kPa, 2)} kPa, peak {number(contact.peak_kPa, 2)} kPa; "
+        f"midline {'free' if contact.midline_free else 'in contact'}",
     ]
     for depth in next(iter(contact.cells.values())):
         areas = [f"{side} {cells[depth].area_mm2:.0f}" for side, cells in contact.cells.items()]

@@ -1,4 +1,4 @@
-"""What comes with the program and how fast it is here, in the terminal."""
+"""Shipped files, this installation and its speed, in the terminal."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from explicitfe.results.examination import Examination
     from explicitfe.results.run_summary import SpeedReport
 
-# Columns of lists that are for programs: their texts are long.
+# Columns with long texts, which only programs need.
 ONLY_IN_JSON = ("source", "file", "folder")
 
 
 def list_table(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
-    """A list of what comes with the program. The first column, what a user has to type, is never cut."""
+    """A list of shipped files. The first column, which users type, is never cut."""
     given = list(rows[0]) if rows else []
     columns = [column for column in given if column not in ONLY_IN_JSON]
     left_out = " and ".join(f"{column}s" for column in given if column in ONLY_IN_JSON)
@@ -36,9 +36,9 @@ def list_table(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
 
 
 def machine_code_table(seconds_of: dict[str, float]) -> Table:
-    """What machine code was made for, and how long it took."""
-    table = Table(title="machine code", title_justify="left")
-    table.add_column("for", no_wrap=True)
+    """The kernels that were compiled or loaded, and the time of each."""
+    table = Table(title="compiled kernels", title_justify="left")
+    table.add_column("kernels", no_wrap=True)
     table.add_column("seconds", justify="right")
     for name, seconds in seconds_of.items():
         table.add_row(name, f"{seconds:.1f}")
@@ -46,21 +46,21 @@ def machine_code_table(seconds_of: dict[str, float]) -> Table:
 
 
 def new_scenario_table(scenario: Mapping[str, Any]) -> Group:
-    """A scenario that was written."""
+    """A new scenario file."""
     table = pairs(scenario["title"])
     if scenario["like"]:
-        table.add_row("a copy of", escape(scenario["like"]))
+        table.add_row("copy of", escape(scenario["like"]))
     for name, force_N in scenario["muscles"].items():
         table.add_row(f"muscle {escape(name)}", f"{force_N:g} N")
     return Group(table, file_lines([("file", scenario["scenario"])]))
 
 
-# State of a thing that was looked at -> how it is shown.
+# State of a finding -> its markup.
 _STATES = {"good": "[green]good[/green]", "attention": "[yellow]attention[/yellow]", "absent": "[dim]absent[/dim]"}
 
 
 def examination_table(examination: Examination) -> Table:
-    """What was looked at on this machine."""
+    """Findings on this installation."""
     table = Table(title="this installation", title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(no_wrap=True)
@@ -71,7 +71,7 @@ def examination_table(examination: Examination) -> Table:
 
 
 def speed_tables(speed: SpeedReport) -> Group:
-    """How fast this machine is."""
+    """Speed of the kernels and of a scenario on this machine."""
     lanes = f"{speed['lanes']} lanes, {speed['cores']} cores"
     table = Table(title=f"ns per element and step, float64, {lanes}", title_justify="left")
     threads = max((row["threads"] or 1 for row in speed["rows"]), default=1)
@@ -90,17 +90,17 @@ def speed_tables(speed: SpeedReport) -> Group:
         )
     spoken = speed["scenario"]
     line = (
-        f"{spoken['name']}: {spoken['hexes']} hexes, {spoken['steps']} steps in {1e3 * spoken['loop_s']:.0f} ms of the loop, "
-        f"{spoken['real_time_factor']:.2f} times as fast as it is spoken"
+        f"{spoken['name']}: {spoken['hexes']} hexahedra, {spoken['steps']} time steps in {1e3 * spoken['loop_s']:.0f} ms, "
+        f"{spoken['real_time_factor']:.2f} × real time"
     )
     return Group(table, line)
 
 
 def speed_notes(speed: SpeedReport) -> list[str]:
-    """What a reader of the times must know: whether others computed meanwhile."""
+    """Notes on the measured times: whether other processes used the processor."""
     if speed["load"] is None or not is_busy(speed["load"]):
         return []
     return [
-        f"the machine was busy: {speed['load']:.1f} processes wanted to compute in the minute before, on {speed['cores']} cores; "
-        "these times are longer than those of an idle machine, so time it again when it is idle."
+        f"the machine was busy: load average {speed['load']:.1f} on {speed['cores']} cores. The times are longer than on an idle "
+        "machine; repeat the measurement when it is idle."
     ]

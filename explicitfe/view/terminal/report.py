@@ -1,4 +1,4 @@
-"""What ``explicitfe report`` wrote, in the terminal."""
+"""Output of ``explicitfe report`` in the terminal."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from explicitfe.view.terminal.rows import pairs
 
 
 def report_table(answer: ReportAnswer) -> Group:
-    """The page, and whether each result may be quoted."""
+    """The page, and the checks of each result."""
     table = pairs("report")
     several = len(answer["results"]) > 1
     labels = [f"result {number}" if several else "result" for number in range(1, len(answer["results"]) + 1)]
     for label, run in zip(labels, answer["results"], strict=True):
         reasons = "\n".join(f"- {reason}" for reason in run["reasons"])
-        verdict = "quotable" if run["quotable"] else f"not quotable, because\n{escape(reasons)}"
-        table.add_row(label, verdict)
+        table.add_row(
+            f"checks{label.removeprefix('result')}", "all passed" if run["checks_passed"] else f"failed:\n{escape(reasons)}"
+        )
     if several:
-        table.add_row("scenarios differ in", escape(", ".join(answer["differing_keys"])) or "nothing")
+        table.add_row("differing keys", escape(", ".join(answer["differing_keys"])) or "none")
     table.add_row("size", f"{answer['size_MB']:.1f} MB")
     return Group(
         table,

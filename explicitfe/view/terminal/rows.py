@@ -1,4 +1,4 @@
-"""The words and numbers of tables in the terminal: rows of pairs, quantities with their units."""
+"""Rows and numbers of tables in the terminal, with units."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class StoredTimes(NamedTuple):
-    """When samples were stored: how many, the first, the last [s], and how far apart."""
+    """Times of the stored samples: their number, the first, the last and the interval, s."""
 
     samples: int
     first_s: float
@@ -25,7 +25,7 @@ class StoredTimes(NamedTuple):
 
 
 def pairs(title: str) -> Table:
-    """An empty table of names and what they are."""
+    """An empty table of names and values."""
     table = Table(title=escape(title), title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(overflow="fold")
@@ -48,20 +48,20 @@ def physics_rows(model: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "bones", escape(", ".join(model["bones"])) or "none"
     if model.get("held_area_mm2"):
         held = (f"{name} {area_mm2:.0f} mm²" for name, area_mm2 in model["held_area_mm2"].items())
-        yield "held by area", escape(", ".join(held))
+        yield "attachment areas", escape(", ".join(held))
     if model.get("surgery"):
         yield "surgery", escape(_surgery(model["surgery"]))
 
 
 def _surgery(report: Mapping[str, Any]) -> str:
-    """What surgery took, put in and stiffened, and what the muscles lost."""
-    parts = [f"{report['removed_elements']} hexes removed, {report['removed_mm3']:.0f} mm³"]
+    """Volumes that surgery removed, grafted and stiffened, and the loss of muscle force."""
+    parts = [f"{report['removed_elements']} hexahedra removed, {report['removed_mm3']:.0f} mm³"]
     if report["graft_elements"]:
-        parts.append(f"{report['graft_elements']} hexes of grafts, {report['graft_mm3']:.0f} mm³")
+        parts.append(f"{report['graft_elements']} hexahedra of grafts, {report['graft_mm3']:.0f} mm³")
     if report["scar_mm3"]:
         parts.append(f"{report['scar_mm3']:.0f} mm³ of scar")
     lost = [f"{name} {percent:.1f} %" for name, percent in report["muscle_loss_percent"].items()]
-    return "; ".join(parts) + (f"\nmuscles lose {', '.join(lost)}" if lost else "")
+    return "; ".join(parts) + (f"\nmuscle force lost: {', '.join(lost)}" if lost else "")
 
 
 def _muscle(muscle: Mapping[str, Any]) -> str:
@@ -77,43 +77,43 @@ def _muscle(muscle: Mapping[str, Any]) -> str:
 
 
 def size_text(report: CheckReport) -> str:
-    """Memory of a run, and size of its result."""
+    """Memory of a run and size of its result."""
     return f"{report['kernel_memory_MB']:.3g} MB in memory, {report['result_size_MB']:.3g} MB in the result"
 
 
 def add_mesh_rows(table: Table, report: CheckReport) -> None:
-    """Rows on model, mesh and tissue, as a check knows them."""
+    """Rows on model, mesh and tissue of a check."""
     table.add_row("model", escape(report["name"]))
     table.add_row(
         "mesh",
-        f"{report['hexes']} hexes, {report['nodes']} nodes, {report['fixed_nodes']} of them held; "
+        f"{report['hexes']} hexahedra, {report['nodes']} nodes, {report['fixed_nodes']} of them fixed; "
         f"{1e-3 * report['volume_mm3']:.4g} cm³, {report['mass_g']:.4g} g",
     )
-    table.add_row("edges", f"{report['smallest_edge_mm']:.3g} to {report['largest_edge_mm']:.3g} mm")
+    table.add_row("edge lengths", f"{report['smallest_edge_mm']:.3g} to {report['largest_edge_mm']:.3g} mm")
     table.add_row("worst element", f"{report['worst_element']}, scaled Jacobian {report['smallest_scaled_jacobian']:.3g}")
-    table.add_row("folded", folded_text(report))
+    table.add_row("inverted", inverted_text(report))
     for row in physics_rows(report):
         table.add_row(*row)
 
 
-def folded_text(report: CheckReport | RunSummary) -> str:
-    """How many elements are folded, and whether the others are certain not to be."""
+def inverted_text(report: CheckReport | RunSummary) -> str:
+    """Number of inverted elements, and whether it is certified that the others are not inverted."""
     elements, undecided = report["folded"]["elements"], report["folded"]["undecided"]
     text = f"{elements} of {report['hexes']} elements"
-    return f"{text}, not certified: {undecided} more are undecided" if undecided else f"{text}, certified"
+    return f"{text}, not certified: {undecided} more are undecided" if undecided else f"{text} (certified)"
 
 
 def with_files(table: Table, summary: RunSummary) -> Group:
-    """What a run came to, and below it its pictures and its result file."""
+    """The summary of a run, with its pictures and its result file below."""
     return Group(table, file_lines([*(("plot", path) for path in summary.get("plots", [])), ("result", summary["result"])]))
 
 
-# Sideways motion below this share of the rest is not worth a word.
+# Lateral motion below this share of the other components is omitted.
 SIDEWAYS_SHARE_OF_MOTION = 0.01
 
 
 def moved(forward_mm: float, up_mm: float, right_mm: float) -> str:
-    """Where a point has gone, in the words of anatomy: "forward 4.27, up 1.55 mm"."""
+    """A displacement in anatomical directions: "forward 4.27, up 1.55 mm"."""
     if abs(right_mm) > SIDEWAYS_SHARE_OF_MOTION * max(abs(forward_mm), abs(up_mm)):
         sideways = f", {'right' if right_mm > 0.0 else 'left'} {abs(right_mm):.2f}"
     else:
@@ -122,7 +122,7 @@ def moved(forward_mm: float, up_mm: float, right_mm: float) -> str:
 
 
 def forward_up(forward_mm: float, up_mm: float) -> str:
-    """How far forward (-x) and up (+z), in words."""
+    """A displacement forward (-x) and up (+z), in words."""
     return f"{_forward_up(forward_mm, up_mm)} mm"
 
 
@@ -137,7 +137,7 @@ def spaced(name: str) -> str:
 
 
 def text_of(value: object) -> str:
-    """Numbers in short, and a table of constants as 'C10 191.5 Pa, b 2': the unit stands at the end of the key."""
+    """A value in short; a table of constants as 'C10 191.5 Pa, b 2', with the units that end its keys."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, dict):

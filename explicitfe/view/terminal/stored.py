@@ -1,4 +1,4 @@
-"""What a result file holds, in the terminal: the answer of ``explicitfe inspect``."""
+"""Contents of a result file in the terminal: the output of ``explicitfe inspect``."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from explicitfe.view.terminal.rows import StoredTimes, pairs, physics_rows, spac
 
 
 class StoredKind(Protocol):
-    """What the module of each kind of analysis says of a stored run."""
+    """Functions of the module of each kind of analysis that describe a stored run."""
 
     def times_text(self, times: StoredTimes) -> str:
-        """When it was stored."""
+        """Times of the stored samples."""
 
     def stored_rows(self, summary: Any) -> Iterator[tuple[str, str]]:
-        """What it came to."""
+        """Rows on its results."""
 
 
-# The kind of analysis, as a scenario's analysis.type names it -> how a stored one is shown.
+# analysis.type of a scenario -> the module that describes a stored run of that kind.
 KINDS: dict[str, StoredKind] = {"transient": transient, "relaxation": indentation}
 PACKAGES = ("explicitfe", "python", "numpy", "numba", "h5py")
 ENERGIES = (
@@ -44,19 +44,19 @@ ENERGIES = (
 
 
 def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> Group:
-    """What a result file holds, and what was measured at its end."""
+    """Contents of a result file, with the measures at its end."""
     table = pairs(held["model"].get("scenario", {}).get("title", ""))
     run, last = held["summary"], held["last"]
     kind = KINDS[kind_of(held["model"])]
     state = held["status"]
     if state == "running":
-        state += " (it goes on now)" if held["live"] else " (it was killed)"
+        state += " (in progress)" if held["live"] else " (killed)"
     table.add_row("status", escape(f"{state}: {held['message']}" if held["message"] else state))
     if held["restart"] is not None:
         restart = held["restart"]
         moment = f", stored at {restart['stored_utc']}" if restart["stored_utc"] else ""
-        table.add_row("can go on", escape(f"after {restart['samples']} samples{moment}: {restart['command']}"))
-    table.add_row("mesh", f"{held['elements']} hexes, {held['nodes']} nodes")
+        table.add_row("resumable", escape(f"after {restart['samples']} samples{moment}: {restart['command']}"))
+    table.add_row("mesh", f"{held['elements']} hexahedra, {held['nodes']} nodes")
     table.add_row("node sets", escape(", ".join(f"{name} ({count})" for name, count in held["node_sets"].items())) or "none")
     for row in physics_rows(held["model"]):
         table.add_row(*row)
@@ -70,9 +70,9 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> G
     if energies:
         table.add_row("last energies", "\n".join(energies))
     if "balance_error" in last:
-        table.add_row("energy balance", f"off by at most {last['balance_error']:.1e}")
+        table.add_row("energy balance", f"relative error at most {last['balance_error']:.1e}")
     if run:
-        table.add_row("hourglass share", f"{100 * run['hourglass_share']:.1f} % of the elastic energy at most")
+        table.add_row("hourglass share", f"at most {100 * run['hourglass_share']:.1f} % of the elastic energy")
         for row in kind.stored_rows(run):
             table.add_row(*row)
     if measures is not None:
@@ -82,6 +82,6 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> G
     packages = ", ".join(f"{name} {provenance[name]}" for name in PACKAGES if provenance.get(name))
     commit = provenance.get("commit") and f"commit {provenance['commit']}"
     rows = [packages, commit, provenance.get("processor"), provenance.get("started_utc")]
-    table.add_row("made by", escape("\n".join(row for row in rows if row)))
+    table.add_row("provenance", escape("\n".join(row for row in rows if row)))
     table.add_row("scenario", f"sha256 {held['scenario_sha256'][:16]}…")
     return Group(table, file_lines([("result", held["path"])]))

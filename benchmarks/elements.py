@@ -88,7 +88,7 @@ def bending() -> str:
             print(lines[-1], flush=True)
     check, _, _ = both_limits(lambda e, n: beam_deflection(e, 3.0, n, 1.0, 0.499), (6, 12, 24))
     parts = [
-        table(("L/H", "Poisson", "converged, m/N", "doubt", "orders hex8, full", "of Timoshenko's"), lines),
+        table(("L/H", "Poisson", "converged, m/N", "uncertainty", "orders hex8, full", "ratio to Timoshenko"), lines),
         f"With 6, 12 and 24 elements instead, L/H = 3 at 0.499 converges to {check:.5f} m/N, "
         f"{100 * (check / references[3.0, 0.499] - 1):+.3f} % off.",
     ]
@@ -137,8 +137,8 @@ def blocks() -> str:
                 ])  # fmt: skip
                 print(rows[-1], flush=True)
     head = (
-        "motion", "element", "n", "energy, mJ", "error, %", "hourglass share, %", "min J", "folded", "balance", "end, mm",
-        "inverted",
+        "motion", "element", "n", "energy, mJ", "error, %", "hourglass share, %", "min J", "inverted elements", "balance",
+        "end, mm", "stopped",
     )  # fmt: skip
     return (
         "Reference energies: the mean of the limits of hex8 and full from n = 4, 8 and 16, half their difference (and their "

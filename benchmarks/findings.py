@@ -131,7 +131,15 @@ ASKED = [
 
 Write = Callable[["Laboratory"], str]
 HEAD_OF_POINTS = ["tip", "blade", "front", "dorsum"]
-HEAD_OF_TRUST = ["groove", "fastest", "90 %: tip, dorsum", "folded", "hourglass", "balance", "deepest"]
+HEAD_OF_TRUST = [
+    "groove",
+    "fastest node",
+    "90 %: tip, dorsum",
+    "inverted elements",
+    "hourglass",
+    "balance",
+    "largest penetration",
+]
 FINEST = (30, 16, 20)
 MESHES: tuple[str | tuple[int, int, int], ...] = ("coarse", "medium", "fine", FINEST)
 COMPARED = ("[i]", "GGp 2 N", "GGa 0.5 N", "SL 0.5 N")
@@ -189,7 +197,7 @@ def asked(laboratory: Laboratory) -> str:
         short = each.short_by(seen[0])
         verdict = "met" if short < ROUNDING else f"short by {number(short)}"
         rows.append([each.gesture, NAMES_OF_TISSUES[each.tissue], each.what, each.range, *map(number, seen), verdict])
-    return table(["gesture", "tissue", "figure", "asked", "medium", "fine", "measured mesh", "medium: verdict"], rows)
+    return table(["gesture", "tissue", "quantity", "expected", "medium", "fine", "measured mesh", "medium: verdict"], rows)
 
 
 def short_of(answer: Answer) -> float:
@@ -244,7 +252,7 @@ def one_at_a_time(laboratory: Laboratory) -> str:
             shown += [*points_of(answer, ("tip", "front", "dorsum")), number(fastest(answer), 0), f"**{residual}**"]
         cells.append([label, *shown])
     head = [f"{name}: {what}" if what == "tip" else what for name in ("cadaver", "living")
-            for what in ("tip", "front", "dorsum", "fastest", "short by")]  # fmt: skip
+            for what in ("tip", "front", "dorsum", "fastest node", "shortfall, mm")]  # fmt: skip
     return table(["[i]", *head], cells)
 
 
@@ -261,7 +269,7 @@ def shifted_bones(laboratory: Laboratory) -> str:
             free = "free" if braced.measures.contact["palate"].midline_free else "closed"
             cells = [called, label, *points_of(answer), number(short_of(answer)), *points_of(lowered, ("blade",)), free]
             rows.append(cells)
-    head = ["tissue", "bones", *(f"[i]: {point}" for point in POINTS), "short by", "GGa: blade", "braced [i]: midline"]
+    head = ["tissue", "bones", *(f"[i]: {point}" for point in POINTS), "shortfall, mm", "GGa: blade", "braced [i]: midline"]
     return table(head, rows)
 
 
@@ -288,7 +296,16 @@ def mesh_errors(laboratory: Laboratory) -> str:
                 mesh_name = mesh if isinstance(mesh, str) else ", ".join(map(str, mesh))
                 away = "" if mesh == FINEST else number(apart(answer, finest))
                 rows.append([called, name, mesh_name, *points_of(answer), number(front_groove(answer)), away, share, compared])
-    head = ["tissue", "gesture", "mesh", *HEAD_OF_POINTS, "groove", "from the finest", "hourglass", "from hex8-full"]
+    head = [
+        "tissue",
+        "gesture",
+        "mesh",
+        *HEAD_OF_POINTS,
+        "groove",
+        "difference from the finest mesh",
+        "hourglass",
+        "difference from hex8-full",
+    ]
     return table(head, rows)
 
 
@@ -314,8 +331,8 @@ def single_muscles(laboratory: Laboratory) -> str:
             cells += [*points_of(answer, ("tip", "front", "dorsum")), "yes" if holds(answer) else "no"]
         rows.append(cells)
     head = [f"{called}: {what}" if what == "tip" else what for called in ("cadaver, 0.3 N", "living, 1 N")
-            for what in ("tip", "front", "dorsum", "as it should")]  # fmt: skip
-    return table(["muscle", "should go", *head], rows)
+            for what in ("tip", "front", "dorsum", "as expected")]  # fmt: skip
+    return table(["muscle", "expected motion of the dorsum", *head], rows)
 
 
 def braced_forces(tissue: str) -> dict[str, float]:
@@ -371,7 +388,7 @@ def times(laboratory: Laboratory) -> str:
                     cells += [number(peak, 0), number(peak / way, 0)]
                 rows.append(cells)
     head = [f"{point}: {what}" if what == "path" else what for point in ("tip", "dorsum")
-            for what in ("path", "90 %", "stays", "peak", "peak / path")]  # fmt: skip
+            for what in ("path", "90 % at", "within 10 % from", "peak", "peak / path")]  # fmt: skip
     return table(["tissue", "gesture", "forces", *head], rows)
 
 

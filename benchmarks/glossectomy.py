@@ -174,8 +174,8 @@ def cells(values: dict[str, object]) -> str:
     return "| " + " | ".join([*text, f"{right:+.1f}", f"{contact:.0f}", f"{width:.1f}", f"{speed:.0f}"]) + " |"
 
 
-HEAD = ("resection", "reconstruction", "mobility, %", "off, mm", "tip", "front", "dorsum", "to the right", "palate, mm²",
-        "narrowest, mm", "peak speed, mm/s")  # fmt: skip
+HEAD = ("resection", "reconstruction", "mobility, %", "rms distance, mm", "tip", "front", "dorsum", "to the right", "palate, mm²",
+        "constriction, mm", "peak speed, mm/s")  # fmt: skip
 
 
 def table(mesh: str, out: Path) -> None:

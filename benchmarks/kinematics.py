@@ -54,8 +54,8 @@ STEP_S, STILL_S = 0.002, 0.1
 QUANTILES = (0.1, 0.5, 0.9)
 BINS_MM = np.array([1.0, 2.0, 4.0, 6.0, 8.0, 12.0])
 HEADINGS = (
-    "strokes", "number", "displacement, mm", "duration, ms", "peak speed, mm/s", "peak over mean speed", "when fastest, share",
-    "peak speed over displacement, 1/s",
+    "movements", "count", "displacement, mm", "duration, ms", "peak speed, mm/s", "peak over mean speed",
+    "time of peak speed, share", "peak speed over displacement, 1/s",
 )  # fmt: skip
 
 

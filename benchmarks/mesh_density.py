@@ -392,8 +392,8 @@ def meshes_part(answers: Answers) -> str:
         rows.append([
             of_family, ", ".join(map(str, cells)), thousands(mesh.element_count), f"{size_of_hexes_mm(mesh):.2f}", smallest, *held
         ])  # fmt: skip
-    held_by = [f"held by {bone}, cm²" for bone in shape.fixed]
-    return table(("", "cells", "hexes", "h, mm", "smallest edge, mm", *held_by), rows)
+    held_by = [f"attached to {bone}, cm²" for bone in shape.fixed]
+    return table(("", "cells", "hexahedra", "h, mm", "smallest edge, mm", *held_by), rows)
 
 
 def answer_part(answers: Answers) -> str:
@@ -402,7 +402,7 @@ def answer_part(answers: Answers) -> str:
     rows = [[name, *spread(some), limits(some)] for name, some in courses.items()]
     every = [course for some in courses.values() for course in some]
     rows.append(["**all**", *spread(every), limits(every)])
-    return table(("gesture", *TONGUE_HEAD, "with a limit"), rows)
+    return table(("gesture", *TONGUE_HEAD, "converged"), rows)
 
 
 def limits(courses: Sequence[Course]) -> str:
@@ -431,7 +431,7 @@ def all_part(answers: Answers) -> str:
             course = tongue_course(gesture, name, answers)
             values = [vector(value) for value in course.values_mm]
             rows.append([name, *values, vector(course.limit.value), course.limit.how, *errors(course)])
-        head = ("", *TONGUE_HEAD, "limit", "found by", *(f"off, {count}" for count in TONGUE_HEAD))
+        head = ("", *TONGUE_HEAD, "limit", "extrapolation", *(f"error, {count}" for count in TONGUE_HEAD))
         parts.append(f"**{gesture}**\n\n{table(head, rows)}")
     return "\n\n".join(parts)
 
@@ -463,8 +463,8 @@ def indentation_part(answers: Answers) -> str:
         "load",
         *counts,
         "limit",
-        "found by",
-        *(f"off, {n}" for n in counts),
+        "extrapolation",
+        *(f"error, {n}" for n in counts),
         f"sector, {thousands(fine['hexes'])}",
     )
     return table(head, rows)

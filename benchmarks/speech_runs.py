@@ -77,7 +77,7 @@ def soundness(summary: dict[str, Any]) -> list[str]:
     ]
 
 
-END = ["settled", "folded", "balance", "warnings"]
+END = ["at rest", "inverted elements", "balance", "warnings"]
 
 
 def top(measures: Measures) -> str:
@@ -92,7 +92,7 @@ def contact(measures: Measures) -> str:
 
 
 def vowels(mesh: list[str], folder: Path) -> list[str]:
-    rows = [head(["scenario", *POINTS, "highest point", "narrowest: mm, at", "palate: mm², kPa, midline", *END])]
+    rows = [head(["scenario", *POINTS, "highest point", "constriction: mm, at", "palate: mm², kPa, midline", *END])]
     for name in VOWELS:
         done = ran(name, mesh, folder)
         seen = done.at()
@@ -120,7 +120,7 @@ def stops(mesh: list[str], folder: Path) -> list[str]:
         "at the velum, up",
         "closed, ms",
         "peak kPa while closed",
-        "narrowest: mm, at",
+        "constriction: mm, at",
     ]
     rows = [head([*columns, "palate: mm², kPa, midline", *END])]
     for name in STOPS:
@@ -152,7 +152,7 @@ def closure(result: Result) -> tuple[float, list[float]]:
 
 def sequence(mesh: list[str], folder: Path) -> list[str]:
     done = ran("sequence-iau", mesh, folder)
-    rows = [head(["at", *POINTS, "highest point", "narrowest: mm, at", "fastest node, mm/s", "settled"])]
+    rows = [head(["at", *POINTS, "highest point", "constriction: mm, at", "fastest node, mm/s", "at rest"])]
     with open_result(done.path) as result:
         for sound, time_ms in (DWELLS_MS | {"end": 1e3 * float(result.times[-1])}).items():
             step = step_at(result, 1e-3 * time_ms)

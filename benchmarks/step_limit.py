@@ -244,7 +244,7 @@ ratio 0.499 unless a row says otherwise; blocks are free, tongues held at jaw an
 
 Median of taken/true: **{np.median(all_taken):.3f}**; from {min(all_taken):.3f} to {max(all_taken):.3f}. Below 1 is stable.
 
-| mesh | element | bound/true | taken/true |
+| mesh | element | bound / true limit | time step / true limit |
 |---|---|---|---|
 {chr(10).join(rows)}
 
@@ -256,7 +256,7 @@ of the dense matrix. The bound holds here as at rest: it comes from the
 forces themselves, differenced element by element. No step is taken from it: it names the element that limits, and what a check of
 a scenario predicts at rest.
 
-| mesh | element | bound/true | taken/true |
+| mesh | element | bound / true limit | time step / true limit |
 |---|---|---|---|
 {chr(10).join(deformed)}
 

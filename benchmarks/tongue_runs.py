@@ -95,7 +95,7 @@ def main() -> None:
     parser.add_argument("--real", type=Path, help="folder of the measured mesh")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "studies" / "tongue-runs.md")
     arguments = parser.parse_args()
-    end = ["fastest", "settled", "hourglass", "folded", "balance", "steps"]
+    end = ["fastest node", "at rest", "hourglass", "inverted elements", "balance", "steps"]
     rows = [head(["run", "tissue", *POINTS, "groove", "palate", "jaw", *end])]
     of_the_paper = [head(["mesh", "tissue", "distribution", *POINTS_OF_THE_PAPER, "groove", *end])]
     with tempfile.TemporaryDirectory() as folder:

@@ -265,7 +265,7 @@ def markdown(tables: Tables) -> str:
     parts += ["", "## Confusion matrix", "", "Controls, identifiable singles, and what is outside the library.", ""]
     columns = _columns(tables["confusion"])
     parts += _table(
-        ["in the data", *columns],
+        ["effect in the data", *columns],
         ([name, *(str(row.get(c, "")) for c in columns)] for name, row in tables["confusion"].items()),
     )
     parts += ["", "## Held-out error", "", "Median nrmse of the held-out curves, in % of their peak.", ""]
@@ -278,7 +278,7 @@ def markdown(tables: Tables) -> str:
     )
     parts += ["", "## 95 % intervals", "", "Of the models that have the effects of the truth.", ""]
     parts += _table(
-        ["parameter", "covers", "95 % interval", "cases", "median width, of the value"],
+        ["parameter", "coverage", "95 % interval", "cases", "median width / value"],
         ([name, *_cells(entry), _percent(entry["median_width"], 1)] for name, entry in tables["intervals"].items()),
     )
     parts += reliability_lines(tables["reliability"])
@@ -339,7 +339,7 @@ def picture(matrix: Mapping[str, Mapping[str, int]]) -> bytes:
     axes.set_yticks(range(len(matrix)), list(matrix), fontsize=9)
     axes.axvline(len(columns) - len(OTHER) - 0.5, color="0.6", lw=0.8)
     axes.set_xlabel("found")
-    axes.set_ylabel("in the data")
+    axes.set_ylabel("effect in the data")
     axes.set_title("Cases by what was in the data and what was found", loc="left", fontsize=10)
     png = io.BytesIO()
     figure.savefig(png, dpi=150, format="png")

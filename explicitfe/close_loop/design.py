@@ -20,6 +20,7 @@ from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerprints
 from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
+from explicitfe.close_loop.statistics.system import Hypothesis
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, Progress, RunError, Share, silent
 from explicitfe.host.shipped import protocol_file
@@ -222,9 +223,7 @@ def _separations(fingerprint: Fingerprint, prints: list[Fingerprint]) -> dict[st
 
 def _elastic(system: Specimens, protocol: ProtocolFile) -> tuple[BestFit, Covariance]:
     """The elastic model at the expected constants, with the covariance of what is planned."""
-    start = system.start()
-    values = [getattr(protocol.constants, p.name) for p in start.parameters]
-    model = start.at(np.array([p.sought.coordinate(v) for p, v in zip(start.parameters, values, strict=True)]))
+    model = _model(system, protocol)
     (answer,) = system.answers([model])
     assert answer is not None
     rows = []
@@ -244,16 +243,19 @@ def _system(path: Path, protocol: ProtocolFile, simulator: Simulator) -> Specime
     """The planned tests with what an elastic tissue would answer."""
     dataset = _dataset(path, protocol)
     planned = Specimens(dataset, dataset.curves, simulator, COARSE)
-    start = planned.start()
-    constants = protocol.constants.model_dump()
-    model = start.at(np.array([p.sought.coordinate(constants[p.name]) for p in start.parameters]))
-    (answer,) = planned.answers([model])
-    if answer is None:
-        raise RunError(f"{path}: the simulator cannot follow the programme with these constants; ask for smaller loads.")
     curves = []
-    for curve, values in zip(dataset.curves, answer, strict=True):
+    for curve, values in planned.answers_or_reasons(_model(planned, protocol), ramps=True):
+        if isinstance(values, str):
+            raise RunError(f"{path}: {values} Reduce the loads of the protocol, or check its constants.")
         curves.append(replace(curve, columns=curve.columns | {curve.predicted: values}))
     return replace(planned, curves=tuple(curves), dataset=replace(dataset, curves=tuple(curves)))
+
+
+def _model(system: Specimens, protocol: ProtocolFile) -> Hypothesis:
+    """The elastic model at the expected constants."""
+    start = system.start()
+    values = [getattr(protocol.constants, p.name) for p in start.parameters]
+    return start.at(np.array([p.sought.coordinate(v) for p, v in zip(start.parameters, values, strict=True)]))
 
 
 def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:

@@ -13,10 +13,13 @@ from answers import check_answer
 from command import command
 from rich.console import Console
 
+from explicitfe.close_loop import design
 from explicitfe.close_loop.design import design_test
+from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.effects import EFFECTS
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.errors import InputError
+from explicitfe.host.shipped import protocols
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.results.planned_test import EffectInTest, PlannedTest
 from explicitfe.results.units_of_keys import words_and_unit
@@ -244,3 +247,51 @@ def test_the_command_prints_one_object(tmp_path, capsys, designed):
 
 def test_a_protocol_that_is_not_there(tmp_path):
     assert command(["design-test", str(tmp_path / "none.toml")]) == 2
+
+
+LOADED_AND_UNLOADED = """format = "explicitfe-protocol/1"
+title = "Force up and down"
+test = "indentation"
+
+[constants]
+C10_Pa = 300.0
+C20_Pa = 150.0
+
+[specimen]
+shape = "cylinder"
+radius_mm = 20.0
+height_mm = 12.0
+base = "bonded"
+
+[tool]
+shape = "flat-cylinder"
+radius_mm = 6.0
+control = "force"
+
+[noise]
+force_sd_N = 0.0
+displacement_sd_mm = 0.02
+
+[[curve]]
+id = "both-ways"
+programme = [[0.0, 0.0], [10.0, 0.02], [20.0, 0.04], [30.0, 0.06], [40.0, 0.03], [50.0, 0.0]]
+"""
+
+
+@pytest.mark.parametrize("shipped", [False, True])
+def test_a_protocol_that_begins_and_ends_at_zero_force(shipped, tmp_path):
+    """No model determines where the tool is at zero force, so those rows are left out of the answer, not of the curve."""
+    path = protocols()["gerard-2005"] if shipped else written(tmp_path, LOADED_AND_UNLOADED)
+    protocol = design._read(path)
+    simulator = Simulator(1)
+    try:
+        system = design._system(path, protocol, simulator)
+        model = design._model(system, protocol)
+        (answer,) = system.answers([model])
+    finally:
+        simulator.close()
+    rows = len(protocol.curve[0].programme)
+    for curve, one, values in zip(system.curves, system.series, answer, strict=True):
+        assert {len(column) for column in curve.columns.values()} == {rows}
+        assert len(one.measured) == len(values) == rows - 2
+        assert np.allclose(one.measured, values) and np.all(one.measured > 0.0)

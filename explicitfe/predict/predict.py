@@ -126,9 +126,9 @@ def predict_test(
     """
     first = test[0]
     effects = effects_of(first, tissue)
-    law = tissue.law(first)
+    law, homogeneous_law = tissue.law(first), tissue.law(first, homogeneous=True)
     if first.kind in ("uniaxial", "shear"):
-        answers = predict_homogeneous(test, law, effects)
+        answers = predict_homogeneous(test, homogeneous_law, effects)
         progress(1.0)
         return answers
     numerics = _with_numerics(tissue, refinement, density, tolerance).numerics

@@ -45,15 +45,17 @@ def is_homogeneous(curve: Curve, physics: Sequence[Effect]) -> bool:
 def predict_under_a_tool(
     test: Sequence[Curve],
     law: Yeoh,
+    homogeneous_law: Yeoh,
     effects: Sequence[Effect],
     numerics: Numerics,
     progress: Callable[[float], None],
     corrected: Callable[[np.ndarray, np.ndarray, bool], np.ndarray] = lambda answer, programme, by_force: answer,
 ) -> list[CurveAnswer]:
-    """What a tissue answers to the curves of a test with a tool.
+    """Predict the curves of a test with a tool.
 
     Parameters
     ----------
+    law, homogeneous_law : the elastic law in elements, and in a homogeneous state between platens.
     corrected : (answer, true programme, whether the force is imposed) -> what a finer mesh would answer.
 
     Raises
@@ -75,7 +77,7 @@ def predict_under_a_tool(
     course = course_of(time_s, programme, sd=sd, waits=time_matters(physics), density=numerics.density, touches=not tied)
     iterations = 0
     if uniform:
-        platens = Platens.of(law, physics, 1e-3 * first.specimen.thickness_mm, 1e-6 * first.specimen.face_mm2)
+        platens = Platens.of(homogeneous_law, physics, 1e-3 * first.specimen.thickness_mm, 1e-6 * first.specimen.face_mm2)
         try:
             course, answers, loses_contact = platens.follow(course)
             contact_power = contact_power if loses_contact else None

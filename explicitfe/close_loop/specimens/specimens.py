@@ -24,9 +24,7 @@ from explicitfe.predict.correction import Correction, corrections_of, kind_of
 from explicitfe.predict.experiment import experiments
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
-# Poisson's ratio of the baseline: soft tissue and silicone hardly change their volume. A homogeneous state loses 2e-5 of its
-# stress by this one. On a mesh so stiff a volume would cost many times the steps.
-INCOMPRESSIBLE_POISSON_RATIO = 0.49999
+# Poisson's ratio of the baseline on a mesh; homogeneous states are computed in the incompressible limit.
 MESH_POISSON_RATIO = 0.499
 # One standard deviation from that of the mesh: the volume changes twice as easily.
 SOFTER_POISSON_RATIO = 0.498
@@ -146,9 +144,13 @@ class Specimens:
         for group in self.groups if several else [EVERY]:
             label = group if several else ""
             constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=max(known["C20_Pa", label], 0.0))
-        poisson = INCOMPRESSIBLE_POISSON_RATIO if self.exact(hypothesis) else MESH_POISSON_RATIO
-        numerics = numerics or self.numerics
-        tissue = Tissue(poisson=poisson, constants_by=self.constants_by, constants=constants, numerics=numerics)
+        tissue = Tissue(
+            poisson=MESH_POISSON_RATIO,
+            incompressible=self.exact(hypothesis),
+            constants_by=self.constants_by,
+            constants=constants,
+            numerics=numerics or self.numerics,
+        )
         for effect in self.known:
             tissue = tissue.with_effect(effect)
         terms: dict[str, list[dict[str, float]]] = {}
@@ -343,10 +345,15 @@ class Specimens:
         """What the data have, of what effects require."""
         return features_of(self.curves, self.series)
 
-    def answers_or_reasons(self, model: Hypothesis) -> list[tuple[Curve, np.ndarray | str]]:
-        """Each curve, in order, with what a model file predicts of it, SI, or with why that cannot be computed."""
+    def answers_or_reasons(self, model: Hypothesis, *, ramps: bool = False) -> list[tuple[Curve, np.ndarray | str]]:
+        """Each curve with its prediction at all rows, SI, or the reason for a failure; :meth:`answers` has determined rows only.
+
+        Parameters
+        ----------
+        ramps : read tests without history from one ramp, as :meth:`answers` does; else follow each loading protocol.
+        """
         tissue = self.tissue(model)
-        plans = [self._plan(tissue, test, self.curves, ramps=False) for test in self.tests]
+        plans = [self._plan(tissue, test, self.curves, ramps=ramps) for test in self.tests]
         by_curve: dict[str, np.ndarray | str] = {}
         for plan, run in zip(plans, self.simulator.run([plan.job for plan in plans]), strict=True):
             by_curve |= {c.id: run for c in plan.test} if isinstance(run, str) else plan.read(run, self.corrections)
@@ -373,8 +380,8 @@ class Specimens:
     def _first_tissues(self) -> list[Tissue]:
         """Tissues of one size, with different ratios of C20 to C10."""
         constants = [Constants(C10_Pa=FIRST_C10_PA, C20_Pa=q * FIRST_C10_PA) for q in FIRST_C20_RATIOS]
-        poisson = INCOMPRESSIBLE_POISSON_RATIO if self.homogeneous else MESH_POISSON_RATIO
-        return [Tissue(poisson=poisson, constants={EVERY: c}, numerics=self.numerics) for c in constants]
+        exact = {"poisson": MESH_POISSON_RATIO, "incompressible": self.homogeneous}
+        return [Tissue(**exact, constants={EVERY: c}, numerics=self.numerics) for c in constants]
 
     def _first_constants(self, group: str) -> tuple[float, float]:
         """C10 and C20 to begin with: of a few ratios, the one whose scaled answer misses the group's curves least.

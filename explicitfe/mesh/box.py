@@ -1,7 +1,7 @@
-"""Boxes: the plain one, and the blocks of tissue that a tool presses.
+"""Meshes of boxes: a regular grid, and blocks of tissue under a tool.
 
-A block of tissue is, like a cylinder, a plane section that is extruded (see ``section.py``); its axis is the
-tool's, and of a symmetric one only a part is meshed.
+A block of tissue is an extruded plane section, as a cylinder is (see ``section.py``). Its axis is that of the tool. A symmetric
+block is meshed in part.
 """
 
 from __future__ import annotations
@@ -10,35 +10,44 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, shortened
+from explicitfe.mesh.checked_arrays import LARGEST_LENGTH_M, number_array
 from explicitfe.mesh.cylinder import butterfly
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.mesh.section import Section, extruded, joined, quads, rising
+from explicitfe.mesh.size import check_size
 from explicitfe.mesh.stations import stations
 
 
 def box(cells: Sequence[int], size_m: Sequence[float]) -> HexMesh:
-    """A box with one corner at the origin, in equal cells.
+    """A regular mesh of a box with one corner at the origin.
 
     Parameters
     ----------
     cells : numbers of elements along x, y and z.
-    size_m : lengths along x, y and z, m.
+    size_m : lengths along x, y and z, m, up to 10 m each.
 
-    Nodes and elements count with z fastest, then y, then x; the natural axes of every element run along x, y and z.
-    Node sets: the six faces ``x0``, ``x1``, ``y0``, ``y1``, ``z0``, ``z1``; ``x0`` lies at x = 0.
+    Returns
+    -------
+    The mesh. The z index of nodes and elements runs fastest, then y, then x; the natural axes of every element are x, y and z.
+    The six faces are node sets ``x0``, ``x1``, ``y0``, ``y1``, ``z0``, ``z1``; ``x0`` is the face at x = 0.
 
     Raises
     ------
-    InputError : not three whole numbers of at least 1, or not three lengths above 0.
+    InputError : not three whole numbers of at least 1, not three lengths above 0, or more elements than fit into memory.
     """
-    if len(cells) != 3 or any(isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1 for n in cells):
-        raise InputError(f"box: cells must be three whole numbers of at least 1, such as (8, 4, 4), not {cells!r}.")
-    if len(size_m) != 3 or not all(np.isfinite(length) and length > 0.0 for length in size_m):
+    counts = np.asarray(cells)
+    if counts.shape != (3,) or counts.dtype.kind not in "iu" or counts.min() < 1:
+        raise InputError(
+            f"box: cells must be three whole numbers of at least 1, such as (8, 4, 4), not {shortened(repr(cells))}."
+        )
+    lengths = number_array("box: size_m", size_m, (3,), largest=LARGEST_LENGTH_M)
+    if lengths.min() <= 0.0:
         raise InputError(f"box: size_m must be three lengths above 0 in m, such as (0.04, 0.02, 0.02), not {size_m!r}.")
-    stations_m = [np.linspace(0.0, length, n + 1) for n, length in zip(cells, size_m, strict=True)]
+    check_size(float(np.prod(counts, dtype=float)), "box: this mesh", "reduce cells")
+    stations_m = [np.linspace(0.0, length, n + 1) for n, length in zip(counts, lengths, strict=True)]
     points = np.stack(np.meshgrid(*stations_m, indexing="ij"), axis=-1).reshape(-1, 3)
-    number = np.arange(len(points)).reshape([n + 1 for n in cells])
+    number = np.arange(len(points)).reshape(counts + 1)
     faces = {f"{axis}{side}": number.take(-side, axis=k).ravel() for k, axis in enumerate("xyz") for side in (0, 1)}
     return HexMesh(points, grid_hexes(number), faces)
 

@@ -1,4 +1,4 @@
-"""The mesh that everything else receives: nodes, hexes, named sets."""
+"""The mesh that everything else receives: nodes, hexahedra, named sets."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.host.kept import kept
+from explicitfe.mesh.checked_arrays import FARTHEST_POINT_M, index_array, number_array
 
 # Natural coordinates of the 8 corners in VTK order (VTK_HEXAHEDRON).
 CORNERS = np.array(
@@ -40,14 +41,21 @@ class MaterialPoints:
 
 @dataclass(frozen=True, eq=False)
 class HexMesh:
-    """Nodes and 8-node hexes with their named sets; never changed, and equal only to itself.
+    """A mesh of 8-node hexahedra with named node sets and named points.
 
-    Attributes
+    The arrays are checked, converted and copied when the mesh is created, and are read-only afterwards. Two meshes are equal only
+    if they are the same object.
+
+    Parameters
     ----------
-    points : (n, 3) float64, m. Reference positions.
-    hexes : (m, 8) int64. Node numbers of each element in VTK order.
-    node_sets : name -> (k,) int64. Sets of nodes, such as the attachments ``jaw`` and ``hyoid``.
-    named_points : name -> one point. Points that a user asks for by name, such as ``tip``.
+    points : (n, 3) reference positions of the nodes, m; converted to float64. At most 100 m from the origin.
+    hexes : (m, 8) node numbers of each element in VTK order (VTK_HEXAHEDRON), from 0; converted to int64.
+    node_sets : name -> (k,) node numbers, each once, such as the attachments ``jaw`` and ``hyoid``.
+    named_points : name -> one point of the mesh, such as ``tip``; see :meth:`with_named_nodes`.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, a number that is not finite, or a node that does not exist.
     """
 
     points: np.ndarray
@@ -55,62 +63,126 @@ class HexMesh:
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     named_points: dict[str, MaterialPoints] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        points = number_array("HexMesh: points", self.points, ("n", 3), largest=FARTHEST_POINT_M)
+        object.__setattr__(self, "points", points)
+        hexes = index_array("HexMesh: hexes", self.hexes, None, "node", columns=8)
+        _check_elements(hexes, len(points))
+        object.__setattr__(self, "hexes", hexes)
+        for name, table in (("node_sets", self.node_sets), ("named_points", self.named_points)):
+            if not isinstance(table, Mapping) or not all(isinstance(key, str) for key in table):
+                raise InputError(f"HexMesh: {name} must be a dictionary with names as keys, not {shortened(repr(table))}.")
+        sets = {
+            name: index_array(f'HexMesh: node_sets["{name}"]', nodes, len(points), "node", unique=True)
+            for name, nodes in self.node_sets.items()
+        }
+        object.__setattr__(self, "node_sets", sets)
+        object.__setattr__(self, "named_points", dict(self.named_points))
+        for name, point in self.named_points.items():
+            if not isinstance(point, MaterialPoints):
+                raise InputError(
+                    f'HexMesh: named_points["{name}"] must be a point of the mesh, not {shortened(repr(point))}; use '
+                    "mesh.with_named_nodes({name: node})."
+                )
+
     @property
     def node_count(self) -> int:
+        """Number of nodes."""
         return len(self.points)
 
     @property
     def element_count(self) -> int:
+        """Number of elements."""
         return len(self.hexes)
 
     def nodes_of(self, name: str) -> np.ndarray:
-        """Node numbers (k,) of the set called ``name``.
+        """Node numbers of a named set.
+
+        Parameters
+        ----------
+        name : of the set.
+
+        Returns
+        -------
+        (k,) int64.
 
         Raises
         ------
         InputError : the mesh has no such set.
         """
-        if name not in self.node_sets:
-            raise InputError(f'unknown node set "{name}"; {nearest(name, self.node_sets)}')
+        if not isinstance(name, str) or name not in self.node_sets:
+            raise InputError(f'unknown node set "{shortened(str(name))}"; {nearest(str(name), self.node_sets)}')
         return self.node_sets[name]
 
     def held(self, *names: str, along: str = "xyz") -> np.ndarray:
-        """Mask (n, 3) of the components that do not move: those ``along`` the axes named, of the nodes in the sets named.
+        """Mask of the displacement components that are fixed.
 
         ``mesh.held("z0")`` clamps a face, ``mesh.held("x0", along="x")`` lets it slide; ``|`` joins two masks.
 
+        Parameters
+        ----------
+        names : node sets whose nodes are fixed.
+        along : the axes along which they are fixed, any of "x", "y" and "z".
+
+        Returns
+        -------
+        (n, 3) bool, for ``Model(held=...)``.
+
         Raises
         ------
-        InputError : the mesh has no such set.
+        InputError : the mesh has no such set, or there is no such axis.
         """
+        if not isinstance(along, str) or not along or set(along) - set("xyz"):
+            raise InputError(f"held: along = {shortened(repr(along))} is not possible; name axes, such as 'x' or 'yz'.")
         mask = np.zeros((self.node_count, 3), dtype=bool)
         for name in names:
             mask[np.ix_(self.nodes_of(name), np.array(["xyz".index(axis) for axis in along]))] = True
         return mask
 
     def at(self, points: MaterialPoints, values: np.ndarray) -> np.ndarray:
-        """Values of the nodes, (n, ...), interpolated by the shape functions at points in the mesh, (k, ...).
+        """Interpolate nodal values at points of the mesh by the shape functions; exact at a node.
 
-        At a node it is the node's value to the last bit.
+        Parameters
+        ----------
+        points : k points, such as ``mesh.named_points["tip"]`` or ``mesh.points_at_nodes(...)``.
+        values : (n, ...) values at the nodes.
+
+        Returns
+        -------
+        (k, ...) values at the points.
+
+        Raises
+        ------
+        InputError : ``values`` does not have a row for each node.
         """
-        return np.einsum("ka,ka...->k...", shape_functions(points.natural), values[self.hexes[points.element]])
+        if np.shape(values)[:1] != (self.node_count,):
+            raise InputError(f"at: values must have a row for each of {self.node_count} nodes, not the shape {np.shape(values)}.")
+        corners = np.asarray(values)[self.hexes[points.element]]
+        return np.einsum("ka,ka...->k...", shape_functions(points.natural), corners)
 
     def points_in(self, element: np.ndarray, natural: np.ndarray) -> MaterialPoints:
-        """The points with these natural coordinates, (k, 3), in these elements, (k,)."""
+        """Points given by their elements and natural coordinates.
+
+        Parameters
+        ----------
+        element : (k,) element numbers.
+        natural : (k, 3) natural coordinates in them, each in [-1, 1].
+        """
         unplaced = MaterialPoints(element, natural, np.empty_like(natural))
         return replace(unplaced, position=self.at(unplaced, self.points))
 
     def points_at_nodes(self, nodes: Sequence[int] | np.ndarray) -> MaterialPoints:
-        """Nodes as material points: each in the first element that holds it, at its corner.
+        """Nodes as points of the mesh: each is a corner of the first element that has it.
+
+        Parameters
+        ----------
+        nodes : (k,) node numbers.
 
         Raises
         ------
-        InputError : a node number out of range, or a node of no element.
+        InputError : a node that does not exist or belongs to no element.
         """
-        numbers = np.asarray(nodes, dtype=np.int64)
-        outside = numbers[(numbers < 0) | (numbers >= self.node_count)]
-        if len(outside):
-            raise InputError(f"node {outside[0]} is not in the mesh: its nodes run from 0 to {self.node_count - 1}.")
+        numbers = index_array("points_at_nodes: nodes", nodes, self.node_count, "node")
         flat = self.hexes.ravel()
         first = np.full(self.node_count, -1)
         # Of repeated indices the last assignment stays: reversed, that is the first element.
@@ -122,13 +194,35 @@ class HexMesh:
         return MaterialPoints(element=element, natural=CORNERS[corner], position=self.points[numbers])
 
     def with_named_nodes(self, nodes: Mapping[str, int]) -> HexMesh:
-        """The same mesh with named points at nodes.
+        """The same mesh with named points at nodes, in place of those that it has.
+
+        Parameters
+        ----------
+        nodes : name -> node number.
 
         Raises
         ------
-        InputError : see ``points_at_nodes``.
+        InputError : a node that does not exist or belongs to no element.
         """
         return replace(self, named_points={name: self.points_at_nodes([node]) for name, node in nodes.items()})
+
+
+def _check_elements(hexes: np.ndarray, node_count: int) -> None:
+    """Refuse a node that does not exist, and an element that occurs twice: it would have twice its mass and stiffness."""
+    outside = np.argwhere((hexes < 0) | (hexes >= node_count))
+    if len(outside):
+        element, corner = outside[0]
+        raise InputError(
+            f"HexMesh: hexes: corner {corner} of element {element} is node {hexes[element, corner]}, but the nodes run from 0 to "
+            f"{node_count - 1}."
+        )
+    nodes = np.sort(hexes, axis=1).astype(np.uint64)
+    # Elements of the same nodes have the same sum; only those of the same sum are compared.
+    sums = nodes @ (np.arange(1, 16, 2, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15))
+    order = np.argsort(sums, kind="stable")
+    for first, again in order[np.flatnonzero(np.diff(sums[order]) == 0)[:, None] + [0, 1]]:
+        if np.array_equal(nodes[first], nodes[again]):
+            raise InputError(f"HexMesh: hexes: element {again} has the same 8 nodes as element {first}; remove one of them.")
 
 
 def joined_points(parts: Sequence[MaterialPoints]) -> MaterialPoints:
@@ -153,7 +247,7 @@ def shape_gradients(natural: np.ndarray) -> np.ndarray:
 
 
 def face_groups(hexes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """All faces (6 m,), numbered 6 times the element plus the place in ``FACES``, those of the same nodes beside each other.
+    """All faces (6 m,), numbered 6 times the element plus the place in ``FACES``; faces of the same nodes are neighbours.
 
     And where each group of these begins. The groups lie in the order of their sorted nodes, the faces of a group in their own.
     """

@@ -22,8 +22,8 @@ from explicitfe.mesh.bent_block import ContourMap
 from explicitfe.mesh.hexmesh import MaterialPoints
 from explicitfe.mesh.muscle_lines import read_muscles
 from explicitfe.mesh.quality import check
+from explicitfe.mesh.size import check_size
 from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.size import check_size
 
 if TYPE_CHECKING:
     from explicitfe.materials import Law

@@ -1,4 +1,4 @@
-"""A force on a face of a body, shared out over its nodes."""
+"""A force on a face of a body, distributed over its nodes."""
 
 from __future__ import annotations
 
@@ -6,32 +6,47 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, shortened
 from explicitfe.mesh.hexmesh import FACES, HexMesh
 from explicitfe.model.model import NodalLoad
 from explicitfe.model.profile import Profile
+from explicitfe.scenario.argument import vector
+from explicitfe.scenario.bounds import bounds_of
 
 
 def face_load(mesh: HexMesh, name: str, force_N: Sequence[float], profile: Profile | None = None) -> NodalLoad:
-    """A force spread evenly over a face: a uniform traction of fixed direction.
+    """A uniform traction of fixed direction on a face, as forces on its nodes.
 
     Parameters
     ----------
     mesh : the body.
-    name : node set that holds the nodes of the face.
-    force_N : (3,) N, the whole force.
-    profile : its course in time; on all the time if left out.
+    name : node set with the nodes of the face.
+    force_N : (3,) resultant force at profile value 1, N.
+    profile : activation profile; constant if left out.
+
+    Returns
+    -------
+    The load, for ``Model(loads=(...,))``. Each face of an element gives a quarter of its share to each of its corners.
 
     Raises
     ------
-    InputError : the mesh has no such set, or its nodes are no face of any element.
+    InputError : the mesh has no such set, its nodes make up no face of an element, or ``force_N`` is not three finite numbers.
     """
+    _check_mesh(mesh)
+    force = vector("face_load: force_N", force_N, bounds_of("force_N").largest)
     nodes = mesh.nodes_of(name)
     faces = mesh.hexes[:, FACES].reshape(-1, 4)
     faces = faces[np.isin(faces, nodes).all(axis=1)]
     if not len(faces):
-        raise InputError(f'the node set "{name}" holds no whole face of an element; a force cannot be spread over it.')
+        raise InputError(
+            f'face_load: the node set "{name}" contains no complete face of an element; name another set, such as "x1" of a box.'
+        )
     corners = mesh.points[faces]
     areas = 0.5 * np.linalg.norm(np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]), axis=1)
     share = np.bincount(faces.ravel(), np.repeat(areas / 4.0, 4), mesh.node_count)[nodes] / areas.sum()
-    return NodalLoad(name, nodes, share[:, None] * np.asarray(force_N, dtype=float), profile or Profile.constant())
+    return NodalLoad(name, nodes, share[:, None] * np.array(force), Profile.constant() if profile is None else profile)
+
+
+def _check_mesh(mesh: object) -> None:
+    if not isinstance(mesh, HexMesh):
+        raise InputError(f"face_load: mesh must be a HexMesh, not {shortened(repr(mesh))}.")

@@ -1,9 +1,10 @@
-"""The frozen model that a run computes: mesh, material, what is held, what pulls."""
+"""The frozen model that a run computes: mesh, material, boundary conditions, loads, effects."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,29 +13,50 @@ from explicitfe.bones.motion import RigidMotion
 from explicitfe.bones.surface import TriangleSurface
 from explicitfe.compiled.arrays import Springs
 from explicitfe.effects.effect import MaterialEffect
+from explicitfe.errors import InputError, shortened
 from explicitfe.materials import Law
+from explicitfe.mesh.checked_arrays import check_range, index_array, mask_array, number_array
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.model.profile import Profile
+from explicitfe.scenario.argument import checked_fields, choice_like, finite_number, number_like
+from explicitfe.scenario.bounds import bounds_of
+from explicitfe.scenario.transient import Damping, ModelTable
+
+PartT = TypeVar("PartT")
 
 
 @dataclass(frozen=True)
 class NodalLoad:
     """Forces of fixed direction on nodes.
 
-    Attributes
+    Parameters
     ----------
-    name : what a user calls it.
-    nodes : (k,) node numbers.
-    force_N : (k, 3) N at profile value 1.
-    profile : its course in time.
-    of_muscle : a muscle pulls, so that the muscle's own dynamics shape the course.
+    name : of the load, for messages.
+    nodes : (k,) node numbers. Forces on a node that occurs several times add up.
+    force_N : (k, 3) forces at profile value 1, N.
+    profile : activation profile; constant if left out.
+    of_muscle : whether a muscle causes the load, so that effects of muscles, such as an activation lag, act on its profile.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, or a number out of range.
     """
 
     name: str
     nodes: np.ndarray
     force_N: np.ndarray
-    profile: Profile
+    profile: Profile = field(default_factory=Profile.constant)
     of_muscle: bool = False
+
+    def __post_init__(self) -> None:
+        nodes = index_array("NodalLoad: nodes", self.nodes, None, "node")
+        force_N = number_array("NodalLoad: force_N", self.force_N, ("k", 3), largest=bounds_of("force_N").largest)
+        if len(force_N) != len(nodes):
+            raise InputError(f"NodalLoad: force_N has {len(force_N)} rows and nodes {len(nodes)} entries; give a force for each.")
+        if not isinstance(self.profile, Profile):
+            raise InputError(f"NodalLoad: profile must be a Profile, not {shortened(repr(self.profile))}.")
+        object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "force_N", force_N)
 
 
 @dataclass(frozen=True)
@@ -85,14 +107,22 @@ class FibreStress:
 class Inclusion:
     """Elements of another tissue, such as a graft.
 
-    Attributes
+    Parameters
     ----------
-    elements : (k,) element numbers.
-    material : its constants, of the same law as those of the model.
+    elements : (k,) element numbers, each once.
+    material : constants of the tissue, of the same law as the material of the model.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, a negative or repeated number, or no material.
     """
 
     elements: np.ndarray
     material: Law
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "elements", index_array("Inclusion: elements", self.elements, None, "element", unique=True))
+        _check_material("Inclusion: material", self.material)
 
 
 @dataclass(frozen=True)
@@ -209,30 +239,38 @@ class RotationalSymmetry:
 
 @dataclass(frozen=True)
 class Model:
-    """Physics of one run.
+    """What is computed: a mesh with its material, boundary conditions, loads and effects.
 
-    Attributes
+    A model is checked when it is created and never changes afterwards; ``dataclasses.replace`` makes a variant.
+
+    Parameters
     ----------
-    mesh : reference mesh [m].
-    material : constants of the material law.
-    held : (n, 3) bool. Components of nodes that do not move.
-    alpha_per_s : mass-proportional damping.
-    element : "hex8", "hex8-stiffness" or "hex8-full".
-    loads, pulls : what acts on it.
-    stresses : muscles as stress along their fibres.
-    bones : rigid surfaces that it may touch.
-    attachments : patches of its surface that bones hold.
-    motion : nodes that are moved.
-    effects : of the material, beside its law.
-    stiffness : (m,) factor of the material's moduli in each element; 1 if left out.
-    inclusions : elements of other tissues, each in one of them at most.
-    tool : what presses on it.
-    support : springs that hold nodes, in the mesh's numbering.
-    sector : its rotational symmetry, where it is a sector.
-    copies : how many times the body stands for the whole one.
+    mesh : reference mesh.
+    material : constants of the material law, such as ``Yeoh(C10_Pa=1037.0, C20_Pa=486.0)``.
+    held : (n, 3) bool, the components of nodes that do not move; see :meth:`HexMesh.held`.
+    alpha_per_s : mass-proportional (Rayleigh) damping, 1/s.
+    loads : forces of fixed direction on nodes.
+    pulls : muscles as tensions along fibres, whose direction follows the deformation.
     probes : name -> one point of the mesh, whose motion is recorded at every sample.
-    fibres : of each muscle of the scenario the lines that its fibres run along, for pictures.
-    barrier : whether a barrier keeps the corners of elements from folding in a run in time; elements/barrier.py.
+    element : "hex8", "hex8-stiffness" or "hex8-full".
+    motion : nodes with a prescribed displacement.
+    stiffness : (m,) factor of the moduli of each element; 1 if left out.
+    effects : effects of the material in addition to its law, such as relaxation.
+    tool : rigid tool that presses on the body.
+    support : springs between nodes and their reference positions.
+    sector : rotational symmetry, where the mesh is a sector of a body of revolution.
+    copies : how many times the mesh makes up the whole body.
+    stresses : muscles as active stress along their fibres.
+    bones : rigid surfaces that the body may touch.
+    attachments : patches of the surface that springs tie to bones.
+    barrier : whether an energy barrier keeps the corners of elements from inverting in a run in time (elements/barrier.py).
+    inclusions : elements of other tissues, each in one inclusion at most.
+    fibres : for each muscle the lines of its fibres, for pictures.
+
+    Raises
+    ------
+    InputError : a value outside the limits of the same key of a scenario, an array of another shape or type, or a node or element
+        that is not in the mesh.
     """
 
     mesh: HexMesh
@@ -257,9 +295,102 @@ class Model:
     inclusions: tuple[Inclusion, ...] = ()
     fibres: tuple[tuple[MaterialPoints, ...], ...] = ()
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.mesh, HexMesh):
+            raise InputError(f"Model: mesh must be a HexMesh, not {shortened(repr(self.mesh))}.")
+        if not self.mesh.element_count:
+            raise InputError("Model: mesh has no elements.")
+        _check_material("Model: material", self.material)
+        hint = 'use mesh.held("NAME") for the nodes of a set'
+        object.__setattr__(self, "held", mask_array("Model: held", self.held, (self.mesh.node_count, 3), hint))
+        number_like("Model: alpha_per_s", self.alpha_per_s, Damping, "alpha_per_s")
+        choice_like("Model: element", self.element, ModelTable, "element")
+        if finite_number("Model: copies", self.copies) <= 0.0:
+            raise InputError(f"Model: copies = {self.copies:g} is not possible: it must be above 0.")
+        if self.stiffness is not None:
+            self._check_stiffness(bounds_of("stiffness").smallest)
+        kinds: tuple[tuple[str, type], ...] = (
+            ("loads", NodalLoad), ("pulls", FibrePull), ("stresses", FibreStress), ("bones", Bone), ("attachments", Attachment),
+            ("inclusions", Inclusion), ("effects", MaterialEffect),
+        )  # fmt: skip
+        for name, kind in kinds:
+            object.__setattr__(self, name, _tuple_of(f"Model: {name}", getattr(self, name), kind))
+        for name, kind in (("motion", PrescribedMotion), ("tool", Tool), ("sector", RotationalSymmetry), ("support", Springs)):
+            if not isinstance(getattr(self, name), kind | None):
+                raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")
+        self._check_nodes_and_elements()
+        self._check_inclusions()
+
+    def _check_stiffness(self, smallest: float) -> None:
+        stiffness = number_array("Model: stiffness", self.stiffness, (self.mesh.element_count,))
+        if stiffness.min() < smallest:
+            element = int(stiffness.argmin())
+            raise InputError(f"Model: stiffness of element {element} is {stiffness[element]:g}; it must be {smallest:g} or more.")
+        object.__setattr__(self, "stiffness", stiffness)
+
+    def _check_nodes_and_elements(self) -> None:
+        """Refuse loads, muscles and probes on nodes or elements that the mesh does not have."""
+        nodes, elements = self.mesh.node_count, self.mesh.element_count
+        for number, load in enumerate(self.loads):
+            check_range(f"Model: loads[{number}]", load.nodes, nodes, "node")
+        if self.motion is not None:
+            check_range("Model: motion", index_array("Model: motion", self.motion.nodes, nodes, "node"), nodes, "node")
+        for number, stress in enumerate(self.stresses):
+            check_range(f"Model: stresses[{number}]", stress.elements, elements, "element")
+        for number, pull in enumerate(self.pulls):
+            for points in pull.points:
+                check_range(f"Model: pulls[{number}]", points.element, elements, "element", smallest=-1)
+        for number, tie in enumerate(self.attachments):
+            check_range(f"Model: attachments[{number}]", tie.points.element, elements, "element")
+        if not isinstance(self.probes, Mapping) or not all(isinstance(point, MaterialPoints) for point in self.probes.values()):
+            raise InputError("Model: probes must be a dictionary from names to points, such as mesh.named_points.")
+        for name, point in self.probes.items():
+            check_range(f'Model: probes["{name}"]', point.element, elements, "element")
+
+    def _check_inclusions(self) -> None:
+        taken = np.zeros(self.mesh.element_count, dtype=bool)
+        for number, part in enumerate(self.inclusions):
+            name = f"Model: inclusions[{number}]"
+            check_range(name, part.elements, self.mesh.element_count, "element")
+            if taken[part.elements].any():
+                element = part.elements[taken[part.elements]][0]
+                raise InputError(f"{name}: element {element} is in another inclusion too; give each element once.")
+            taken[part.elements] = True
+            if part.material.law != self.material.law:
+                raise InputError(
+                    f"{name}: its material has the law {part.material.law} and that of the model {self.material.law}; one law is "
+                    "compiled for all elements, so use the same law."
+                )
+
     def in_elements(self, of: Callable[[Law], float | tuple[float, ...]]) -> np.ndarray:
-        """What ``of`` says of the tissue in each element, (m,) or (m, k); ``stiffness`` is not in it."""
+        """A property of the material in each element, without ``stiffness``.
+
+        Parameters
+        ----------
+        of : function of the constants of a tissue, such as ``lambda tissue: tissue.density_kg_m3``.
+
+        Returns
+        -------
+        (m,), or (m, k) where ``of`` returns a tuple.
+        """
         values = np.tile(np.array(of(self.material), dtype=float), (self.mesh.element_count, 1))
         for part in self.inclusions:
             values[part.elements] = of(part.material)
         return values if isinstance(of(self.material), tuple) else values[:, 0]
+
+
+def _check_material(name: str, material: object) -> None:
+    if not isinstance(material, Law):
+        raise InputError(f"{name} must hold the constants of a law, such as Yeoh(...), not {shortened(repr(material))}.")
+    checked_fields(name, material)
+
+
+def _tuple_of(name: str, values: object, kind: type[PartT]) -> tuple[PartT, ...]:
+    """The parts of a model as a tuple, each of one kind."""
+    if isinstance(values, (kind, str)) or not isinstance(values, Iterable):
+        raise InputError(f"{name} must be a list or a tuple of {kind.__name__}, not {shortened(repr(values))}.")
+    parts = tuple(values)
+    for number, part in enumerate(parts):
+        if not isinstance(part, kind):
+            raise InputError(f"{name}[{number}] must be a {kind.__name__}, not {shortened(repr(part))}.")
+    return parts

@@ -11,19 +11,20 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.host.text import text_of, toml_of
+from explicitfe.mesh.checked_arrays import FARTHEST_POINT_M
 from explicitfe.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, over_mean
 from explicitfe.mesh.quality import check
+from explicitfe.mesh.size import check_size
 from explicitfe.model.anatomy import Anatomy
 from explicitfe.model.mesh_file import read_mesh
-from explicitfe.model.size import check_size
 from explicitfe.scenario.sentences import explain
 from explicitfe.scenario.table import LONGEST_NAME_CHARACTERS, MOST_TABLES_OF_A_KIND, Name, Table, Title, Vector, validated
 
 _METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 # Lists of the nodes of a fine mesh are long.
 LARGEST_MODEL_FILE_BYTES = 32 * 2**20
-SMALLEST_EXTENT_M, FARTHEST_POINT_M = 1e-5, 100.0
+SMALLEST_EXTENT_M = 1e-5
 # Points of a fibre that lie nearer to each other than this share of the mesh are the same but for rounding.
 _SAME_POINT_SHARE = 1e-9
 
@@ -133,8 +134,11 @@ def read_model_file(path: Path) -> Anatomy:
     points, hexes, point_data = read_mesh(mesh_path)
     check_size(len(hexes), f"{mesh_path}: the mesh", "mesh it coarser")
     unit = _METRES_PER_UNIT[table.length_unit]
-    bare = HexMesh(points * unit, hexes)
-    _check_extent(bare, mesh_path, table.length_unit)
+    _check_extent(points * unit, mesh_path, table.length_unit)
+    try:
+        bare = HexMesh(points * unit, hexes)
+    except InputError as error:
+        raise InputError(f"{mesh_path}: {str(error).removeprefix('HexMesh: ')}") from None
     check(bare, str(mesh_path))
 
     def nodes(numbers: list[int], what: str) -> np.ndarray:
@@ -188,11 +192,11 @@ def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where:
     return nodes
 
 
-def _check_extent(mesh: HexMesh, path: Path, unit: str) -> None:
-    """InputError where a body is of no size that a scenario could state."""
-    extent_m = float(np.ptp(mesh.points, axis=0).max())
-    farthest_m = float(np.abs(mesh.points).max())
-    if extent_m < SMALLEST_EXTENT_M or farthest_m > FARTHEST_POINT_M:  # what is not finite is for check
+def _check_extent(points: np.ndarray, path: Path, unit: str) -> None:
+    """Refuse a body of an implausible size."""
+    extent_m = float(np.ptp(points, axis=0).max())
+    farthest_m = float(np.abs(points).max())
+    if extent_m < SMALLEST_EXTENT_M or farthest_m > FARTHEST_POINT_M:  # HexMesh refuses what is not finite
         raise InputError(
             f"{path}: the mesh is {extent_m:.3g} m large and reaches {farthest_m:.3g} m away from its origin; a body has "
             f'10 micrometres at least and lies within 100 m. Is length_unit = "{unit}" right?'

@@ -7,30 +7,70 @@ from typing import Literal
 
 import numpy as np
 
+from explicitfe.errors import InputError
+from explicitfe.mesh.checked_arrays import number_array
+from explicitfe.scenario.argument import finite_number
+
 
 @dataclass(frozen=True)
 class Profile:
-    """A piecewise linear function of time; two equal times in a row are a jump.
+    """Activation profile of a load: a piecewise linear factor of time.
 
-    Attributes
+    Two equal times in a row are a jump. Before the first time the factor is the first value, after the last time the last one.
+
+    Parameters
     ----------
-    time_s : (k,) s, not decreasing. Before the first and after the last the value is the first and the last one.
-    scale : (k,). Dimensionless factor of the load.
-    lag_s : time constant with which the load follows it, lag df/dt + f = scale, from rest before time 0; 0: at once.
+    time_s : (k,) times, s, not decreasing.
+    scale : (k,) factors of the load at these times, dimensionless.
+    lag_s : time constant with which the load follows the profile, lag df/dt + f = scale, from 0 before time 0; 0: at once.
+
+    Raises
+    ------
+    InputError : arrays of different lengths, empty, not finite, or times that decrease; a negative ``lag_s``.
     """
 
     time_s: np.ndarray
     scale: np.ndarray
     lag_s: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in ("time_s", "scale"):
+            object.__setattr__(self, name, number_array(f"Profile: {name}", getattr(self, name), ("k",)))
+        if not len(self.time_s):
+            raise InputError("Profile: time_s needs at least one time.")
+        if len(self.scale) != len(self.time_s):
+            raise InputError(
+                f"Profile: scale has {len(self.scale)} entries and time_s {len(self.time_s)}; give one for each time."
+            )
+        if (np.diff(self.time_s) < 0.0).any():
+            raise InputError("Profile: time_s must not decrease; sort the times.")
+        if finite_number("Profile: lag_s", self.lag_s) < 0.0:
+            raise InputError(f"Profile: lag_s = {self.lag_s:g} is not possible: it must be 0 or more.")
+
     @classmethod
     def constant(cls) -> Profile:
-        """On all the time."""
+        """The factor 1 at all times."""
         return cls(np.array([0.0]), np.array([1.0]))
 
     @classmethod
-    def step(cls, start_s: float, end_s: float, rise_s: float = 0.0) -> Profile:
-        """0 before ``start_s``, rising to 1 within ``rise_s``, back to 0 at ``end_s`` (inf: never)."""
+    def step(cls, start_s: float, end_s: float = np.inf, rise_s: float = 0.0) -> Profile:
+        """A step, or a ramp: 0 before ``start_s``, 1 after ``rise_s`` more, 0 again from ``end_s`` on.
+
+        Parameters
+        ----------
+        start_s : where it begins, s.
+        end_s : where it ends, s; never if left out.
+        rise_s : duration of the ramp, s.
+
+        Raises
+        ------
+        InputError : a number that is not finite, a negative ``rise_s``, or an end before the ramp is over.
+        """
+        start_s, rise_s = finite_number("Profile.step: start_s", start_s), finite_number("Profile.step: rise_s", rise_s)
+        if rise_s < 0.0:
+            raise InputError(f"Profile.step: rise_s = {rise_s:g} is not possible: it must be 0 or more.")
+        if end_s != np.inf and finite_number("Profile.step: end_s", end_s) < start_s + rise_s:
+            raise InputError(f"Profile.step: end_s = {end_s:g} is not possible: the step is complete at {start_s + rise_s:g} s.")
         times, scales = [start_s, start_s + rise_s], [0.0, 1.0]
         if np.isfinite(end_s):
             times, scales = times + [end_s, end_s], scales + [1.0, 0.0]
@@ -38,13 +78,22 @@ class Profile:
 
     @property
     def edges_s(self) -> np.ndarray:
-        """Times at which the value jumps or the slope changes: they are put on step boundaries."""
+        """Times at which the factor jumps or its slope changes, s; a run puts its steps on them."""
         return np.unique(self.time_s)
 
     def at(self, time_s: np.ndarray, *, tolerance_s: float) -> np.ndarray:
-        """Values at increasing times; at a jump the mean of both sides, which keeps central differences of second order.
+        """Factors at increasing times; at a jump the mean of both sides, which keeps central differences of second order.
 
-        At time 0, where the half-step start looks forward only, the value is that of the right side.
+        At time 0, where the half step of the start uses later times only, the factor is that of the right side.
+
+        Parameters
+        ----------
+        time_s : (t,) increasing times, s.
+        tolerance_s : a time that is nearer to an edge is taken to be on it, s.
+
+        Returns
+        -------
+        (t,) factors.
         """
         time_s = np.asarray(time_s, dtype=float)
         if self.lag_s > 0.0:

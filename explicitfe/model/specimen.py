@@ -11,16 +11,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from explicitfe.effects import Effect
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, shortened
 from explicitfe.mesh.box import gridded_block, ringed_block
 from explicitfe.mesh.cylinder import cylinder_mesh, sector_mesh
 from explicitfe.mesh.hexmesh import FACES, HexMesh, shape_functions
+from explicitfe.mesh.size import check_size
 from explicitfe.mesh.stations import stations
 from explicitfe.model import catalogue
 from explicitfe.model.effects import check_effects
 from explicitfe.model.gravity import gravity_load
 from explicitfe.model.model import Model, RotationalSymmetry, Tool
-from explicitfe.model.size import check_size
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 
 # One degree: a polygon of so many sides has 5e-5 less area than its circle.
@@ -45,15 +45,28 @@ EDGE_CELL_SHARE_OF_ROUNDING, EDGE_CELL_SHARE_OF_BALL, EDGE_CELL_SHARE_OF_DISC = 
 
 
 def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[Effect] = ()) -> Model:
-    """The physics of a specimen under a tool; lengths in m, the whole of it ``model.copies`` times what is computed.
+    """A specimen under a tool, as in an indentation test.
+
+    Parameters
+    ----------
+    specimen : its shape, material and boundary conditions.
+    tool : its shape, size and friction.
+    effects : effects of the material, the specimen or the tool (docs/reference/effects.md).
+
+    Returns
+    -------
+    The model, for :class:`Relaxation`. Of a symmetric specimen only a part is meshed; ``model.copies`` of it make the whole.
 
     Raises
     ------
-    InputError : too many elements, an unknown material, an effect that does not go with the rest.
+    InputError : too many elements, an unknown material, or an effect that cannot be combined with the rest.
     """
+    for name, table, kind in (("specimen", specimen, SpecimenTable), ("tool", tool, ToolTable)):
+        if not isinstance(table, kind):
+            raise InputError(f"specimen_model: {name} must be a {kind.__name__}, not {shortened(repr(table))}.")
     for effect in effects:
         if effect.acts_on == "muscle":
-            raise InputError(f"effects: {effect.about.title} belongs to muscles; a specimen has none.")
+            raise InputError(f"effects: {effect.about.title} is an effect of muscles, and a specimen has no muscles; remove it.")
         specimen, tool = effect.prepare(specimen, tool)
     check_effects(effects, specimen.element)
     size = _edge_size(specimen, tool)

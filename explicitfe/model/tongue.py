@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from explicitfe.effects.material.viscoelastic import from_damping
-from explicitfe.errors import InputError, nearest
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.materials import Law
 from explicitfe.mesh.hexmesh import MaterialPoints
 from explicitfe.model import catalogue
@@ -24,6 +24,7 @@ from explicitfe.model.muscles import activation_stiffness, directed, line_pull, 
 from explicitfe.model.own_mesh import read_model_file
 from explicitfe.model.surgery import operated, surgery_of, surgery_report
 from explicitfe.results.run_summary import SurgeryReport
+from explicitfe.scenario.argument import number_like
 from explicitfe.scenario.bones import BoneTable
 from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
@@ -164,18 +165,34 @@ def tongue_model(
 
     Parameters
     ----------
-    forces_N : muscle -> force summed over all its fibres, N; ``explicitfe list muscles`` names them.
-    material : a name of ``explicitfe list materials``, or a law with its constants.
-    resolution : of the mesh.
-    distribution, direction : how a force is shared along a fibre, and whether it follows the deformation (model/muscles.py).
-    attachment : "nodes" are held, or patches tied by "area" (model/bones.py).
-    bones : "palate" and "jaw", which the tongue may touch; none if left out.
-    alpha_per_s, beta_s : Rayleigh damping, 1/s and s; ``beta_s`` acts on the shear of the tissue, by a Maxwell branch.
+    forces_N : muscle -> force summed over all its fibres, N. ``explicitfe list muscles`` prints the names.
+    material : a name of ``explicitfe list materials``, or the constants of a law, such as ``Yeoh(...)``.
+    resolution : of the mesh: "coarse" (960 elements), "medium" or "fine".
+    distribution : how the force acts: as active "stress" in the tissue around the fibres, or as a tension between the "ends" of
+        each fibre, constant "along" it, or in proportion to the "volume" of tissue around it (model/muscles.py).
+    direction : of a tension: that of the fibre at rest ("reference") or "following" its deformation.
+    attachment : how bones hold the tongue: "nodes" are fixed, or patches are tied by springs in proportion to their "area".
+    bones : bones that the tongue may touch: "palate", "jaw".
+    alpha_per_s : mass-proportional (Rayleigh) damping, 1/s.
+    beta_s : stiffness-proportional damping, s; it acts on the shear of the tissue, through a Maxwell branch.
+
+    Returns
+    -------
+    The model. ``model.probes`` has the named points, such as "tip" and "dorsum"; x points backwards, y to the speaker's right,
+    z up.
 
     Raises
     ------
-    InputError : an unknown muscle, material or resolution.
+    InputError : an unknown muscle, material, resolution or bone, or a value outside the limits of the same key of a scenario.
     """
+    if not isinstance(forces_N, Mapping):
+        raise InputError(f'tongue_model: forces_N must be a dictionary, such as {{"GGp": 2.0}}, not {shortened(repr(forces_N))}.')
+    if isinstance(bones, str):
+        raise InputError(f'tongue_model: bones must be a list of names, such as ["palate"], not {shortened(repr(bones))}.')
+    number_like("tongue_model: alpha_per_s", alpha_per_s, Damping, "alpha_per_s")
+    number_like("tongue_model: beta_s", beta_s, Damping, "beta_s")
+    for name, force_N in forces_N.items():
+        number_like(f'tongue_model: forces_N["{name}"]', force_N, MuscleTable, "force_N")
     scenario = TransientScenario(
         title="tongue",
         model=ModelTable(

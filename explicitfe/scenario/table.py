@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
+from explicitfe.errors import InputError
 from explicitfe.scenario.bounds import check_bounds
 
 LONGEST_TITLE_CHARACTERS = 300
@@ -16,8 +26,23 @@ MOST_ROWS_OF_A_COURSE = 10_000
 MOST_TABLES_OF_A_KIND = 1000
 
 
-class Table(BaseModel):
-    """A table of a text file: it cannot be changed, refuses keys that it does not know, and numbers beyond those of any body."""
+class _TableType(type(BaseModel)):  # type: ignore[misc]
+    """The type of tables: one that is created in Python reports a wrong value as an InputError.
+
+    Pydantic does not call it for the tables of a file, whose error :func:`validated` raises.
+    """
+
+    def __call__(cls, *args: Any, **keys: Any) -> Any:
+        try:
+            return super().__call__(*args, **keys)
+        except ValidationError as error:
+            from explicitfe.scenario.sentences import explain
+
+            raise InputError(f"{cls.__name__}: {explain(error, keys, cls).removeprefix('the scenario: ')}") from None
+
+
+class Table(BaseModel, metaclass=_TableType):
+    """A table of a text file. It is frozen, and refuses unknown keys and numbers outside the bounds of their unit."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 

@@ -24,8 +24,9 @@ from explicitfe.compiled.arrays import (
 from explicitfe.compiled.simd import ROW, WIDTH
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.elements import barrier, hex8
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, shortened
 from explicitfe.forces import response
+from explicitfe.mesh.checked_arrays import number_array
 from explicitfe.mesh.order import compute_order
 from explicitfe.model.model import Model
 from explicitfe.solve.contractions import contractions
@@ -52,23 +53,37 @@ def memory_of(effects: Sequence[MaterialEffect], count: int) -> dict[str, np.nda
 
 
 class Body:
-    """Elements, masses and kernels of a model. Arrays inside are in computing order; what comes out, in the user's numbering.
+    """Elements, masses and kernels of a model.
 
-    Attributes
-    ----------
-    guarded : whether a barrier keeps its elements from folding, if they have one.
+    Internal arrays are in computing order; methods and properties return values in the user's numbering.
 
     Parameters
     ----------
-    model : the physics.
-    displacement, velocity : (n, 3) m, m/s to begin with; zero if left out.
+    model : what is computed.
+    displacement, velocity : (n, 3) initial values, m and m/s; zero if left out.
+
+    Attributes
+    ----------
+    guarded : whether a barrier keeps elements from inverting at their corners, where the element has one.
+
+    Raises
+    ------
+    InputError : no model, an array of another shape, effects that the element cannot compute, or an inverted element at rest.
     """
 
     guarded: ClassVar[bool] = True
 
     def __init__(self, model: Model, *, displacement: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
+        name = type(self).__name__
+        if not isinstance(model, Model):
+            raise InputError(f"{name}: model must be a Model, not {shortened(repr(model))}.")
         if model.effects and model.element == "hex8-full":
-            raise InputError('element = "hex8-full" knows no effects of the material; take "hex8".')
+            raise InputError('element = "hex8-full" cannot be combined with effects of the material; use element = "hex8".')
+        shape = (model.mesh.node_count, 3)
+        if displacement is not None:
+            displacement = number_array(f"{name}: displacement", displacement, shape)
+        if velocity is not None:
+            velocity = number_array(f"{name}: velocity", velocity, shape)
         self.model = model
         mesh = model.mesh
         self.node_order, self.element_order = compute_order(mesh.hexes, mesh.node_count)
@@ -86,6 +101,12 @@ class Body:
         corners = self.points[self.hexes]
         geometry = hex8.geometry(corners)
         self.volumes = np.ascontiguousarray(geometry[:, hex8.VOLUME])
+        if not self.volumes.min() > 0.0:
+            worst = int(self.element_order[np.argmin(self.volumes)])
+            raise InputError(
+                f"{name}: element {worst} of the mesh has the volume {self.volumes.min():.3g} m^3; list its nodes in VTK order "
+                "(VTK_HEXAHEDRON)."
+            )
         treatment = ELEMENTS[model.element][1]
         mass = hex8.lumped_mass(self.hexes, self.volumes * self.density, mesh.node_count)
         guard = without_barrier(-(-count // WIDTH))
@@ -128,7 +149,7 @@ class Body:
         self._element_hourglass = np.zeros_like(self._element_J)
 
     def set_increment(self, increment_s: float) -> None:
-        """The time that passes between the state that the material remembers and the one that is evaluated [s]."""
+        """Set the time between the stored state of a history-dependent material and the state that is evaluated [s]."""
         if increment_s != self._increment_s and self.model.effects:
             values = [value for effect in self.model.effects for value in effect.values(increment_s)]
             self.blocks.effects[:] = np.array(values)[None, :, None]
@@ -143,24 +164,33 @@ class Body:
 
     @property
     def displacement(self) -> np.ndarray:
-        """(n, 3) m now."""
+        """Present displacement of the nodes from their reference positions, (n, 3), m."""
         return self.state.u[self._place, :3]
 
     @property
     def nodal_mass(self) -> np.ndarray:
-        """(n,) kg."""
+        """Lumped mass of each node, (n,), kg."""
         return self.nodes.mass[self._place, 0]
 
     def internal_force(self, displacement: np.ndarray) -> np.ndarray:
-        """Internal force (n, 3) N at a displacement (n, 3) m, without touching the state."""
+        """Internal force at a displacement; the state does not change.
+
+        Parameters
+        ----------
+        displacement : (n, 3), m.
+
+        Returns
+        -------
+        (n, 3), N.
+        """
         force = np.zeros_like(self.state.u)
         self.kernels.forces(self._rows(displacement), force, self.blocks)
         return -force[self._place, :3]
 
     def broken_element(self) -> int:
-        """The element (user's number) whose J, at any integration point, is lowest or not a number.
+        """Number of the element whose J is lowest, or not a number, at any integration point.
 
-        Where J is above zero everywhere, it is the one with the corner that is nearest to folding, or has folded.
+        If J is above 0 everywhere, it is the element whose corner is nearest to inversion.
         """
         u, scratch = self.state.u, np.empty_like(self.state.u)
 

@@ -26,7 +26,10 @@ from explicitfe.compiled.arrays import (
 )
 from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import together
+from explicitfe.errors import InputError
 from explicitfe.model.model import Model
+from explicitfe.scenario.argument import count_like, finite_number
+from explicitfe.scenario.transient import AnalysisTable
 from explicitfe.solve.body import Body
 from explicitfe.solve.bones import bones_of, ties_of
 from explicitfe.solve.course import LIMIT_ALONE, NO_LOOKS
@@ -42,13 +45,25 @@ MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits 
 
 
 class Simulation(Body):
-    """A model ready to be advanced in time.
+    """A model with its state of motion, to be advanced by :class:`Transient`.
+
+    Time integration: explicit central differences with a lumped mass matrix (Hughes 2000, chapter 9).
 
     Parameters
     ----------
-    model : the physics.
-    displacement, velocity : (n, 3) m, m/s at time 0; zero if left out.
-    threads : that share a step; as many as it pays for a mesh of this size, if left out. One for prescribed motion.
+    model : what is computed.
+    displacement, velocity : (n, 3) values at time 0, m and m/s; zero if left out.
+    threads : number of threads, 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion uses one.
+
+    Attributes
+    ----------
+    time_s : present time, s.
+    steps : number of steps so far.
+    dt_s : last time step, s.
+
+    Raises
+    ------
+    InputError : a parameter of another type, shape or range, or an inverted element at rest.
     """
 
     def __init__(
@@ -59,6 +74,8 @@ class Simulation(Body):
         velocity: np.ndarray | None = None,
         threads: int | None = None,
     ) -> None:
+        if threads is not None:
+            threads = count_like("Simulation: threads", threads, AnalysisTable, "threads")
         super().__init__(model, displacement=displacement, velocity=velocity)
         self.loads = Loads(model, self._place)
         held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
@@ -174,7 +191,13 @@ class Simulation(Body):
         return time.perf_counter() - begin
 
     def start(self, dt_s: float) -> None:
-        """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0."""
+        """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0.
+
+        Parameters
+        ----------
+        dt_s : the first time step, s.
+        """
+        _check_step("start: dt_s", dt_s)
         v = self.state.v
         smallest = self._evaluate([part.blocks for part in self.parts])
         nearest = min(part.blocks.corner[CORNER] for part in self.parts)
@@ -194,7 +217,24 @@ class Simulation(Body):
         v[:] = before
 
     def advance(self, steps: int, dt_s: float) -> bool:
-        """Advance by ``steps`` steps of dt; False if an element has turned inside out or folded (then the loop ended there)."""
+        """Advance by a number of equal steps.
+
+        Parameters
+        ----------
+        steps : number of steps.
+        dt_s : time step, s; below :meth:`stable_limit`.
+
+        Returns
+        -------
+        False if an element has inverted; the loop then ended there.
+
+        Raises
+        ------
+        InputError : a negative or infinite number.
+        """
+        if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 0:
+            raise InputError(f"advance: steps must be a whole number, 0 or more, not {steps!r}.")
+        _check_step("advance: dt_s", dt_s)
         self.go(steps, dt_s)
         return self.sound
 
@@ -393,6 +433,11 @@ class Simulation(Body):
             for part, looker in zip(self.parts, lookers, strict=True)
         ]
         return int(together(tasks, gate)[0])
+
+
+def _check_step(name: str, dt_s: float) -> None:
+    if finite_number(name, dt_s) < 0.0:
+        raise InputError(f"{name} = {dt_s:g} is not possible: it must be 0 or more.")
 
 
 def _shared(values: np.ndarray, parts: int) -> np.ndarray:

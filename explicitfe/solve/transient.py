@@ -1,4 +1,4 @@
-"""Drives a simulation in time: how long a step is, when samples are taken, when to stop; never a Python step."""
+"""Advances a simulation in time: choice of the step, samples, and the end of a run. The steps themselves are compiled."""
 
 from __future__ import annotations
 
@@ -23,9 +23,11 @@ from explicitfe.compiled.arrays import (
     SMALLEST_J,
     WAIT,
 )
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import InputError, RunError, shortened
 from explicitfe.host import stopping
 from explicitfe.model.model import Model
+from explicitfe.scenario.argument import finite_number, number_like
+from explicitfe.scenario.transient import AnalysisTable, RecordTable
 from explicitfe.solve.course import AUTOMATIC_STEP, FIXED_STEP, UNDAMPED_STEP
 from explicitfe.solve.look import (
     FEWEST_STEPS_BETWEEN_SCANS,
@@ -61,48 +63,58 @@ ROUNDING_SHARE = 1e-12
 
 @dataclass(frozen=True)
 class Status:
-    """How a run ended: a state and, unless it finished, a sentence a user can act on."""
+    """How a run ended: a state and, unless it finished, a sentence for the user with what to do."""
 
     state: str
     message: str = ""
 
 
 def undamped(model: Model) -> bool:
-    """Whether nothing calms the fastest vibrations of a body: hardly any damping, and no material that forgets its stress."""
+    """Whether nothing damps the fastest vibrations of a body: little mass-proportional damping and no viscoelastic material."""
     return model.alpha_per_s < CALMING_ALPHA_PER_S and not any(effect.remembers for effect in model.effects)
 
 
 def step_share(model: Model) -> float:
-    """The share of the stable limit that an automatic step begins with."""
+    """Ratio of the first automatic step to the stable limit."""
     return UNDAMPED_STEP_SHARE if undamped(model) else STEP_SHARE_OF_LIMIT
 
 
 class Transient:
     """Advances a simulation to its end with the largest stable step.
 
-    The step is 0.9 of the limit that a Lanczos iteration gives, and divides the time to the next load edge into equal parts. It
-    is kept for as long as it can be: central differences keep the energy at a constant step, and each change moves some of it
-    between the highest vibrations. So it is shortened where a look finds it to be more than 0.91 of the limit, and lengthened
-    where it has been less than 0.82 of the smallest limit for 500 steps. Where nothing calms the body it is 0.6 of the limit, and
-    is kept between 0.45 and 0.75. Samples are taken at the first instant at or after the time asked for, and never change the
+    A Lanczos iteration estimates the stable limit. The step is 0.9 of it and divides the time to the next load edge into equal
+    parts. It stays constant as long as possible: central differences conserve the energy at a constant step, and each change
+    moves some energy between the highest vibrations. A stability check shortens the step if it exceeds 0.91 of the limit, and
+    lengthens it if it has been below 0.82 of the smallest limit for 500 steps. For a body without damping the step is 0.6 of the
+    limit, and stays between 0.45 and 0.75. A sample is taken at the first instant at or after its time and does not change the
     step.
 
     Parameters
     ----------
     simulation : at time 0.
-    duration_s : where to end.
-    step_s : a fixed step instead.
+    duration_s : simulated time, s; 1 microsecond to 1 hour.
+    step_s : a fixed time step, s; the largest stable step if left out.
 
     Attributes
     ----------
-    status : why the run cannot go on, or None.
+    status : why the run cannot continue; None as long as it can.
 
     Raises
     ------
-    InputError : ``step_s`` is above the stable limit.
+    InputError : a parameter out of range, or ``step_s`` above the stable limit.
+
+    Examples
+    --------
+    >>> for sample in Transient(Simulation(model), duration_s=0.1).samples(every_s=0.01):
+    ...     print(sample.time_s, sample.displacement.max())
     """
 
     def __init__(self, simulation: Simulation, duration_s: float, step_s: float | None = None) -> None:
+        if not isinstance(simulation, Simulation):
+            raise InputError(f"Transient: simulation must be a Simulation, not {shortened(repr(simulation))}.")
+        duration_s = number_like("Transient: duration_s", duration_s, AnalysisTable, "duration_ms", 1e3)
+        if step_s is not None:
+            step_s = number_like("Transient: step_s", step_s, AnalysisTable, "step_us", 1e6)
         self.simulation = simulation
         self.duration_s = duration_s
         self.step_s = step_s
@@ -128,8 +140,8 @@ class Transient:
         if step_s is not None and step_s > limit_s:
             number = simulation.limiting_element()
             raise InputError(
-                f"analysis.step_us = {1e6 * step_s:g} is unstable: the largest stable step of this model is "
-                f"{1e6 * limit_s:.4g} microseconds (set by element {number}); take a smaller one or leave the key out."
+                f"analysis.step_us = {1e6 * step_s:g} (step_s in Python) is unstable: the largest stable step of this model is "
+                f"{1e6 * limit_s:.4g} microseconds (determined by element {number}); reduce it or remove the key."
             )
         self._dt = 0.0
         self._divide(step_s or self._share * limit_s)
@@ -137,29 +149,50 @@ class Transient:
 
     @property
     def limit_s(self) -> float:
-        """Stable limit of the step at the last look [s]."""
+        """Stable limit of the step at the last stability check [s]."""
         return float(self._watch[LIMIT])
 
     @property
     def finished(self) -> bool:
+        """Whether the simulation has reached ``duration_s``."""
         return self.simulation.time_s >= self.duration_s
 
     def advance_to(self, time_s: float) -> Status | None:
-        """Advance to the first instant at or after ``time_s``; a status if the run cannot go on."""
+        """Advance to the first instant at or after a time.
+
+        Parameters
+        ----------
+        time_s : s; at the end of the run at the latest.
+
+        Returns
+        -------
+        Why the run cannot continue, or None.
+        """
+        time_s = finite_number("advance_to: time_s", time_s)
         target = min(time_s, self.duration_s)
         while self.status is None and self.simulation.time_s < target - 1e-6 * self._dt:
             self._go(self._steps_to(np.array([target]))[0])
         return self.status
 
     def recordings(self, every_s: float, room: int | None = None) -> Iterator[Recording]:
-        """The state now, and at the first instant at or after each multiple of ``every_s`` up to the end.
+        """Advance to the end, and give the samples in batches.
 
-        After :meth:`restore` without the state now, which is not one of these instants, or has been recorded before.
+        The first sample is the present state, except after :meth:`restore`. The others are the first instants at or after each
+        multiple of ``every_s``. A batch has the samples of about 0.2 s of computing, and may be empty; the next batch overwrites
+        it. If the run cannot continue, the last batch ends there, and ``status`` says why.
 
-        Several samples at a time, or none: those of about 0.2 s of computing, ``room`` or 16 MB at most; the simulation is then
-        at the last one or beyond. What is handed on is overwritten afterwards. Where the run cannot go on, the last ones are
-        those until then, and ``status`` says why.
+        Parameters
+        ----------
+        every_s : time between samples, s.
+        room : the largest number of samples in a batch; as many as fit into 16 MB if left out.
+
+        Raises
+        ------
+        InputError : ``every_s`` is not positive, or outside the limits of ``record.every_ms`` of a scenario.
         """
+        return self._recordings(number_like("recordings: every_s", every_s, RecordTable, "every_ms", 1e3), room)
+
+    def _recordings(self, every_s: float, room: int | None) -> Iterator[Recording]:
         simulation = self.simulation
         one = simulation.recording(1).arrays
         bytes_each = sum(array.nbytes for array in (one.displacement, one.velocity, one.J, one.hourglass, one.pressure))
@@ -183,14 +216,26 @@ class Transient:
             recording.clear()
 
     def samples(self, every_s: float) -> Iterator[Snapshot]:
-        """The same, one after the other, each while the simulation is there.
+        """Advance to the end, and give the samples one by one; the simulation is at the time of each.
+
+        Parameters
+        ----------
+        every_s : time between samples, s.
+
+        Yields
+        ------
+        Snapshots with ``time_s``, ``displacement`` (n, 3) m, ``velocity`` (n, 3) m/s, ``J`` (m,), ``energies`` [J] and more.
 
         Raises
         ------
-        RunError : the run cannot go on; what it gave until then stands.
+        InputError : ``every_s`` is not positive, or outside the limits of ``record.every_ms`` of a scenario.
+        RunError : the run cannot continue; the samples until then are valid.
         Stopped : a signal has asked to stop.
         """
-        for recording in self.recordings(every_s, room=1):
+        return self._samples(number_like("samples: every_s", every_s, RecordTable, "every_ms", 1e3))
+
+    def _samples(self, every_s: float) -> Iterator[Snapshot]:
+        for recording in self._recordings(every_s, room=1):
             yield from (recording[number] for number in range(recording.count))
         stopping.check()
         if self.status is not None:
@@ -247,8 +292,8 @@ class Transient:
             self.status = Status(
                 UNSTABLE,
                 f"at {1e3 * self.simulation.time_s:.3f} ms the fixed step of {1e6 * self.step_s:g} microseconds has become "
-                f"unstable: the tissue has stiffened and its limit is now {1e6 * self.limit_s:.4g} microseconds; "
-                "leave analysis.step_us out or make it smaller.",
+                f"unstable: the tissue has stiffened and the stable limit is now {1e6 * self.limit_s:.4g} microseconds; "
+                "remove analysis.step_us or reduce it.",
             )
             return
         if self._dt > self._longest * self.limit_s:
@@ -272,7 +317,7 @@ class Transient:
         J = simulation.ledger[SMALLEST_J]
         x, y, z = 1e3 * simulation.model.mesh.points[simulation.model.mesh.hexes[worst]].mean(axis=0)
         folded = J > 0.0 and not simulation.ledger[SMALLEST_CORNER] > 0.0
-        how = "folded at a corner" if folded else f"turned inside out (J = {J:.3g})"
+        how = "inverted at a corner" if folded else f"inverted (J = {J:.3g})"
         return Status(
             INVERTED,
             f"at {1e3 * simulation.time_s:.3f} ms (step {simulation.steps}) element {worst} near "
@@ -280,26 +325,24 @@ class Transient:
         )
 
     def _why_inverted(self) -> str:
-        """What is known of the cause, and what to do."""
+        """The probable cause, and what to do: the end of a sentence."""
         model = self.simulation.model
         on_nodes = bool(model.pulls) or any(load.of_muscle for load in model.loads)
         spread = ', spread the force (distribution = "stress")' if on_nodes else ""
         remedy = f"lower force_N{spread} or refine the mesh"
         if self.step_s is not None:
-            return (
-                f"the fixed step is too long for what happens there, or the forces too large; give a smaller step_us, or {remedy}"
-            )
+            return f"the fixed step is too long for this motion, or the forces are too large; reduce step_us, or {remedy}"
         if undamped(self.simulation.model):
             return (
-                "hardly anything damps this body, so that its fastest vibrations keep what they get until elements fold; give "
-                f"model.damping (alpha_per_s = 40 is usual), or {remedy}"
+                "the body has little damping, so that its fastest vibrations grow until elements invert; add model.damping "
+                f"(alpha_per_s = 40 is usual), or {remedy}"
             )
-        return f"the forces there are too large for the tissue or the elements too coarse; {remedy}"
+        return f"the forces there are too large for the tissue, or the elements are too coarse; {remedy}"
 
     # ---- restart ----
 
     def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
-        """Everything that the future depends on; minus the internal force follows from u, bit by bit. See ``Simulation``."""
+        """Copies of the complete state, from which :meth:`restore` continues bitwise identically; see ``Simulation``."""
         return {
             "clock": np.array([self._dt, self.smallest_dt_s, self.largest_fraction]),
             "counters": np.array([self._mark, self._left], dtype=np.int64),
@@ -307,7 +350,7 @@ class Transient:
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from a restart state of the same model."""
+        """Continue from a restart state of the same model."""
         self._resumed = True
         self._dt, self.smallest_dt_s, self.largest_fraction = (float(x) for x in state["clock"])
         self._mark, self._left = (int(x) for x in state["counters"])
@@ -315,19 +358,19 @@ class Transient:
 
 
 def balance(energies: np.ndarray) -> float:
-    """What is stored and what has been lost, less the work done from outside [J]: it does not change in time."""
+    """Stored energy plus losses minus external work [J]; constant in time without numerical error."""
     return float(energies[:EXTERNAL].sum() + energies[EXTERNAL + 1 :].sum() - energies[EXTERNAL])
 
 
 def rounding_of(simulation: Simulation) -> float:
-    """Energy [J] below which that of a body is rounding: volume ratios near 1 times its bulk modulus."""
+    """Energy [J] below which the energy of a body is rounding error: rounding of volume ratios times its bulk modulus."""
     stiffness = simulation.model.in_elements(lambda law: law.constants()[-1]).max()
     return float(ROUNDINGS_IN_ENERGY * np.finfo(float).eps * stiffness * simulation.volumes.sum())
 
 
 @dataclass
 class Ledger:
-    """Energies over the samples of a run, and what they say about it.
+    """Energies at the samples of a run, and the errors that follow from them.
 
     Attributes
     ----------
@@ -366,7 +409,7 @@ class Ledger:
 
     @property
     def hourglass_share(self) -> float:
-        """Largest share of the hourglass energy in the elastic energy, where that is not next to nothing."""
+        """Largest share of the hourglass energy in the elastic energy, at samples with enough elastic energy."""
         energies = np.array(self.energies)
         elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
         elastic_enough = elastic > max(ELASTIC_FLOOR_SHARE * elastic.max(initial=0.0), self._rounding_J)

@@ -128,7 +128,7 @@ def test_a_member_that_fails_is_a_row(executor, tmp_path):
     by_force = {row["muscle.GGp.force_N"]: row for row in table(out)}
     assert len(rows) == 3
     assert by_force["1.0"]["status"] == "finished"
-    assert by_force[FOLDING]["status"] == "inverted" and "folded at a corner" in by_force[FOLDING]["message"]
+    assert by_force[FOLDING]["status"] == "inverted" and "inverted at a corner" in by_force[FOLDING]["message"]
     assert by_force[FOLDING]["points.tip.up_mm"] == ""
     assert by_force[REFUSED]["status"] == "refused"
     assert "muscle.GGp.force_N = -1.0" in by_force[REFUSED]["message"]

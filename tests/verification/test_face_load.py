@@ -69,7 +69,7 @@ def test_a_bar_under_traction_is_in_a_homogeneous_state():
 def test_a_set_without_a_face_is_refused():
     mesh = fe.box((2, 2, 2), SIZE_M)
     one = replace(mesh, node_sets={"edge": np.array([0, 1])})
-    with pytest.raises(fe.InputError, match='"edge" holds no whole face'):
+    with pytest.raises(fe.InputError, match='"edge" contains no complete face'):
         fe.face_load(one, "edge", (1.0, 0.0, 0.0))
     with pytest.raises(fe.InputError, match='unknown node set "x2"'):
         mesh.held("x2")

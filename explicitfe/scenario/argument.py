@@ -1,0 +1,116 @@
+"""Numbers of a Python caller, checked where they enter: within the limits that a scenario has for the same quantity."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel
+from pydantic_core import PydanticCustomError
+
+from explicitfe.errors import InputError, shortened
+from explicitfe.scenario.bounds import check_bounds, check_fields
+
+
+def number_like(name: str, value: object, table: type[BaseModel], key: str, scale: float = 1.0) -> float:
+    """A finite number within the limits of a key of a scenario.
+
+    Parameters
+    ----------
+    name : the parameter, for the message, such as "Transient: duration_s".
+    value : what the caller gave.
+    table, key : the table of a scenario and its key that has the same meaning.
+    scale : factor from the unit of the parameter to that of the key, such as 1e3 from s to ms.
+
+    Raises
+    ------
+    InputError : it is no finite number, or outside the limits.
+    """
+    number = finite_number(name, value)
+    rules = table.model_fields[key].metadata
+    for rule in rules:
+        if isinstance(rule, Gt) and not scale * number > rule.gt:
+            raise InputError(f"{name} = {number:g} is not possible: it must be above {rule.gt / scale:g}.")  # type: ignore[operator]
+        if isinstance(rule, Ge) and not scale * number >= rule.ge:
+            raise InputError(f"{name} = {number:g} is not possible: it must be {rule.ge / scale:g} or more.")  # type: ignore[operator]
+        if isinstance(rule, Lt) and not scale * number < rule.lt:
+            raise InputError(f"{name} = {number:g} is not possible: it must be below {rule.lt / scale:g}.")  # type: ignore[operator]
+        if isinstance(rule, Le) and not scale * number <= rule.le:
+            raise InputError(f"{name} = {number:g} is not possible: it must be {rule.le / scale:g} or less.")  # type: ignore[operator]
+    try:
+        check_bounds(key, scale * number, rules)
+    except PydanticCustomError as error:
+        raise InputError(f"{name} = {number:g} is not possible: {(error.context or {})['reason']}.") from None
+    return number
+
+
+def vector(name: str, value: object, largest: float) -> tuple[float, float, float]:
+    """Three finite numbers, of at most this magnitude.
+
+    Raises
+    ------
+    InputError : they are not.
+    """
+    parts = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(parts, list | tuple) or len(parts) != 3:
+        raise InputError(f"{name} must be three numbers (x, y, z), not {shortened(repr(value))}.")
+    x, y, z = (finite_number(f"{name}[{place}]", part) for place, part in enumerate(parts))
+    if max(abs(x), abs(y), abs(z)) > largest:
+        raise InputError(f"{name} = {shortened(repr(value))} is out of range: the largest magnitude is {largest:g}.")
+    return x, y, z
+
+
+def finite_number(name: str, value: object) -> float:
+    """A finite number.
+
+    Raises
+    ------
+    InputError : it is none.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(f"{name} must be a number, not {shortened(repr(value))}.")
+    number = float(value)
+    if not math.isfinite(number):
+        raise InputError(f"{name} must be a finite number, not {number}.")
+    return number
+
+
+def count_like(name: str, value: object, table: type[BaseModel], key: str) -> int:
+    """A whole number within the limits of a key of a scenario; see :func:`number_like`.
+
+    Raises
+    ------
+    InputError : it is no whole number, or outside the limits.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise InputError(f"{name} must be a whole number, not {shortened(repr(value))}.")
+    return int(number_like(name, int(value), table, key))
+
+
+def choice_like(name: str, value: object, table: type[BaseModel], key: str) -> str:
+    """One of the texts that a key of a scenario may have.
+
+    Raises
+    ------
+    InputError : it is none of them; the message lists them.
+    """
+    valid = table.model_fields[key].annotation.__args__  # type: ignore[union-attr]
+    if not isinstance(value, str) or value not in valid:
+        raise InputError(f"{name} = {shortened(repr(value))} is not possible: it must be {' or '.join(map(repr, valid))}.")
+    return value
+
+
+def checked_fields(name: str, constants: BaseModel) -> None:
+    """Refuse constants outside the limits that a scenario has for them.
+
+    Raises
+    ------
+    InputError : names the constant.
+    """
+    try:
+        check_fields(constants)
+    except PydanticCustomError as error:
+        context = error.context or {}
+        raise InputError(f"{name}: {context['key']} = {context['number']:g} is not possible: {context['reason']}.") from None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import operator
+from collections.abc import Callable
 from numbers import Integral, Real
 
 import numpy as np
@@ -12,6 +14,14 @@ from pydantic_core import PydanticCustomError
 
 from explicitfe.errors import InputError, shortened
 from explicitfe.scenario.bounds import check_bounds, check_fields
+
+# Kind of limit -> its attribute, whether a number is within it, and what a message says.
+_LIMITS: tuple[tuple[type, str, Callable[[float, float], bool], str], ...] = (
+    (Gt, "gt", operator.gt, "above {}"),
+    (Ge, "ge", operator.ge, "{} or more"),
+    (Lt, "lt", operator.lt, "below {}"),
+    (Le, "le", operator.le, "{} or less"),
+)
 
 
 def number_like(name: str, value: object, table: type[BaseModel], key: str, scale: float = 1.0) -> float:
@@ -31,14 +41,9 @@ def number_like(name: str, value: object, table: type[BaseModel], key: str, scal
     number = finite_number(name, value)
     rules = table.model_fields[key].metadata
     for rule in rules:
-        if isinstance(rule, Gt) and not scale * number > rule.gt:
-            raise InputError(f"{name} = {number:g} is not possible: it must be above {rule.gt / scale:g}.")  # type: ignore[operator]
-        if isinstance(rule, Ge) and not scale * number >= rule.ge:
-            raise InputError(f"{name} = {number:g} is not possible: it must be {rule.ge / scale:g} or more.")  # type: ignore[operator]
-        if isinstance(rule, Lt) and not scale * number < rule.lt:
-            raise InputError(f"{name} = {number:g} is not possible: it must be below {rule.lt / scale:g}.")  # type: ignore[operator]
-        if isinstance(rule, Le) and not scale * number <= rule.le:
-            raise InputError(f"{name} = {number:g} is not possible: it must be {rule.le / scale:g} or less.")  # type: ignore[operator]
+        for kind, attribute, is_within, words in _LIMITS:
+            if isinstance(rule, kind) and not is_within(scale * number, limit := float(getattr(rule, attribute))):
+                raise InputError(f"{name} = {number:g} is not possible: it must be {words.format(f'{limit / scale:g}')}.")
     try:
         check_bounds(key, scale * number, rules)
     except PydanticCustomError as error:

@@ -26,25 +26,27 @@ MOST_ROWS_OF_A_COURSE = 10_000
 MOST_TABLES_OF_A_KIND = 1000
 
 
-class _TableType(type(BaseModel)):  # type: ignore[misc]
-    """The type of tables: one that is created in Python reports a wrong value as an InputError.
+class Table(BaseModel):
+    """A table of a text file. It is frozen, and refuses unknown keys and numbers outside the bounds of their unit.
 
-    Pydantic does not call it for the tables of a file, whose error :func:`validated` raises.
+    Raises
+    ------
+    InputError : a table that is created in Python has a wrong or missing key.
     """
 
-    def __call__(cls, *args: Any, **keys: Any) -> Any:
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def __init__(self, **keys: Any) -> None:
         try:
-            return super().__call__(*args, **keys)
+            super().__init__(**keys)
         except ValidationError as error:
             from explicitfe.scenario.sentences import explain
 
-            raise InputError(f"{cls.__name__}: {explain(error, keys, cls).removeprefix('the scenario: ')}") from None
+            name = type(self).__name__
+            raise InputError(f"{name}: {explain(error, keys, type(self)).removeprefix('the scenario: ')}") from None
 
-
-class Table(BaseModel, metaclass=_TableType):
-    """A table of a text file. It is frozen, and refuses unknown keys and numbers outside the bounds of their unit."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    # Marks an ``__init__`` that only replaces the error: ``validated`` then keeps the place of a wrong key in a scenario.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @field_validator("*")
     @classmethod

@@ -49,7 +49,7 @@ def table_of(path: Path, keys: set[str] | frozenset[str]) -> dict[str, Any]:
     table = json_of(text_of(path, "make the cases again in a new folder", largest_bytes=LARGEST_REPORT_BYTES), path)
     missing = sorted(keys - table.keys()) if isinstance(table, dict) else sorted(keys)
     if missing or not isinstance(table, dict):
-        raise InputError(f'{path}: the key "{missing[0] if missing else ""}" is missing; make the cases again in a new folder.')
+        raise InputError(f'{path}: the key "{missing[0] if missing else ""}" is missing; create the cases again in a new folder.')
     return table
 
 
@@ -67,7 +67,7 @@ def alone_in(study: Path) -> Iterator[None]:
     number = os.open(study, os.O_RDONLY)
     try:
         if not lock(number):
-            raise InputError(f"{study}: another command works in this folder; wait until it has ended.")
+            raise InputError(f"{study}: another command is using this folder; wait until it has finished.")
         for folder in (study, study / "cases", study / "sealed", study / "reports"):
             remove_unfinished(folder)
         yield

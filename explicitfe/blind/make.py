@@ -45,18 +45,18 @@ def make(
     processes: int = 1,
     progress: Progress = silent,
 ) -> Manifest:
-    """Make cases, or go on with those that were asked for before: cases that are there stay as they are.
+    """Create blind test cases, or resume an interrupted creation; existing cases are not changed.
 
     Parameters
     ----------
-    out : a new or empty folder, or one where the same cases were begun.
-    seed : of all random numbers; case k depends on the seed, on k and on its kind.
-    count : number of cases, of all kinds together. Give either this or ``kinds``.
+    out : a new or empty folder, or one with an interrupted creation of the same cases.
+    seed : random seed; case k depends on the seed, on k and on its kind.
+    count : total number of cases. Give either this or ``kinds``.
     kinds : number of cases of each kind: control, single, double, outside.
-    family : homogeneous (milliseconds a test), indentation (simulated), or foreign (closed forms and an implicit solver that
+    family : homogeneous (milliseconds per test), indentation (simulated), or foreign (closed forms and an implicit solver that
         share no code with the simulator; the solver needs scikit-fem).
-    processes : cases that are made at the same time.
-    progress : called with the stage and the share of it that is done.
+    processes : number of worker processes.
+    progress : called with the stage and its completed share.
 
     Returns
     -------
@@ -64,27 +64,27 @@ def make(
 
     Raises
     ------
-    InputError : an option that cannot be used.
+    InputError : a parameter is invalid.
     """
     out = Path(out)
     if family not in FAMILIES:
         raise InputError(f'family = "{shortened(family)}" is unknown; {nearest(family, FAMILIES)}')
     if not 0 <= seed <= LARGEST_SEED:
-        raise InputError(f"seed = {shortened(str(seed))} is not possible; give a whole number from 0 to {LARGEST_SEED}.")
+        raise InputError(f"seed = {shortened(str(seed))} is out of range; give an integer from 0 to {LARGEST_SEED}.")
     requests = plan(seed, numbers(count, kinds, family), family)
     order = hashlib.sha256(repr(requests).encode()).hexdigest()
     wanted: Manifest = {"seed": seed, "family": family, "count": len(requests), "order": order}
     try:
         if out.exists() and not out.is_dir():
-            raise InputError(f"{out}: this is a file; name a folder.")
+            raise InputError(f"{out}: this is a file; give the path of a folder.")
         if out.is_dir() and any(not path.name.startswith(f".{MANIFEST}.") for path in out.iterdir()):
             begun = manifest_of(out)
             if begun is None:
-                raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
+                raise InputError(f"{out}: this folder contains other files; give a new or an empty folder.")
             if begun != wanted:
                 raise InputError(
-                    f"{out}: this folder holds {begun['count']} cases of the family {begun['family']} with seed {begun['seed']}; "
-                    "give the same again to go on with them, or name another folder."
+                    f"{out}: this folder contains {begun['count']} cases of the family {begun['family']} with seed "
+                    f"{begun['seed']}; use the same count, family and seed to resume, or give another folder."
                 )
         out.mkdir(parents=True, exist_ok=True)
         with alone_in(out):
@@ -94,7 +94,7 @@ def make(
                 folder.mkdir(exist_ok=True)
             _make_missing(out, wanted, requests, processes, progress)
     except OSError as error:
-        raise InputError(f"{out}: this cannot be written ({error.strerror}).") from None
+        raise InputError(f"{out}: cannot be written ({error.strerror}).") from None
     return wanted
 
 
@@ -117,20 +117,18 @@ def _make_missing(out: Path, wanted: Manifest, requests: list[CaseRequest], proc
 def numbers(count: int | None, kinds: Mapping[str, int] | None, family: str) -> dict[str, int]:
     """How many cases of each kind."""
     if (count is None) == (kinds is None):
-        raise InputError("give either a count of cases or a number for each kind.")
+        raise InputError("give either count or kinds, not both.")
     possible = KINDS[:2] if family == "indentation" else KINDS
     asked = sum(kinds.values()) if count is None and kinds is not None else count
     if asked is None or not 1 <= asked <= MOST_CASES_OF_A_SET:
-        raise InputError(
-            f"count = {shortened(str(asked))} is not possible; give a number of cases from 1 to {MOST_CASES_OF_A_SET}."
-        )
+        raise InputError(f"count = {shortened(str(asked))} is out of range; give an integer from 1 to {MOST_CASES_OF_A_SET}.")
     if kinds is None:
         shares = {kind: KIND_SHARES[kind] for kind in possible}
         ends = np.round(count * np.cumsum(list(shares.values())) / sum(shares.values())).astype(int)
         return dict(zip(shares, np.diff(ends, prepend=0).tolist(), strict=True))
     for kind, number in kinds.items():
         if kind not in possible or number < 0:
-            raise InputError(f'kinds: "{kind}" = {number} cannot be; kinds of the family {family} are {", ".join(possible)}.')
+            raise InputError(f'kinds: "{kind}" = {number} is invalid; the family {family} has the kinds {", ".join(possible)}.')
     return dict(kinds)
 
 

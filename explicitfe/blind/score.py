@@ -104,7 +104,7 @@ def score(
             _run(directory, names, processes, max_effects, limit_s, pages, progress)
             return _score(directory, names)
     except OSError as error:
-        raise InputError(f"{directory}: this cannot be written ({error.strerror}).") from None
+        raise InputError(f"{directory}: cannot be written ({error.strerror}).") from None
 
 
 def _cases(directory: Path) -> list[str]:
@@ -118,12 +118,12 @@ def _cases(directory: Path) -> list[str]:
     with suppress(OSError, ValueError):  # No folder, or a name that none can have.
         names = sorted(path.name for path in (directory / "cases").iterdir() if path.name.startswith("case-") and path.is_dir())
     if not names:
-        raise InputError(f"{directory}: there are no cases here; make some first.")
+        raise InputError(f"{directory}: this folder contains no cases; create them with explicitfe blind make.")
     asked = manifest_of(directory)
     if asked is not None and len(names) < asked["count"]:
         again = f"{shlex.quote(str(directory))} --seed {asked['seed']} --count {asked['count']} --family {asked['family']}"
         raise InputError(
-            f"{directory}: {len(names)} of {asked['count']} cases are there; go on with explicitfe blind make {again}."
+            f"{directory}: {len(names)} of {asked['count']} cases exist; create the others with explicitfe blind make {again}."
         )
     return names
 

@@ -144,7 +144,7 @@ def _body(curve: SimulatedTest, constants: tuple[float, float], physics: Sequenc
     body = Relaxation(specimen_model(specimen, tool, physics), numerics.tolerance, threads=1)
     body.compile()
     if isinstance(body.settle(), Stuck):
-        raise RunError("the specimen does not come to rest.")
+        raise RunError("the specimen does not reach equilibrium.")
     return body
 
 

@@ -115,7 +115,7 @@ def tool_separation(
     true = read(name, next(iter(effects[name].values()))) if name in READING_EFFECTS else run(C10, C20, effects)
     slopes = [run(C10 * (1.0 + SENSITIVITY_STEP_SHARE), C20, {}), run(C10, C20 + SENSITIVITY_STEP_SHARE * C10, {})]
     if true is None or slopes[0] is None or slopes[1] is None:
-        raise RunError("the coarse numerics do not follow the truth.")
+        raise RunError("the test could not be computed on the coarse mesh.")
     whiten = Whitener(noise, _split(protocol, true + screened), [curve.split != "holdout" for curve in protocol.curves])
     J = np.column_stack([whiten(slope) for slope in slopes if slope is not None])
     Q, _ = np.linalg.qr(J)

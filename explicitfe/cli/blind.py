@@ -13,17 +13,17 @@ from explicitfe.cli.options import JsonOption
 from explicitfe.host.extras import require
 from explicitfe.view.progress import following
 
-CasesArgument = Annotated[Path, typer.Argument(help="Folder of the cases.", show_default=False)]
+CasesArgument = Annotated[Path, typer.Argument(help="Folder of the test cases.", show_default=False)]
 
 
 def blind_make(
     folder: CasesArgument,
-    seed: Annotated[int, typer.Option("--seed", help="Draws the cases.")],
-    count: Annotated[int, typer.Option("--count", help="How many.")] = 20,
-    family: Annotated[str, typer.Option("--family", help="homogeneous | indentation | foreign")] = "homogeneous",
+    seed: Annotated[int, typer.Option("--seed", help="Random seed.")],
+    count: Annotated[int, typer.Option("--count", help="Number of cases.")] = 20,
+    family: Annotated[str, typer.Option("--family", help="Kind of tests: homogeneous | indentation | foreign.")] = "homogeneous",
     as_json: JsonOption = False,
 ) -> None:
-    """Draw cases: datasets in FOLDER/cases, and what is hidden in them in FOLDER/sealed.
+    """Create blind test cases: datasets in FOLDER/cases, hidden effects in FOLDER/sealed.
 
     Example: [bold]explicitfe blind make blind --seed 7 --count 20[/bold]
     """
@@ -35,7 +35,7 @@ def blind_make(
 
 
 def blind_score(folder: CasesArgument, as_json: JsonOption = False) -> None:
-    """Close the loop on every case that has no report yet, then open what was sealed and count.
+    """Run close-loop on all cases without a report, then compare the verdicts with the hidden effects.
 
     Example: [bold]explicitfe blind score blind[/bold]
     """

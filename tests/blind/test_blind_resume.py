@@ -111,7 +111,7 @@ def test_what_is_half_written_is_not_taken_for_a_case(whole: Path, tmp_path: Pat
     half = tmp_path / "study" / "cases" / ".case-0002.abcdefgh.part"
     (tmp_path / "study" / "cases" / "case-0002").rename(half)
     (half / "dataset.toml").unlink()
-    with pytest.raises(InputError, match="1 of 2 cases are there; go on with explicitfe blind make"):
+    with pytest.raises(InputError, match="1 of 2 cases exist; create the others with explicitfe blind make"):
         score(tmp_path / "study")
     make(tmp_path / "study", seed=3, kinds=KINDS)
     assert not half.exists()
@@ -122,7 +122,7 @@ def test_what_is_half_written_is_not_taken_for_a_case(whole: Path, tmp_path: Pat
 def test_two_commands_in_one_folder(whole: Path) -> None:
     with (
         scoring.alone_in(whole),
-        pytest.raises(InputError, match="another command works in this folder"),
+        pytest.raises(InputError, match="another command is using this folder"),
     ):
         make(whole, seed=3, kinds=KINDS)
 
@@ -130,7 +130,7 @@ def test_two_commands_in_one_folder(whole: Path) -> None:
 def test_a_study_of_another_seed_is_kept(whole: Path) -> None:
     before = contents(whole)
     for seed, kinds in ((6, KINDS), (3, {"single": 2})):
-        with pytest.raises(InputError, match="holds 2 cases of the family homogeneous with seed 3"):
+        with pytest.raises(InputError, match="contains 2 cases of the family homogeneous with seed 3"):
             make(whole, seed=seed, kinds=kinds)
     make(whole, seed=3, kinds=KINDS)
     assert contents(whole) == before
@@ -187,5 +187,5 @@ def test_folders_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[st
         assert words in capsys.readouterr().err
     for folder in (tmp_path, tmp_path / "none", tmp_path / "file", long):
         assert command(["blind", "score", str(folder)]) == 2
-        assert "there are no cases here" in capsys.readouterr().err
+        assert "this folder contains no cases" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

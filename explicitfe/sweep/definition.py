@@ -240,7 +240,7 @@ def members_of(out: Path) -> Members:
     """
     path = out / MEMBERS_FILE
     text = text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
-    if hashlib.sha256(text.encode()).hexdigest() != definition_of(out)["members_sha256"]:
+    if hashlib.sha256(text.encode()).hexdigest() != definition_of(out).get("members_sha256"):
         raise InputError(f"{path}: this is not the table that the sweep began with; begin it again in a new folder.")
     return members_in(text, path)
 

@@ -59,8 +59,8 @@ def sweep_to_draw(folder: Path, progress: Progress = silent) -> SweepToDraw:
     """
     begun, members = begun_sweep(folder), members_of(folder)
     progress("draw", 0.0)
-    stored = Stored(folder / ROWS_FOLDER)
-    numbers = sorted(number for number in stored.places if number < len(members))
+    stored = Stored(folder / ROWS_FOLDER, len(members))
+    numbers = sorted(stored.places)
     if not numbers:
         raise InputError(f"{folder}: no member of this sweep has a row yet; give its command again to go on.")
     rows = rows_together(stored, numbers)
@@ -155,7 +155,7 @@ def rows_together(stored: Stored, numbers: Sequence[int]) -> RowsTogether:
                 values[place_of[name], at] = cell
         has_outline[at] = len(outline_of(row)) > 0
         if status != FINISHED:
-            message = str(row[MESSAGE])
+            message = str(row.get(MESSAGE, ""))
             cause = causes.setdefault((status, cause_of(message)), SweepCause(status, 0, message, []))
             which = [*cause.members, number_of(row)][:MOST_MEMBERS_NAMED_PER_CAUSE]
             causes[status, cause_of(message)] = replace(cause, count=cause.count + 1, members=which)

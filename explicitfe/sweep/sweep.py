@@ -83,7 +83,8 @@ class Sweep:
         begin(out, definition)
         for folder in (out, out / RESULTS_FOLDER):
             remove_unfinished(folder)
-        self.statuses = {number: place.status for number, place in Stored(out / ROWS_FOLDER).places.items()}
+        stored = Stored(out / ROWS_FOLDER, len(definition.members))
+        self.statuses = {number: place.status for number, place in stored.places.items()}
         folder = (out / RESULTS_FOLDER).absolute()
 
         def is_missing(number: int) -> bool:
@@ -192,7 +193,7 @@ class Sweep:
             "computed": self._computed,
             "complete": complete,
             "statuses": dict(Counter(self.statuses.values()).most_common()),
-            "failures": counted_causes(str(row[MESSAGE]) for row in stored.rows(failed)),
+            "failures": counted_causes(str(row.get(MESSAGE, "")) for row in stored.rows(failed)),
             "workers": self._workers,
             "wall_s": self._wall_s,
             "worker_s": self._worker_s,

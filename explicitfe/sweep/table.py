@@ -45,7 +45,7 @@ def write_table(out: Path, rows: Path, members: Members) -> tuple[Stored, list[s
     """
     try:
         with one_at_a_time(rows / LOCK_FILE):
-            stored = Stored(rows)
+            stored = Stored(rows, len(members))
             return stored, _write_tables(out, members, stored)
     except OSError as error:
         raise MachineError(

@@ -19,6 +19,7 @@ from explicitfe.cli.ending import FailureAnswer
 from explicitfe.errors import InputError, nearest
 from explicitfe.measure.comparison import Comparison
 from explicitfe.measure.document import Measures
+from explicitfe.measure.recording import RecordingComparison
 from explicitfe.measured.new_dataset import NewDataset
 from explicitfe.results.contents import ResultContents
 from explicitfe.results.dataset_check import DatasetCheckReport
@@ -122,7 +123,7 @@ ANSWERS: dict[str, tuple[Any, ...]] = {
     "check": (TransientCheckReport, IndentationCheckReport, DatasetCheckReport),
     "inspect": (InspectedResult,),
     "measure": (MeasuredResults,),
-    "compare": (Comparison,),
+    "compare": (Comparison, RecordingComparison),
     "report": (ReportAnswer, SweepReport),
     "export": (ExportedResult,),
     "view": (ShownScene,),

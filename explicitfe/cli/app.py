@@ -24,7 +24,8 @@ from explicitfe.cli.identify import identify
 from explicitfe.cli.inspect import inspect
 from explicitfe.cli.list import list_
 from explicitfe.cli.measure import measure
-from explicitfe.cli.new import new_dataset, new_scenario
+from explicitfe.cli.new import new_scenario
+from explicitfe.cli.new_dataset import new_dataset
 from explicitfe.cli.plot import plot
 from explicitfe.cli.predict import predict
 from explicitfe.cli.report import report
@@ -59,7 +60,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
 GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
     "Scenarios": {"new": ("Begin a scenario or a dataset of your own.", {"scenario": new_scenario, "dataset": new_dataset})},
     "Measured data": {
-        "blind": ("Test close-loop on data with an undeclared effect in it.", {"make": blind_make, "score": blind_score}),
+        "blind": ("Test close-loop on simulated data with hidden effects.", {"make": blind_make, "score": blind_score}),
     },
 }
 

@@ -1,4 +1,4 @@
-"""What ``explicitfe check`` says of a dataset: whether it is right, and what it can show, before anything is computed."""
+"""Validate a dataset for ``explicitfe check``, and list the effects that its curves can show."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MILLIMETRES_PER_METRE = 1e3
 
 
 def check_dataset(path: Path | str) -> DatasetCheckReport:
-    """Read a dataset, and say which curves are fitted and which effects they could show; nothing is computed or written.
+    """Read a dataset; list the fitted and held-out curves and the effects that they can show. Nothing is computed or written.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
 
     Raises
     ------
-    InputError : what is wrong with it, in one sentence.
+    InputError : the dataset is invalid.
     """
     dataset = read_dataset(path)
     sides = split(dataset)
@@ -49,6 +49,8 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
         "license": dataset.license,
         "specimens": _distinct([c.specimen.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.specimen]),
         "tools": _distinct([c.tool.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.tool]),
+        "scenario": None if dataset.scenario is None else str(dataset.scenario),
+        "sensors": dataset.sensors,
         "rule": sides.rule,
         "curves": [_checked(curve, sides) for curve in dataset.curves],
         "can_show": [name for name in EFFECTS if specimens and name not in names],
@@ -73,8 +75,8 @@ def _checked(curve: Curve, sides: Split) -> CheckedCurve:
         columns.append({"column": name, "unit": unit, "least": factor * values.min(), "largest": factor * values.max()})
     for name, places in curve.sensors.items():
         moved = _MILLIMETRES_PER_METRE * np.linalg.norm(places - places[0], axis=1)
-        columns.append({"column": f"{name} from its first place", "unit": "mm", "least": 0.0, "largest": moved.max()})
-    noise = sd_of(curve, curve.predicted) if curve.columns else None
+        columns.append({"column": f"{name} from its first position", "unit": "mm", "least": 0.0, "largest": moved.max()})
+    noise = _stated_noise(curve)
     return {
         "id": curve.id,
         "file": curve.file,
@@ -85,32 +87,43 @@ def _checked(curve: Curve, sides: Split) -> CheckedCurve:
         "duration_s": float(curve.time_s[-1]),
         "columns": columns,
         "imposed": curve.imposed if curve.columns else None,
-        "noise_sd": None if noise is None else noise * PRINTED_UNITS.get(curve.predicted, ("1", 1.0))[1],
+        "noise_sd": noise,
     }
 
 
+def _stated_noise(curve: Curve) -> float | None:
+    """Standard deviation of the predicted column, or of a coordinate in mm, in the unit of the table; None if not stated."""
+    if curve.kind == "trajectory":
+        return curve.noise.displacement_sd_mm
+    sd = sd_of(curve, curve.predicted)
+    return None if sd is None else sd * PRINTED_UNITS.get(curve.predicted, ("1", 1.0))[1]
+
+
 def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
-    """What a reader of a verdict would ask first."""
+    """Missing information that weakens a verdict."""
     notes = []
     if len(sides.fit) == 1 and not sides.holdout:
-        notes.append("there is one curve only: nothing can show whether a model predicts another test; measure one more.")
+        notes.append("there is only one curve, so no prediction can be tested; measure at least one more.")
     elif not sides.holdout:
-        notes.append('no curve is held out: give one of them split = "holdout", or nothing is predicted that was not fitted.')
+        notes.append('no curve is held out, so no prediction is tested; set split = "holdout" for one of them.')
     if dataset.test == "trajectory":
         if dataset.scenario is None:
             notes.append("there is no scenario to compare these trajectories with; add the key scenario.")
-        return notes
-    unstated = [c.id for c in sides.fit if sd_of(c, c.predicted) is None]
+        elif not dataset.sensors:
+            notes.append("no sensor is mapped to a point of the scenario; add a [[sensor]] for each.")
+    unstated = [c.id for c in sides.fit if _stated_noise(c) is None]
     if unstated:
-        notes.append(f"the noise of {_listed(unstated)} is not stated; it is estimated from how rough the rows are.")
+        notes.append(f"the noise of {_listed(unstated)} is not stated; it is estimated from the roughness of the rows.")
+    if dataset.test == "trajectory":
+        return notes
     supposed = {
-        "the base of the specimen is unknown; it is supposed to slide, as between platens": [
+        "the support of the specimen is unknown; it is assumed to slide, as between platens": [
             c for c in _on_unknown_base(sides.fit) if c.tool is not None and c.tool.shape == "platen"
         ],
-        "the base of the specimen is unknown; it is supposed to stick, as under an indenter": [
+        "the support of the specimen is unknown; it is assumed to be bonded, as under an indenter": [
             c for c in _on_unknown_base(sides.fit) if c.tool is not None and c.tool.shape != "platen"
         ],
-        "the friction of the tool is unknown; none is supposed, and friction is a candidate": [
+        "the friction of the tool is unknown; it is assumed to be zero, and friction is a candidate effect": [
             c for c in sides.fit if c.tool is not None and c.tool.friction == "unknown"
         ],
     }
@@ -119,7 +132,9 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
         values = curve.columns[curve.predicted] - (curve.predicted == "stretch")
         if abs(values[0]) > FAR_FROM_ZERO_SHARE * np.abs(values).max():
             percent = 100.0 * abs(values[0]) / np.abs(values).max()
-            notes.append(f"{curve.id} begins with {percent:.0f} % of its largest value: was the zero taken before contact?")
+            notes.append(
+                f"{curve.id} begins at {percent:.0f} % of its largest value; check that it was zeroed before contact."
+            )
     return notes
 
 

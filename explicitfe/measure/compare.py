@@ -75,8 +75,8 @@ def compare(path_a: Path | str, path_b: Path | str, tolerance: float | None = No
         largest = [part.largest for part in fields] + [part.largest for part in history]
         displacement = next(part for part in fields if part.name == "displacement")
         return Comparison(
-            a=_result(a),
-            b=_result(b),
+            a=describe_result(a),
+            b=describe_result(b),
             identical=pairing.bitwise and same_names and same_times and not any(largest),
             tolerance=tolerance,
             within_tolerance=None if tolerance is None else (displacement.share or 0.0) <= tolerance,
@@ -270,7 +270,7 @@ def _named_points(a: Result, b: Result, steps: Instants) -> dict[str, ComparedPo
     names = [name for name in a.model.get("probes", a.mesh.named_points) if name in b.model.get("probes", b.mesh.named_points)]
     parts = {}
     for name in names:
-        apart, end = _apart(_path(a, name), _path(b, name), steps)
+        apart, end = _apart(path_of_point(a, name), path_of_point(b, name), steps)
         end *= 1e3
         parts[name] = ComparedPoint(
             largest_mm=1e3 * apart.largest,
@@ -293,8 +293,8 @@ def _apart(course_a: np.ndarray, course_b: np.ndarray, rows: Instants) -> tuple[
     return apart, last
 
 
-def _path(result: Result, name: str) -> np.ndarray:
-    """Displacement of a named point at each stored step, (t, 3) m."""
+def path_of_point(result: Result, name: str) -> np.ndarray:
+    """Return the displacement of a named point at each stored time, (t, 3) m."""
     column = f"probe_{name}_displacement"
     if column in result.history_names and np.array_equal(result.history("time"), result.times):
         return result.history(column)
@@ -361,7 +361,8 @@ def _provenance(result: Result) -> dict[str, JsonValue]:
     return {key: value for key, value in values.items() if key not in NOT_COMPARED_PROVENANCE}
 
 
-def _result(result: Result) -> ComparedResult:
+def describe_result(result: Result) -> ComparedResult:
+    """Describe a result: file, title, status and size."""
     return ComparedResult(
         result=str(result.path),
         title=str(result.model.get("scenario", {}).get("title", "")),

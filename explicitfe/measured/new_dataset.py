@@ -1,4 +1,4 @@
-"""A dataset from tables of a testing machine: columns in the units, signs and zeros of a dataset, and a folder of them."""
+"""Make a dataset from tables of a testing machine: convert units, signs and zeros, and write the folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _NOT_IN_A_NAME = re.compile(r"[^a-z0-9.]+")
 
 
 class NewCurve(TypedDict):
-    """A curve of a new dataset: where it is from, and what it holds."""
+    """A curve of a new dataset, with its source file, number of rows and duration."""
 
     id: str
     file: str
@@ -38,7 +38,7 @@ class NewCurve(TypedDict):
 
 
 class NewDataset(TypedDict):
-    """A dataset that was written: its folder, its curves, which column became what, and what was done to the numbers."""
+    """A dataset that was written: its folder, curves, the origin of each column, and what was changed in the numbers."""
 
     dataset: str
     test: str
@@ -49,7 +49,7 @@ class NewDataset(TypedDict):
 
 @dataclass(frozen=True)
 class Strip:
-    """A specimen between clamps that is strained evenly along its free length."""
+    """A strip between clamps, with uniform strain along its free length."""
 
     length_mm: float
     area_mm2: float
@@ -57,15 +57,16 @@ class Strip:
 
 @dataclass(frozen=True)
 class TestDescription:
-    """What tables of numbers do not say.
+    """Properties of a test that its tables do not state.
 
     Attributes
     ----------
-    specimen, tool, noise : tables of the dataset; no tool where the columns are stretch and stress.
-    contact_force_N : rows before the force reaches it are left out; None keeps all rows.
-    rate_per_s : pace of the imposed column, in its unit, where no column is the time; rows in which it stands still are left out.
-    strip : length and cross-section of a strip between clamps, whose displacement and force become stretch and stress.
-    one_specimen : whether all files were measured on one and the same specimen.
+    specimen, tool, noise : tables of the dataset; tool is None where the columns are stretch and stress.
+    contact_force_N : rows before the force first reaches this value are omitted; None keeps all rows.
+    rate_per_s : rate of the imposed column, in its unit per second, where there is no time column. Rows in which that column does
+        not change are omitted.
+    strip : length and cross-section of a strip between clamps. Its displacement and force are converted to stretch and stress.
+    one_specimen : whether all files were measured on the same specimen.
     """
 
     test: TestKind
@@ -82,14 +83,14 @@ class TestDescription:
 
 
 def quantities_of(test: TestKind, with_tool: bool) -> tuple[Quantity, ...]:
-    """What a test has to give, the first being time."""
+    """Return the quantities that a test must provide; the first is time."""
     if test == "shear":
         return "time", "shear-strain", "shear-stress"
     return ("time", "displacement", "force") if with_tool else ("time", "stretch", "stress")
 
 
 def usual_folder(files: Sequence[Path]) -> Path:
-    """A name for the dataset of some files: what their names begin with, or that of the first."""
+    """Return the default dataset folder: the common beginning of the file names, or the name of the first file."""
     stems = [file.stem for file in files]
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*stems, strict=False))
     common = "".join(letters[0] for letters in alike)
@@ -97,26 +98,25 @@ def usual_folder(files: Sequence[Path]) -> Path:
 
 
 def plain_name(text: str) -> str:
-    """A text in small letters, digits, points and hyphens, as names of datasets and curves are."""
+    """Convert a text to lower-case letters, digits, points and hyphens, as required for names of datasets and curves."""
     return _NOT_IN_A_NAME.sub("-", text.lower()).strip("-.") or "dataset"
 
 
 def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], description: TestDescription) -> NewDataset:
-    """Write a dataset's folder: dataset.toml, and a CSV for each file.
+    """Write the folder of a dataset: dataset.toml, and a CSV for each file.
 
     Parameters
     ----------
-    out : folder, which must not exist or be empty.
-    sources : file -> the columns of what :func:`quantities_of` names, or all but the time where a rate is given.
+    out : a folder that does not exist or is empty.
+    sources : file -> the columns of the quantities of :func:`quantities_of`, without time where a rate is given.
 
     Raises
     ------
-    InputError : the folder is taken, or the numbers cannot be right; the sentence says which. Nothing is written.
+    InputError : the folder is not empty, or a value is outside its physical range. Nothing is written.
     """
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: this exists already; name another folder with --out.")
+    check_free(out)
     notes: list[str] = []
-    ids = _ids(list(sources))
+    ids = curve_names(list(sources))
     tables = {ids[file]: _rows(file, choices, description, notes) for file, choices in sources.items()}
     first = next(iter(sources.values()))
     measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in first[-2:])
@@ -129,7 +129,7 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
             for name, rows in tables.items():
                 lines = [",".join(columns), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
                 (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-            _check(folder, out)
+            check_written(folder, out)
     except InputError as error:
         raise InputError(str(error).replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
     return {
@@ -150,16 +150,32 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
     }
 
 
-def _check(folder: Path, out: Path) -> None:
-    """Raise InputError, about the place where the folder is to stand, if it is no dataset."""
+def check_free(out: Path) -> None:
+    """Raise InputError if a folder exists and is not empty."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: this already exists; name another folder with --out.")
+
+
+def check_written(folder: Path, out: Path) -> None:
+    """Read a dataset back.
+
+    Parameters
+    ----------
+    folder : where it is written before it gets its final name.
+    out : its final name, which is the one in messages.
+
+    Raises
+    ------
+    InputError : a value is outside its physical range.
+    """
     try:
         read_dataset(folder)
     except InputError as error:
         raise InputError(str(error).replace(str(folder), str(out))) from None
 
 
-def _ids(files: Sequence[Path]) -> dict[Path, str]:
-    """A name for each curve, from that of its file."""
+def curve_names(files: Sequence[Path]) -> dict[Path, str]:
+    """Name each curve after its file, without repetition."""
     ids: dict[Path, str] = {}
     for file in files:
         name = plain_name(file.stem)
@@ -171,80 +187,90 @@ def _ids(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, notes: list[str]) -> np.ndarray:
-    """What a file holds in the units, signs and zeros of a dataset (k, columns)."""
+    """Convert the columns of a file to the units, signs and zeros of a dataset: (rows, columns)."""
     values = [choice.column.values * choice.factor for choice in choices]
     rows = np.column_stack(values if len(values) > 2 else [np.zeros(len(values[0])), *values])
     complete = np.isfinite(rows).all(axis=1)
     if not complete.all():
-        notes.append(f"{file}: {(~complete).sum()} rows with an empty cell are left out.")
+        notes.append(f"{file}: {(~complete).sum()} rows with an empty cell are omitted.")
     rows = rows[complete]
     if not len(rows):
-        raise InputError(f"{file}: no row has a number in each of the columns that were chosen.")
-    rows = _turned(file, rows, choices[-2:], description.test, notes)
+        raise InputError(f"{file}: no row has a number in every selected column; check the columns.")
+    rows = _with_signs(file, rows, choices[-2:], description, notes)
     if len(choices) == 2:
         imposed = 2 if description.tool is not None and description.tool["control"] == "force" else 1
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[:, imposed])))])
         rows[:, 0] = path / (description.rate_per_s or 1.0)
     later = np.append(True, np.diff(np.maximum.accumulate(rows[:, 0])) > 0.0)
     if not later.all():
-        notes.append(f"{file}: {(~later).sum()} rows whose time does not increase are left out.")
+        notes.append(f"{file}: {(~later).sum()} rows whose time does not increase are omitted.")
     rows = rows[later]
     if description.contact_force_N is not None and choices[-1].quantity == "force":
         rows = _from_contact(file, rows, description.contact_force_N, notes)
     if len(rows) < SMALLEST_CURVE_ROWS:
-        raise InputError(f"{file}: {len(rows)} rows are left, and a curve needs {SMALLEST_CURVE_ROWS} at least.")
+        raise InputError(f"{file}: {len(rows)} usable rows; a curve needs at least {SMALLEST_CURVE_ROWS}.")
     rows[:, 0] -= rows[0, 0]
-    if description.strip is not None:  # pulling is negative until here
-        rows[:, 1] = 1.0 - rows[:, 1] / description.strip.length_mm
-        rows[:, 2] = -rows[:, 2] / (1e-6 * description.strip.area_mm2)
+    if description.strip is not None:
+        rows[:, 1] = 1.0 + rows[:, 1] / description.strip.length_mm
+        rows[:, 2] = rows[:, 2] / (1e-6 * description.strip.area_mm2)
+    return thinned(file, rows, notes)
+
+
+def thinned(file: Path, rows: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Keep every n-th row of a table with more rows than a curve may have."""
     every = -(-len(rows) // LARGEST_CURVE_ROWS)
     if every > 1:
-        notes.append(f"{file}: one row in {every} is kept, since no more than {LARGEST_CURVE_ROWS} are computed.")
+        notes.append(f"{file}: one row in {every} is kept, because a curve has at most {LARGEST_CURVE_ROWS} rows.")
     return rows[::every]
 
 
-def _turned(file: Path, rows: np.ndarray, choices: Sequence[Choice], test: TestKind, notes: list[str]) -> np.ndarray:
-    """Zeros and signs as a dataset has them: into the tissue and compression are positive; of stresses, tension is."""
-    first, second = choices[0].quantity, choices[1].quantity
-    pulls = test == "tension"
+def _with_signs(
+    file: Path, rows: np.ndarray, choices: Sequence[Choice], description: TestDescription, notes: list[str]
+) -> np.ndarray:
+    """Zeros and signs of a dataset, with a note on each change.
+
+    With a tool, a displacement into the tissue and a compressive force are positive. Of stretches and stresses, and of a strip
+    before they are computed, tension is positive.
+    """
+    first = choices[0].quantity
+    pulls = description.test == "tension"
     if first == "stretch":
+        signs, convention = (1.0 if pulls else -1.0), "tension is positive"
         # A strain begins at 0, a stretch at 1.
         if abs(rows[0, 1]) < LARGEST_FIRST_STRAIN:
-            notes.append(
-                f'"{choices[0].column.name}" begins near 0, so it is a strain: the stretch is 1 + strain, below 1 in compression.'
-            )
-            rows[:, 1] = 1.0 + _signed(rows[:, 1], 1.0 if pulls else -1.0)
-        rows[:, 2] = _signed(rows[:, 2], 1.0 if pulls else -1.0)
-        return rows
+            name = choices[0].column.name
+            notes.append(f'"{name}" begins near 0 and is taken as a strain: stretch = 1 + strain, below 1 in compression.')
+            rows[:, 1] = 1.0 + _signed(rows[:, 1], signs, "strain", convention, notes)
+        rows[:, 2] = _signed(rows[:, 2], signs, "stress", convention, notes)
     if first == "displacement":
         start, extent = rows[0, 1], float(np.ptp(rows[:, 1]))
         if abs(start) > FAR_FROM_ZERO_SHARE * extent:
-            notes.append(f"{file}: the displacement begins at {start:.4g} mm; it is counted from there.")
+            notes.append(f"{file}: the displacement begins at {start:.4g} mm; this value is subtracted.")
             rows[:, 1] -= start
-        for column, what in ((1, first), (2, second)):
-            turned = _signed(rows[:, column], -1.0 if pulls else 1.0)
-            if not np.array_equal(turned, rows[:, column]):
-                wanted = "pulling is negative" if pulls else "compression is positive"
-                notes.append(f"the sign of the {what} was turned: in a dataset {wanted}.")
-            rows[:, column] = turned
+        signs, convention = 1.0, "compression is positive"
+        if pulls:
+            signs, convention = (1.0, "tension is positive") if description.strip else (-1.0, "the pull of a tool is negative")
+        for column, choice in enumerate(choices, 1):
+            rows[:, column] = _signed(rows[:, column], signs, choice.quantity, convention, notes)
     return rows
 
 
-def _signed(values: np.ndarray, sign: float) -> np.ndarray:
-    """The values, turned around if the largest has the other sign."""
+def _signed(values: np.ndarray, sign: float, what: str, convention: str, notes: list[str]) -> np.ndarray:
+    """The values, with reversed signs if the largest one has the other sign."""
     if np.sign(values[np.abs(values).argmax()]) in (0.0, sign):
         return values
+    notes.append(f"the sign of the {what} is reversed: in a dataset, {convention}.")
     return -values + 0.0  # no -0
 
 
 def _from_contact(file: Path, rows: np.ndarray, force_N: float, notes: list[str]) -> np.ndarray:
-    """The rows from the first one on in which the tool presses with this force; the displacement is counted from there."""
+    """The rows from first contact on; the displacement is zero in the first of them."""
     pressing = np.flatnonzero(np.abs(rows[:, 2]) >= force_N)
     if not len(pressing):
-        raise InputError(f"{file}: the force never reaches the contact force of {force_N:g} N; give a smaller one.")
+        raise InputError(f"{file}: the force never reaches the contact force of {force_N:g} N; give a smaller --contact-force-N.")
     begin = int(pressing[0])
     if begin:
-        notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are left out; the displacement is counted from there.")
+        notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are omitted; the displacement is zero at contact.")
     rows = rows[begin:].copy()
     rows[:, 1] -= rows[0, 1]
     return rows
@@ -252,7 +278,7 @@ def _from_contact(file: Path, rows: np.ndarray, force_N: float, notes: list[str]
 
 def _toml(name: str, ids: Sequence[str], description: TestDescription) -> str:
     """The text of dataset.toml."""
-    lines = ["# Every key: explicitfe schema dataset. What is right and what is missing: explicitfe check, with this folder."]
+    lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
     head = {
         "format": "explicitfe-dataset/1",
         "name": name,
@@ -273,11 +299,11 @@ def _toml(name: str, ids: Sequence[str], description: TestDescription) -> str:
 
 
 def missing(export: Export, quantity: Quantity) -> InputError:
-    """What to say where nobody said which column is a quantity, or in which unit."""
+    """The error where the column of a quantity, or its unit, is not known."""
     names = ", ".join(shortened(column.name) for column in export.columns)
     units = ", ".join(QUANTITIES[quantity].units)
-    otherwise = "; without such a column give --rate" if quantity == "time" else ""
+    otherwise = ", or --rate if there is no such column" if quantity == "time" else ""
     return InputError(
-        f"{export.path}: which column is the {quantity}, and in which unit? The columns are {names}; say it by "
-        f'--{quantity} "COLUMN:UNIT" (units: {units}){otherwise}.'
+        f'{export.path}: the column of the {quantity}, or its unit, is not known; give --{quantity} "COLUMN:UNIT"{otherwise}. '
+        f"Columns: {names}. Units: {units}."
     )

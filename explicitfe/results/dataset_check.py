@@ -1,4 +1,4 @@
-"""What ``explicitfe check`` says of a dataset."""
+"""Answer of ``explicitfe check`` for a dataset."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class ColumnRange(TypedDict):
 
 
 class CheckedCurve(TypedDict):
-    """A curve of a dataset, and what is done with it.
+    """A curve of a dataset, and its use.
 
-    ``side`` is "fit", "holdout" or "left out", with the reason in ``why``. ``noise_sd`` is that of the predicted column, in
-    its unit, None where the dataset does not state it.
+    ``side`` is "fit", "holdout" or "left out", with the reason in ``why``. ``noise_sd`` is the standard deviation of the
+    predicted column in its unit, or of a coordinate in mm; None if the dataset does not state it.
     """
 
     id: str
@@ -34,16 +34,17 @@ class CheckedCurve(TypedDict):
 
 
 class HiddenEffect(TypedDict):
-    """An effect that no curve of a dataset can show, and what it would need."""
+    """An effect that no curve of a dataset can show, and the data that it requires."""
 
     effect: str
     needs: str
 
 
 class DatasetCheckReport(TypedDict):
-    """A dataset that can be read: its curves, which of them are fitted by which rule, and which effects they could show.
+    """A valid dataset: its curves, which of them are fitted by which rule, and which effects they can show.
 
-    ``warnings`` are what a reader of a verdict would ask first.
+    ``scenario`` and ``sensors`` (sensor -> point) belong to trajectories. ``warnings`` name missing information that weakens a
+    verdict.
     """
 
     dataset: str
@@ -54,6 +55,8 @@ class DatasetCheckReport(TypedDict):
     license: str
     specimens: list[dict[str, object]]
     tools: list[dict[str, object]]
+    scenario: str | None
+    sensors: dict[str, str]
     rule: str
     curves: list[CheckedCurve]
     can_show: list[str]

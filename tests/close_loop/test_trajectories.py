@@ -7,16 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from sensor_study import SHIFT_M, TURN, simulate_sensors
 
 from explicitfe.close_loop.search import Outcome, search
+from explicitfe.close_loop.split import split
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.intervals import intervals
 from explicitfe.close_loop.statistics.noise import scatter
 from explicitfe.close_loop.statistics.refit import refit
+from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, silent
 from explicitfe.measured.curve import Dataset
 from explicitfe.measured.read import read_dataset
 from explicitfe.results.reader import open_result
@@ -24,6 +27,7 @@ from explicitfe.run.run import run
 
 LAG_MS = 15.0
 QUICK = {"duration_ms": 50.0, "gestures": ("strong", "weak"), "mesh": "cells = [8, 4, 6]"}
+NAMES = [f"turn_{axis}_rad" for axis in "xyz"] + [f"shift_{axis}_mm" for axis in "xyz"]
 OTHER_NUMERICS = ("model.element=hex8-stiffness", "analysis.step_us=20.0")
 
 
@@ -76,9 +80,22 @@ def test_the_registration_is_recovered(tmp_path: Path) -> None:
     assert np.abs(np.array(table.rotation) - TURN).max() < 1e-3
     assert np.abs(np.array(table.translation) - 1e3 * SHIFT_M).max() < 0.1
     # the search from elsewhere leads to the same place
-    far = system.start().at(np.array([0.05, -0.05, 0.05, 2.0, -2.0, 2.0]))
+    start = system.start()
+    far = start.at(start.x + np.array([0.05, -0.05, 0.05, 2.0, -2.0, 2.0]))
     again = refit(system, far, Covariance(system.series, system.rows, scatter(system.series, system.rows)))
-    assert np.abs(again.model.x).max() < 1e-2
+    assert np.abs(again.model.x - start.x).max() < 1e-2
+
+
+def test_the_reported_registration_is_that_of_the_sensors(tmp_path: Path) -> None:
+    """The parameters are the whole registration, x_model = R x + t, not a correction of the one that the fit starts from."""
+    dataset = simulate_sensors(tmp_path / "data", noise_mm=0.01, **QUICK)
+    turn_rad, shift_mm = Rotation.from_matrix(TURN).as_rotvec(), 1e3 * SHIFT_M
+    sides = split(dataset)
+    report = close_trajectories(dataset, sides, ["damping"], 0, 1, silent).report
+    estimates = [report.baseline.parameters[name] for name in NAMES]
+    intervals = np.array([estimate.ci95 for estimate in estimates])
+    assert np.abs([estimate.value for estimate in estimates] - np.array([*turn_rad, *shift_mm])).max() < 0.2
+    assert np.all(intervals[:, 0] <= [*turn_rad, *shift_mm]) and np.all(intervals[:, 1] >= [*turn_rad, *shift_mm])
 
 
 def test_a_written_scenario_gives_the_answers_again(lagging: Dataset, tmp_path: Path) -> None:

@@ -154,8 +154,8 @@ def test_keys_are_named_as_set_takes_them() -> None:
         "muscle.GGp.force_N": [1.0, 2.0, 1.0],
         "muscle.SL": [{"name": "SL", "force_N": 1.0}, None, {"name": "SL", "force_N": 1.0}],
         "model.damping": [None, {"alpha_per_s": 40.0}, None],
-        "muscle.1": [None, {"name": "STY", "force_N": 1.0}, None],
-        "muscle.2": [None, {"name": "STY", "force_N": 0.5}, None],
+        "muscle.2": [None, {"name": "STY", "force_N": 1.0}, None],
+        "muscle.3": [None, {"name": "STY", "force_N": 0.5}, None],
     }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of, weighed
+from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -21,6 +21,7 @@ from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Answer
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.close_loop.verdict import follow_posterior
 from explicitfe.errors import InputError, Progress, RunError, Share
 from explicitfe.measured.curve import Dataset
 from explicitfe.results import provenance
@@ -59,7 +60,7 @@ def close_trajectories(
         )
         progress("trace", 1.0)
         posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
-        outcome = weighed(outcome, posterior)
+        outcome = follow_posterior(outcome, posterior)
         changed = outcome.keeps_effects
         last = outcome.rounds[-1] if changed else outcome.rounds[0]
         before, after = outcome.rounds[0].fit, last.fit

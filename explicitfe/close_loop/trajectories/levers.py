@@ -78,7 +78,7 @@ def _weight(scenario: TransientScenario, strength: float) -> list[str]:
 
 def _forces(scenario: TransientScenario, factor: float) -> list[str]:
     """All muscle forces multiplied."""
-    return [f"muscle.{k}.force_N={factor * muscle.force_N!r}" for k, muscle in enumerate(scenario.muscle)]
+    return [f"muscle.{k}.force_N={factor * muscle.force_N!r}" for k, muscle in enumerate(scenario.muscle, 1)]
 
 
 def _moduli(scenario: TransientScenario, factor: float) -> list[str]:
@@ -96,7 +96,7 @@ def _stiffer(material: str | Law, factor: float) -> str:
 def _grafts(scenario: TransientScenario, factor: float) -> list[str]:
     """All grafts with their moduli multiplied."""
     settings = []
-    for number, graft in enumerate(scenario.graft):
+    for number, graft in enumerate(scenario.graft, 1):
         if graft.material is None:
             assert graft.stiffness_ratio is not None  # the schema has checked that one of the two is given
             settings.append(f"graft.{number}.stiffness_ratio={factor * graft.stiffness_ratio!r}")

@@ -20,12 +20,12 @@ from explicitfe.close_loop.statistics.refit import derivatives
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.close_loop.trajectories.levers import FACTOR, Lever, levers_of
-from explicitfe.close_loop.trajectories.registration import Registration, procrustes
 from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import InputError, RunError, nearest
 from explicitfe.host.toml_text import toml_value
 from explicitfe.measured.curve import Curve, Dataset
+from explicitfe.measured.registration import Registration, procrustes
 from explicitfe.measured.tables import RegistrationTable
 from explicitfe.model import catalogue
 from explicitfe.model.muscles import profile_of
@@ -43,8 +43,8 @@ SMALLEST_NOISE_M = 1e-6
 CHECK_CELLS_FACTOR = 1.5
 # The check with smaller steps takes this share of the usual step.
 CHECK_STEP_SHARE = 0.5
-# Steps of a turn [rad] and a shift [mm] that change positions noticeably, and the largest shift [mm].
-TURN_STEP_RAD, SHIFT_STEP_MM, LARGEST_SHIFT_MM = 0.05, 1.0, 50.0
+# Steps of rotation [rad] and translation [mm] that change positions noticeably, and the largest correction of the start [mm].
+TURN_STEP_RAD, SHIFT_STEP_MM, LARGEST_SHIFT_MM = 0.05, 1.0, 500.0
 # The scale may change by these factors.
 SCALE_BOUND_FACTORS = (0.5, 2.0)
 OTHER_ELEMENT = {"hex8": "hex8-stiffness", "hex8-stiffness": "hex8", "hex8-full": "hex8"}
@@ -104,15 +104,18 @@ class Trajectories:
 
     @cached_property
     def base(self) -> tuple[Parameter, ...]:
-        """The parts of the registration that are fitted, about the first one: turn, shift, scale."""
+        """The parts of the registration that are fitted: rotation vector, translation and scale, see :class:`Registration`."""
         table = _registration_table(self.dataset)
         parameters = []
         if table.rotation == "fit":
-            turn = Sought((TURN_STEP_RAD,), -np.pi, np.pi)
-            parameters += [Parameter(f"turn_{axis}_rad", turn, 0.0) for axis in AXIS_NAMES]
+            for axis, start in zip(AXIS_NAMES, Rotation.from_matrix(self.first.rotation).as_rotvec(), strict=True):
+                turn = Sought((start + TURN_STEP_RAD,), start - np.pi, start + np.pi, none=start)
+                parameters.append(Parameter(f"turn_{axis}_rad", turn, float(start)))
         if table.translation == "fit":
-            shift = Sought((SHIFT_STEP_MM,), -LARGEST_SHIFT_MM, LARGEST_SHIFT_MM)
-            parameters += [Parameter(f"shift_{axis}_mm", shift, 0.0) for axis in AXIS_NAMES]
+            for axis, start in zip(AXIS_NAMES, 1e3 * self.first.translation, strict=True):
+                low, high = start - LARGEST_SHIFT_MM, start + LARGEST_SHIFT_MM
+                shift = Sought((start + SHIFT_STEP_MM,), low, high, none=start)
+                parameters.append(Parameter(f"shift_{axis}_mm", shift, float(start)))
         if table.scale == "fit":
             s = self.first.scale
             low, high = SCALE_BOUND_FACTORS
@@ -134,10 +137,13 @@ class Trajectories:
     def registration(self, model: Hypothesis) -> Registration:
         """The registration of a model."""
         values = dict(zip([p.name for p in self.base], model.values, strict=False))
-        turn = Rotation.from_rotvec([values.get(f"turn_{axis}_rad", 0.0) for axis in AXIS_NAMES]).as_matrix()
-        shift = np.array([values.get(f"shift_{axis}_mm", 0.0) for axis in AXIS_NAMES])
-        scale = values.get("scale", self.first.scale)
-        return Registration(turn @ self.first.rotation, self.first.centre, self.first.place + 1e-3 * shift, scale)
+        turn = [values.get(f"turn_{axis}_rad") for axis in AXIS_NAMES]
+        shift_mm = [values.get(f"shift_{axis}_mm") for axis in AXIS_NAMES]
+        return Registration(
+            self.first.rotation if None in turn else Rotation.from_rotvec(turn).as_matrix(),
+            self.first.translation if None in shift_mm else 1e-3 * np.array(shift_mm),
+            values.get("scale", self.first.scale),
+        )
 
     @property
     def considered(self) -> list[str]:

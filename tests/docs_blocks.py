@@ -151,16 +151,19 @@ def check_output(expected: str, output: str) -> None:
     The block is an excerpt: its words appear in the output in this order, and ``...`` stands for any text. Frames of tables and
     line breaks are ignored. Numbers with decimals may differ by two units of their last digit, as processors round differently.
     """
-    expected, output = _without_layout(expected), _without_layout(output)
-    parts = [_NUMBER.sub(r"(-?\\d+(?:\\.\\d+)?)", _escaped(part.strip())) for part in expected.split("...")]
-    match = re.search(".*?".join(parts), output)
-    assert match, f"the page says\n    {expected}\nbut the output is\n    {output}"
-    for written, printed in zip(_NUMBER.findall(expected), match.groups(), strict=True):
-        decimals = len(written.partition(".")[2])
-        allowed = 2.0 * 10.0**-decimals if decimals else 0.0
-        assert abs(float(written) - float(printed)) <= allowed * (1.0 + 1e-9), (
-            f"the page says {written}, the output {printed}: {match[0]}"
-        )
+    output, place = _without_layout(output), 0
+    for part in map(str.strip, _without_layout(expected).split("...")):
+        numbers = _NUMBER.findall(part)
+        matches = re.compile(_NUMBER.sub(r"(-?\\d+(?:\\.\\d+)?)", _escaped(part))).finditer(output, place)
+        found = next((match for match in matches if all(map(_is_same_number, numbers, match.groups()))), None)
+        assert found, f"the page says\n    {expected}\nbut {part!r} does not follow in the output\n    {output[place:]}"
+        place = found.end()
+
+
+def _is_same_number(written: str, printed: str) -> bool:
+    decimals = len(written.partition(".")[2])
+    allowed = 2.0 * 10.0**-decimals if decimals else 0.0
+    return abs(float(written) - float(printed)) <= allowed * (1.0 + 1e-9)
 
 
 def _without_layout(text: str) -> str:

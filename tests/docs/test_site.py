@@ -1,4 +1,4 @@
-"""The site of docs/ builds without a warning: every page is in the navigation, every link and every anchor leads somewhere."""
+"""The site of docs/ builds without a warning; links of its pages also lead to files of the repository."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from docs_blocks import pages, text_of
 from support import ROOT
 
 pytest.importorskip("material", reason='the site is built with mkdocs-material: pip install "explicitfe[docs]"')
@@ -22,8 +23,15 @@ def site(tmp_path_factory) -> Path:
     return folder
 
 
-def test_pages_ask_nothing_of_a_network(site):
-    """No script, style, font or picture comes from elsewhere; links that a reader follows may."""
+@pytest.mark.parametrize("page", ["SUPPORT.md", *pages()])
+def test_links_lead_to_files_of_the_repository(page):
+    """Links also work outside the built site, such as on a code hosting platform; pages that exist only in the site are not linked."""
+    links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", text_of(page))
+    assert [link for link in links if "://" not in link and not (ROOT / page).parent.joinpath(link).exists()] == []
+
+
+def test_pages_load_nothing_from_other_servers(site):
+    """Scripts, styles, fonts and pictures are part of the site; links may lead elsewhere."""
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
         for attribute in ('src="http', 'src="//', 'rel="stylesheet" href="http', 'rel="preconnect"'):
@@ -36,7 +44,7 @@ def test_every_page_is_there(site):
 
 
 def test_the_reference_has_every_command_and_every_name(site):
-    """Pages that are made from the program have each command, effect and Python name as a heading or a row."""
+    """Generated pages contain each command, effect and Python name."""
     import explicitfe
     from explicitfe.cli.app import COMMANDS, GROUPS
     from explicitfe.effects import EFFECTS
@@ -51,8 +59,8 @@ def test_the_reference_has_every_command_and_every_name(site):
     assert [name for name in explicitfe.__all__ if name != "__version__" and f'id="{name.lower()}"' not in python] == []
 
 
-def test_words_lead_to_the_glossary(site):
-    """The first use of a word is a link to a heading that is there, with the meaning beside the pointer."""
+def test_terms_link_to_the_glossary(site):
+    """The first use of a term is a link to its definition in the glossary."""
     glossary = (site / "explanation" / "glossary.html").read_text(encoding="utf-8")
     links = set()
     for page in (*(site / "tutorials").glob("*.html"), *(site / "studies").glob("*.html")):
@@ -66,13 +74,13 @@ def test_words_lead_to_the_glossary(site):
 
 
 @pytest.mark.parametrize("study", sorted((ROOT / "docs" / "studies").glob("[!i]*.md")), ids=lambda path: path.stem)
-def test_a_study_has_a_date_and_says_in_five_lines_what_it_found(study):
+def test_a_study_has_a_date_and_a_short_abstract(study):
     abstract = study.read_text(encoding="utf-8").split("\n\n")[1]
     assert re.match(r"> \*Study of \d{4}-\d\d-\d\d\.\* \*\*In short\.\*\* ", abstract)
     assert len(abstract.splitlines()) <= 6
 
 
-def test_the_gallery_has_twelve_pictures_with_the_command_that_makes_each():
+def test_the_gallery_has_twelve_pictures_with_their_commands():
     text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
     cards = text.split("\n-   ")[1:]
     assert len(cards) == 12

@@ -25,7 +25,7 @@ def site(tmp_path_factory) -> Path:
 
 @pytest.mark.parametrize("page", ["SUPPORT.md", *pages()])
 def test_links_lead_to_files_of_the_repository(page):
-    """Links also work outside the built site, such as on a code hosting platform; pages that exist only in the site are not linked."""
+    """Links also work outside the built site, so no page links to one that exists only there."""
     links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", text_of(page))
     assert [link for link in links if "://" not in link and not (ROOT / page).parent.joinpath(link).exists()] == []
 

@@ -1,14 +1,17 @@
-"""Material laws: one file a law, one line a law in the table below.
+"""Material laws: one file per law, and one line per law of the elements in the table below.
 
-A law's module has a pydantic class of constants (a :class:`~explicitfe.materials.law.Law`) that says of which invariants the
-isochoric energy is a function, and two leaves: that energy and its slopes by them. Stress and energy follow in ``law``. The
-leaves use arithmetic only, so that the same statement runs on floats (tests, one point) and on vectors (elements).
+The module of a law has a pydantic class of constants (a :class:`~explicitfe.materials.law.Law`) that names the invariants of the
+isochoric energy, and two leaves: this energy and its derivatives with respect to the invariants. Stress and energy follow in
+``law``. The leaves use arithmetic only, so that the same statement runs on floats (tests, one point) and on vectors (elements).
+
+``ogden`` is not in the table: elements do not support it. ``homogeneous`` computes all laws in homogeneous tests.
 """
 
 from __future__ import annotations
 
 from types import ModuleType
 
+from explicitfe.errors import InputError
 from explicitfe.materials import mooney_rivlin, neo_hooke, yeoh
 from explicitfe.materials.law import Law, Leaves, leaves_of
 
@@ -20,7 +23,14 @@ LAWS: dict[str, tuple[type[Law], ModuleType]] = {
 
 
 def law_of(name: str) -> Leaves:
-    """The compiled leaves of the law called ``name``."""
+    """The compiled leaves of the law called ``name``.
+
+    Raises
+    ------
+    InputError : elements do not support the law.
+    """
+    if name not in LAWS:
+        raise InputError(f"law {name} is available for homogeneous tests only; laws of elements: {', '.join(LAWS)}.")
     return leaves_of(*LAWS[name])
 
 

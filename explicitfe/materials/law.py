@@ -1,28 +1,30 @@
-"""What every material law has in common: constants with units, and the stress that follows from its energy.
+"""Base class of the material laws: constants with units, and the stress that follows from the strain energy.
 
-A law is W = W_iso + U(J), U in ``volumetric``. It says of which invariants W_iso is a function, and writes W_iso and its slopes
-by them as compiled leaves; energy and first Piola-Kirchhoff stress of every law follow from these here, and so does what
-elements and effects need of a law. What differs between a law of I1_bar and one of I1_bar and I2_bar stands in
-``first_invariant`` and ``two_invariants``.
+A law is W = W_iso + U(J); U is in ``volumetric``. A law declares the invariants of which W_iso is a function, and defines W_iso
+and its derivatives with respect to them as compiled leaves. The energy, the first Piola-Kirchhoff stress and everything that
+elements and effects need follow from these leaves in this module. ``first_invariant`` and ``two_invariants`` hold the parts that
+differ between laws of I1_bar and laws of I1_bar and I2_bar.
 
-Inside an element of one integration point the deformation varies, unseen by that point. ``delta`` is what that adds to I1_bar on
-the mean of the element. It adds the same to I2_bar: for a deviatoric strain e both invariants are 3 + 2 e:e to second order.
+An element with one integration point does not resolve the variation of the deformation inside the element. ``delta`` is the
+increase of the mean of I1_bar due to this variation. I2_bar increases by the same amount: for a deviatoric strain e both
+invariants are 3 + 2 e:e to second order.
 """
 
 from __future__ import annotations
 
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from explicitfe.compiled.jit import PLACEHOLDER, Dispatcher, bind
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.materials import first_invariant, two_invariants, volumetric
 from explicitfe.materials.kinematics import cofactor
 from explicitfe.materials.volumetric import bulk_modulus
@@ -35,12 +37,16 @@ LAW_CONSTANTS = 1
 
 
 class Law(BaseModel, ABC):
-    """Constants of one material law, as a scenario or a material table states them (units in the key names).
+    """Constants of a material law, with the keys of a scenario or of a material table (units in the key names).
 
     Attributes
     ----------
-    invariants : those that the isochoric energy is a function of: ("I1",) or ("I1", "I2").
-    reads : the constants that the leaves read as c[0], c[1], ... The bulk modulus comes after them, for U(J).
+    invariants : invariants of which the isochoric energy is a function: ("I1",) or ("I1", "I2").
+    reads : constants that the leaves read as c[0], c[1], ... The bulk modulus follows them, for U(J).
+
+    Raises
+    ------
+    InputError : a constant is missing, unknown or out of its limits.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -55,19 +61,65 @@ class Law(BaseModel, ABC):
     density_kg_m3: float = Field(default=1040.0, gt=0.0, description="density [kg/m^3]")
     source: str = Field(default="", description="where the constants come from")
 
+    def __init__(self, *positional: object, **constants: Any) -> None:
+        name = type(self).__name__
+        if positional:
+            raise InputError(f"{name}: write the constants with their names, such as {name}({next(iter(self.reads))}=...).")
+        try:
+            super().__init__(**constants)
+        except ValidationError as error:
+            raise InputError(_sentence(type(self), error)) from None
+
+    # Marks an ``__init__`` that only replaces the error: ``model_validate`` then keeps the place of a wrong key in a scenario.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
     @property
     @abstractmethod
     def shear_modulus_Pa(self) -> float:
         """Initial shear modulus [Pa]."""
 
     def constants(self) -> tuple[float, ...]:
-        """What the compiled law reads: the constants that ``reads`` names, and the bulk modulus [Pa]."""
+        """Constants in the order of the compiled law: those in ``reads``, then the bulk modulus [Pa]."""
         return (*(getattr(self, name) for name in self.reads), bulk_modulus(self.shear_modulus_Pa, self.poisson))
 
     def scaled(self, constants: np.ndarray, factor: np.ndarray) -> np.ndarray:
-        """Constants (m, k) of elements that are stiffer by a factor (m,): what is a stress, ``_Pa``, is multiplied."""
+        """Constants (m, k) of elements that are stiffer by a factor (m,): constants in Pa are multiplied by it."""
         modulus = np.array([*(name.endswith("_Pa") for name in self.reads), True])
         return constants * np.where(modulus, factor[:, None], 1.0)
+
+    def stretch_derivative(self, stretch: np.ndarray) -> np.ndarray:
+        """Derivative of W_iso with respect to the logarithms of the isochoric principal stretches.
+
+        Parameters
+        ----------
+        stretch : (3, n) isochoric principal stretches, real or complex.
+
+        Returns
+        -------
+        stretch_i dW_iso/dstretch_i : (3, n) Pa. Its deviator is the Kirchhoff stress without the pressure.
+        """
+        square = stretch * stretch
+        first, second = square.sum(axis=0), (1.0 / square).sum(axis=0)
+        module = sys.modules[type(self).__module__]
+        if self.invariants == ("I1",):
+            return 2.0 * module.slope.py_func(first, self.constants()) * square
+        by_first, by_second = module.slopes.py_func(first, second, self.constants())
+        return 2.0 * (by_first * square - by_second / square)
+
+
+def _sentence(law: type[Law], error: ValidationError) -> str:
+    """The first fault of some constants in one sentence."""
+    fault = error.errors()[0]
+    name, keys = law.__name__, [key for key in law.model_fields if key != "law"]
+    if not fault["loc"]:
+        return f"{name}: {str(fault['msg']).removeprefix('Value error, ')}"
+    key = str(fault["loc"][0])
+    if fault["type"] == "missing":
+        return f"{name}: {key} is missing ({law.model_fields[key].description})."
+    if fault["type"] == "extra_forbidden":
+        return f'{name}: there is no constant "{shortened(key)}"; {nearest(key, keys)}'
+    rule = str(fault["msg"]).removeprefix("Value error, ").replace("Input should be", "it must be")
+    return f"{name}: {key} = {shortened(repr(fault['input']))}: {rule.rstrip('.')}."
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ class MooneyRivlin(Law):
     invariants: ClassVar[tuple[str, ...]] = ("I1", "I2")
     reads: ClassVar[tuple[str, ...]] = ("C10_Pa", "C01_Pa")
 
-    law: Literal["mooney-rivlin"]
+    law: Literal["mooney-rivlin"] = "mooney-rivlin"
     C10_Pa: float = Field(gt=0.0, description="constant of the first invariant [Pa]")
     C01_Pa: float = Field(ge=0.0, description="constant of the second invariant [Pa]")
 

@@ -15,7 +15,7 @@ class NeoHooke(Law):
 
     reads: ClassVar[tuple[str, ...]] = ("C10_Pa",)
 
-    law: Literal["neo-hooke"]
+    law: Literal["neo-hooke"] = "neo-hooke"
     C10_Pa: float = Field(gt=0.0, description="half the shear modulus [Pa]")
 
     @property

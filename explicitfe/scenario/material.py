@@ -1,21 +1,34 @@
-"""The key material of a scenario: a name, or the constants of any law."""
+"""The key material of a scenario: a name, or the constants of any law that elements support."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Union
 
-from pydantic import AfterValidator, Discriminator, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag
 
-from explicitfe.materials import LAWS, Law
+from explicitfe.errors import InputError
+from explicitfe.materials import LAWS, Law, law_of
+from explicitfe.materials.ogden import Ogden
 from explicitfe.scenario.bounds import check_fields
 
 
 def _law_of(value: object) -> str:
-    """Which of the alternatives of the key ``material`` a value is meant for: "name", or the name of a law."""
+    """The alternative of the key ``material`` that a value selects: "name", or the name of a law."""
     if isinstance(value, str):
         return "name"
     law = value.get("law", "yeoh") if isinstance(value, dict) else getattr(value, "law", "yeoh")
     return law if isinstance(law, str) else str(type(law))
+
+
+def _refuse_ogden(value: object) -> object:
+    """Refuse the law that exists but not in elements, with its reason."""
+    law = Ogden.model_fields["law"].default
+    if _law_of(value) == law:
+        try:
+            law_of(law)
+        except InputError as error:
+            raise ValueError(str(error)) from None
+    return value
 
 
 if TYPE_CHECKING:
@@ -23,4 +36,5 @@ if TYPE_CHECKING:
 else:
     # A name, or the constants of any law of the table: a new law is possible in scenarios without a line here.
     _alternatives = [Annotated[str, Tag("name")], *(Annotated[law, Tag(name)] for name, (law, _) in LAWS.items())]
-    Material = Annotated[Union[tuple(_alternatives)], Discriminator(_law_of), AfterValidator(check_fields)]  # noqa: UP007
+    _of_law = Annotated[Union[tuple(_alternatives)], Discriminator(_law_of), AfterValidator(check_fields)]  # noqa: UP007
+    Material = Annotated[_of_law, BeforeValidator(_refuse_ogden)]

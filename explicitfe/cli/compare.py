@@ -148,8 +148,10 @@ def _compare_results(a: Path, b: Path, tolerance: float | None, as_json: bool) -
 
 
 def _offset(words: str | None) -> float | Literal["fit"] | None:
-    if words is None or words == "fit":
-        return words
+    if words is None:
+        return None
+    if words == "fit":
+        return "fit"
     try:
         return float(words)
     except ValueError:

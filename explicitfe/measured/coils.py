@@ -24,7 +24,7 @@ ANATOMICAL_AXES = {
 }  # fmt: skip
 CARTESIAN_AXES = {"x": (0, 1.0), "y": (1, 1.0), "z": (2, 1.0)}
 _COORDINATE = re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{'|'.join((*ANATOMICAL_AXES, *CARTESIAN_AXES))})", re.IGNORECASE)
-_METRES = 1e-3  # lengths in QUANTITIES are in mm
+M_PER_MM = 1e-3  # lengths in QUANTITIES are in mm
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +216,7 @@ def _metres(export: Export, column: ExportColumn, unit: str | None) -> np.ndarra
         )
     if known is None:
         raise InputError(f'{export.path}: "{shortened(stated)}" of "{shortened(column.name)}" is no unit of length; use {valid}.')
-    values: np.ndarray = _METRES * QUANTITIES["displacement"].units[known] * column.values
+    values: np.ndarray = M_PER_MM * QUANTITIES["displacement"].units[known] * column.values
     return values
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -28,7 +28,7 @@ REST_S = 0.02
 LEAST_OVERLAP_SHARE = 0.5
 # Offsets are searched in steps of the sampling interval, but in no more than this many.
 MOST_OFFSETS = 2000
-MILLI = 1e3
+MM_PER_M, MS_PER_S = 1e3, 1e3
 MIDSAGITTAL = np.array([1.0, 0.0, 1.0])  # planar recordings have no lateral coordinate
 STILL_M = 1e-9  # a coordinate that changes by less does not move
 
@@ -96,15 +96,15 @@ def compare_recording(
     steady = _without_head_motion(chosen, head, reference_s)
     with open_result(path) as result:
         names = list(mapping)
-        rest, paths = _model_paths(result, names)
+        rest_m, paths = _model_paths(result, names)
         if coils.planar:
-            rest, paths = rest * MIDSAGITTAL, paths * MIDSAGITTAL
+            rest_m, paths = rest_m * MIDSAGITTAL, paths * MIDSAGITTAL
         times_s = np.asarray(result.times)
         described = describe_result(result)
     recorded = np.stack([steady.positions[sensor] for sensor in mapping.values()], axis=1)
 
     def align(shift_s: float) -> _Aligned:
-        return _align(steady, recorded, times_s, rest, paths, shift_s, register, reference_s)
+        return _align(steady, recorded, times_s, rest_m, paths, shift_s, register, reference_s)
 
     fitted = offset_s == "fit"
     best = _best_offset(align, steady.time_s, times_s) if fitted else align(_start_of(steady, offset_s))
@@ -122,17 +122,17 @@ def compare_recording(
             what=sentence,
             rotation=table.rotation.tolist(),
             rotation_deg=float(np.degrees(Rotation.from_matrix(table.rotation).magnitude())),
-            translation_mm=(MILLI * table.translation).tolist(),
-            residual_mm=None if best.residual_m is None else MILLI * best.residual_m,
+            translation_mm=(MM_PER_M * table.translation).tolist(),
+            residual_mm=None if best.residual_m is None else MM_PER_M * best.residual_m,
             head_sensors=list(head),
         ),
         offset_s=best.shift_s,
         offset_fitted=fitted,
         rows=len(best.time_s),
-        first_ms=MILLI * float(best.time_s[0]),
-        last_ms=MILLI * float(best.time_s[-1]),
-        rms_mm=MILLI * best.rms_m,
-        movement_rms_mm=MILLI * _rms(movement),
+        first_ms=MS_PER_S * float(best.time_s[0]),
+        last_ms=MS_PER_S * float(best.time_s[-1]),
+        rms_mm=MM_PER_M * best.rms_m,
+        movement_rms_mm=MM_PER_M * _rms(movement),
         points={
             name: _sensor(sensor, best.time_s, best.model[:, k], best.recorded[:, k], steady.planar)
             for k, (name, sensor) in enumerate(mapping.items())
@@ -163,7 +163,7 @@ def _align(
     coils: Coils,
     recorded: np.ndarray,
     times_s: np.ndarray,
-    rest: np.ndarray,
+    rest_m: np.ndarray,
     paths: np.ndarray,
     shift_s: float,
     register: RegisterBy,
@@ -188,7 +188,7 @@ def _align(
         rows = (coils.time_s >= start_s - STILL_M) & (coils.time_s <= end_s + STILL_M)
         if not rows.any():
             raise InputError(f"{coils.path}: no row lies between {start_s:g} and {end_s:g} s; give another --reference-s.")
-        target, seen = rest, recorded[rows].mean(axis=0)
+        target, seen = rest_m, recorded[rows].mean(axis=0)
     else:
         target, seen = model.reshape(-1, 3), compared.reshape(-1, 3)
     registration = procrustes(_fitted_parts(recorded), target, seen)
@@ -202,7 +202,7 @@ def _fitted_parts(recorded: np.ndarray) -> RegistrationTable:
     return RegistrationTable(translation="fit", **({"rotation": "fit"} if turns else {}))
 
 
-def _best_offset(align, recorded_s: np.ndarray, times_s: np.ndarray) -> _Aligned:  # type: ignore[no-untyped-def]
+def _best_offset(align: Callable[[float], _Aligned], recorded_s: np.ndarray, times_s: np.ndarray) -> _Aligned:
     """The offset with the least distance: the best of a grid, refined between its neighbours."""
     shorter_s = min(np.ptp(recorded_s), np.ptp(times_s))
     low = recorded_s[0] - times_s[-1] + LEAST_OVERLAP_SHARE * shorter_s
@@ -251,9 +251,9 @@ def _registration_sentence(
     """What the registration was fitted to, and whether it includes a rotation."""
     can_rotate = determine_a_rotation(recorded.mean(axis=0))
     parts = "rotation and translation" if can_rotate else "translation"
-    rest = f"{reference_s[0]:g} to {reference_s[1]:g} s" if reference_s else f"first {MILLI * REST_S:g} ms"
+    interval = f"{reference_s[0]:g} to {reference_s[1]:g} s" if reference_s else f"first {MS_PER_S * REST_S:g} ms"
     sentences = {
-        "rest": f"{parts} fitted to the positions at rest (recording: {rest}; model: first sample)",
+        "rest": f"{parts} fitted to the positions at rest (recording: {interval}; model: first sample)",
         "movement": f"{parts} fitted to all compared positions",
         "none": "none: the recording is in the frame of the model",
     }
@@ -269,9 +269,9 @@ def _sensor(sensor: str, time_s: np.ndarray, model: np.ndarray, recorded: np.nda
 
     return ComparedSensor(
         sensor=sensor,
-        rms_mm=MILLI * float(np.sqrt(np.mean(distance**2))),
-        largest_mm=MILLI * float(distance[worst]),
-        largest_at_ms=MILLI * float(time_s[worst]),
+        rms_mm=MM_PER_M * float(np.sqrt(np.mean(distance**2))),
+        largest_mm=MM_PER_M * float(distance[worst]),
+        largest_at_ms=MS_PER_S * float(time_s[worst]),
         forward=axis(X, -1.0),
         up=axis(Z),
         right=None if planar else axis(Y),
@@ -281,10 +281,10 @@ def _sensor(sensor: str, time_s: np.ndarray, model: np.ndarray, recorded: np.nda
 def _axis(model: np.ndarray, recorded: np.ndarray) -> ComparedAxis:
     moves = np.ptp(model) > STILL_M and np.ptp(recorded) > STILL_M
     return ComparedAxis(
-        rms_mm=MILLI * float(np.sqrt(np.mean((recorded - model) ** 2))),
+        rms_mm=MM_PER_M * float(np.sqrt(np.mean((recorded - model) ** 2))),
         correlation=float(np.corrcoef(model, recorded)[0, 1]) if moves else None,
-        model_range_mm=MILLI * float(np.ptp(model)),
-        recorded_range_mm=MILLI * float(np.ptp(recorded)),
+        model_range_mm=MM_PER_M * float(np.ptp(model)),
+        recorded_range_mm=MM_PER_M * float(np.ptp(recorded)),
     )
 
 

@@ -20,7 +20,7 @@ from explicitfe.measured.files import SMALLEST_CURVE_ROWS, lines_of
 # Machines record for hours at a kilohertz; long tables are thinned out later.
 LARGEST_EXPORT_BYTES = 64 * 2**20
 # A longer line is no row of a table. The limit is below that of the csv module for a cell, 131 072.
-LONGEST_LINE_CHARACTERS = 100_000
+LONGEST_ROW_CHARACTERS = 100_000
 LINES_THAT_SHOW_THE_LAYOUT = 2000
 SEPARATORS = (";", "\t", ",", None)  # None: blanks
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -90,10 +90,10 @@ def read_export(path: Path) -> Export:
     advice = "export the table as plain text (.csv, .txt), with fewer rows"
     lines = lines_of(text_of(path, advice, largest_bytes=LARGEST_EXPORT_BYTES, of_other_programs=True))
     longest = max(range(len(lines)), key=lambda number: len(lines[number]))
-    if len(lines[longest]) > LONGEST_LINE_CHARACTERS:
+    if len(lines[longest]) > LONGEST_ROW_CHARACTERS:
         raise InputError(
             f"{path}, line {longest + 1}: the line has {len(lines[longest])} characters, and a row of a table has at most "
-            f"{LONGEST_LINE_CHARACTERS}; export the table again, with one row per line."
+            f"{LONGEST_ROW_CHARACTERS}; export the table again, with one row per line."
         )
     best: tuple[int, int, str | None, bool] = (0, 0, None, False)
     for separator in SEPARATORS:

@@ -22,7 +22,7 @@ from explicitfe.scenario.read import read_scenario
 from explicitfe.scenario.transient import TransientScenario
 
 SCENARIO_FILE = "scenario.toml"  # the copy of a bundled scenario
-MILLI = 1e3
+MM_PER_M, MS_PER_S = 1e3, 1e3
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _check_scenario(path: Path, description: TrajectoryDescription, recordings: 
     start_s, end_s = description.interval_s or (-np.inf, np.inf)
     for coils in recordings:
         inside = coils.time_s[(coils.time_s >= start_s) & (coils.time_s <= end_s)]
-        lasts_s, simulated_s = float(np.ptp(inside)) if len(inside) else 0.0, scenario.analysis.duration_ms / MILLI
+        lasts_s, simulated_s = float(np.ptp(inside)) if len(inside) else 0.0, scenario.analysis.duration_ms / MS_PER_S
         if lasts_s > simulated_s * (1.0 + 1e-9):
             notes.append(
                 f"{coils.path}: the recording lasts {lasts_s:.4g} s and the scenario {simulated_s:.4g} s; select rows with "
@@ -146,7 +146,10 @@ def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -
         notes.append("coordinates are converted to the axes of the model: x backwards, y to the speaker's right, z up.")
     if coils.planar:
         notes.append("the recording has two coordinates; the lateral one (y) is set to 0 and is not compared.")
-    columns = [chosen.time_s - chosen.time_s[0], *(MILLI * place[:, k] for place in chosen.positions.values() for k in range(3))]
+    columns = [
+        chosen.time_s - chosen.time_s[0],
+        *(MM_PER_M * place[:, k] for place in chosen.positions.values() for k in range(3)),
+    ]
     head = [TIME, *(f"{name}_{axis}_mm" for name in chosen.positions for axis in "xyz")]
     return head, thinned(coils.path, np.column_stack(columns) + 0.0, notes)  # no -0
 

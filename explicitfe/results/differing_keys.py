@@ -24,9 +24,9 @@ def differing_keys(scenarios: Sequence[Mapping[str, JsonValue]]) -> dict[str, li
 
     Returns
     -------
-    Key -> its value in each scenario, None where it is absent. Keys are written as for ``--set``: an entry of a list of tables is
-    named ``muscle.GGp.force_N``, or by its number from 1 where its name is not unique. A table that a scenario lacks is one row: the
-    whole table, such as ``muscle.STY``, is the value where it is present.
+    Key -> its value in each scenario, None where it is absent. Keys are written as for ``--set``: an entry of a list of tables
+    is named ``muscle.GGp.force_N``, or by its number from 1 where its name is not unique. A table that a scenario lacks is one
+    row: the whole table, such as ``muscle.STY``, is the value where it is present.
     """
     return dict(_rows([{key: value for key, value in scenario.items() if key not in WORDS} for scenario in scenarios], ""))
 
@@ -69,10 +69,5 @@ def _by_name(lists: list[list[Mapping[str, Any]]]) -> list[Mapping[str, Any]]:
     """Turn lists of tables into tables of them: by name where it is unique in every scenario, else by number from 1."""
     names = [[str(entry.get("name") or "") for entry in entries] for entries in lists]
     repeated = {name for own in names for name in own if not name or own.count(name) > 1}
-    return [
-        {
-            str(number) if name in repeated else name: entry
-            for number, (name, entry) in enumerate(zip(own, entries, strict=True), 1)
-        }
-        for own, entries in zip(names, lists, strict=True)
-    ]
+    keys = [[str(number) if name in repeated else name for number, name in enumerate(own, 1)] for own in names]
+    return [dict(zip(own, entries, strict=True)) for own, entries in zip(keys, lists, strict=True)]

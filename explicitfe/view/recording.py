@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MILLI = 1e3
+MM_PER_M, MS_PER_S = 1e3, 1e3
 MARGIN_MM = 6.0  # around the paths
 
 
@@ -68,18 +68,18 @@ def recording_figure(
     plane = panels["plane"]
     cut = midsagittal(result.mesh)
     if cut.loops:
-        outline = MILLI * cut.outline(result.mesh.points)
+        outline = MM_PER_M * cut.outline(result.mesh.points)
         plane.plot(outline[:, X], outline[:, Z], color=AT_REST, lw=1.2, label="tongue at rest")
     for k, (name, label) in enumerate(zip(model, labels, strict=True)):
-        colour, start = COLOURS[k % len(COLOURS)], MILLI * model[name][0]
+        colour, start = COLOURS[k % len(COLOURS)], MM_PER_M * model[name][0]
         for paths, style, shown in ((model, "-", label), (recorded, "--", None)):
-            path = MILLI * paths[name]
+            path = MM_PER_M * paths[name]
             plane.plot(path[:, X], path[:, Z], style, color=colour, lw=1.6, label=shown)
             plane.plot(*path[0, [X, Z]], "o", mfc="white", mec=colour, ms=5)
             plane.plot(*path[-1, [X, Z]], "o", mfc=colour, mec=colour, ms=5)
-            panels["forward"].plot(MILLI * time_s, start[X] - path[:, X], style, color=colour, lw=1.5)
-            panels["up"].plot(MILLI * time_s, path[:, Z] - start[Z], style, color=colour, lw=1.5)
-    everywhere = MILLI * np.concatenate([*model.values(), *recorded.values()])
+            panels["forward"].plot(MS_PER_S * time_s, start[X] - path[:, X], style, color=colour, lw=1.5)
+            panels["up"].plot(MS_PER_S * time_s, path[:, Z] - start[Z], style, color=colour, lw=1.5)
+    everywhere = MM_PER_M * np.concatenate([*model.values(), *recorded.values()])
     (x_low, z_low), (x_high, z_high) = (end(everywhere[:, [X, Z]], axis=0) for end in (np.min, np.max))
     plane.set_xlim(x_low - MARGIN_MM, x_high + MARGIN_MM)
     plane.set_ylim(z_low - MARGIN_MM, z_high + MARGIN_MM)

@@ -22,8 +22,8 @@ __version__ = "0.1.0"
 # nor the other way round.
 _PLACES = {
     # commands
-    "run": "explicitfe.run.run",
-    "resume": "explicitfe.run.resume",
+    "run": "explicitfe.api.run",
+    "resume": "explicitfe.api.run",
     "sweep": "explicitfe.sweep.sweep",
     "check": "explicitfe.run.check",
     "check_dataset": "explicitfe.close_loop.outlook",
@@ -31,8 +31,13 @@ _PLACES = {
     "predict": "explicitfe.predict.predict",
     "close_loop": "explicitfe.close_loop.close",
     "design_test": "explicitfe.close_loop.design",
-    "open_result": "explicitfe.results",
-    "compare": "explicitfe.measure.compare",
+    # results
+    "open_result": "explicitfe.api.open_result",
+    "measure": "explicitfe.api.measure",
+    "report": "explicitfe.api.report",
+    "plot": "explicitfe.api.plot",
+    "view": "explicitfe.api.view",
+    "compare": "explicitfe.api.compare",
     "export": "explicitfe.results.export.export",
     # meshes and models
     "HexMesh": "explicitfe.mesh.hexmesh",
@@ -40,6 +45,7 @@ _PLACES = {
     "Yeoh": "explicitfe.materials.yeoh",
     "NeoHooke": "explicitfe.materials.neo_hooke",
     "MooneyRivlin": "explicitfe.materials.mooney_rivlin",
+    "Ogden": "explicitfe.materials.ogden",
     "Model": "explicitfe.model.model",
     "Inclusion": "explicitfe.model.model",
     "tongue_model": "explicitfe.model.tongue",
@@ -62,6 +68,14 @@ _PLACES = {
 __all__ = ["__version__", *_PLACES]
 
 if TYPE_CHECKING:  # the same names for type checkers and editors; a test compares the two lists
+    from explicitfe.api.compare import compare as compare
+    from explicitfe.api.measure import measure as measure
+    from explicitfe.api.open_result import open_result as open_result
+    from explicitfe.api.plot import plot as plot
+    from explicitfe.api.report import report as report
+    from explicitfe.api.run import resume as resume
+    from explicitfe.api.run import run as run
+    from explicitfe.api.view import view as view
     from explicitfe.close_loop.close import close_loop as close_loop
     from explicitfe.close_loop.design import design_test as design_test
     from explicitfe.close_loop.outlook import check_dataset as check_dataset
@@ -70,8 +84,8 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.identify.identify import identify as identify
     from explicitfe.materials.mooney_rivlin import MooneyRivlin as MooneyRivlin
     from explicitfe.materials.neo_hooke import NeoHooke as NeoHooke
+    from explicitfe.materials.ogden import Ogden as Ogden
     from explicitfe.materials.yeoh import Yeoh as Yeoh
-    from explicitfe.measure.compare import compare as compare
     from explicitfe.mesh.box import box as box
     from explicitfe.mesh.hexmesh import HexMesh as HexMesh
     from explicitfe.model.face_load import face_load as face_load
@@ -83,11 +97,8 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.model.specimen import specimen_model as specimen_model
     from explicitfe.model.tongue import tongue_model as tongue_model
     from explicitfe.predict.predict import predict as predict
-    from explicitfe.results import open_result as open_result
     from explicitfe.results.export.export import export as export
     from explicitfe.run.check import check as check
-    from explicitfe.run.resume import resume as resume
-    from explicitfe.run.run import run as run
     from explicitfe.scenario.indentation import SpecimenTable as SpecimenTable
     from explicitfe.scenario.indentation import ToolTable as ToolTable
     from explicitfe.solve.equilibrium import Relaxation as Relaxation

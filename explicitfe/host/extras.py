@@ -7,13 +7,14 @@ from typing import Literal
 
 from explicitfe.errors import InputError
 
-Extra = Literal["view", "plots", "parquet", "sensitivity", "cluster"]
+Extra = Literal["view", "plots", "parquet", "pandas", "sensitivity", "cluster"]
 
 # The extra of pyproject.toml -> the package that stands for it.
 PACKAGES: dict[Extra, str] = {
     "view": "pyvista",
     "plots": "matplotlib",
     "parquet": "pyarrow",
+    "pandas": "pandas",
     "sensitivity": "SALib",
     "cluster": "distributed",
 }

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 
@@ -29,14 +29,17 @@ from explicitfe.results.contents import (
     stored_field,
     stored_quantity,
 )
+from explicitfe.results.description import description_of
+from explicitfe.results.export.table import table_of
 from explicitfe.results.fibres import read_fibres
 from explicitfe.results.layout import Quantity
 from explicitfe.results.provenance import Provenance
 from explicitfe.results.recorded import Recorded
-from explicitfe.results.run_summary import TransientModelDescription, point_at_rest, with_history
+from explicitfe.results.run_summary import TransientModelDescription, kind_of, point_at_rest, with_history
 from explicitfe.results.stored import BusyError, StoredFile
 
 if TYPE_CHECKING:
+    import pandas
     import pyvista
 
 
@@ -45,19 +48,19 @@ ATTEMPTS_AT_A_LIVE_FILE = 10
 BETWEEN_ATTEMPTS_S = 0.02
 
 
-def open_result(path: Path | str) -> Result:
-    """Open a result file; use it in a ``with`` block.
+class _ClosedFile:
+    """In place of a file that was closed."""
 
-    Raises
-    ------
-    InputError : ``path`` is missing, a folder, no HDF5 file, HDF5 but no result, or damaged.
-    """
-    for _ in range(ATTEMPTS_AT_A_LIVE_FILE - 1):
-        try:
-            return Result(path)
-        except BusyError:
-            time.sleep(BETWEEN_ATTEMPTS_S)
-    return Result(path)
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def close(self) -> None:
+        """Nothing is left to close."""
+
+    def __getattr__(self, name: str) -> object:
+        raise InputError(
+            f"{self._path} was closed; open it again with open_result, and read it before close() or in a with block."
+        )
 
 
 class Result(Recorded):
@@ -91,8 +94,9 @@ class Result(Recorded):
         self.close()
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; afterwards only what was read before is known."""
         self._stored.close()
+        self._stored = cast(StoredFile, _ClosedFile(self.path))
 
     @cached_property
     def status(self) -> str:
@@ -246,6 +250,35 @@ class Result(Recorded):
             "command": f"explicitfe resume {shlex.quote(str(self.path))}",
         }
 
+    def to_pandas(self, *, positions: bool = False, history: bool = False) -> pandas.DataFrame:
+        """Probes over time, or the curve of an indentation, as a table of pandas.
+
+        Parameters
+        ----------
+        positions : positions of the probes in the frame of the model instead of displacements.
+        history : the other columns of the history too; an indentation always has them.
+
+        Returns
+        -------
+        A row for each sample, with ``time_ms`` as index, or ``indentation_mm`` for an indentation. Columns have their unit in the
+        name, such as ``tip_forward_mm`` and ``tip_speed_mm_s``.
+
+        Raises
+        ------
+        InputError : pandas is not installed, or the file is damaged.
+        """
+        require("pandas", "a table of pandas")
+        import pandas
+
+        table = pandas.DataFrame(table_of(self, positions=positions, history=history))
+        return table.set_index("time_ms" if kind_of(self.model) == "transient" else "indentation_mm")
+
+    def __repr__(self) -> str:
+        try:
+            return description_of(self)
+        except InputError as error:  # a damaged or closed file
+            return f"Result {str(self.path)!r}: {error}"
+
     def contents(self) -> ResultContents:
         """What the file holds, ready for JSON."""
         rows = len(self.history("time"))
@@ -368,6 +401,29 @@ class Result(Recorded):
         if points.shape[1] != 3 or triangles.shape[1] != 3:
             raise self._stored.damaged(f"{path} is no surface")
         return StoredBone(points, triangles)
+
+
+ResultT = TypeVar("ResultT", bound=Result)
+
+
+def open_result(path: Path | str, kind: type[ResultT] = Result) -> ResultT:  # type: ignore[assignment]
+    """Open a result file; use it in a ``with`` block.
+
+    Parameters
+    ----------
+    path : the file.
+    kind : class of the open result.
+
+    Raises
+    ------
+    InputError : ``path`` is missing, a folder, no HDF5 file, HDF5 but no result, or damaged.
+    """
+    for _ in range(ATTEMPTS_AT_A_LIVE_FILE - 1):
+        try:
+            return kind(path)
+        except BusyError:
+            time.sleep(BETWEEN_ATTEMPTS_S)
+    return kind(path)
 
 
 def _within(numbers: np.ndarray, count: int) -> bool:

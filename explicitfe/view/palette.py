@@ -46,18 +46,24 @@ def new_figure(width_in: float, height_in: float, dots_per_inch: int = DOTS_PER_
     return Figure(figsize=(width_in, height_in), dpi=dots_per_inch, layout="constrained")
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as a whole, as PNG, PDF or SVG by the end of its name, with every text as it stands.
-
-    A dollar begins no formula. ``Figure.savefig`` would draw the figure twice, once only for the layout.
-    """
-    from matplotlib import rc_context
+def use_plain_text(figure: Figure) -> None:
+    """Draw every text of a figure literally: a dollar sign begins no formula."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
         assert isinstance(text, Text)
         text.set_parse_math(False)
         text.set_text("\n".join(drawable(line) for line in text.get_text().split("\n")))
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as a whole, as PNG, PDF or SVG by the end of its name, with every text as it stands.
+
+    A dollar begins no formula. ``Figure.savefig`` would draw the figure twice, once only for the layout.
+    """
+    from matplotlib import rc_context
+
+    use_plain_text(figure)
     buffer = io.BytesIO()
     # Texts that are only made when the figure is drawn, such as numbers on axes, are no formulas either.
     with warnings.catch_warnings(), rc_context(dict(AS_FILE)):

@@ -38,6 +38,7 @@ RANKS = [
     {"close_loop"},
     {"blind"},
     {"verify"},
+    {"api"},
     {"__init__"},
     {"cli"},
     {"__main__"},
@@ -49,7 +50,7 @@ ONLY = {
     "measure": {"errors", "host", "acoustics", "mesh", "results"},
     "view": {"errors", "host", "acoustics", "mesh", "results", "measure"},
 }
-LAZY = ("pyvista", "matplotlib", "meshio", "jinja2", "pyarrow")
+LAZY = ("pyvista", "matplotlib", "meshio", "jinja2", "pyarrow", "pandas")
 
 
 def name_of(path: Path) -> str:

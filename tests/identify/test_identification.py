@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -184,7 +185,7 @@ def test_what_is_printed_and_drawn_is_as_wide_as_the_residual_asks_for(tmp_path,
     stress = stress * (1.0 + 0.1 * np.sin(20.0 * stretch))
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     drawn: list[ConstantProfile] = []
-    monkeypatch.setattr("explicitfe.view.fit.profiles", lambda path, title, rows: drawn.extend(rows))
+    monkeypatch.setattr(import_module("explicitfe.view.fit"), "profiles", lambda path, title, rows: drawn.extend(rows))
     identification = identify(data, out=tmp_path / "out")
     group = identification["groups"]["all"]
     assert group["widened_by"] > 10.0
@@ -311,7 +312,7 @@ def test_out_folder_is_safe(tmp_path):
     taken = tmp_path / "taken"
     taken.mkdir()
     (taken / "thesis.txt").write_text("years of work")
-    with pytest.raises(InputError, match="holds something else"):
+    with pytest.raises(InputError, match="contains other files"):
         identify(data, out=taken, overwrite=True)
     assert (taken / "thesis.txt").read_text() == "years of work"
     with pytest.raises(InputError, match="this is a file"):
@@ -334,7 +335,7 @@ def test_picture_that_fails_leaves_the_old_folder(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("explicitfe.view.fit.profiles", full)
+    monkeypatch.setattr(import_module("explicitfe.view.fit"), "profiles", full)
     with pytest.raises(InputError, match="No space left"):
         identify(data, out=tmp_path / "out", overwrite=True)
     assert (tmp_path / "out" / "identify.json").read_bytes() == before

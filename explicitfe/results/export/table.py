@@ -8,7 +8,7 @@ import io
 import numpy as np
 
 from explicitfe.results.layout import Quantity
-from explicitfe.results.reader import Result
+from explicitfe.results.recorded import Recorded
 from explicitfe.results.run_summary import kind_of
 
 X, Y, Z = 0, 1, 2  # backwards, to the speaker's right, up
@@ -19,7 +19,7 @@ SIGNIFICANT_DIGITS = 9
 ENDINGS = {"m": ("_mm", MILLI), "m/s": ("_mm_s", MILLI), "m^2": ("_mm2", MILLI**2), "1": ("", 1.0), "s": ("_ms", MILLI)}
 
 
-def table_of(result: Result, *, positions: bool = False, history: bool = False) -> dict[str, np.ndarray]:
+def table_of(result: Recorded, *, positions: bool = False, history: bool = False) -> dict[str, np.ndarray]:
     """Columns (rows,) by name; the name says the unit.
 
     Parameters
@@ -59,7 +59,7 @@ def parquet_bytes(columns: dict[str, np.ndarray]) -> bytes:
     return file.getvalue()
 
 
-def _point(result: Result, name: str, positions: bool) -> dict[str, np.ndarray]:
+def _point(result: Recorded, name: str, positions: bool) -> dict[str, np.ndarray]:
     """How a named point has moved, forward, up and to the right, and its velocity."""
     times = result.history("time")
     if f"probe_{name}_displacement" in result.history_names:
@@ -83,7 +83,7 @@ def _directions(vectors: np.ndarray) -> dict[str, np.ndarray]:
     return {"forward": 0.0 - vectors[:, X], "up": vectors[:, Z], "right": vectors[:, Y]}
 
 
-def _history(result: Result, names: list[str]) -> dict[str, np.ndarray]:
+def _history(result: Recorded, names: list[str]) -> dict[str, np.ndarray]:
     """Columns of the history; those of vectors along x, y and z."""
     columns = {}
     for name in names:

@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 from typing_extensions import TypedDict
 
 from explicitfe.errors import InputError, Progress, silent
 from explicitfe.measure.steps import last_step
-from explicitfe.results import open_result
+from explicitfe.results import Result, open_result
+from explicitfe.view.heading import labels_of
 from explicitfe.view.page.frame import page_text
 from explicitfe.view.page.page_file import page_file, write_page
+from explicitfe.view.report.tables import PageTable
 from explicitfe.view.run_page.charts import charts_of
-from explicitfe.view.run_page.parts import RunOnPage, differences, facts_table, labels_of, provenance_table, run_on_page
+from explicitfe.view.run_page.parts import RunOnPage, differences, facts_table, provenance_table, run_on_page
 
 # More results would be too narrow to be seen, and more animations than a browser draws.
 MOST_RESULTS = 8
@@ -65,23 +68,8 @@ def write_report(
         raise InputError(f"a report shows at most {MOST_RESULTS} results side by side, not {len(paths)}; leave out some of them.")
     target = page_file(paths[0].with_name(f"{paths[0].stem}-report.html"), out, overwrite)
     with ExitStack() as opened:
-        results = [opened.enter_context(open_result(path)) for path in paths]
-        runs: list[RunOnPage] = []
-        for result, label, charts in zip(results, labels_of(paths), charts_of(results), strict=True):
-            progress("draw", len(runs) / len(results))
-            runs.append(run_on_page(result, last_step(result), label, charts, 1.0 / len(results)))
-        differing = differences([result.model.get("scenario", {}) for result in results], [run.label for run in runs])
-    text = page_text(
-        "run_page/page.html.j2",
-        styles=["run_page/run.css"],
-        scripts=["run_page/three/three.min.js", "run_page/scene.js", "run_page/player.js"],
-        title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
-        runs=runs,
-        differing=differing,
-        facts=facts_table(runs),
-        provenance=provenance_table(runs),
-    )
-    size_MB = write_page(target, text)
+        page = _page([opened.enter_context(open_result(path)) for path in paths], progress)
+    size_MB = write_page(target, page.text)
     progress("draw", 1.0)
     return {
         "report": str(target),
@@ -94,7 +82,44 @@ def write_report(
                 "reasons": run.checks.failed,
                 "frames": run.frames,
             }
-            for path, run in zip(paths, runs, strict=True)
+            for path, run in zip(paths, page.runs, strict=True)
         ],
-        "differing_keys": [str(row.cells[0]) for row in differing.rows] if differing else [],
+        "differing_keys": [str(row.cells[0]) for row in page.differing.rows] if page.differing else [],
     }
+
+
+def report_text(results: Sequence[Result]) -> str:
+    """The HTML page of open results.
+
+    Raises
+    ------
+    InputError : a result has no sample that can be drawn.
+    """
+    return _page(results, silent).text
+
+
+class _Page(NamedTuple):
+    """The page, and what the answer of the command needs of it."""
+
+    text: str
+    runs: list[RunOnPage]
+    differing: PageTable | None
+
+
+def _page(results: Sequence[Result], progress: Progress) -> _Page:
+    runs: list[RunOnPage] = []
+    for result, label, charts in zip(results, labels_of([result.path for result in results]), charts_of(results), strict=True):
+        progress("draw", len(runs) / len(results))
+        runs.append(run_on_page(result, last_step(result), label, charts, 1.0 / len(results)))
+    differing = differences([result.model.get("scenario", {}) for result in results], [run.label for run in runs])
+    text = page_text(
+        "run_page/page.html.j2",
+        styles=["run_page/run.css"],
+        scripts=["run_page/three/three.min.js", "run_page/scene.js", "run_page/player.js"],
+        title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
+        runs=runs,
+        differing=differing,
+        facts=facts_table(runs),
+        provenance=provenance_table(runs),
+    )
+    return _Page(text, runs, differing)

@@ -1,8 +1,8 @@
 """Equilibrium by dynamic relaxation: a body under a rigid tool, from one load to the next.
 
 The masses are fictitious, so that one iteration is a step of 1 at a fraction of the stable limit everywhere (Underwood 1983;
-Joldes, Wittek & Miller 2011). They are found anew for every load: compressed elements stiffen. A load that cannot be reached in
-one go is approached in halves; what a history needs is committed at equilibrium only, since the iterates overshoot.
+Joldes, Wittek & Miller 2011). They are recomputed for every load, as compressed elements stiffen. A load increment that does not
+converge is halved. A history-dependent material is updated at equilibrium only, since the iterates overshoot.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from explicitfe.compiled.arrays import (
     LOAD,
     LOADS,
     MOMENT,
-    MONITOR,
     POWER,
     RESIDUAL,
     REST_J,
@@ -34,24 +33,24 @@ from explicitfe.compiled.arrays import (
 from explicitfe.compiled.threads import together
 from explicitfe.errors import InputError
 from explicitfe.host import stopping
-from explicitfe.mesh.validity import certify
+from explicitfe.mesh.checked_arrays import LARGEST_LENGTH_M
 from explicitfe.model.model import Model
-from explicitfe.solve.body import Body
-from explicitfe.solve.contact_points import PENETRATION_SHARE, ToolContact
+from explicitfe.scenario.argument import count_like, finite_number, number_like
+from explicitfe.scenario.bounds import bounds_of
+from explicitfe.scenario.indentation import RelaxationTable
+from explicitfe.solve.contact_points import PENETRATION_SHARE
 from explicitfe.solve.fictitious_masses import fictitious_masses
 from explicitfe.solve.load_outcome import Equilibrium, Stuck
+from explicitfe.solve.loaded_body import LoadedBody
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.relax_step import LARGEST_STIFFNESS_ESTIMATE
-from explicitfe.solve.sector import SectorTie
+from explicitfe.solve.stagnation import Stagnation
 
 RESIDUAL_TOLERANCE = 1e-4  # unbalanced forces, relative to those of tool and loads, at which a load has converged by default
 ITERATIONS_PER_LOOK = 400  # between two looks from outside the compiled loop
 # Measured: threads stay together for so many iterations that waking them costs nothing.
 ELEMENTS_PER_RELAXING_THREAD = 500
-# A load is approached in halves when the residual has not fallen by a tenth in so many iterations, and given up after so many
-# halvings: what converges does so in a fraction of the first, and a 256th of an increment is no increment any more.
-ITERATIONS_WITHOUT_PROGRESS = 8000
-SHARE_OF_RESIDUAL_THAT_IS_PROGRESS = 0.9
+# A load that makes no progress is approached in halves, and given up after so many: a 256th of an increment is no increment.
 MOST_HALVINGS = 8
 KNOWN_STATIONS = 4  # equilibria that are kept: a parabola needs three
 LONGEST_EXTRAPOLATION = 1.5  # in increments: a load further away than so many times the last increment begins without a guess
@@ -67,48 +66,51 @@ class _Station(NamedTuple):
     depth_m: float  # of the tool
 
 
-class Relaxation(Body):
-    """A body with a tool, at rest, ready to be loaded.
+class Relaxation(LoadedBody):
+    """A body in static equilibrium under dead loads and a rigid tool.
+
+    Call :meth:`settle` for the equilibrium under dead loads alone, :meth:`press` for a force of the tool, or :meth:`move` for a
+    displacement of the tool. Each starts from the last equilibrium.
 
     Parameters
     ----------
-    model : the physics; ``model.tool`` may be None.
-    tolerance : relative residual at which a load has converged.
-    threads : that share an iteration; as many as it pays for a mesh of this size, if left out. One for a sector.
-    """
+    model : what is computed; a model without a tool has dead loads only.
+    tolerance : relative force residual at which a load has converged, 1e-9 to 1e-2.
+    threads : number of threads, 1 to 256; chosen by the size of the mesh if left out. A sector uses one.
 
-    # At the edge of a bonded disc the stress has no bound and elements fold; kept from that they are 2 % too stiff
-    # (docs/studies/elements.md).
-    guarded = False
+    Attributes
+    ----------
+    iterations : number of iterations so far.
+    time_s : time of the last equilibrium, s; only a history-dependent material depends on it.
+
+    Raises
+    ------
+    InputError : a parameter out of range, or a model with muscles as stress, bones or attachments, which need a
+        :class:`Simulation`.
+    """
 
     def __init__(self, model: Model, tolerance: float = RESIDUAL_TOLERANCE, threads: int | None = None) -> None:
         for name in ("stresses", "bones", "attachments"):
-            if getattr(model, name):
-                raise InputError(
-                    f"a relaxation knows no {name} of a model; take a Simulation, which runs in time, or leave them out."
-                )
+            if getattr(model, name, None):
+                raise InputError(f"Relaxation: a model with {name} is not supported; use a Simulation, or remove them.")
+        tolerance = number_like("Relaxation: tolerance", tolerance, RelaxationTable, "tolerance")
+        if threads is not None:
+            threads = count_like("Relaxation: threads", threads, RelaxationTable, "threads")
         super().__init__(model)
         self.tolerance = tolerance
         self.iterations = 0
-        self.friction_loss_J = 0.0
-        self.touch_m = 0.0
         self.time_s = 0.0
-        self._tie = SectorTie(self.model.sector, self._place)
         self._free = ~self.model.held[self.node_order] & ~self._tie.on_far_side[:, None]
-        self.contact = ToolContact(self.model, self._place, self.points, self.kernels)
         self._by_force = False
         support = self.model.support
         self.springs = Springs(
             np.zeros(0, dtype=np.int64) if support is None else self._place[support.node],
             np.zeros((0, 3)) if support is None else np.array(support.stiffness, dtype=float),
         )
-        self._external = self._dead_forces()
         self._inner = zeros(self.state.u.shape)
         count = 1 if len(self._tie.turned.node) else threads or usual_threads(len(self.hexes), ELEMENTS_PER_RELAXING_THREAD)
         self.parts = parts_of(self.state, self.blocks, count)
         self._sums = zeros((len(self.parts), SUMS))
-        self._monitor = np.zeros(MONITOR)
-        self._monitor[REST_J] = 1.0
         self._largest_load = self._largest_work = self._deepest = 0.0
         self._known: list[_Station] = []
         self._commit(0.0)
@@ -158,7 +160,18 @@ class Relaxation(Body):
     # ---- what a load does ----
 
     def settle(self, progress: Callable[[float], None] = lambda share: None) -> Equilibrium | Stuck:
-        """Equilibrium under the dead loads alone, the tool out of reach or, where it is tied, without a load; it then touches."""
+        """Find the equilibrium under the dead loads alone; afterwards the tool just touches the body.
+
+        Displacements of the tool count from there.
+
+        Parameters
+        ----------
+        progress : called from time to time with the share that is done.
+
+        Returns
+        -------
+        The equilibrium, or a :class:`Stuck` with the reason if the solver did not converge.
+        """
         if not (self._external.any() or self.contact.tilted):
             return self._touched(0.0)
         self.contact.retreat()
@@ -172,19 +185,65 @@ class Relaxation(Body):
     def press(
         self, force_N: float, progress: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
     ) -> Equilibrium | Stuck:
-        """Equilibrium under a force of the tool [N], from the last one; ``at_s``, when, for a material that remembers."""
-        return self._approach(force_N, True, self.time_s if at_s is None else at_s, progress)
+        """Find the equilibrium under a force of the tool, from the last equilibrium.
+
+        Parameters
+        ----------
+        force_N : force of the tool, N, positive into the body.
+        progress : called from time to time with the share that is done.
+        at_s : time of the load, s, for a history-dependent material; that of the last load if left out.
+
+        Returns
+        -------
+        The equilibrium, or a :class:`Stuck` with the reason if the solver did not converge.
+
+        Raises
+        ------
+        InputError : a number out of range, a time before the last load, or a model without a tool.
+        """
+        force_N = self._checked_load("press: force_N", force_N, bounds_of("force_N").largest)
+        return self._approach(force_N, True, self._checked_time("press: at_s", at_s), progress)
 
     def move(
         self, displacement_m: float, progress: Callable[[float], None] = lambda share: None, *, at_s: float | None = None
     ) -> Equilibrium | Stuck:
-        """Equilibrium at a displacement of the tool [m] since first touch, from the last one; ``at_s`` as for a force."""
-        return self._approach(displacement_m, False, self.time_s if at_s is None else at_s, progress)
+        """Find the equilibrium at a displacement of the tool, from the last equilibrium.
+
+        Parameters
+        ----------
+        displacement_m : of the tool since first touch, m, positive into the body.
+        progress, at_s : as for :meth:`press`.
+
+        Returns
+        -------
+        The equilibrium, or a :class:`Stuck` with the reason if the solver did not converge.
+
+        Raises
+        ------
+        InputError : as for :meth:`press`.
+        """
+        displacement_m = self._checked_load("move: displacement_m", displacement_m, LARGEST_LENGTH_M)
+        return self._approach(displacement_m, False, self._checked_time("move: at_s", at_s), progress)
+
+    def _checked_load(self, name: str, value: float, largest: float) -> float:
+        load = finite_number(name, value)
+        if abs(load) > largest:
+            raise InputError(f"{name} = {load:g} is out of range: the largest magnitude is {largest:g}.")
+        if self.model.tool is None:
+            raise InputError(f"{name.partition(':')[0]}: the model has no tool; use settle() for dead loads, or give it a tool.")
+        return load
+
+    def _checked_time(self, name: str, at_s: float | None) -> float:
+        if at_s is None:
+            return self.time_s
+        if finite_number(name, at_s) < self.time_s:
+            raise InputError(f"{name} = {at_s:g} is before the last load, at {self.time_s:g} s; times must not decrease.")
+        return float(at_s)
 
     # ---- what is known ----
 
     def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
-        """Make the machine code ready, from the cache on disk where it is there; give the seconds it took.
+        """Load the compiled kernels from the cache, or compile them; return the seconds it took.
 
         ``progress`` is called with the share that is done.
         """
@@ -199,47 +258,6 @@ class Relaxation(Body):
         self._energies()
         progress(1.0)
         return time.perf_counter() - begin
-
-    def equilibrium(self, iterations: int) -> Equilibrium:
-        """The present state in numbers."""
-        copies = self.model.copies
-        gap, push, _ = self.contact.touch(self.state.u)
-        internal, hourglass, lost, _ = self._energies()
-        pressed = push > 0.0
-        place = self.contact.places(self.state.u)
-        return Equilibrium(
-            force_N=copies * self.contact.force(self.state.u),
-            displacement_m=self.contact.driven_m(self.state.u) - self.touch_m,
-            iterations=iterations,
-            residual=float(self._monitor[RESIDUAL]),
-            kinetic_ratio=float(self._monitor[KINETIC_RATIO]),
-            reaction_N=copies * self._reaction(),
-            penetration_m=float(max(0.0, -gap.min(initial=0.0))),
-            contact_radius_m=float(np.hypot(place[pressed, 0], place[pressed, 1]).max(initial=0.0)),
-            internal_J=copies * float(internal),
-            hourglass_J=copies * float(hourglass),
-            contact_J=copies * 0.5 * float(np.sum(push * -gap * (push > 0.0))),
-            dead_work_J=copies * float(np.sum(self._external * self.state.u)),
-            friction_loss_J=copies * self.friction_loss_J,
-            material_loss_J=copies * float(lost),
-            smallest_J=float(self._monitor[REST_J]),
-            folded=certify(self.model.mesh.points + self.displacement, self.model.mesh.hexes).folded_count,
-        )
-
-    def contact_pressure(self) -> tuple[np.ndarray, np.ndarray]:
-        """Present places (k, 3) m of the contact points, and the pressure of the tool there (k,) Pa."""
-        if self.model.tool is None:
-            raise ValueError("the model has no tool")
-        return self.contact.places(self.state.u), self.contact.touch(self.state.u).push / self.model.tool.areas_m2
-
-    def element_fields(self) -> dict[str, np.ndarray]:
-        """J, strain energy density [Pa] with that of hourglass control, and hourglass energy [J] of each element, (m,)."""
-        self._energies()
-        volume = np.empty(len(self.volumes))
-        volume[self.element_order] = self.volumes
-        hourglass = self._in_elements(self._element_hourglass)
-        density = (self._in_elements(self._element_energy) + hourglass) / volume
-        return {"J": self._in_elements(self._element_J), "strain_energy_density": density, "hourglass_energy": hourglass}
 
     # ---- approaching a load ----
 
@@ -259,8 +277,6 @@ class Relaxation(Body):
         return self.equilibrium(0)
 
     def _approach(self, goal: float, by_force: bool, at_s: float, progress: Callable[[float], None]) -> Equilibrium | Stuck:
-        if at_s < self.time_s:
-            raise ValueError(f"time runs backwards, from {self.time_s:g} s to {at_s:g} s")
         self.contact.tool[FREE] = float(by_force)
         if by_force != self._by_force:
             self._known = [self._known[-1]._replace(coordinate=self._coordinate(by_force))]
@@ -329,10 +345,9 @@ class Relaxation(Body):
         return failure
 
     def _settle_down(self, progress: Callable[[float], None], slowly: bool) -> str | None:
-        first = best = np.inf
-        idle = 0  # iterations without progress
+        stagnation = Stagnation(slowly=slowly)
         heavy = False
-        while idle < ITERATIONS_WITHOUT_PROGRESS:
+        while not stagnation.is_stalled:
             stopping.check()
             if not heavy:
                 if not self._find_masses():
@@ -340,7 +355,7 @@ class Relaxation(Body):
                 heavy = True
             done = self._relax(ITERATIONS_PER_LOOK)
             self.iterations += done
-            idle += done
+            stagnation.count(done)
             residual = self._monitor[RESIDUAL]
             if not self._monitor[REST_J] > 0.0 or not np.isfinite(residual):
                 return "inverted"
@@ -350,12 +365,8 @@ class Relaxation(Body):
                 continue
             if done < ITERATIONS_PER_LOOK:
                 return None
-            first = residual if first == np.inf else first
-            if residual < SHARE_OF_RESIDUAL_THAT_IS_PROGRESS * best:
-                idle, best = 0, residual
-            elif not slowly:  # it has to fall by that share from one look to the next
-                best = min(best, residual)
-            progress(float(np.clip(np.log(first / best) / np.log(max(first / self.tolerance, 1.0 + 1e-9)), 0.0, 1.0)))
+            stagnation.check(residual, self._monitor[KINETIC_RATIO], self._monitor[STIFFNESS])
+            progress(stagnation.share(self.tolerance))
         return "not-converged"
 
     def _stop(self) -> None:
@@ -416,35 +427,3 @@ class Relaxation(Body):
             return False
         self.nodes = nodes
         return True
-
-    def _dead_forces(self) -> np.ndarray:
-        """Dead loads on the node rows; those on the sector's far side act on its near one."""
-        forces = np.zeros((self.model.mesh.node_count, 3))
-        for load in self.model.loads:
-            np.add.at(forces, load.nodes, load.force_N)
-        rows = self._rows(forces)
-        self._tie.gather_on_near_side(rows)
-        return rows
-
-    def _energies(self) -> tuple[float, float, float, float]:
-        return self.kernels.elastic_energy(
-            self.state.u, self.blocks, self._element_J, self._element_energy, self._element_hourglass
-        )
-
-    def _reaction(self) -> float:
-        """Force of what holds the body along +z [N], less the weight that rests on it."""
-        force = np.zeros_like(self.state.u)
-        self.kernels.forces(self.state.u, force, self.blocks)
-        held = self.model.held[self.node_order][:, 2]  # of the sector both sides: a turn leaves z as it is
-        return float(self._external[:, 2].sum() - (force + self._external)[: len(held), 2][held].sum())
-
-    def _stuck(self, failure: str, goal: float, reached: float) -> Stuck:
-        force_N = self.model.copies * self.contact.force(self.state.u)
-        return Stuck(failure, goal, reached, float(self._monitor[RESIDUAL]), force_N, self._worst(failure))
-
-    def _worst(self, failure: str) -> np.ndarray:
-        """Where the broken element, or the largest unbalanced force is, in the reference shape (3,) m."""
-        if failure == "inverted":
-            return self.model.mesh.points[self.model.mesh.hexes[self.broken_element()]].mean(axis=0)
-        unbalanced = np.where(self.nodes.inverse_mass > 0.0, self.state.force + self._external, 0.0)
-        return self.points[int(np.argmax(np.linalg.norm(unbalanced[: len(self.points)], axis=1)))]

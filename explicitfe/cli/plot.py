@@ -14,24 +14,27 @@ from explicitfe.view.progress import following
 
 
 def plot(
-    result: Annotated[Path, result_argument("Result file (.vtkhdf), its name in outputs/, or the folder of a sweep.")],
+    results: Annotated[
+        list[Path],
+        result_argument("Result file (.vtkhdf), its name in outputs/, several of them to overlay, or the folder of a sweep."),
+    ],
     only: Annotated[
         str | None,
         typer.Option(
             "--only",
             metavar="NAMES",
-            help="contour, coronal, probes, energies, palatogram, airway, 3d, hourglass; of an indentation curve, section; of a "
-            "sweep outlines, effects, indices, or two columns as A:B; with commas between them. All if left out.",
+            help="Pictures to draw, separated by commas. Run: contour, coronal, probes, energies, palatogram, airway, 3d, "
+            "hourglass. Indentation: curve, section. Sweep: outlines, effects, indices, or two columns as A:B. [default: all]",
             show_default=False,
         ),
     ] = None,
-    file_format: Annotated[str, typer.Option("--format", metavar="FORMAT", help="png, pdf or svg.")] = "png",
+    file_format: Annotated[str, typer.Option("--format", metavar="FORMAT", help="File format: png, pdf or svg.")] = "png",
     times: Annotated[
         str | None,
         typer.Option(
             "--times",
             metavar="MS",
-            help="The times to draw, in ms, with commas between them; pictures of one time show the last.",
+            help="Times to draw in ms, separated by commas. Pictures of a single time show the last of them.",
             show_default=False,
         ),
     ] = None,
@@ -39,26 +42,36 @@ def plot(
     overwrite: OverwriteFilesOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Draw a result as pictures: contour, probes over time, energies, airway and more. Or the folder of a sweep.
+    """Draw pictures of a result or of a sweep; for several results, overlay their midsagittal contours.
 
-    Example: [bold]explicitfe plot outputs/vowel-i.vtkhdf --only contour,probes --format pdf --times 20,50,200[/bold]
+    Examples: [bold]explicitfe plot outputs/vowel-i.vtkhdf --only contour,probes --format pdf --times 20,50,200[/bold]
+
+    [bold]explicitfe plot outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf --times 100[/bold]
     """
     names = None if only is None else [name.strip() for name in only.split(",")]
     times_s = None if times is None else [1e-3 * _number(text) for text in times.split(",")]
-    with following(console, f"reading {result}") as progress:
+    with following(console, f"reading {results[0]}") as progress:
         from explicitfe.view.terminal.drawn import drawn_table
 
-        if is_sweep(result):
+        if sweeps := [path for path in results if is_sweep(path)]:
             from explicitfe.sweep.pictures import draw_sweep
 
+            if len(results) > 1:
+                raise InputError(f"{sweeps[0]} is a sweep, which cannot be overlaid; name only this folder.")
             if times_s is not None:
-                raise InputError(f"{result}: a sweep has no times to draw; leave --times out.")
-            drawn = draw_sweep(result, out, only=names, file_format=file_format, overwrite=overwrite, progress=progress)
+                raise InputError(f"{sweeps[0]} is a sweep, which has no times to draw; leave out --times.")
+            drawn = draw_sweep(sweeps[0], out, only=names, file_format=file_format, overwrite=overwrite, progress=progress)
+        elif len(results) > 1:
+            from explicitfe.view.overlay import draw_overlay
+
+            drawn = draw_overlay(
+                results, out, only=names, file_format=file_format, times_s=times_s, overwrite=overwrite, progress=progress
+            )
         else:
             from explicitfe.view.draw import draw
 
             drawn = draw(
-                result, out, only=names, file_format=file_format, times_s=times_s, overwrite=overwrite, progress=progress
+                results[0], out, only=names, file_format=file_format, times_s=times_s, overwrite=overwrite, progress=progress
             )
     print_answer(drawn, as_json, lambda: drawn_table(drawn), drawn["warnings"])
 
@@ -67,4 +80,4 @@ def _number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise InputError(f'--times: "{text.strip()}" is no number of milliseconds; give times such as 20,50,200') from None
+        raise InputError(f'--times: "{text.strip()}" is not a number of milliseconds; give times such as 20,50,200.') from None

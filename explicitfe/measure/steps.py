@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from explicitfe.errors import InputError
@@ -35,6 +37,23 @@ def step_at(result: Recorded, time_s: float | None) -> int:
     rounding_ms = 1e-6 * max(abs(first_ms), abs(last_ms))
     if not first_ms - rounding_ms <= 1e3 * time_s <= last_ms + rounding_ms:
         raise InputError(
-            f"{result.path}: time {1e3 * time_s:g} ms is outside the stored samples; give a time from {first_ms:g} to {last_ms:g} ms."
+            f"{result.path}: time {1e3 * time_s:g} ms is outside the stored samples; "
+            f"give a time from {first_ms:g} to {last_ms:g} ms."
         )
     return int(np.argmin(np.abs(result.times[: last + 1] - time_s)))
+
+
+def common_steps(results: Sequence[Recorded], time_s: float | None) -> tuple[float, list[int]]:
+    """A time, s, and the number of the sample of each result that is nearest to it.
+
+    Parameters
+    ----------
+    time_s : the time; by default the last one that all results have.
+
+    Raises
+    ------
+    InputError : a result does not have the time.
+    """
+    if time_s is None:
+        time_s = min(float(result.times[last_step(result)]) for result in results)
+    return time_s, [step_at(result, time_s) for result in results]

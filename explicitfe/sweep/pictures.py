@@ -1,4 +1,4 @@
-"""Draws a sweep as pictures for a paper: outlines, what each factor does, indices with their intervals, any two columns."""
+"""Pictures of a sweep: outlines, effects of the factors, sensitivity indices with intervals, any two columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from explicitfe.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.host.extras import require
 from explicitfe.results.drawn import DrawnPictures
 from explicitfe.sweep.page_data import sweep_to_draw
-from explicitfe.view.files import new_files
+from explicitfe.view.files import new_files, writing
 from explicitfe.view.page.sweep_data import MeasureIndices, SweepColumn, SweepToDraw
 from explicitfe.view.page.sweep_effects import MainEffect, main_effect, share_in_words
 from explicitfe.view.palette import AT_REST, BONE_EDGE, COLOURS, FORMATS, WIDTH_IN, new_figure, plain, save
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# What stands between two columns that are drawn against each other.
+# Separates the two columns of a scatter plot.
 AGAINST = ":"
 MOST_MULTIPLES, MULTIPLES_IN_A_ROW = 12, 4
 MOST_SETTINGS_WRITTEN = 4
@@ -73,16 +73,17 @@ def draw_sweep(
         figure = PICTURES[name](sweep) if name in PICTURES else against(sweep, *name.split(AGAINST, 1))
         if figure is None:
             if only is not None:
-                notes.append(f"{folder} has nothing to show in: {name}")
+                notes.append(f"{folder} has no data for: {name}.")
             continue
-        save(figure, files[name])
+        with writing(files[name]):
+            save(figure, files[name])
         drawn.append(str(files[name]))
     progress("draw", 1.0)
     return {"result": str(folder), "files": drawn, "warnings": notes}
 
 
 def outlines(sweep: SweepToDraw) -> Figure | None:
-    """Midsagittal outlines: many on each other, and some by themselves, each as far as possible from those before it."""
+    """Midsagittal outlines: an overlay of many runs, and some individual runs that differ as much as possible."""
     if not sweep.drawn:
         return None
     some = sweep.drawn[:: -(-len(sweep.drawn) // MOST_MULTIPLES)]
@@ -104,7 +105,7 @@ def outlines(sweep: SweepToDraw) -> Figure | None:
         said = [f"{name} {value}" for name, value in member.settings[:MOST_SETTINGS_WRITTEN]]
         left_out = len(member.settings) - len(said)
         panel.set_title(
-            "\n".join([f"member {member.number}", *said, *([f"and {left_out} more"] if left_out else [])]), fontsize=6, loc="left"
+            "\n".join([f"run {member.number}", *said, *([f"and {left_out} more"] if left_out else [])]), fontsize=6, loc="left"
         )
         panel.set_xticks([])
         panel.set_yticks([])
@@ -119,7 +120,7 @@ def outlines(sweep: SweepToDraw) -> Figure | None:
 
 
 def effects(sweep: SweepToDraw) -> Figure | None:
-    """The measures that matter most against each factor: means, and one standard deviation to both sides."""
+    """The main measures against each factor: means and a band of one standard deviation."""
     by_name = {column.name: column for column in sweep.measures}
     rows: list[tuple[SweepColumn, list[MainEffect]]] = []
     for name in sweep.main_measures:
@@ -138,7 +139,7 @@ def effects(sweep: SweepToDraw) -> Figure | None:
         for panel in panels[len(strongest) :]:
             panel.set_axis_off()
         panels[0].set_ylabel(measure.title.replace(": ", ":\n"), fontsize=8)
-    figure.suptitle("Mean of each value or bin, and one standard deviation to both sides", fontsize=9)
+    figure.suptitle("Mean per value or bin, with one standard deviation", fontsize=9)
     return figure
 
 
@@ -158,11 +159,11 @@ def indices(sweep: SweepToDraw) -> Figure | None:
 
 
 def against(sweep: SweepToDraw, across: str, up: str) -> Figure:
-    """Two columns against each other, one dot for each member, coloured by how it ended.
+    """Scatter plot of two columns, one point per run, coloured by status.
 
     Raises
     ------
-    InputError : there is no such column.
+    InputError : a column does not exist.
     """
     columns = {column.name: column for column in [*sweep.factors, *sweep.measures, *sweep.checks]}
     for name in (across, up):
@@ -220,7 +221,7 @@ def _bars(panel: Axes, of_measure: MeasureIndices) -> None:
     panel.set_title(of_measure.measure, fontsize=8)
     panel.set_xlabel(f"elementary effect ({of_measure.unit})" if of_measure.unit else "share of the variance", fontsize=7)
     panel.tick_params(axis="x", labelsize=7)
-    if not of_measure.unit:  # an interval may reach far beyond where there were few members
+    if not of_measure.unit:  # intervals are wide if there are few runs
         panel.set_xlim(*SHARES_SHOWN)
     if len(kinds) > 1:
         panel.legend(frameon=False, fontsize=6)
@@ -238,7 +239,7 @@ def _closed(line: np.ndarray) -> np.ndarray:
 
 
 def _box(lines: Sequence[np.ndarray]) -> tuple[float, float, float, float]:
-    """From and to, mm, in x and in z: all lines, with some room above for the palate."""
+    """Limits of x and z, mm, of all lines, with space for the palate."""
     points = np.concatenate([line for line in lines if len(line)])
     low, high = points.min(axis=0), points.max(axis=0)
     room = 0.04 * (high - low)

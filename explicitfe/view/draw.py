@@ -1,4 +1,4 @@
-"""Draws a result as pictures: of a tongue, or of an indentation."""
+"""Pictures of a result: of a run in time, or of an indentation."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from explicitfe.errors import InputError, MachineError, Progress, nearest, silent
+from explicitfe.errors import InputError, Progress, nearest, silent
 from explicitfe.host.extras import has_extra, how_to_install, require
 from explicitfe.measure.steps import last_step, step_at
 from explicitfe.results import Result, open_result
 from explicitfe.results.drawn import DrawnPictures
 from explicitfe.results.run_summary import kind_of
 from explicitfe.view.airway import airway_figure
-from explicitfe.view.files import new_files
+from explicitfe.view.files import new_files, writing
 from explicitfe.view.hourglass import hourglass_map
 from explicitfe.view.indentation import curve_figure, section_figure, step_of_largest_force
 from explicitfe.view.over_time import energies_figure, probes_figure
 from explicitfe.view.palatogram import palatogram_figure
 from explicitfe.view.palette import FORMATS, save
-from explicitfe.view.rendering import rendering
+from explicitfe.view.rendering import CannotRenderError, rendering
 from explicitfe.view.tongue import contour_figure, coronal_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Picture = Callable[[Result, int, Sequence[int] | None], "Figure | None"]
-"""Draws a result at a step; where it shows several times, these are the last argument, or what suits the result if None."""
+"""Draws a result at a sample. The last argument has the samples of pictures that show several times; None: a default choice."""
 
-# Kind of analysis -> name of a picture -> what draws it. A picture is None where the result has nothing to show in it.
+# Kind of analysis -> name of a picture -> its function, which returns None if the result lacks the data.
 PICTURES: dict[str, dict[str, Picture]] = {
     "transient": {
         "contour": contour_figure,
@@ -44,12 +44,12 @@ PICTURES: dict[str, dict[str, Picture]] = {
         "section": lambda result, step, steps: section_figure(result, step),
     },
 }
-# Kind of analysis -> name of a picture that is drawn in a process of its own -> whether the result has something to show in it.
+# Kind of analysis -> name of a picture that is rendered in a separate process -> whether the result has the data.
 RENDERED: dict[str, dict[str, Callable[[Result, int], bool]]] = {
     "transient": {"3d": lambda result, step: True, "hourglass": lambda result, step: hourglass_map(result, step) is not None},
     "relaxation": {},
 }
-DRAW_SHARE = 0.9  # of the work: the others than those that are rendered at the same time
+DRAW_SHARE = 0.9  # of the work: pictures that are not rendered in the separate process
 
 
 def draw(
@@ -67,26 +67,27 @@ def draw(
     Parameters
     ----------
     result_path : the result, of a run that finished, failed or was killed.
-    folder : where the pictures go; beside the result if left out.
-    only : names of pictures, see ``PICTURES`` and ``RENDERED``; all if left out.
+    folder : output folder; that of the result by default.
+    only : names of pictures, see ``PICTURES`` and ``RENDERED``; all by default.
     file_format : "png", "pdf" or "svg".
-    times_s : that are drawn where a picture shows several times; the others show the last of them. The end if left out.
-    overwrite : whether files may be replaced.
+    times_s : times for pictures that show several times; the others show the last of them. The end by default.
+    overwrite : replace existing files.
 
     Returns
     -------
-    The files. A picture for which the result has nothing to show is left out, with a sentence where ``only`` names it; those in
-    three dimensions, with a sentence, where the machine cannot render.
+    The files. Pictures for which the result lacks the data are omitted, with a warning if ``only`` names them. Pictures in three
+    dimensions are omitted with a warning if this machine cannot render.
 
     Raises
     ------
-    InputError : the file cannot be read, no step is stored in it, a name or a time cannot be used, or a file exists.
+    InputError : the file cannot be read or has no sample, a name or a time cannot be used, or a file exists.
+    MachineError : the disk is full.
     """
     require("plots", "drawing pictures")
     result_path = Path(result_path)
     folder = result_path.parent if folder is None else Path(folder)
     if file_format not in FORMATS:
-        raise InputError(f'pictures cannot be drawn as "{file_format}"; {nearest(file_format, FORMATS)}')
+        raise InputError(f'--format "{file_format}" is not a file format of pictures; {nearest(file_format, FORMATS)}')
     with open_result(result_path) as result, ExitStack() as processes:
         kind = kind_of(result.model)
         names = _chosen([*PICTURES[kind], *RENDERED[kind]], only, result)
@@ -97,7 +98,7 @@ def draw(
         drawn: list[str] = []
         rendered = [name for name in names if name in RENDERED[kind] and RENDERED[kind][name](result, step)]
         if rendered and not has_extra("view"):
-            notes.append(f"{_listed(rendered)} left out: that needs {how_to_install('view')}")
+            notes.append(f"{_listed(rendered)} not drawn: this requires {how_to_install('view')}")
             rendered = []
         process = None
         if rendered:
@@ -108,17 +109,18 @@ def draw(
             progress("draw", DRAW_SHARE * number / len(figures))
             figure = PICTURES[kind][name](result, step, steps)
             if figure is not None:
-                save(figure, targets[name])
+                with writing(targets[name]):
+                    save(figure, targets[name])
                 drawn.append(name)
         if process is not None:
             try:
                 process.wait(lambda share: progress("draw", DRAW_SHARE))
                 drawn += rendered
-            except MachineError as error:
-                notes.append(f"{_listed(rendered)} left out: {error}")
+            except CannotRenderError as error:
+                notes.append(f"{_listed(rendered)} not drawn: {error}")
         empty = [name for name in names if name not in drawn and name not in rendered]
         if only is not None and empty:
-            notes.append(f"{result_path} has nothing to show in: {', '.join(empty)}")
+            notes.append(f"{result_path} has no data for: {', '.join(empty)}.")
     progress("draw", 1.0)
     return {"result": str(result_path), "files": [str(targets[name]) for name in names if name in drawn], "warnings": notes}
 
@@ -132,11 +134,11 @@ def _chosen(names: Sequence[str], only: Sequence[str] | None, result: Result) ->
 
 
 def _steps(result: Result, kind: str, times_s: Sequence[float] | None) -> tuple[int, list[int] | None]:
-    """The step that pictures of one time show, and those of several times where they were asked for."""
+    """The sample of pictures of one time, and the samples of pictures of several times if times are given."""
     last = last_step(result)
     if kind == "relaxation":
         if times_s:
-            raise InputError(f"{result.path} is an indentation, whose pictures show its loads and no times; leave --times out")
+            raise InputError(f"{result.path} is an indentation, which has load steps and no times; leave out --times.")
         return step_of_largest_force(result, last), None
     if not times_s:
         return last, None
@@ -145,5 +147,5 @@ def _steps(result: Result, kind: str, times_s: Sequence[float] | None) -> tuple[
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Pictures as the beginning of a sentence on them."""
+    """Names of pictures as the subject of a sentence."""
     return f"the picture{'s' * (len(names) > 1)} {' and '.join(names)} {'were' if len(names) > 1 else 'was'}"

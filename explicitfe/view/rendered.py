@@ -1,4 +1,4 @@
-"""The figures of a result that hold views in three dimensions; drawn in a process of its own, see ``rendering.py``."""
+"""Figures with views in three dimensions, drawn in a separate process, see ``rendering.py``."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from explicitfe.results import Result, open_result
+from explicitfe.view.files import writing
 from explicitfe.view.heading import result_figure
 from explicitfe.view.hourglass_figure import hourglass_figure
 from explicitfe.view.palette import FIBRE_AT_REST, FIBRE_PULLING, WIDTH_IN, save
@@ -31,7 +32,8 @@ def draw_figures(result: str, step: int, files: Mapping[str, str], progress: Cal
         for number, (name, path) in enumerate(files.items()):
             figure = shape_figure(opened, step) if name == "3d" else hourglass_figure(opened, step)
             assert figure is not None
-            save(figure, Path(path))
+            with writing(Path(path)):
+                save(figure, Path(path))
             progress((number + 1) / len(files))
 
 

@@ -1,7 +1,7 @@
-"""Pictures in three dimensions, drawn in a process of their own.
+"""Pictures in three dimensions, drawn in a separate process.
 
-Without OpenGL, or with a broken display, VTK does not raise an error: it crashes. The process is this module, started as
-``python -m explicitfe.view.rendering``: a job as JSON comes in, and a line of JSON goes out whenever there is something to say.
+Without OpenGL, or with a broken display, VTK does not raise an error: it crashes. The process runs this module as
+``python -m explicitfe.view.rendering``. It reads a job as JSON from stdin, and writes its progress as lines of JSON to stdout.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, Literal
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host import stopping
 
-# Without a graphics card a picture takes a second: a process that says nothing for longer than this hangs.
+# Without a graphics card a picture takes a second: a process without output for longer than this has stopped responding.
 SILENCE_LIMIT_S = 120.0
 LOOK_EVERY_S = 0.1
 HOW_TO_RENDER = "on a computer without a screen VTK needs EGL or OSMesa (Debian, Ubuntu: install libegl1 or libosmesa6)"
@@ -28,8 +28,12 @@ HOW_TO_RENDER = "on a computer without a screen VTK needs EGL or OSMesa (Debian,
 Job = Literal["figures", "film", "window"]
 
 
+class CannotRenderError(MachineError):
+    """This machine cannot render: it has no OpenGL, or its display is broken."""
+
+
 class Rendering:
-    """A process that draws; ended with :meth:`wait`."""
+    """A process that draws; :meth:`wait` waits for its end."""
 
     def __init__(self, child: subprocess.Popen[str], limited: bool) -> None:
         self._child, self._limited = child, limited
@@ -40,13 +44,14 @@ class Rendering:
             thread.start()
 
     def wait(self, progress: Callable[[float], None] = lambda share: None) -> None:
-        """Wait until everything is drawn; ``progress`` is called again and again with the share that is done.
+        """Wait until everything is drawn; ``progress`` is called repeatedly with the completed share.
 
         Raises
         ------
-        InputError : what was asked for cannot be drawn.
-        MachineError : this machine cannot render, or not write.
-        Stopped : a signal has asked to stop.
+        InputError : the result, a name or a time cannot be used, or a file cannot be written there.
+        CannotRenderError : this machine cannot render.
+        MachineError : the disk is full.
+        Stopped : a signal has requested to stop.
         """
         share, silent_s = 0.0, 0.0
         while True:
@@ -57,7 +62,7 @@ class Rendering:
             except queue.Empty:
                 silent_s += LOOK_EVERY_S
                 if self._limited and silent_s > SILENCE_LIMIT_S:
-                    raise MachineError(f"this machine could not render it (nothing came for {SILENCE_LIMIT_S:g} s)") from None
+                    raise CannotRenderError(f"this machine could not render it (no output for {SILENCE_LIMIT_S:g} s)") from None
                 continue
             silent_s = 0.0
             if line is None:
@@ -75,7 +80,7 @@ class Rendering:
         self._readers[1].join()
         errors = [line.strip() for line in self._errors if line.strip()]
         why = errors[-1].rstrip(".") if errors and "Error" in errors[-1] else f"exit code {code}"
-        raise MachineError(f"this machine could not render it ({why}); {HOW_TO_RENDER}")
+        raise CannotRenderError(f"this machine could not render it ({why}); {HOW_TO_RENDER}")
 
     def _read_lines(self) -> None:
         assert self._child.stdout is not None
@@ -90,11 +95,11 @@ class Rendering:
 
 @contextmanager
 def rendering(job: Job, **given: object) -> Iterator[Rendering]:
-    """A process that does a job meanwhile; what of it goes on at the end of the block is ended.
+    """A process that does a job in parallel; it is killed if it has not ended at the end of the block.
 
     Parameters
     ----------
-    given : what the job is told, as JSON can hold it.
+    given : arguments of the job, as JSON can represent them.
     """
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -118,7 +123,7 @@ def rendering(job: Job, **given: object) -> Iterator[Rendering]:
 
 
 def job_of(name: Job) -> Callable[..., None]:
-    """What does a job; it takes what the job is told, and a function to call with the share that is done."""
+    """The function of a job; it takes the arguments of the job, and a function that is called with the completed share."""
     job: Callable[..., None]
     if name == "figures":
         from explicitfe.view.rendered import draw_figures
@@ -136,9 +141,9 @@ def job_of(name: Job) -> Callable[..., None]:
 
 
 def main() -> None:
-    """The process: it reads a job from stdin, does it, and says so on stdout."""
+    """Entry point of the process: read a job from stdin, do it, and report to stdout."""
     said = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is no answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # output of libraries is not part of the protocol
 
     def say(**words: object) -> None:
         print(json.dumps(words), file=said, flush=True)
@@ -151,7 +156,7 @@ def main() -> None:
     except MachineError as error:
         say(machine=str(error))
     except OSError as error:
-        say(machine=f"{error.filename or 'the picture'} cannot be written ({error.strerror or error})")
+        say(machine=f"cannot draw the picture ({error})")
     else:
         say(done=True)
 

@@ -97,7 +97,7 @@ def test_without_opengl_the_other_pictures_are_drawn(result_path, tmp_path, monk
     drawn = draw(result_path, tmp_path, only=["energies", "3d", "hourglass"])
     assert [Path(name).name for name in drawn["files"]] == ["tiny-energies.png"]
     (note,) = drawn["warnings"]
-    assert note.startswith("the pictures 3d and hourglass were left out: this machine could not render it")
+    assert note.startswith("the pictures 3d and hourglass were not drawn: this machine could not render it")
 
 
 def test_a_result_without_a_step_is_an_input_error(tmp_path):

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import command
+from gesture import write_gesture
 from support import ROOT
 
 from explicitfe.errors import InputError
@@ -125,9 +126,12 @@ def test_the_page_has_the_command_as_it_is_typed(stop: Path, page: str, tmp_path
     assert scenario_words(tmp_path / "mine.toml", text) == "mine.toml"
 
 
-def test_texts_of_a_scenario_are_paragraphs(page: str) -> None:
+def test_texts_of_a_scenario_are_paragraphs(tmp_path: Path) -> None:
     """Line breaks of the file are no line breaks of the page."""
-    assert "side to side, with 0.9 kPa at most, and its top" in page
+    path = write_gesture(tmp_path / "push.vtkhdf", question="Does it\nmove?", expect="It moves\nforward.\n\nThen it\nstops.\n")
+    text = Path(write_report([path])["report"]).read_text(encoding="utf-8")
+    assert '<p class="lede">Does it move?</p>' in text
+    assert "<p>It moves forward.</p>\n<p>Then it stops.</p>" in text
     assert paragraphs("a\nb\n\n c \n") == ["a b", "c"] and paragraphs(" \n") == []
 
 
@@ -145,8 +149,6 @@ def test_few_samples(every_ms: float, samples: int, tmp_path: Path) -> None:
 
 
 def test_a_result_with_one_sample_has_a_page(tmp_path: Path) -> None:
-    from gesture import write_gesture
-
     for frames in (1, 2, 3):
         path = write_gesture(tmp_path / f"{frames}.vtkhdf", frames=frames)
         text = Path(write_report([path])["report"]).read_text(encoding="utf-8")

@@ -32,9 +32,9 @@ def test_the_command(folder, tmp_path, capsys):
     assert command(words) == 2
     assert "add --overwrite" in capsys.readouterr().out
     assert command(["plot", str(folder), "--only", "indices", "--out", str(tmp_path), "--json"]) == 0
-    assert check_answer("plot", capsys.readouterr().out)["warnings"] == [f"{folder} has nothing to show in: indices"]
+    assert check_answer("plot", capsys.readouterr().out)["warnings"] == [f"{folder} has no data for: indices."]
     assert command(["plot", str(folder), "--times", "20"]) == 2
-    assert "a sweep has no times" in capsys.readouterr().err
+    assert "a sweep, which has no times" in capsys.readouterr().err
 
 
 def test_two_columns_against_each_other(folder):

@@ -60,8 +60,8 @@ def test_pictures_formats_and_times_are_chosen(tiny, tmp_path, capsys):
     capsys.readouterr()
     for more, sentence in (
         (["--only", "contur"], 'no picture "contur"; did you mean "contour"?'),
-        (["--format", "jpg"], 'cannot be drawn as "jpg"'),
-        (["--times", "1,x"], '"x" is no number of milliseconds'),
+        (["--format", "jpg"], '--format "jpg" is not a file format of pictures'),
+        (["--times", "1,x"], '"x" is not a number of milliseconds'),
         (["--times", "9"], "time 9 ms is outside the stored samples; give a time from 0 to 4 ms"),
     ):
         assert command(["plot", str(tiny), "--out", str(tmp_path / "none"), "--json", *more]) == 2
@@ -79,7 +79,7 @@ def test_chosen_times_are_those_that_are_drawn(tiny):
 def test_a_picture_without_anything_to_show_is_named(tiny, tmp_path):
     drawn = draw(tiny, tmp_path, only=["palatogram", "probes"])
     assert [Path(name).name for name in drawn["files"]] == ["stronger-probes.png"]
-    assert drawn["warnings"] == [f"{tiny} has nothing to show in: palatogram"]
+    assert drawn["warnings"] == [f"{tiny} has no data for: palatogram."]
 
 
 def test_a_mesh_that_begins_at_zero_is_cut_in_its_middle(tmp_path):

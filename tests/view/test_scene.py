@@ -146,11 +146,11 @@ def test_what_cannot_be_viewed_is_a_sentence(result_path, tmp_path, monkeypatch)
     monkeypatch.setattr("sys.platform", "linux")
     with pytest.raises(InputError, match=r"there is no screen for a window .* add --png, --gif or --mp4"):
         show(result_path)
-    with pytest.raises(InputError, match="no time 300 ms; give one from 0 to 100 ms"):
+    with pytest.raises(InputError, match="time 300 ms is outside the stored samples; give a time from 0 to 100 ms"):
         show(result_path, files=["png"], folder=tmp_path, time_s=0.3)
-    with pytest.raises(InputError, match="a picture of 10x99999 dots cannot be drawn"):
+    with pytest.raises(InputError, match="a picture of 10x99999 pixels is not possible"):
         show(result_path, files=["png"], folder=tmp_path, size_px=(10, 99999))
-    with pytest.raises(InputError, match="a film of 0 s cannot be drawn"):
+    with pytest.raises(InputError, match="a film of 0 s is not possible"):
         show(result_path, files=["gif"], folder=tmp_path, film_s=0.0)
     # With a display that does not exist VTK ends in a segmentation fault, which must not reach this process.
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")

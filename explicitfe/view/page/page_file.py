@@ -1,4 +1,4 @@
-"""The file of a page: where it may go, and how it is written."""
+"""The file of a page: whether it may be written, and writing it."""
 
 from __future__ import annotations
 
@@ -6,43 +6,42 @@ import os
 from pathlib import Path
 
 from explicitfe.errors import InputError
-from explicitfe.host.files import reason
 from explicitfe.results.folder import whole_file
+from explicitfe.view.files import writing
 
 
 def page_file(usual: Path, out: Path | None, overwrite: bool) -> Path:
-    """Where a page goes, if it may.
+    """The file of a page, if it may be written.
 
     Parameters
     ----------
-    usual : its place if nobody names another.
-    out : the place that was named.
-    overwrite : replace a page that exists.
+    usual : default file.
+    out : file that the user names.
+    overwrite : replace an existing page.
 
     Raises
     ------
-    InputError : the name is not that of a page, is taken, or is that of a folder.
+    InputError : the name does not end in .html, or the file exists or is a folder.
     """
     target = usual if out is None else out
     if target.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"{target}: a report is a page; give it a name that ends in .html.")
+        raise InputError(f"{target}: a report is an HTML page; use a name that ends in .html.")
     if target.is_dir():
-        raise InputError(f"{target}: this is a folder; name a file in it.")
+        raise InputError(f"{target} is a folder; name a file in it, such as {target / 'report.html'}.")
     if os.path.lexists(target) and not overwrite:
         raise InputError(f"{target} exists; add --overwrite to replace it, or name another file with --out.")
     return target
 
 
 def write_page(target: Path, text: str) -> float:
-    """Write the text of a page, as a whole or not at all; its size, MB.
+    """Write the text of a page, completely or not at all, and return its size in MB.
 
     Raises
     ------
-    InputError : it cannot be written.
+    InputError : the file cannot be written there.
+    MachineError : the disk is full.
     """
-    try:
+    with writing(target, "name another file with --out"):
         target.parent.mkdir(parents=True, exist_ok=True)
         whole_file(target, text)
-    except OSError as error:
-        raise InputError(f"{target}: this cannot be written ({reason(error)}); name another place with --out.") from None
     return len(text.encode()) / 1e6

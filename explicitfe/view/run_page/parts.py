@@ -91,15 +91,6 @@ def run_on_page(result: Result, last: int, label: str, charts: list[Chart], shar
     )
 
 
-def labels_of(paths: Sequence[Path]) -> list[str]:
-    """A unique short name for each result: its file's name, with as many folders as necessary, or with a number."""
-    for depth in range(1, 1 + max(len(path.parts) for path in paths)):
-        labels = ["/".join([*path.parts[-depth:-1], path.stem]) for path in paths]
-        if len(set(labels)) == len(labels):
-            return labels
-    return [f"{path.stem} ({number})" for number, path in enumerate(paths, 1)]
-
-
 def differences(scenarios: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> PageTable | None:
     """The keys whose values differ between scenarios, with all defaults filled in; None where there are none."""
     rows = [(key, *map(_value, values)) for key, values in differing_keys(scenarios).items()]

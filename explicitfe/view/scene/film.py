@@ -1,36 +1,38 @@
-"""Pictures and films of a scene as files: PNG, GIF, MP4."""
+"""Pictures and films of scenes as files: PNG, GIF, MP4."""
 
 from __future__ import annotations
 
 import io
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
-from explicitfe.measure.steps import step_at
-from explicitfe.results import open_result
+from explicitfe.measure.steps import common_steps
+from explicitfe.results import Result, open_result
 from explicitfe.results.folder import whole_file
-from explicitfe.view.scene.scene import Look
-from explicitfe.view.scene.stage import Stage
+from explicitfe.view.files import writing
+from explicitfe.view.scene.scene import Look, share_scenes
+from explicitfe.view.scene.stage import FREE_MARGINS, Stage
 
 FRAMES_PER_S = 20
-HOLD_S = 1.0  # the end is seen for so long before a film begins again
+HOLD_S = 1.0  # duration of the last frame before a film repeats
 # Colours of a GIF, and rounds in which they are fitted to the frames.
 PALETTE_COLOURS, PALETTE_ROUNDS = 255, 2
-PALETTE_FROM_FRAMES, PALETTE_EVERY = 6, 3  # so many frames, equally far apart, and of them every third dot, have all colours
+PALETTE_FROM_FRAMES, PALETTE_EVERY = 6, 3  # number of frames, and of their pixels every third, that determine the palette
 MP4_QUALITY = 8.0  # 0 to 10
 
 
 def film_steps(times: np.ndarray, last: int, frames: int) -> list[int]:
-    """Up to so many steps from the first to ``last``, equally far apart in time."""
+    """At most ``frames`` samples from the first to ``last``, equally spaced in time."""
     wanted = np.linspace(times[0], times[last], max(2, min(frames, last + 1)))
     return sorted({int(np.argmin(np.abs(times[: last + 1] - time))) for time in wanted})
 
 
 def make_film(
-    result: str,
+    results: Sequence[str],
     look: Mapping[str, object],
     files: Mapping[str, str],
     size_px: Sequence[int],
@@ -38,38 +40,69 @@ def make_film(
     film_s: float,
     progress: Callable[[float], None],
 ) -> None:
-    """Draw a scene into files.
+    """Draw scenes into files; several results side by side, with the same camera, colours and times.
 
     Parameters
     ----------
-    result : the result file.
+    results : the result files.
     look : the fields of a :class:`Look`.
-    files : "png", "gif" or "mp4" -> where it goes; a file there is replaced.
-    size_px : width and height.
-    time_s : when the PNG is; at the end if None. A film goes up to there.
-    film_s : how long a film takes.
-    progress : called with the share that is done.
+    files : "png", "gif" or "mp4" -> its file, which is replaced.
+    size_px : width and height of the part of each result.
+    time_s : time of the PNG, and end of a film; by default the last time that all results have.
+    film_s : duration of a film, s.
+    progress : called with the completed share.
     """
-    with open_result(result) as opened:
-        end = step_at(opened, time_s)
-        films = {kind: Path(path) for kind, path in files.items() if kind != "png"}
-        steps = film_steps(opened.times, end, round(FRAMES_PER_S * film_s)) if films else [end]
-        stage = Stage(opened, steps, Look(**look), (int(size_px[0]), int(size_px[1])))  # type: ignore[arg-type]
+    kinds = {kind: Path(path) for kind, path in files.items()}
+    size = (int(size_px[0]), int(size_px[1]))
+    with ExitStack() as opened:
+        of_all = [opened.enter_context(open_result(result)) for result in results]
+        count = round(FRAMES_PER_S * film_s) if set(kinds) - {"png"} else 1
+        steps = steps_side_by_side(of_all, time_s, count)
+        stages = [
+            Stage(result, sorted(set(own)), Look(**look), size)  # type: ignore[arg-type]
+            for result, own in zip(of_all, steps, strict=True)
+        ]
+        share_scenes([stage.scene for stage in stages], FREE_MARGINS)
         frames: list[np.ndarray] = []
-        for number, step in enumerate(steps):
-            stage.show(step)
-            frames.append(stage.picture())
-            progress(0.8 * (number + 1) / len(steps))
-        stage.plotter.close()
-    if "png" in files:
-        whole_file(Path(files["png"]), _png(frames[-1]))
-    # Fewer stored steps than frames: each is seen for longer.
+        for number, moment in enumerate(zip(*steps, strict=True)):
+            for stage, step in zip(stages, moment, strict=True):
+                stage.show(step)
+            frames.append(np.concatenate([stage.picture() for stage in stages], axis=1))
+            progress(0.8 * (number + 1) / len(steps[0]))
+        for stage in stages:
+            stage.plotter.close()
+    # Fewer stored samples than frames: each is seen for longer.
     frame_s = film_s / len(frames)
-    if "gif" in films:
-        whole_file(films["gif"], _gif(frames, frame_s))
-    if "mp4" in films:
-        _write_mp4(films["mp4"], frames, frame_s)
+    for kind, path in kinds.items():
+        with writing(path):
+            if kind == "png":
+                whole_file(path, _png(frames[-1]))
+            elif kind == "gif":
+                whole_file(path, _gif(frames, frame_s))
+            else:
+                _write_mp4(path, frames, frame_s)
     progress(1.0)
+
+
+def steps_side_by_side(results: Sequence[Result], time_s: float | None, count: int) -> list[list[int]]:
+    """The samples of each result that are shown together: those nearest to common times.
+
+    Parameters
+    ----------
+    time_s : the last time, s; by default the last one that all results have.
+    count : largest number of frames; 1 for the last time alone. No more are used than the result with most samples has.
+
+    Returns
+    -------
+    For each result as many numbers of samples as there are frames; a sample is repeated where a result has fewer.
+    """
+    _, last = common_steps(results, time_s)
+    if count < 2:
+        return [[step] for step in last]
+    wanted = [film_steps(result.times, step, count) for result, step in zip(results, last, strict=True)]
+    finest = max(range(len(results)), key=lambda number: len(wanted[number]))
+    times = [float(time) for time in results[finest].times[wanted[finest]]]
+    return [[int(np.argmin(np.abs(result.times - time))) for time in times] for result in results]
 
 
 def _png(frame: np.ndarray) -> bytes:
@@ -81,7 +114,7 @@ def _png(frame: np.ndarray) -> bytes:
 
 
 def _gif(frames: Sequence[np.ndarray], frame_s: float) -> bytes:
-    """All frames with the same colours: what does not move takes no room."""
+    """All frames with the same palette, so that pixels that do not change need no space."""
     from PIL import Image
 
     some = np.linspace(0, len(frames) - 1, min(len(frames), PALETTE_FROM_FRAMES)).round().astype(int)

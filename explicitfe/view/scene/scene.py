@@ -1,4 +1,4 @@
-"""A stored run as a scene that moves: body, bones, muscle fibres and the shape at rest, shown at any of its steps.
+"""A stored run as an animated scene: body, bones, muscle fibres and the shape at rest, at any of its samples.
 
 Lengths in a scene are in mm.
 """
@@ -23,29 +23,29 @@ from explicitfe.view.scene.viewpoint import Viewpoint, aim, viewpoint
 if TYPE_CHECKING:
     import pyvista
 
-# Of a whole skull the tongue would be a dot: bones are shown as far as this around it.
+# Bones are shown up to this distance from the body, because the tongue would be tiny in a whole skull.
 BONES_AROUND_MM = 12.0
-# What lies between the eye and the middle of the tongue would hide it: it can be looked through.
+# Bone between the camera and the middle of the tongue is transparent.
 NEAR_BONE_OPACITY = 0.12
 GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
-# Dashes are as long as this share of the body, and take this share of a line.
+# Length of a dash as a share of the body, and share of a line that dashes cover.
 DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
-# The outline at rest and cut bones stand this share of the body before the face that they would else lie in.
+# The outline at rest and cut bones are drawn this share of the body in front of the cut face.
 BEFORE_FACE_SHARE = 0.004
 PLAIN_COLOUR = "#D9827B"
-# Lines of fibres are drawn before everything: they run inside.
+# Fibres run inside the body; they are drawn in front of everything.
 ON_TOP_UNITS = -66000.0
 
 
 @dataclass(frozen=True)
 class Look:
-    """What is shown, and from where.
+    """Contents and view of a scene.
 
     Attributes
     ----------
     view : a name of ``VIEWPOINTS``.
     field : a stored field, or ``NO_FIELD``.
-    bones, fibres, at_rest : whether these are shown: bones, muscle fibres, the shape at rest as a ghost.
+    bones, fibres, at_rest : whether bones, muscle fibres and the shape at rest are shown.
     """
 
     view: str = "midsagittal"
@@ -57,7 +57,7 @@ class Look:
 
 @dataclass(frozen=True)
 class _Moving:
-    """Something that the mesh carries: its drawn points, and for each face its element."""
+    """Geometry that moves with the mesh: its drawn points, and the element of each face."""
 
     drawn: pyvista.PolyData
     points: CarriedPoints
@@ -65,12 +65,12 @@ class _Moving:
 
 
 class Scene:
-    """A run in a plotter of pyvista; :meth:`show` moves everything to a step, :attr:`body_mapper` has the colours of the body.
+    """A run in a plotter of pyvista; :meth:`show` moves everything to a sample, :attr:`body_mapper` colours the body.
 
     Parameters
     ----------
-    result : an open result; it is read whenever a step is shown.
-    steps : that will be shown: the colours and the camera hold for all of them.
+    result : an open result, which is read whenever a sample is shown.
+    steps : samples that will be shown, for which colours and camera are chosen.
 
     Raises
     ------
@@ -99,11 +99,11 @@ class Scene:
         return bool(self._fibres)
 
     def aim(self, margins: tuple[float, float, float]) -> None:
-        """Place the camera so that all that is shown at any step has room; ``margins`` as in :func:`viewpoint.aim`."""
+        """Place the camera so that it shows everything at all samples; ``margins`` as in :func:`viewpoint.aim`."""
         aim(self.plotter, self.view, np.concatenate(self.framed), margins)
 
     def show(self, step: int) -> None:
-        """Move everything to where it is at a step."""
+        """Move everything to its place at a sample."""
         displacement = self.result.displacement(step)
         body = self._body
         body.drawn.points = 1e3 * body.points.places(displacement)
@@ -126,7 +126,7 @@ class Scene:
             actor.prop.color = mixed(FIBRE_AT_REST, FIBRE_PULLING, pulls[number])
 
     def pulls(self, step: int) -> list[float]:
-        """Of each muscle of the run, the share of its force that the scenario asks for at a step."""
+        """Activation of each muscle at a sample, as a share of its force."""
         time_ms = 1e3 * float(self.result.times[step])
         shares = []
         for muscle in muscles_of(self.result):
@@ -229,6 +229,16 @@ class Scene:
             actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, ON_TOP_UNITS)
             drawn[number] = _Moving(polyline, points, np.zeros(0, dtype=np.int64)), actor
         return drawn
+
+
+def share_scenes(scenes: Sequence[Scene], margins: tuple[float, float, float]) -> None:
+    """Give scenes of one view and field the same camera and colour scale; ``margins`` as in :func:`viewpoint.aim`."""
+    points = np.concatenate([part for scene in scenes for part in scene.framed])
+    limits = np.array([scene.field.limits for scene in scenes if scene.field is not None])
+    for scene in scenes:
+        aim(scene.plotter, scene.view, points, margins)
+        if scene.field is not None:
+            scene.body_mapper.scalar_range = (limits[:, 0].min(), limits[:, 1].max())
 
 
 def mixed(at_none: str, at_all: str, share: float) -> tuple[float, float, float]:

@@ -1,38 +1,41 @@
-"""Shows a result in three dimensions: in a window, or as files where there is none."""
+"""Results in three dimensions: in a window, or as pictures and films in files."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
 from explicitfe.errors import InputError, Progress, silent
 from explicitfe.host.extras import require
-from explicitfe.measure.steps import step_at
+from explicitfe.measure.steps import common_steps
 from explicitfe.results import Result, open_result
 from explicitfe.results.drawn import ShownScene
-from explicitfe.results.run_summary import kind_of
 from explicitfe.view.files import new_files
+from explicitfe.view.heading import common_stem
 from explicitfe.view.muscles import muscles_of
 from explicitfe.view.rendering import rendering
 from explicitfe.view.scene.scene import Look
 from explicitfe.view.scene.shown_field import check_field
 from explicitfe.view.scene.viewpoint import viewpoint
+from explicitfe.view.several import check_count, same_kind
 
 FileKind = Literal["png", "gif", "mp4"]
 SIZE_PX = (960, 720)
 FILM_S = 4.0
 SMALLEST_PX, LARGEST_PX = 64, 8192
 SHORTEST_FILM_S, LONGEST_FILM_S = 0.1, 60.0
-# Where the speaker's plane of symmetry means nothing.
+MOST_SIDE_BY_SIDE = 4  # more pictures are too wide for a screen
+# A specimen has no midsagittal plane.
 VIEW_OF_SPECIMEN = "oblique"
 
 
 def show(
-    result_path: Path,
+    results: Path | Sequence[Path],
     view: str | None = None,
     *,
     field: str = "displacement",
@@ -47,57 +50,67 @@ def show(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> ShownScene:
-    """Show a result: in a window, or, where ``files`` names kinds of them, as ``<stem>-<view>.<kind>``.
+    """Show a result in a window, or, where ``files`` names kinds of them, in files ``<stem>-<view>.<kind>``.
+
+    Several results are shown side by side in files, with the same camera, colours and times.
 
     Parameters
     ----------
-    view : from where, a name of ``VIEWPOINTS``; the midsagittal cut if left out, "oblique" of a specimen.
-    field : a stored field that colours the body, or "none"; other than displacement, its name is part of the files' names.
+    results : a result, or several of the same kind of analysis.
+    view : a name of ``VIEWPOINTS``; by default the midsagittal cut, "oblique" for a specimen.
+    field : a stored field that colours the body, or "none"; other than displacement, it is part of the names of the files.
     bones, fibres, at_rest : whether these are shown too.
-    folder : where files go; beside the result if left out.
-    time_s : when a picture is, and up to when a film goes; the end if left out.
-    size_px : width and height.
-    film_s : how long a film takes.
-    overwrite : whether files may be replaced.
+    folder : output folder; that of the first result by default.
+    time_s : time of a picture and end of a film; by default the last time that all results have.
+    size_px : width and height of the picture of each result.
+    film_s : duration of a film, s.
+    overwrite : replace existing files.
 
     Raises
     ------
-    InputError : the result, a name, a time or a size cannot be used, a file exists, a package is missing, or there is no screen
-        for a window.
-    MachineError : this machine cannot render, or not write.
+    InputError : a result, a name, a time or a size cannot be used, a file exists, a package is missing, there is no screen for a
+        window, or a window is requested for several results.
+    MachineError : this machine cannot render, or the disk is full.
     """
     require("view", "a view in three dimensions")
     _check_sizes(size_px, film_s)
-    with open_result(result_path) as result:
-        check_field(result, field)
-        view = view or (VIEW_OF_SPECIMEN if kind_of(result.model) == "relaxation" else Look.view)
+    paths = [Path(results)] if isinstance(results, str | Path) else [Path(path) for path in results]
+    check_count(paths, MOST_SIDE_BY_SIDE)
+    notes: list[str] = []
+    with ExitStack() as opened:
+        of_all = [opened.enter_context(open_result(path)) for path in paths]
+        view = view or (VIEW_OF_SPECIMEN if same_kind(of_all) == "relaxation" else Look.view)
         viewpoint(view)
-        step = step_at(result, time_s)
-        time_ms = 1e3 * float(result.times[step])
-        notes = _notes(result, fibres)
+        for result in of_all:
+            check_field(result, field)
+            notes += _notes(result, fibres)
+        time_ms = 1e3 * float(of_all[0].times[common_steps(of_all, time_s)[1][0]])
     look = Look(view, field, bones, fibres, at_rest)
-    folder = Path(result_path).parent if folder is None else Path(folder)
+    folder = paths[0].parent if folder is None else Path(folder)
     ending = view if field in ("displacement", "none") else f"{view}-{field}"
-    targets = {kind: folder / f"{Path(result_path).stem}-{ending}.{kind}" for kind in files}
-    common = {"result": str(Path(result_path).absolute()), "look": asdict(look), "size_px": size_px, "time_s": time_s}
+    targets = {kind: folder / f"{common_stem(paths)}-{ending}.{kind}" for kind in files}
+    common = {"look": asdict(look), "size_px": size_px, "time_s": time_s}
     if targets:
         new_files(targets.values(), overwrite)
         given = {"files": {kind: str(path) for kind, path in targets.items()}, "film_s": film_s}
-        with rendering("film", **common, **given) as process:
+        with rendering("film", results=[str(path.absolute()) for path in paths], **common, **given) as process:
             process.wait(lambda share: progress("draw", share))
+    elif len(paths) > 1:
+        raise InputError("a window shows one result; add --png, --gif or --mp4 to show several results side by side in a file.")
     else:
         if not has_screen():
-            raise InputError("there is no screen for a window (DISPLAY is not set); add --png, --gif or --mp4 to draw a file")
-        with rendering("window", **common) as process:
+            raise InputError("there is no screen for a window (DISPLAY is not set); add --png, --gif or --mp4 to draw a file.")
+        with rendering("window", result=str(paths[0].absolute()), **common) as process:
             process.wait()
-    return {
-        "result": str(result_path),
+    answer: ShownScene = {
+        "result": str(paths[0]),
         "files": [str(path) for path in targets.values()],
         "warnings": notes,
         "view": view,
         "field": field,
         "time_ms": time_ms,
     }
+    return answer if len(paths) == 1 else {**answer, "results": [str(path) for path in paths]}
 
 
 def has_screen() -> bool:
@@ -108,16 +121,14 @@ def has_screen() -> bool:
 def _check_sizes(size_px: tuple[int, int], film_s: float) -> None:
     if not all(SMALLEST_PX <= dots <= LARGEST_PX for dots in size_px):
         raise InputError(
-            f"a picture of {size_px[0]}x{size_px[1]} dots cannot be drawn; give {SMALLEST_PX} to {LARGEST_PX} each way"
+            f"a picture of {size_px[0]}x{size_px[1]} pixels is not possible; give {SMALLEST_PX} to {LARGEST_PX} pixels each way."
         )
     if not SHORTEST_FILM_S <= film_s <= LONGEST_FILM_S:
-        raise InputError(f"a film of {film_s:g} s cannot be drawn; give {SHORTEST_FILM_S:g} to {LONGEST_FILM_S:g} s")
+        raise InputError(f"a film of {film_s:g} s is not possible; give {SHORTEST_FILM_S:g} to {LONGEST_FILM_S:g} s.")
 
 
 def _notes(result: Result, fibres: bool) -> list[str]:
-    """What of the scene is missing, in sentences."""
+    """A sentence for each part of the scene that is missing."""
     if fibres and muscles_of(result) and not any(result.fibres):
-        return [
-            f"{result.path} holds no muscle fibres, as it was written by an earlier version; run the scenario again to see them"
-        ]
+        return [f"{result.path} has no muscle fibres, because an earlier version wrote it; run the scenario again to see them."]
     return []

@@ -12,13 +12,17 @@ from explicitfe.view.terminal.rows import pairs
 
 def drawn_table(drawn: DrawnPictures) -> Group:
     """The files of ``explicitfe plot``."""
-    return file_lines([("result", drawn["result"]), *(("picture", path) for path in drawn["files"])])
+    return file_lines([*_results(drawn), *(("picture", path) for path in drawn["files"])])
 
 
 def scene_table(shown: ShownScene) -> Group:
-    """The files of ``explicitfe view``, or that it was a window."""
+    """The files of ``explicitfe view``, or the note that it was a window."""
     table = pairs("")
     table.add_row("view", escape(f"{shown['view']}, {shown['field']}"))
     if not shown["files"]:
         table.add_row("window", "closed")
-    return Group(table, file_lines([("result", shown["result"]), *(("file", path) for path in shown["files"])]))
+    return Group(table, file_lines([*_results(shown), *(("file", path) for path in shown["files"])]))
+
+
+def _results(drawn: DrawnPictures) -> list[tuple[str, str]]:
+    return [("result", path) for path in drawn.get("results", [drawn["result"]])]

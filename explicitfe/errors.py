@@ -1,4 +1,4 @@
-"""What every room tells the user: how far it is, and what is wrong, in one sentence that says what to do."""
+"""Progress reports and exceptions that all parts of the program use."""
 
 from __future__ import annotations
 
@@ -53,19 +53,19 @@ def silent(stage: Stage, share: float) -> None:
 
 
 class InputError(ValueError):
-    """A scenario, model, mesh or option that cannot be used. The command line prints the sentence and exits with 2."""
+    """Invalid input: a scenario, model, mesh or option. The command line prints the message and exits with code 2."""
 
 
 class RunWarning(UserWarning):
-    """A sentence for the user while work goes on. The command line prints it; warnings of libraries are for programmers."""
+    """A sentence for the user during a run. The command line prints it; it does not print warnings of libraries."""
 
 
 class RunError(RuntimeError):
-    """A run that started and could not be finished. The command line prints the sentence and exits with 3."""
+    """A run that could not be finished. The command line prints the message and exits with code 3."""
 
 
 class MachineError(RunError):
-    """What the machine or its operating system refuses: a full disk, no permission, too little memory. Exit code 3 as well."""
+    """An operation that the machine or its operating system refuses: disk full, no permission, not enough memory. Exit code 3."""
 
 
 LONGEST_ECHO_CHARACTERS = 60  # of what a user wrote, in a sentence about it
@@ -73,13 +73,13 @@ MOST_NAMES_LISTED = 20
 
 
 def shortened(text: str) -> str:
-    """What a user wrote as a sentence can say it again: on one line, and its beginning where it is long."""
+    """User text for a message: on one line, without control characters, and shortened if it is long."""
     echo = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[:LONGEST_ECHO_CHARACTERS])
     return echo if len(text) <= LONGEST_ECHO_CHARACTERS else f"{echo}... ({len(text)} characters)"
 
 
 def nearest(word: str, valid: Iterable[str]) -> str:
-    """'did you mean "x"?' for the valid name nearest to ``word``, or 'valid are: a, b.' when none is near: ends a sentence."""
+    """End of a sentence on an unknown name: 'did you mean "x"?', or 'valid names: a, b.' if none is similar."""
     valid = sorted(valid)
     if not valid:
         return "there is none."

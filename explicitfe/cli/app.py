@@ -37,7 +37,7 @@ from explicitfe.cli.sweep import sweep
 from explicitfe.cli.verify import verify
 from explicitfe.cli.view import view
 from explicitfe.cli.warmup import warmup
-from explicitfe.host.code_cache import refuse_foreign_code
+from explicitfe.host.code_cache import check_environment
 
 Command = Callable[..., None]
 
@@ -58,7 +58,7 @@ COMMANDS: dict[str, dict[str, Command]] = {
 }
 # Panel -> name of a group -> its help and its commands.
 GROUPS: dict[str, dict[str, tuple[str, dict[str, Command]]]] = {
-    "Scenarios": {"new": ("Begin a scenario or a dataset of your own.", {"scenario": new_scenario, "dataset": new_dataset})},
+    "Scenarios": {"new": ("Create a scenario or a dataset.", {"scenario": new_scenario, "dataset": new_dataset})},
     "Measured data": {
         "blind": ("Test close-loop on simulated data with hidden effects.", {"make": blind_make, "score": blind_score}),
     },
@@ -74,7 +74,7 @@ app = typer.Typer(
 
 EXIT_CODES = (
     "Exit code 0: done; 2: the input cannot be used, and nothing was written; 3: it stopped early, by the simulation, the "
-    "machine or a fault of explicitfe (--json says which); 130, 143, 129: stopped by Ctrl-C, SIGTERM, SIGHUP."
+    "machine or an internal error (--json says which); 130, 143, 129: stopped by Ctrl-C, SIGTERM, SIGHUP."
 )
 
 
@@ -87,15 +87,18 @@ def _print_version(wanted: bool) -> None:
 @app.callback(epilog=EXIT_CODES)
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and leave.", is_eager=True, callback=_print_version)
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True, callback=_print_version)
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show where an error comes from.", envvar="EXPLICITFE_DEBUG")] = False,
+    debug: Annotated[bool, typer.Option("--debug", help="Print the traceback of an error.", envvar="EXPLICITFE_DEBUG")] = False,
 ) -> None:
-    """Explicit-dynamics simulator of the tongue: from a scenario file to a result file that ParaView opens.
+    """Simulate the tongue with explicit-dynamics finite elements.
+
+    A scenario file defines a run; the result file opens in ParaView. The first run of each kind of model compiles kernels;
+    `explicitfe warmup` compiles them in advance.
 
     Example: [bold]explicitfe run scenarios/vowel-i.toml[/bold]
     """
-    refuse_foreign_code()
+    check_environment()
 
 
 for panel, commands in COMMANDS.items():

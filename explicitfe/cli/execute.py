@@ -1,4 +1,4 @@
-"""Runs the command that some words name; whatever happens becomes one sentence and an exit code, which ``ending.py`` names."""
+"""Execution of a command; every exception becomes one sentence and an exit code, see ``ending.py``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNKNOWN_SHELL_EXIT_CODE = 1  # typer's own, of --install-completion and --show-c
 
 
 def execute(words: Sequence[str]) -> int:
-    """Run ``explicitfe WORDS``; give its exit code."""
+    """Run ``explicitfe WORDS``; return its exit code."""
     for stream in (stdout, stderr):
         stream.show_what_cannot_be_encoded()
     with warnings.catch_warnings():
@@ -29,11 +29,11 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _exit_code_of(words: list[str]) -> int:
-    """Run the command that the words name; whatever ends it is told here."""
+    """Run a command and report its failure."""
     debug = False
     try:
         try:
-            # Not by app(), which takes KeyboardInterrupt and broken pipes for itself, without a word.
+            # Not by app(), which handles KeyboardInterrupt and broken pipes silently.
             command = typer.main.get_command(app)
             words_printed = answer_to_shell(command)
             if words_printed is not None:
@@ -47,16 +47,16 @@ def _exit_code_of(words: list[str]) -> int:
             stdout.flush()
     except typer.Exit as end:
         return INPUT_EXIT_CODE if end.exit_code == UNKNOWN_SHELL_EXIT_CODE else end.exit_code
-    except SystemExit:  # so rich ends --help whose reader has left
+    except SystemExit:  # raised by rich if the reader of --help has closed the pipe
         return DONE_EXIT_CODE
     except (Exception, KeyboardInterrupt) as error:
-        if isinstance(error, BrokenPipeError) and not HELP.isdisjoint(words):  # so click ends it, a moment later
+        if isinstance(error, BrokenPipeError) and not HELP.isdisjoint(words):  # likewise by click
             return DONE_EXIT_CODE
         if debug:
             stderr.write(traceback.format_exc())
         ending = failure_of(error)
         if wants_json(words):
-            with suppress(MachineError):  # there is no room for it
+            with suppress(MachineError):  # it cannot be written
                 print_json({"failure": ending})
         print_failure(ending)
         return ending["exit_code"]
@@ -64,6 +64,6 @@ def _exit_code_of(words: list[str]) -> int:
 
 
 def _tell_warning(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
-    """Say what a room warns of; libraries warn their programmers, who ask for it with --debug."""
+    """Print warnings for users; those of libraries are for programmers and shown with --debug only."""
     if issubclass(category, RunWarning):
         print_note(str(message))

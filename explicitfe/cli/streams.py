@@ -1,7 +1,7 @@
-"""Where a command writes: stdout for its answer, stderr for words to people.
+"""Output of commands: answers on stdout, messages for people on stderr.
 
-Nobody may be listening (``explicitfe list muscles | head -1``), or the disk that a log goes to may be full. Neither ends a run:
-words that cannot be written are dropped. An answer that cannot be written is an error, unless its reader has simply left.
+A closed pipe (``explicitfe list muscles | head -1``) or a full disk under a log does not end a run: messages that cannot be
+written are discarded. An answer that cannot be written is an error, unless the reader has closed the pipe.
 """
 
 from __future__ import annotations
@@ -17,21 +17,22 @@ from rich.segment import Segment
 
 from explicitfe.errors import MachineError
 
-# Titles and names come from files of others: a terminal obeys control characters, so they are shown instead.
+# Titles and names may come from files of others. A terminal executes control characters, and characters that change the direction
+# of text reverse the rest of a line, so they are replaced by visible ones.
 _VISIBLE = {
     code: 0x2400 + code if code < 0x20 else 0xFFFD
     for code in range(0x100)
     if unicodedata.category(chr(code)) == "Cc" and chr(code) not in "\n\t"
-}
+} | dict.fromkeys([*range(0x202A, 0x202F), *range(0x2066, 0x206A)], 0xFFFD)
 
 
 class Stream:
-    """``sys.stdout`` or ``sys.stderr``, whichever object stands there now.
+    """The present ``sys.stdout`` or ``sys.stderr``.
 
     Parameters
     ----------
-    name : which.
-    needed : whether a write that the machine refuses is an error.
+    name : of the stream.
+    needed : whether a failed write is an error.
     """
 
     def __init__(self, name: Literal["stdout", "stderr"], *, needed: bool) -> None:
@@ -39,7 +40,7 @@ class Stream:
         self._needed = needed
 
     def _target(self) -> IO[str] | None:
-        target = getattr(sys, self._name)  # None where there is no console; a bar of progress may stand in for it
+        target = getattr(sys, self._name)  # None without a console; a progress bar may have replaced it
         return cast("IO[str] | None", getattr(target, "rich_proxied_file", target))
 
     def write(self, text: str) -> int:
@@ -47,7 +48,7 @@ class Stream:
 
         Raises
         ------
-        MachineError : it is needed, and the machine refuses.
+        MachineError : the stream is needed, and the operating system refuses.
         """
         target = self._target()
         if target is not None:
@@ -58,7 +59,7 @@ class Stream:
         return len(text)
 
     def flush(self) -> None:
-        """Hand on what was written; raises as :meth:`write` does."""
+        """Flush the stream; raises as :meth:`write` does."""
         target = self._target()
         if target is not None:
             try:
@@ -81,13 +82,13 @@ class Stream:
         return getattr(self._target(), "encoding", None) or "utf-8"
 
     def show_what_cannot_be_encoded(self) -> None:
-        """Write characters that the encoding of the stream lacks as escapes: an answer with them is better than none."""
+        """Write characters that the encoding of the stream lacks as escape sequences."""
         reconfigure = getattr(self._target(), "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors="backslashreplace")
 
     def _give_up(self, target: IO[str], error: OSError) -> None:
-        """Let what is buffered, and all that follows, vanish: python would try again when it ends."""
+        """Discard buffered and later output, which Python would otherwise try to write again at its end."""
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, target.fileno())
         os.close(nowhere)
@@ -96,7 +97,7 @@ class Stream:
 
 
 class Screen(Console):
-    """A console on a stream that shows control characters instead of sending them to the terminal."""
+    """A console that replaces control characters by visible ones."""
 
     def __init__(self, stream: Stream) -> None:
         super().__init__(file=cast(IO[str], stream))

@@ -18,6 +18,7 @@ from typing import Any
 import numba
 from numba.core.dispatcher import Dispatcher
 
+from explicitfe.compiled.cache import store_compiled_code
 from explicitfe.compiled.simd import WIDTH
 
 # contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
@@ -91,7 +92,10 @@ def bind(
     options = OPTIONS | {"_nrt": allocates}
     if not stored:  # python never calls it: wrappers that take its arguments apart take long to compile
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.jit(bound, cache=stored and not inline, forceinline=inline, **options)
+    dispatcher = numba.jit(bound, forceinline=inline, **options)
+    if stored and not inline:
+        store_compiled_code(dispatcher)
+    return dispatcher
 
 
 def _digest(bindings: Mapping[str, object]) -> str:

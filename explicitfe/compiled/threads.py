@@ -19,6 +19,7 @@ from numba.core import types
 from numba.core.extending import intrinsic
 
 from explicitfe.compiled.jit import leaf
+from explicitfe.errors import InputError, shortened
 
 # Entries of a gate, int64, on cache lines of their own.
 WAITING, GENERATION, STOP, ABANDONED, GATE = 0, 8, 16, 24, 32
@@ -142,13 +143,19 @@ def asked_to_stop(gate):
 
 
 def cores() -> int:
-    """Cores that this process may use, or as many as the environment variable EXPLICITFE_CORES says.
+    """Number of cores that this process may use; the environment variable EXPLICITFE_CORES overrides it.
 
     EXPLICITFE_THREADS is its former name.
+
+    Raises
+    ------
+    InputError : the variable is not a whole number above 0.
     """
     for name in ("EXPLICITFE_CORES", "EXPLICITFE_THREADS"):
         stated = os.environ.get(name, "")
-        if stated.isdigit() and int(stated) > 0:
+        if stated:
+            if not (stated.isascii() and stated.isdecimal() and 0 < len(stated) < 7 and int(stated) > 0):
+                raise InputError(f'{name} is "{shortened(stated)}", but must be a number of cores, such as 4; set or unset it.')
             return int(stated)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

@@ -1,4 +1,4 @@
-"""What text of a user may hold once it has been parsed: numbers, text, lists and tables, of a size that people write."""
+"""Limits on parsed files of users: types of values, sizes, nesting and characters."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ MOST_LEVELS = 32  # of tables and lists inside each other: schemas have six
 LONGEST_KEY_CHARACTERS = 200
 LONGEST_TEXT_CHARACTERS = 20_000  # of one value: a question of ten pages
 LARGEST_WHOLE_NUMBER = 2**63 - 1  # in 64 bits, as TOML has it
-# A terminal, a picture or a result file cannot hold them: control characters but tab and line end, and halves of characters.
-_NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+# Not accepted in text: control characters except tab and line end, characters that change the direction of the following text
+# (a terminal or a report would show a title in another order than it was written), surrogates and non-characters.
+_NOT_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]")
 
 
 def check_plain(data: object, where: object) -> None:
@@ -30,7 +31,7 @@ def check_plain(data: object, where: object) -> None:
     while waiting:  # no recursion: what is checked may be nested deeply
         value, path = waiting.pop()
         if len(path) > MOST_LEVELS:
-            raise _fault(where, path, f"tables and lists stand more than {MOST_LEVELS} deep inside each other; take some out")
+            raise _fault(where, path, f"tables and lists are nested more than {MOST_LEVELS} levels deep; remove some levels")
         if isinstance(value, dict):
             for key in value:
                 _check_key(key, where, path)
@@ -41,24 +42,24 @@ def check_plain(data: object, where: object) -> None:
             _check_text(value, where, path)
         elif isinstance(value, int):
             if abs(value) > LARGEST_WHOLE_NUMBER:
-                raise _fault(where, path, "whole numbers of more than 64 bits are not possible; write fewer digits")
+                raise _fault(where, path, "the whole number has more than 64 bits; write fewer digits")
         elif value is not None and not isinstance(value, float):
-            raise _fault(where, path, f"{value} is a date or a time, which no key takes; put it in quotes if it is text")
+            raise _fault(where, path, f"{value} is a date or a time, which no key accepts; put it in quotes if it is text")
 
 
 def _check_key(key: str, where: object, path: tuple[str, ...]) -> None:
     if len(key) > LONGEST_KEY_CHARACTERS:
-        raise _fault(where, path, f'the key "{shortened(key)}" is too long; {LONGEST_KEY_CHARACTERS} characters are possible')
+        raise _fault(where, path, f'the key "{shortened(key)}" is too long; the limit is {LONGEST_KEY_CHARACTERS} characters')
     if _NOT_TEXT.search(key):
-        raise _fault(where, path, f"the key {key!a} has a control character; take it out")
+        raise _fault(where, path, f"the key {key!a} contains a control character; remove it")
 
 
 def _check_text(text: str, where: object, path: tuple[str, ...]) -> None:
     if len(text) > LONGEST_TEXT_CHARACTERS:
-        raise _fault(where, path, f"a text of {len(text)} characters is too long; {LONGEST_TEXT_CHARACTERS} are possible")
+        raise _fault(where, path, f"the text has {len(text)} characters; the limit is {LONGEST_TEXT_CHARACTERS}")
     odd = _NOT_TEXT.search(text)
     if odd:
-        raise _fault(where, path, f"character {odd.start() + 1} of the text is a control character, {odd[0]!a}; take it out")
+        raise _fault(where, path, f"character {odd.start() + 1} of the text is a control character, {odd[0]!a}; remove it")
 
 
 def _fault(where: object, path: tuple[str, ...], sentence: str) -> InputError:

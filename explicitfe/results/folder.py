@@ -1,7 +1,7 @@
-"""What a command leaves on disk beside result files: a whole folder or file, or nothing.
+"""Output folders and files of commands other than result files: written completely, or not at all.
 
-A folder is filled under a hidden name, ``.NAME.XXXXXXXX.part``, and renamed at the end; for that moment an earlier answer is
-``.NAME.XXXXXXXX.old``. What a killed command left of these is put right by the next one: each is locked by who fills it.
+A folder is written under a hidden name, ``.NAME.XXXXXXXX.part``, and renamed at the end; during the renaming an earlier answer is
+``.NAME.XXXXXXXX.old``. The process that writes them locks them, so the next command can clean up after a killed one.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, MachineError
 from explicitfe.host.extras import PACKAGES, has_extra, how_to_install
-from explicitfe.host.files import create_private, lock, rename_new
+from explicitfe.host.files import create_private, lock, refusal, rename_new
 
 # A folder that is as young as this and empty may belong to a command that is just about to lock it.
 UNLOCKED_FOR_S = 60.0
@@ -42,37 +42,41 @@ def checked_target(out: Path, overwrite: bool, *, summary: str, what: str) -> Pa
     try:
         target = out.resolve()
         if target in (here := Path.cwd().resolve(), *here.parents):
-            raise InputError(f"{out}: the answer takes the place of this folder, and you are in it; name a folder in it.")
+            raise InputError(f"{out} would be replaced, but it contains the current folder; give a folder below it.")
         _put_right(target, summary)
         if target.exists() and not target.is_dir():
-            raise InputError(f"{out}: this is a file; name a folder.")
+            raise InputError(f"{out} is a file; give a folder.")
         if target.is_dir() and any(target.iterdir()):
             if not (target / summary).is_file():
-                raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
+                raise InputError(f"{out} contains other files; give a new or an empty folder.")
             if not overwrite:
-                raise InputError(f"{out}: this folder holds an earlier {what}; name another one, or add --overwrite.")
+                raise InputError(f"{out} contains an earlier {what}; add --overwrite to replace it, or give another folder.")
         # Better now than after the work.
         existing = next(folder for folder in target.parents if folder.exists())
         with tempfile.TemporaryDirectory(prefix=f".{target.name}.", suffix=".part", dir=existing):
             pass
     except (OSError, RuntimeError) as error:  # A circle of links is a RuntimeError.
-        raise InputError(f"{out}: this cannot be written ({getattr(error, 'strerror', None) or error}).") from None
+        raise _cannot_write(out, error) from None
     except ValueError as error:
-        raise (
-            error if isinstance(error, InputError) else InputError(f"{str(out)!r}: this cannot be the name of a folder.")
-        ) from None
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{str(out)!r} cannot be the name of a folder; choose another name.") from None
     return out
+
+
+def _cannot_write(folder: Path, error: BaseException) -> InputError | MachineError:
+    return refusal(error, f"cannot write the folder {folder}", "choose another --out folder")
 
 
 @contextmanager
 def drawing(warnings: list[str]) -> Iterator[None]:
-    """Draw pictures in this block: if that fails, a sentence is added to the warnings, and the numbers are not lost for it.
+    """Draw pictures in this block; an error only adds a sentence to the warnings, so that the numbers are stored anyway.
 
-    Without the packages that draw, the sentence says how to install them.
+    If the packages for drawing are missing, the sentence says how to install them.
 
     Raises
     ------
-    OSError : the pictures cannot be written, and so nothing can.
+    OSError : the pictures cannot be written.
     """
     try:
         yield
@@ -81,22 +85,24 @@ def drawing(warnings: list[str]) -> Iterator[None]:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != PACKAGES["plots"] or has_extra("plots"):
             raise
-        warnings.append(f"no pictures were drawn: that needs {how_to_install('plots')}")
+        warnings.append(f"no pictures were drawn, because drawing needs {how_to_install('plots')}")
     except Exception as error:
-        warnings.append(f"not all pictures could be drawn, a fault of explicitfe ({type(error).__name__}: {error}).")
+        problem = f"{type(error).__name__}: {error}"
+        warnings.append(f"some pictures could not be drawn because of an internal error ({problem}); please report it.")
 
 
 @contextmanager
 def whole_folder(target: Path, *, summary: str | None = None) -> Iterator[Path]:
-    """A folder to fill, beside the target; it takes its place at the end, or nothing of it is left.
+    """A temporary folder to write to, which replaces the target at the end or is removed after an error.
 
     Parameters
     ----------
-    summary : the file that lists what belongs to an earlier answer, which is replaced; what it does not list is kept.
+    summary : file that lists the files of an earlier answer, which are replaced; other files are kept.
 
     Raises
     ------
     InputError : the folder cannot be written.
+    MachineError : the disk is full.
     """
     given, target = target, target.resolve()
     try:
@@ -104,7 +110,7 @@ def whole_folder(target: Path, *, summary: str | None = None) -> Iterator[Path]:
         _put_right(target, summary)
         beside = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent))
     except OSError as error:
-        raise InputError(f"{given}: this cannot be written ({error.strerror}).") from None
+        raise _cannot_write(given, error) from None
     try:
         with _locked(beside):
             beside.chmod(0o755)
@@ -116,23 +122,23 @@ def whole_folder(target: Path, *, summary: str | None = None) -> Iterator[Path]:
             if old.exists():
                 _keep_what_is_not_listed(old, target, summary)
     except OSError as error:
-        raise InputError(f"{given}: this cannot be written ({error.strerror}).") from None
+        raise _cannot_write(given, error) from None
     finally:
         if beside.exists():
             shutil.rmtree(beside, ignore_errors=True)
 
 
 def whole_file(path: Path, content: str | bytes, *, overwrite: bool = True) -> None:
-    """Write a file as a whole or not at all.
+    """Write a file completely or not at all.
 
     Parameters
     ----------
-    overwrite : replace one that is there.
+    overwrite : replace an existing file.
 
     Raises
     ------
-    FileExistsError : something is there, and is not to be replaced.
-    OSError : it cannot be written.
+    FileExistsError : a file exists and is not to be replaced.
+    OSError : the file cannot be written.
     """
     with whole_stream(path, overwrite=overwrite) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -140,7 +146,7 @@ def whole_file(path: Path, content: str | bytes, *, overwrite: bool = True) -> N
 
 @contextmanager
 def whole_stream(path: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
-    """A file to fill; it gets its name at the end, or nothing of it is left. See :func:`whole_file`."""
+    """A temporary file to write to, renamed at the end or removed after an error. See :func:`whole_file`."""
     number, beside = create_private(path.parent, path.name)
     try:
         with os.fdopen(number, "wb") as file:
@@ -154,7 +160,7 @@ def whole_stream(path: Path, *, overwrite: bool = True) -> Iterator[BinaryIO]:
 
 
 def remove_unfinished(folder: Path) -> None:
-    """Remove what killed commands left half-written in a folder, whatever its name was to be."""
+    """Remove incomplete files and folders of killed commands from a folder."""
     with suppress(OSError):
         for path in list(folder.iterdir()):
             if re.fullmatch(r"\..+\.\w+\.part", path.name) and _is_left(path):

@@ -282,7 +282,8 @@ def history_table(columns: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def to_json(value: object) -> str:
     """JSON text; numpy arrays and numbers become lists and numbers."""
-    return json.dumps(value, indent=1, ensure_ascii=False, default=lambda item: item.tolist())
+    text = json.dumps(value, indent=1, ensure_ascii=False, default=lambda item: item.tolist())
+    return text.encode(errors="backslashreplace").decode()  # bytes of a path that are not UTF-8, as JSON escapes such as \udcff
 
 
 def _put(file: h5py.File, name: str, value: np.ndarray | str) -> None:

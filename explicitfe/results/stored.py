@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,15 +24,15 @@ READING_ERRORS = (OSError, KeyError, RuntimeError, ValueError, TypeError, Overfl
 
 
 class NoResultError(InputError):
-    """A file that is no result of this program: not HDF5, or of another kind."""
+    """A file that is not a result of this program: not HDF5, or of another kind."""
 
 
 class BusyError(InputError):
-    """A file that another process was just changing."""
+    """A file that another process was writing when it was read."""
 
 
 class StoredFile:
-    """An open result file whose parts are checked when they are read.
+    """An open result file; each part is checked when it is read.
 
     Attributes
     ----------
@@ -47,14 +48,15 @@ class StoredFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file, self.live = _open_file(path)
+        self._objects: dict[str, h5py.Group | h5py.Dataset] = {"": self._file["/"]}
         self._datasets: dict[tuple[str, str, tuple[int, ...]], h5py.Dataset] = {}
         try:
             self._size = self._file.id.get_filesize()
             if not self.has("explicitfe") or not self.has("VTKHDF"):
-                raise NoResultError(f"{self.path} is an HDF5 file but no result of explicitfe")
+                raise NoResultError(f"{self.path} is an HDF5 file but not a result of explicitfe")
             self.format = self.whole_number("explicitfe", "format")
             if self.format > layout.FORMAT_VERSION:
-                raise InputError(f"{self.path} has format {self.format}, newer than this explicitfe; install a newer one")
+                raise InputError(f"{self.path} has format {self.format}, which needs a newer version of explicitfe; update it")
         except BaseException:
             self.close()
             raise
@@ -64,37 +66,40 @@ class StoredFile:
         self._file.close()
 
     def damaged(self, what: str) -> InputError:
-        """What to raise where something is wrong."""
+        """The error to raise if a part is wrong."""
         if self.live:
-            return BusyError(f"{self.path} is being written and was not whole just now ({what}); try again")
+            return BusyError(f"{self.path} is being written and was incomplete when it was read ({what}); try again")
         return InputError(f"{self.path} is damaged ({what}); run the scenario again")
 
     def names(self, group: str) -> list[str]:
         """What stands in a group, sorted."""
         with self._reading(group):
-            members = self._file[group]
+            members = self._object(group)
             if isinstance(members, h5py.Group):
                 return sorted(members)
-        raise self.damaged(f"{group} is no group")
+        raise self.damaged(f"{group} is not a group")
 
     def has(self, name: str) -> bool:
-        """Whether something stands at a place."""
+        """Whether the file has a group or a dataset of this name."""
         with self._reading(name):
-            return name in self._file
+            try:
+                return bool(self._object(name))
+            except KeyError:
+                return False
 
     def text_attribute(self, name: str, key: str) -> str:
         """An attribute that is a string."""
         with self._reading(f"{key} of {name}"):
-            value = self._file[name].attrs[key]
+            value = self._object(name).attrs[key]
             return value.decode() if isinstance(value, bytes) else str(value)
 
     def whole_number(self, name: str, key: str) -> int:
         """An attribute that is a whole number, 0 or more."""
         with self._reading(f"{key} of {name}"):
-            value = self._file[name].attrs[key]
+            value = self._object(name).attrs[key]
             if np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.integer) and value >= 0:
                 return int(value)
-        raise self.damaged(f"{key} of {name} is no count")
+        raise self.damaged(f"{key} of {name} is not a count")
 
     def shape(self, name: str, kind: str = "f", axes: tuple[int, ...] = ()) -> tuple[int, ...]:
         """Shape of a dataset of numbers.
@@ -117,11 +122,11 @@ class StoredFile:
             return array
 
     def all_of(self, group: str) -> dict[str, np.ndarray]:
-        """Everything in a group, as it is."""
+        """All datasets of a group, unchecked."""
         arrays = {}
         for name in self.names(group):
             with self._reading(f"{group}/{name}"):
-                dataset = self._file[group][name]
+                dataset = self._object(f"{group}/{name}")
                 self._check_size(f"{group}/{name}", dataset)
                 arrays[name] = np.asarray(dataset[()])
         return arrays
@@ -129,7 +134,7 @@ class StoredFile:
     def text(self, name: str, in_header: bool = False) -> str:
         """A string that is a dataset; ``in_header``: HDF5 itself has checked it."""
         with self._reading(name):
-            dataset = self._file[name]
+            dataset = self._object(name)
             self._check_size(name, dataset)
             value = dataset[()]
             if isinstance(value, np.ndarray) and value.dtype == np.uint8:
@@ -138,7 +143,7 @@ class StoredFile:
                 if not in_header:
                     self._check(name, dataset, value)
                 return value.decode()
-        raise self.damaged(f"{name} is no text")
+        raise self.damaged(f"{name} is not a text")
 
     def table(self, name: str) -> dict[str, Any]:
         """A dictionary that is stored as JSON."""
@@ -148,29 +153,53 @@ class StoredFile:
             value = None
         if isinstance(value, dict):
             return value
-        raise self.damaged(f"{name} is no JSON")
+        raise self.damaged(f"{name} is not a JSON object")
 
     def _dataset(self, name: str, kind: str, axes: tuple[int, ...]) -> h5py.Dataset:
         if (name, kind, axes) in self._datasets:
             return self._datasets[name, kind, axes]
         with self._reading(name):
-            dataset = self._file[name]
+            dataset = self._object(name)
             if isinstance(dataset, h5py.Dataset) and dataset.shape is not None:
                 right = dataset.dtype == np.float64 if kind == "f" else np.issubdtype(dataset.dtype, np.integer)
                 if right and (not axes or dataset.ndim in axes):
                     self._check_size(name, dataset)
                     self._datasets[name, kind, axes] = dataset
                     return dataset
-        raise self.damaged(f"{name} is not of the type or the shape that it should be")
+        raise self.damaged(f"{name} has a wrong type or shape")
 
     def _check_size(self, name: str, dataset: h5py.Dataset) -> None:
         size = max(self._size, self.path.stat().st_size) if self.live else self._size
         if dataset.nbytes > size:
-            raise self.damaged(f"{name} would be larger than the file")
+            raise self.damaged(f"{name} claims to be larger than the file")
 
     def _check(self, name: str, dataset: h5py.Dataset, data: bytes) -> None:
         if self.format >= layout.FIRST_FORMAT_WITH_CHECKSUMS and crc32(data) != self.whole_number(name, "crc32"):
-            raise self.damaged(f"{name} is not what was stored")
+            raise self.damaged(f"the checksum of {name} does not match")
+
+    def _object(self, name: str) -> h5py.Group | h5py.Dataset:
+        """A group or dataset of this file.
+
+        A result has no links to other names or files and no dataset whose numbers are in another file: a file that has some was
+        edited, and could make a reader open any file of the user.
+
+        Raises
+        ------
+        InputError : it is such a link or dataset.
+        KeyError : there is none.
+        """
+        if name not in self._objects:
+            folder, _, last = name.rpartition("/")
+            group = self._object(folder)
+            if not isinstance(group, h5py.Group) or not group.id.links.exists(last.encode()):
+                raise KeyError(name)
+            if group.id.links.get_info(last.encode()).type != h5py.h5l.TYPE_HARD:
+                raise self.damaged(f"{name} is a link to another place, which a result never has")
+            found = group[last]
+            if isinstance(found, h5py.Dataset) and (found.external or found.is_virtual):
+                raise self.damaged(f"the numbers of {name} are in another file, which a result never has")
+            self._objects[name] = found
+        return self._objects[name]
 
     @contextmanager
     def _reading(self, what: str) -> Iterator[None]:
@@ -188,21 +217,20 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
     """The open file, and whether another process is writing it."""
     try:
         if path.is_dir():
-            raise InputError(f"{path} is a folder; name the .vtkhdf file in it")
+            raise InputError(f"{path} is a folder; give the .vtkhdf file in it")
         if path.exists() and not path.is_file():
-            raise NoResultError(f"{path} is no file, so it is no result of explicitfe")
-        with path.open("rb") as file:
-            signature = file.read(len(HDF5_SIGNATURE))
+            raise NoResultError(f"{path} is not a regular file, so it is not a result of explicitfe")
+        signature = _first_bytes(path)
     except FileNotFoundError as error:
-        left = running_path(path)
-        hint = f"; a run that goes on or was stopped has {left}" if left.exists() else ""
+        unfinished = running_path(path)
+        hint = f"; an unfinished run has {unfinished}" if unfinished.exists() else ""
         raise InputError(f"{path} does not exist{hint}") from error
     except InputError:
         raise
     except (OSError, ValueError) as error:  # a name that is too long, or has a character of code 0
         raise InputError(f"{str(path)!r} cannot be read ({reason(error)})") from error
     if signature != HDF5_SIGNATURE:
-        raise NoResultError(f"{path} is no HDF5 file, so it is no result of explicitfe")
+        raise NoResultError(f"{path} is not an HDF5 file, so it is not a result of explicitfe")
     live = False
     try:
         try:
@@ -212,10 +240,21 @@ def _open_file(path: Path) -> tuple[h5py.File, bool]:
             return h5py.File(path, "r", locking=False), True
     except READING_ERRORS as error:
         if not path.exists():
-            raise InputError(f"{path} does not exist any more") from error
+            raise InputError(f"{path} was removed while it was read") from error
         if live:
-            raise BusyError(f"{path} is being written and was not whole just now ({_one_line(error)}); try again") from error
+            raise BusyError(
+                f"{path} is being written and was incomplete when it was read ({_one_line(error)}); try again"
+            ) from error
         raise InputError(f"{path} is damaged (HDF5 cannot open it: {_one_line(error)}); run the scenario again") from error
+
+
+def _first_bytes(path: Path) -> bytes:
+    """The first bytes of a file; none of a special file without size, such as /proc/kmsg, whose reading would wait."""
+    descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    try:
+        return os.read(descriptor, len(HDF5_SIGNATURE)) if os.fstat(descriptor).st_size else b""
+    finally:
+        os.close(descriptor)
 
 
 def _one_line(error: BaseException) -> str:

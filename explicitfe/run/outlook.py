@@ -1,4 +1,4 @@
-"""What is known of a run when it begins: whether its result has room, and whether anybody will see its end."""
+"""Checks when a run starts: free disk space for its result, and its duration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import shutil
 import warnings
 from pathlib import Path
 
-from explicitfe.errors import InputError, RunWarning
+from explicitfe.errors import InputError, MachineError, RunWarning
 from explicitfe.host.memory import in_words
 
 # The smallest tongue takes 3 us a step: with more steps than this it takes five weeks, and any other mesh years.
@@ -16,50 +16,49 @@ _DAYS_OF_A_YEAR = 365.25
 
 
 def check_room(target: Path, result_bytes: float, advice: str) -> None:
-    """Refuse a result that the disk has no room for, before anything is computed.
+    """Refuse a run whose result would not fit on the disk.
 
     Parameters
     ----------
-    target : where the result goes; its folder need not exist yet.
-    result_bytes : about how large it will be.
+    target : path of the result; its folder need not exist yet.
+    result_bytes : estimated size of the result.
     advice : what to change; ends the sentence.
 
     Raises
     ------
-    InputError : says how large it would be, and what there is.
+    MachineError : the free space is smaller than the estimated size.
     """
     folder = next((parent for parent in target.absolute().parents if parent.is_dir()), None)
     if folder is None:
-        return  # the writer says what is wrong with it
+        return  # the writer reports what is wrong with it
     free = shutil.disk_usage(folder).free
     if result_bytes > free:
-        raise InputError(
-            f"the result would have about {in_words(result_bytes)}, and {in_words(free)} are free in {folder}; {advice}."
+        raise MachineError(
+            f"the result needs about {in_words(result_bytes)}, but only {in_words(free)} are free in {folder}; {advice}."
         )
 
 
 def check_steps(steps: float, step_s: float) -> None:
-    """Refuse a run that no machine ends.
+    """Refuse a run of an impossible number of steps.
 
     Raises
     ------
-    InputError : says how many steps it would take.
+    InputError : the run would take more than ``MOST_STEPS`` steps.
     """
     if steps > MOST_STEPS:
         raise InputError(
-            f"the run would take {steps:.2g} steps of {1e6 * step_s:.3g} microseconds, and no machine does more than "
-            f"{MOST_STEPS:.0e}; take a shorter analysis.duration_ms, a coarser mesh, or softer or heavier tissue, and leave "
-            "analysis.step_us out."
+            f"the run would take {steps:.2g} steps of {1e6 * step_s:.3g} microseconds; the limit is {MOST_STEPS:.0e}. Reduce "
+            "analysis.duration_ms, use a coarser mesh or softer or denser tissue, and remove analysis.step_us."
         )
 
 
 def warn_of_long_run(seconds: float, work: str) -> None:
-    """Say how long a run will take, where nobody waits for it: more than a day."""
+    """Warn of a run that will take more than a day."""
     if seconds > LONG_RUN_S:
         days = seconds / LONG_RUN_S
         time = f"{days:.2g} days" if days < _DAYS_OF_A_YEAR else f"{days / _DAYS_OF_A_YEAR:.2g} years"
         warnings.warn(
-            f"at its present speed this run takes {time} ({work}); it can be stopped with Ctrl-C and gone on with later.",
+            f"at the present speed this run takes {time} ({work}); Ctrl-C interrupts it, 'explicitfe resume' continues it later.",
             RunWarning,
             stacklevel=2,
         )

@@ -19,7 +19,7 @@ from command import command
 from support import ROOT
 
 from explicitfe.cli.app import COMMANDS, GROUPS
-from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS, failure_of
+from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS
 from explicitfe.errors import InputError, MachineError, RunError
 from explicitfe.host import stopping
 from explicitfe.run import lists, transient
@@ -48,7 +48,7 @@ ENDS = {
     "input": (raising(InputError("no such thing.")), "input", 2, "error: no such thing."),
     "simulation": (raising(RunError("it does not converge.")), "simulation", 3, "failed: it does not converge."),
     "machine": (raising(MachineError("the disk is full.")), "machine", 3, "failed: the disk is full."),
-    "memory": (raising(MemoryError()), "machine", 3, "memory of this machine ran out"),
+    "memory": (raising(MemoryError()), "machine", 3, "not enough memory"),
     "no permission": (
         raising(PermissionError(errno.EACCES, "Permission denied", "secret")),
         "machine",
@@ -57,13 +57,23 @@ ENDS = {
     ),
     "disk full": (raising(OSError(errno.ENOSPC, "No space left on device")), "machine", 3, "No space left"),
     "killed worker": (raising(BrokenProcessPool("a child died")), "machine", 3, "was killed"),
-    "fault": (raising(ValueError("summary has\n487948 bytes")), "fault", 3, r"a fault of explicitfe.*summary has 487948 bytes"),
-    "recursion": (raising(RecursionError("too deep")), "fault", 3, "fault of explicitfe.*too deep"),
-    "pipe": (raising(BrokenPipeError(errno.EPIPE, "Broken pipe")), "fault", 3, "fault of explicitfe.*Broken pipe"),
-    "missing file": (raising(FileNotFoundError(errno.ENOENT, "No such file", "a.toml")), "fault", 3, "fault of explicitfe"),
-    "assertion": (raising(AssertionError()), "fault", 3, r"fault of explicitfe \(AssertionError\)"),
-    "Ctrl-C": (raising(KeyboardInterrupt()), "stopped", 130, "ended: stopped by hand; nothing is left half-written"),
-    "SIGTERM": (signalled, "stopped", 143, "stopped by SIGTERM; nothing is left half-written"),
+    "fault": (
+        raising(ValueError("summary has\n487948 bytes")),
+        "fault",
+        3,
+        r"internal error of explicitfe.*summary has 487948 bytes",
+    ),
+    "recursion": (raising(RecursionError("too deep")), "fault", 3, "internal error of explicitfe.*too deep"),
+    "pipe": (raising(BrokenPipeError(errno.EPIPE, "Broken pipe")), "fault", 3, "internal error of explicitfe.*Broken pipe"),
+    "missing file": (
+        raising(FileNotFoundError(errno.ENOENT, "No such file", "a.toml")),
+        "fault",
+        3,
+        "internal error of explicitfe",
+    ),
+    "assertion": (raising(AssertionError()), "fault", 3, r"internal error of explicitfe \(AssertionError\)"),
+    "Ctrl-C": (raising(KeyboardInterrupt()), "stopped", 130, "ended: interrupted by Ctrl-C; no incomplete file was left"),
+    "SIGTERM": (signalled, "stopped", 143, "interrupted by SIGTERM; no incomplete file was left"),
 }
 
 
@@ -96,7 +106,7 @@ def test_debug_shows_where_an_error_comes_from(
         words = ["--debug", *words] if debug == "--debug first" else [*words, "--debug"]
     assert command(words) == 3
     shown = capsys.readouterr().err
-    assert "Traceback" in shown and "in rows" in shown and "fault: a fault of explicitfe (ValueError: odd)" in shown
+    assert "Traceback" in shown and "in rows" in shown and "fault: internal error of explicitfe (ValueError: odd)" in shown
 
 
 def test_a_fault_names_the_file_that_was_worked_on(
@@ -107,8 +117,8 @@ def test_a_fault_names_the_file_that_was_worked_on(
     monkeypatch.setattr(transient, "assemble", lambda *given: 1 / 0)
     assert command(["check", str(scenario), "--set", "title='a'"]) == 3
     sentence = capsys.readouterr().err.strip()
-    assert f"a fault of explicitfe while working on {scenario} (ZeroDivisionError: division by zero)" in sentence
-    assert "please report this with the file" in sentence and "--debug" in sentence
+    assert f"internal error of explicitfe while working on {scenario} (ZeroDivisionError: division by zero)" in sentence
+    assert "Please report this error with the file" in sentence and "--debug" in sentence
 
 
 @pytest.mark.parametrize(
@@ -119,7 +129,7 @@ def test_a_fault_names_the_file_that_was_worked_on(
         (["run", "a.toml", "--frobnicate"], "No such option: --frobnicate"),
         (["run", "a.toml", "b.toml"], "Got unexpected extra argument"),
         (["run", "a.toml", "--set"], "'--set' requires an argument"),
-        (["blind"], "Missing command; `explicitfe blind --help`"),
+        (["blind"], "Missing command; see `explicitfe blind --help`"),
         (["blind", "make", "x", "--seed", "a"], "Invalid value for '--seed'"),
         (["--frobnicate", "list"], "No such option: --frobnicate"),
     ],
@@ -129,7 +139,7 @@ def test_wrong_use_is_one_sentence(words: list[str], sentence: str, capsys: pyte
         assert command([*words[:1], *json_option, *words[1:]]) == 2
         shown = capsys.readouterr()
         (line,) = shown.err.splitlines()
-        assert line.startswith("error: ") and line.endswith("shows what can be given.")
+        assert line.startswith("error: ") and re.search(r"see `explicitfe.* --help`\.$", line)
         if json_option:
             assert json.loads(shown.out)["failure"] == {
                 "kind": "input",
@@ -172,9 +182,9 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
     summary = json.loads(capsys.readouterr().out)
     assert summary["status"] == "finished" and "failure" not in summary and "plots" not in summary
     (warning,) = [text for text in summary["warnings"] if "could not be drawn" in text]
-    assert "ZeroDivisionError" in warning and "the result stands" in warning
+    assert "ZeroDivisionError" in warning and "the result is complete" in warning
     monkeypatch.undo()
-    again = shlex.split(warning.partition("draw it with: explicitfe ")[2])
+    again = shlex.split(warning.partition("draw it with 'explicitfe ")[2].removesuffix("'."))
     assert command([*again, "--only", "contour", "--json"]) == 0
     (picture,) = json.loads(capsys.readouterr().out)["files"]
     assert Path(picture).parent == tmp_path and Path(picture).name == "vowel-i-contour.png"
@@ -193,7 +203,7 @@ def test_a_signal_while_pictures_are_drawn_loses_nothing(
     assert command(words) == 130
     summary = json.loads(capsys.readouterr().out)
     assert summary["status"] == "finished" and summary["failure"]["kind"] == "stopped"
-    assert "while drawing: the result stands" in summary["failure"]["message"]
+    assert "while drawing: the result is complete" in summary["failure"]["message"]
 
 
 def explicitfe(*words: str, **streams: object) -> subprocess.Popen[bytes]:
@@ -225,32 +235,6 @@ def test_a_full_disk_under_an_answer() -> None:
         assert process.communicate()[0] == b"" and process.returncode == 2
 
 
-KERNEL = """
-import numba
-@numba.njit(cache=True)
-def twice(x):
-    return 2 * x
-"""
-
-
-def test_damaged_machine_code_is_no_fault_of_ours(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As after a power cut: the sentence names the folder that can be removed."""
-    (tmp_path / "kernel_of_a_test.py").write_text(KERNEL, encoding="utf-8")
-    monkeypatch.syspath_prepend(tmp_path)
-    import importlib
-
-    module = importlib.import_module("kernel_of_a_test")
-    assert module.twice(1) == 2
-    (index,) = (tmp_path / "__pycache__").glob("*.nbi")
-    index.write_bytes(index.read_bytes()[:-20])
-    try:
-        importlib.reload(module).twice(1)
-    except Exception as error:
-        failure = failure_of(error)
-    assert failure["kind"] == "machine" and failure["exit_code"] == 3
-    assert f"remove that folder, {index.parent}," in failure["message"] and "NUMBA_CACHE_DIR" in failure["message"]
-
-
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
 def test_closed_streams_are_opened_on_nothing() -> None:
     """Else a result file could get the number of stderr, and messages of libraries would go into it."""
@@ -259,3 +243,40 @@ def test_closed_streams_are_opened_on_nothing() -> None:
     words = ["sh", "-c", 'exec "$0" -c "$1" 2>&- <&-', sys.executable, code]
     done = subprocess.run(words, stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": str(ROOT)})
     assert done.returncode == 0 and done.stdout.split()[-1] == b"/dev/null"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows deletes no folder that is in use")
+def test_a_deleted_working_folder_is_one_sentence(tmp_path: Path) -> None:
+    code = f"cd {shlex.quote(str(tmp_path))} && mkdir gone && cd gone && rmdir ../gone && "
+    words = shlex.join([sys.executable, "-m", "explicitfe", "run", "vowel-i", *SMALL])
+    done = subprocess.run(["sh", "-c", code + words], capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1] == "failed: the current folder has been deleted; change to an existing folder (cd)."
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "words"),
+    [
+        ("NUMBA_DISABLE_JIT", "1", "NUMBA_DISABLE_JIT is set, but explicitfe needs Numba's compiler; unset"),
+        ("NUMBA_NUM_THREADS", "0", 'NUMBA_NUM_THREADS is "0", but must be a number of threads'),
+        ("NUMBA_NUM_THREADS", "many", 'NUMBA_NUM_THREADS is "many", but must be a number of threads'),
+        ("EXPLICITFE_CORES", "x", 'EXPLICITFE_CORES is "x", but must be a number of cores'),
+        ("EXPLICITFE_CORES", "-2", 'EXPLICITFE_CORES is "-2", but must be a number of cores'),
+    ],
+)
+def test_a_wrong_environment_variable_is_one_sentence(
+    variable: str, value: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(variable, value)
+    assert command(["check", "vowel-i", *SMALL]) == 2
+    assert words in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_letters_that_turn_the_direction_of_text_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A title with U+202E would show the rest of a line reversed, so that a report seems to say something else."""
+    scenario = tmp_path / "turned.toml"
+    text = (ROOT / "scenarios/vowel-i.toml").read_text(encoding="utf-8")
+    scenario.write_text(text.replace("Vowel [i]", "Vowel \u202e[i]\u2066"), encoding="utf-8")
+    assert command(["check", str(scenario), *SMALL]) == 2
+    shown = capsys.readouterr().err
+    assert "'\\u202e'" in shown and "\u202e" not in shown

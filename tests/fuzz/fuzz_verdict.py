@@ -32,7 +32,7 @@ LONGEST_SENTENCE = 1100  # with "error: " and what says that it was cut
 EXIT_CODES = {0, 1, 2, 3}
 REFUSED = 2
 # What explicitfe calls a fault of its own, on stderr: no input should come to it.
-OWN_FAULT = "fault of explicitfe"
+OWN_FAULT = "internal error of explicitfe"
 # Places of the machine that anybody's program writes to: caches of machine code and of fonts, the null device.
 COMMON_PLACES = ("__pycache__", "matplotlib", "fontconfig", "/dev/null", "numba")
 

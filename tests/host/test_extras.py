@@ -62,4 +62,6 @@ def test_numbers_are_written_where_nothing_can_be_drawn(monkeypatch: pytest.Monk
     warnings: list[str] = []
     with drawing(warnings):
         save(new_figure(1.0, 1.0), Path("never.png"))
-    assert warnings == ['no pictures were drawn: that needs matplotlib, which is not installed: pip install "explicitfe[plots]"']
+    assert warnings == [
+        'no pictures were drawn, because drawing needs matplotlib, which is not installed: pip install "explicitfe[plots]"'
+    ]

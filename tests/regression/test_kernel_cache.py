@@ -6,6 +6,7 @@ bound in (compiled/jit.py). The tests here edit a law between two bindings and l
 
 from __future__ import annotations
 
+import errno
 import importlib.util
 import json
 import os
@@ -21,11 +22,14 @@ import numba
 import numpy as np
 import pytest
 from llvmlite.binding import get_host_cpu_features
+from numba.core import caching
 from support import ELEMENTS, ROOT, YEOH, block_mesh, floor_below, model_of, small_indentation, tongue
 
+from explicitfe.compiled import cache as compiled_cache
 from explicitfe.compiled import jit
 from explicitfe.compiled.jit import OPTIONS, bind
 from explicitfe.compiled.simd import WIDTH
+from explicitfe.errors import RunWarning
 from explicitfe.model.model import PrescribedMotion
 from explicitfe.model.muscles import directed, line_pull
 from explicitfe.scenario.transient import MuscleTable
@@ -313,3 +317,75 @@ def test_the_force_kernel_is_vectorised(element, record_property):
     record_property("scalar", len(scalar))
     assert len(packed) > 200
     assert len(scalar) < 0.1 * len(packed)
+
+
+STORED_KERNEL = """
+import sys
+sys.path.insert(0, {folder!r})
+import template_file, edited_law
+from explicitfe.compiled.jit import bind
+kernel = bind(template_file.template, law=edited_law.law)
+print(kernel(1.0), sum(kernel.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.parametrize("suffix", ["nbc", "nbi"])
+def test_a_damaged_kernel_is_compiled_again(tmp_path, suffix):
+    """A bit is flipped in the machine code or in the index: without a checksum LLVM ends the process or a pickle is executed."""
+    (tmp_path / "template_file.py").write_text("law = None\n\ndef template(x):\n    return law(x) + 1.0\n")
+    (tmp_path / "edited_law.py").write_text(LEAF)
+    code = STORED_KERNEL.format(folder=str(tmp_path))
+    cache = tmp_path / "cache"
+    assert in_a_process(code, cache).split() == ["21.0", "0"]
+    assert in_a_process(code, cache).split() == ["21.0", "1"]
+    (file,) = cache.rglob(f"*.{suffix}")
+    whole = file.read_bytes()
+    for place in np.linspace(0, len(whole) - 1, 4).astype(int):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        assert in_a_process(code, cache).split() == ["21.0", "0"], place
+        assert in_a_process(code, cache).split() == ["21.0", "1"], place
+    file.write_bytes(whole[: len(whole) // 2])
+    assert in_a_process(code, cache).split() == ["21.0", "0"]
+
+
+def test_kernels_go_to_a_temporary_folder_where_nothing_else_can_be_written(tmp_path, monkeypatch):
+    """Package and home folder both read-only: a note names the folder, and the next process loads from there."""
+    monkeypatch.setattr(compiled_cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    writable = caching._CacheLocator.ensure_cache_path
+
+    def ensure(locator):
+        if not locator.get_cache_path().startswith(str(tmp_path)):
+            raise PermissionError("read-only")
+        writable(locator)
+
+    monkeypatch.setattr(caching._CacheLocator, "ensure_cache_path", ensure)
+    for function in (compiled_cache.temporary_folder, compiled_cache._warn):
+        function.cache_clear()
+    path = tmp_path / "edited_law.py"
+    with pytest.warns(RunWarning, match=rf"stored in {tmp_path}/explicitfe-kernels-.*NUMBA_CACHE_DIR"):
+        kernel = bind(template, law=module_from(path, LEAF).law)
+    assert kernel(1.0) == 21.0
+    again = bind(template, law=module_from(path, LEAF).law)
+    assert again(1.0) == 21.0 and sum(again.stats.cache_hits.values()) == 1
+    (folder,) = tmp_path.glob("explicitfe-kernels-*")
+    assert folder.stat().st_mode & 0o777 == 0o700 and list(folder.rglob("*.nbc"))
+    compiled_cache.temporary_folder.cache_clear()
+    folder.chmod(0o777)  # another user could put files there
+    assert compiled_cache.temporary_folder() != folder
+    for function in (compiled_cache.temporary_folder, compiled_cache._warn):
+        function.cache_clear()
+
+
+def test_kernels_that_cannot_be_stored_are_used_all_the_same(own_cache, monkeypatch):
+    """A full disk costs only the next compilation."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "save", full)
+    compiled_cache._warn.cache_clear()
+    kernel = bind(template, law=module_from(own_cache / "edited_law.py", LEAF).law)
+    with pytest.warns(RunWarning, match="cannot be stored in .*No space left on device"):
+        assert kernel(1.0) == 21.0

@@ -349,16 +349,16 @@ def test_what_is_no_result_is_told_so(tmp_path):
         ("missing.vtkhdf", "does not exist$"),
         (300 * "x", r"cannot be read \(File name too long\)"),
         ("x\0", r"cannot be read"),
-        ("going.vtkhdf", r"does not exist; a run that goes on or was stopped has .*going\.running\.vtkhdf"),
+        ("going.vtkhdf", r"does not exist; an unfinished run has .*going\.running\.vtkhdf"),
         ("", "is a folder"),
-        ("text.vtkhdf", "is no HDF5 file"),
+        ("text.vtkhdf", "is not an HDF5 file"),
         ("text.vtkhdf/below", "cannot be read"),
-        ("other.vtkhdf", "is an HDF5 file but no result of explicitfe"),
+        ("other.vtkhdf", "is an HDF5 file but not a result of explicitfe"),
         ("cut.vtkhdf", "is damaged"),
         ("part.vtkhdf", "is damaged .*history is missing"),
         ("steps.vtkhdf", "is damaged"),
         ("short.vtkhdf", "is damaged .*velocity is shorter than 3 steps"),
-        ("newer.vtkhdf", "newer than this explicitfe"),
+        ("newer.vtkhdf", "needs a newer version of explicitfe"),
     ):
         with pytest.raises(InputError, match=words) as caught:
             open_result(tmp_path / name)

@@ -15,7 +15,7 @@ import pytest
 from killing import killed_at
 from support import ROOT
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, MachineError
 from explicitfe.results.folder import checked_target, whole_file, whole_folder
 
 SUMMARY = "answer.json"
@@ -80,7 +80,7 @@ def test_what_another_process_fills_is_left(tmp_path: Path) -> None:
 def test_a_failure_leaves_the_old_answer(tmp_path: Path) -> None:
     target = tmp_path / "report"
     answer(target, "old")
-    with pytest.raises(InputError, match="cannot be written"), whole_folder(target, summary=SUMMARY) as folder:
+    with pytest.raises(MachineError, match="cannot write"), whole_folder(target, summary=SUMMARY) as folder:
         (folder / "model.toml").write_text("half")
         raise OSError(28, "No space left on device")
     assert state(target) == "old"
@@ -103,18 +103,18 @@ def test_places_that_cannot_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path / "other")
     for out, words in (
         (tmp_path / "file", "is a file"),
-        (tmp_path / "file" / "in", "cannot be written"),
-        (tmp_path / "loop", "cannot be written"),
-        (Path(), "you are in it"),
-        (Path(".."), "you are in it"),
-        (tmp_path / ("x" * 300), "cannot be written"),
+        (tmp_path / "file" / "in", "cannot write"),
+        (tmp_path / "loop", "cannot write"),
+        (Path(), "contains the current folder"),
+        (Path(".."), "contains the current folder"),
+        (tmp_path / ("x" * 300), "cannot write"),
         (tmp_path / "a\0b", "cannot be the name"),
-        (Path("/proc/none/report"), "cannot be written"),
+        (Path("/proc/none/report"), "cannot write"),
     ):
         with pytest.raises(InputError, match=words):
             checked_target(out, True, summary=SUMMARY, what="answer")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match="something else"):
+    with pytest.raises(InputError, match="contains other files"):
         checked_target(tmp_path / "other", True, summary=SUMMARY, what="answer")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "loop", "other"]
 

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 from support import ROOT
 
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, MachineError
 from explicitfe.host import memory, stopping
 from explicitfe.model import size
 from explicitfe.run import outlook
@@ -162,7 +162,7 @@ LONG = "x" * 6000
 SETTINGS = {
     "nested lists": ("title=" + "[" * 1000 + "]" * 1000, "too deep"),
     "nested tables": ("title=" + "{a=" * 1000 + "1" + "}" * 1000, "too deep"),
-    "levels that can be read": ("title=" + "[" * 60 + "]" * 60, "deep inside each other"),
+    "levels that can be read": ("title=" + "[" * 60 + "]" * 60, "levels deep"),
     "many keys": (".".join("a" * 1000) + "=1", "too long"),
     "a value of 1e5 characters": ("title=" + "y" * 100_000, "too long"),
     "a long unknown key": (f"model.{LONG}=1", "too long"),
@@ -292,7 +292,7 @@ def test_memory_and_disk_are_asked_for_before_they_are_needed(tmp_path: Path, mo
     monkeypatch.undo()
     monkeypatch.setattr(outlook.shutil, "disk_usage", lambda folder: SimpleNamespace(free=1e3))
     for scenario, settings in [(VOWEL, ["model.cells=[8, 4, 4]"]), (BALL, [])]:
-        with pytest.raises(InputError, match=r"the result would have about .* MB, and 0\.001 MB are free in .*; take"):
+        with pytest.raises(MachineError, match=r"the result needs about .* MB, but only 0\.001 MB are free in .*; take"):
             run(scenario, tmp_path / "a" / "b", settings=settings)
     assert not list(tmp_path.iterdir())
 

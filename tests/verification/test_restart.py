@@ -109,7 +109,7 @@ def test_signals_are_noted_once_and_handlers_put_back() -> None:
             signal.raise_signal(signal.SIGINT)
             with stopping.watching():  # changes nothing inside another one
                 signal.raise_signal(signal.SIGTERM)
-            with pytest.raises(stopping.Stopped, match="stopped by hand"):
+            with pytest.raises(stopping.Stopped, match="interrupted by Ctrl-C"):
                 stopping.check()
         assert heard == ["first SIGINT", "second SIGTERM"]
         assert stopping.asked() is None

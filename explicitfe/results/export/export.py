@@ -1,9 +1,10 @@
-"""Writes a result in formats of other programs, each file whole or not at all."""
+"""Export of a result to formats of other programs: all files are written completely, or none."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -11,11 +12,12 @@ from typing_extensions import TypedDict
 
 from explicitfe.errors import InputError, Progress, nearest, silent
 from explicitfe.host.extras import require
-from explicitfe.host.files import reason
+from explicitfe.host.files import refusal
+from explicitfe.host.result_files import find_result
 from explicitfe.results.export.arrays import mat_bytes, npz_bytes
 from explicitfe.results.export.shape import stl_bytes, vtu_bytes
 from explicitfe.results.export.table import csv_bytes, parquet_bytes, table_of
-from explicitfe.results.folder import whole_file
+from explicitfe.results.folder import whole_stream
 from explicitfe.results.reader import Result, open_result
 
 Format = Literal["csv", "parquet", "vtu", "stl", "mat", "npz"]
@@ -31,7 +33,7 @@ class ExportedFile(TypedDict):
 
 
 class ExportedResult(TypedDict):
-    """A result, and the files that were made of it."""
+    """A result and its exported files."""
 
     result: str
     files: list[ExportedFile]
@@ -48,45 +50,59 @@ def export(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> ExportedResult:
-    """Write a result in formats of other programs.
+    """Export a result to formats of other programs.
 
     Parameters
     ----------
+    path : the result, or its name in the folder ``outputs``.
     to : one or more of ``FORMATS``: tables (csv, parquet), all arrays (mat, npz), a mesh (vtu) or a surface (stl) at one time.
-    out : folder; that of the result if left out.
-    time_s : for vtu and stl, the stored time nearest to it; the last one if left out.
-    positions, history : for tables, see ``export/table.py``.
-    overwrite : replace files that exist.
+    out : output folder; that of the result by default.
+    time_s : time for vtu and stl, of which the nearest stored time is used; the last one by default.
+    positions, history : options of tables, see ``export/table.py``.
+    overwrite : replace existing files.
     progress : called with the stage and the share of it that is done.
 
     Raises
     ------
-    InputError : the result cannot be read, there is no such format or time, or a file exists or cannot be written.
+    InputError : the result cannot be read, the format or time does not exist, or a file exists or cannot be written.
+    MachineError : the disk is full; no file was written.
     """
-    path = Path(path)
+    path = find_result(Path(path))
     for name in to:
         if name not in FORMATS:
-            raise InputError(f"--to {name}: there is no such format; {nearest(name, FORMATS)}")
+            raise InputError(f"--to {name}: unknown format; {nearest(name, FORMATS)}")
     if not to:
-        raise InputError(f"give the format with --to: {', '.join(FORMATS)}.")
+        raise InputError(f"--to is missing; give a format: {', '.join(FORMATS)}.")
     if "parquet" in to:
         require("parquet", "writing Parquet")
     folder = path.parent if out is None else Path(out)
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise InputError(f"--out {folder} is a file; give a folder, in which the files get the name of the result.")
     with open_result(path) as result:
         targets = {name: _free(folder / f"{path.stem}.{name}", overwrite) for name in dict.fromkeys(to)}
         if not len(result.times):
-            raise InputError(f"{path} holds no stored step; there is nothing to export.")
-        files: list[ExportedFile] = []
-        for name, target in targets.items():
-            content = _content(result, name, time_s, positions, history, progress)
-            try:
-                target.parent.mkdir(parents=True, exist_ok=True)
-                whole_file(target, content, overwrite=overwrite)
-            except FileExistsError:
-                raise InputError(f"{target} has appeared meanwhile; add --overwrite to replace it.") from None
-            except OSError as error:
-                raise InputError(f"{target} cannot be written ({reason(error)}); choose another --out folder.") from None
-            files.append({"format": name, "file": str(target), "bytes": len(content)})
+            raise InputError(f"{path} has no stored sample; there is nothing to export.")
+        created = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+        target = folder
+        try:
+            files: list[ExportedFile] = []
+            folder.mkdir(parents=True, exist_ok=True)
+            with ExitStack() as streams:  # the files are renamed together when all of them are complete
+                for name, target in targets.items():
+                    content = _content(result, name, time_s, positions, history, progress)
+                    stream = streams.enter_context(whole_stream(target, overwrite=overwrite))
+                    stream.write(content)
+                    stream.flush()
+                    files.append({"format": name, "file": str(target), "bytes": len(content)})
+        except BaseException as error:
+            with suppress(OSError):
+                for parent in created:
+                    parent.rmdir()
+            if isinstance(error, FileExistsError):
+                raise InputError(f"{target} was created by another program meanwhile; add --overwrite to replace it.") from None
+            if isinstance(error, OSError):
+                raise refusal(error, f"cannot write {target}", "choose another --out folder") from None
+            raise
     return {"result": str(path), "files": files}
 
 
@@ -100,15 +116,15 @@ def _content(result: Result, name: str, time_s: float | None, positions: bool, h
 
 
 def _free(target: Path, overwrite: bool) -> Path:
-    """The name of a file that may be written.
+    """The path of a file that may be written.
 
     Raises
     ------
-    InputError : something has it that is not replaced.
+    InputError : a file of this name exists that is not to be replaced.
     """
     if target.is_symlink() or target.is_dir():
-        kind = "link" if target.is_symlink() else "folder"
-        raise InputError(f"{target} is a {kind}, which is not replaced; choose another --out folder.")
+        kind = "symbolic link" if target.is_symlink() else "folder"
+        raise InputError(f"{target} is a {kind} and is not replaced; choose another --out folder.")
     if os.path.lexists(target) and not overwrite:
         raise InputError(f"{target} exists; add --overwrite to replace it, or choose another --out folder.")
     return target

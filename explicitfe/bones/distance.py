@@ -158,7 +158,7 @@ def bone_field(
     if distance[deepest] < -_DEEPEST_START_M:
         raise InputError(
             f"{what}: the body starts {-1e3 * distance[deepest]:.1f} mm inside it, deepest at {in_mm(body_points[deepest])}; "
-            f"move one of them (up to {1e3 * _DEEPEST_START_M:g} mm are borne), or leave the bone out."
+            f"move one of them (up to {1e3 * _DEEPEST_START_M:g} mm are accepted), or remove the bone."
         )
     return field
 

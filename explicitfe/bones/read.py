@@ -34,7 +34,7 @@ def read_surface(path: Path | str, length_unit: str) -> TriangleSurface:
     """
     path = Path(path)
     if path.suffix.lower() not in _FORMATS:
-        raise InputError(f"{path}: is no surface that can be read; give a file that ends in {', '.join(_FORMATS)}.")
+        raise InputError(f"{path}: is not in a supported surface format; use a file that ends in {', '.join(_FORMATS)}.")
     size_of(path, "give a surface", largest_bytes=LARGEST_SURFACE_FILE_BYTES)
     if length_unit not in _METRES_PER_UNIT:
         raise InputError(f'{path}: unknown length_unit "{length_unit}"; give one of {", ".join(_METRES_PER_UNIT)}.')
@@ -42,7 +42,7 @@ def read_surface(path: Path | str, length_unit: str) -> TriangleSurface:
     kind = path.suffix[1:].upper()
     arrays = read_in_child(surface_arrays, path, f"cannot be read as {kind}: it is damaged, or a file of another format.")
     if not len(arrays["triangles"]):
-        raise InputError(f"{path}: holds no triangles; is it a surface in the format {kind}?")
+        raise InputError(f"{path}: contains no triangles; check that it is a surface in the format {kind}?")
     return TriangleSurface(_METRES_PER_UNIT[length_unit] * arrays["points"], arrays["triangles"])
 
 

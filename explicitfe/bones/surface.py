@@ -73,7 +73,7 @@ def check_surface(surface: TriangleSurface, what: str, body_points: np.ndarray |
         a hundredth of it.
     """
     if not len(surface.triangles):
-        raise InputError(f"{what}: holds no triangles; export it as a closed surface of triangles.")
+        raise InputError(f"{what}: contains no triangles; export it as a closed triangle surface.")
     if not np.isfinite(surface.points).all():
         raise InputError(f"{what}: point {np.flatnonzero(~np.isfinite(surface.points).all(axis=1))[0]} is not a finite number.")
     extent = float(np.linalg.norm(np.diff(surface.box_m, axis=0)))
@@ -82,12 +82,10 @@ def check_surface(surface: TriangleSurface, what: str, body_points: np.ndarray |
     a, b, c = np.moveaxis(surface.corners, 1, 0)
     flat = np.flatnonzero(np.linalg.norm(np.cross(b - a, c - a), axis=1) <= _SMALLEST_AREA_SHARE * extent * extent)
     if len(flat):
-        raise InputError(
-            f"{what}: {len(flat)} triangles have no area, one at {in_mm(a[flat[0]])}; clean the surface where it comes from."
-        )
+        raise InputError(f"{what}: {len(flat)} triangles have no area, one at {in_mm(a[flat[0]])}; remove them from the surface.")
     _check_edges(surface, what)
     if surface.volume_m3 <= 0.0:
-        raise InputError(f"{what}: is inside out: its normals point into the bone; turn the order of every triangle's corners.")
+        raise InputError(f"{what}: is inside out: its normals point into the bone; reverse the corner order of all triangles.")
 
 
 def _length(metres: float) -> str:
@@ -100,8 +98,8 @@ def _check_size(extent: float, what: str, body_points: np.ndarray) -> None:
     for wrong, size in ((extent > _LARGEST_EXTENT_SHARE * body, "large"), (extent < _SMALLEST_EXTENT_SHARE * body, "small")):
         if wrong:
             raise InputError(
-                f"{what}: is far too {size}, {_length(extent)} from corner to corner beside a body of {_length(body)}; "
-                "is it in another unit of length? Give length_unit."
+                f"{what}: is far too {size}, {_length(extent)} along its diagonal, for a body of {_length(body)}; "
+                "check length_unit."
             )
 
 
@@ -114,13 +112,13 @@ def _check_edges(surface: TriangleSurface, what: str) -> None:
         place = surface.points[edges[open_edges[0]]].mean(axis=0)
         raise InputError(
             f"{what}: is not closed: {len(open_edges)} edges do not belong to exactly two triangles, one at {in_mm(place)}; "
-            "fill the hole, or give the sheet a thickness."
+            "fill the hole, or thicken the sheet to a closed surface."
         )
     turn = np.bincount(number.ravel(), weights=np.where(directed[:, 0] < directed[:, 1], 1.0, -1.0))
     twisted = np.flatnonzero(turn != 0.0)
     if len(twisted):
         place = surface.points[edges[twisted[0]]].mean(axis=0)
         raise InputError(
-            f"{what}: neighbouring triangles face opposite ways at {len(twisted)} edges, one at {in_mm(place)}; "
-            "let the program it comes from make the normals consistent."
+            f"{what}: neighbouring triangles have opposite normals at {len(twisted)} edges, one at {in_mm(place)}; "
+            "make the normals consistent in the program that made the surface."
         )

@@ -286,10 +286,10 @@ def check_cells(cells: Sequence[int], where: str = "cells") -> tuple[int, int, i
         raise InputError(f"{where}: give three integers [ns, nt, nw], the elements along s, t and w, not {cells!r}.")
     for name, n, fewest in zip(_AXIS_NAMES, cells, _FEWEST_ELEMENTS, strict=True):
         if n < fewest:
-            raise InputError(f"{where}: n{name} = {n} elements along {name} are too few; give at least {fewest}.")
+            raise InputError(f"{where}: n{name} = {n} elements along {name} are too few; use at least {fewest}.")
     ns, nt, nw = (int(n) for n in cells)
     if nw % 2:
-        raise InputError(f"{where}: nw = {nw} is odd; give an even number, such as {nw + 1}: nodes have to lie in the midplane.")
+        raise InputError(f"{where}: nw = {nw} is odd; nodes must lie in the midplane, so use an even number, such as {nw + 1}.")
     return ns, nt, nw
 
 

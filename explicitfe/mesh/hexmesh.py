@@ -11,6 +11,8 @@ from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.host.kept import kept
 from explicitfe.mesh.checked_arrays import FARTHEST_POINT_M, index_array, number_array
 
+_HEXES = "HexMesh: " + "hexes"  # in messages
+
 # Natural coordinates of the 8 corners in VTK order (VTK_HEXAHEDRON).
 CORNERS = np.array(
     [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], dtype=float
@@ -66,7 +68,7 @@ class HexMesh:
     def __post_init__(self) -> None:
         points = number_array("HexMesh: points", self.points, ("n", 3), largest=FARTHEST_POINT_M)
         object.__setattr__(self, "points", points)
-        hexes = index_array("HexMesh: hexes", self.hexes, None, "node", columns=8)
+        hexes = index_array(_HEXES, self.hexes, None, "node", columns=8)
         _check_elements(hexes, len(points))
         object.__setattr__(self, "hexes", hexes)
         for name, table in (("node_sets", self.node_sets), ("named_points", self.named_points)):
@@ -213,7 +215,7 @@ def _check_elements(hexes: np.ndarray, node_count: int) -> None:
     if len(outside):
         element, corner = outside[0]
         raise InputError(
-            f"HexMesh: hexes: corner {corner} of element {element} is node {hexes[element, corner]}, but the nodes run from 0 to "
+            f"{_HEXES}: corner {corner} of element {element} is node {hexes[element, corner]}, but the nodes run from 0 to "
             f"{node_count - 1}."
         )
     nodes = np.sort(hexes, axis=1).astype(np.uint64)
@@ -222,7 +224,7 @@ def _check_elements(hexes: np.ndarray, node_count: int) -> None:
     order = np.argsort(sums, kind="stable")
     for first, again in order[np.flatnonzero(np.diff(sums[order]) == 0)[:, None] + [0, 1]]:
         if np.array_equal(nodes[first], nodes[again]):
-            raise InputError(f"HexMesh: hexes: element {again} has the same 8 nodes as element {first}; remove one of them.")
+            raise InputError(f"{_HEXES}: element {again} has the same 8 nodes as element {first}; remove one of them.")
 
 
 def joined_points(parts: Sequence[MaterialPoints]) -> MaterialPoints:

@@ -174,9 +174,9 @@ def _muscle(name: str, table: Mapping[str, Any], where: str, contour_map: Contou
     for number, row in enumerate(table["fibres"], start=1):
         line = _rows(row, f"{where}: fibre {number}")
         if len(line) < 2 or (np.diff(line, axis=0) == 0.0).all(axis=1).any():
-            raise InputError(f"{where}: fibre {number} needs at least two points, no two in a row the same.")
+            raise InputError(f"{where}: fibre {number} needs at least two points, and successive points must differ.")
         if (line[:, 2] < 0.0).any():
-            raise InputError(f"{where}: fibre {number} has w < 0; give the right side, the left is its mirror image.")
+            raise InputError(f"{where}: fibre {number} has w < 0; define the right side only, the left side is its mirror image.")
         line = _refine(line, cells)
         try:
             points = contour_map.locate(line, cells)

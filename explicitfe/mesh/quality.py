@@ -167,8 +167,8 @@ def check(mesh: HexMesh, where: str) -> None:
     if len(crowded):
         elements = np.sort(order[begins[crowded[0]] : np.append(begins, len(order))[crowded[0] + 1]] // len(FACES))
         raise InputError(
-            f"{where}: elements {_list(elements)} share a face, which has room for one on each side; remove or reconnect one of "
-            f"them{_more(crowded, 'face')}."
+            f"{where}: elements {_list(elements)} share a face, which can belong to two elements at most; remove or reconnect "
+            f"one of them{_more(crowded, 'face')}."
         )
 
     scaled = scaled_jacobians(points, hexes)
@@ -181,7 +181,7 @@ def check(mesh: HexMesh, where: str) -> None:
             fault = f"has no volume at corner {corner} (node {node}): its edges lie in a plane or have no length"
             remedy = "merge or move its nodes"
         elif (scaled[element] < 0.0).all():
-            fault = f"is inside out: negative Jacobian at all corners, the worst at corner {corner} (node {node})"
+            fault = f"is inverted: negative Jacobian at all corners, the lowest at corner {corner} (node {node})"
             remedy = "check the node order (VTK: the lower face counter-clockwise seen from above, then the upper one)"
         else:
             fault = f"is inverted at corner {corner} (node {node}): negative Jacobian"
@@ -193,8 +193,8 @@ def check(mesh: HexMesh, where: str) -> None:
     if len(bad):
         xi, eta, zeta = certificate.natural[bad[0]]
         raise InputError(
-            f"{where}: element {bad[0]} is folded between its corners: negative Jacobian at xi, eta, zeta = "
-            f"{xi:.3g}, {eta:.3g}, {zeta:.3g}, though positive at all corners; move its nodes{_more(bad, 'element')}."
+            f"{where}: element {bad[0]} is inverted between its corners: negative Jacobian at xi, eta, zeta = "
+            f"{xi:.3g}, {eta:.3g}, {zeta:.3g}, but positive at all corners; move its nodes{_more(bad, 'element')}."
         )
 
     used = np.zeros(len(points), dtype=bool)

@@ -69,8 +69,8 @@ def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]
     element, face = element[inside], face[inside]
     if not len(element):
         raise InputError(
-            f'the node set "{name}" covers no face of the surface, so it has no area: '
-            "give it all four nodes of each face that it holds."
+            f'the node set "{name}" contains no complete face of the surface, so it has no area; '
+            "include all four nodes of each face."
         )
     bounds = CORNERS[FACES[face]]
     return points_on_pieces(element, mesh.points[mesh.hexes[element]], bounds.min(axis=1), bounds.max(axis=1))

@@ -41,7 +41,7 @@ def bones_of(scenario: TransientScenario, mesh: HexMesh, folder: Path) -> tuple[
     names = [table.name for table in scenario.bone]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f'{names.count(name)} bones are called "{name}"; give each another name.')
+            raise InputError(f'{names.count(name)} bones have the name "{name}"; give each its own name.')
     motion = jaw_motion(scenario)
     surface_points = mesh.points[surface_areas(mesh) > 0.0] if scenario.bone else mesh.points
     return tuple(
@@ -60,7 +60,7 @@ def _surface(
 ) -> tuple[DistanceField, TriangleSurface]:
     if table.file is None:
         if table.name not in built_in:
-            hint = nearest(table.name, built_in) if built_in else "this model brings none: give its surface as file."
+            hint = nearest(table.name, built_in) if built_in else "this model has no bones; give the surface with the key file."
             raise InputError(f'unknown bone "{table.name}"; {hint}')
         surface, what = built_in[table.name].surface, f'bone "{table.name}"'
     else:
@@ -110,7 +110,7 @@ def _jaw_point(key: str, stated_mm: Vector | None, built_in_m: np.ndarray | None
     if stated_mm is not None:
         return 1e-3 * np.array(stated_mm)
     if built_in_m is None:
-        raise InputError(f"jaw.{key} is missing: a model of one's own does not tell where {what} is.")
+        raise InputError(f"jaw.{key} is missing: a model from a file does not define {what}; add the key.")
     return built_in_m
 
 
@@ -122,7 +122,7 @@ def _turn_deg(from_incisor_m: np.ndarray, opening_m: float) -> float:
     before, below = from_incisor_m[0], from_incisor_m[2]
     radius = float(np.hypot(before, below))
     if not abs(below + opening_m) < radius:
-        raise InputError(f"jaw.opening_mm: no turn moves incisors {1e3 * radius:.0f} mm away from the axis so far; give less.")
+        raise InputError(f"jaw.opening_mm: no rotation opens incisors {1e3 * radius:.0f} mm from the axis so far; reduce it.")
     return float(np.degrees(np.arcsin((below + opening_m) / radius) - np.arctan2(below, before)))
 
 
@@ -142,8 +142,8 @@ def check_anchors(pulls: Sequence[FibrePull], bones: Sequence[Bone]) -> None:
             for anchor in np.unique(np.concatenate(in_space), axis=0):
                 if triangle_distance(np.broadcast_to(anchor, (len(corners), 3)), corners).min() < _ANCHORED_WITHIN_M:
                     raise InputError(
-                        f"muscle {pull.name} is anchored at {in_mm(anchor)} on the bone {bone.name}, which moves while an anchor "
-                        "stays: let its fibres begin in the mesh, at the patch that this bone holds."
+                        f"muscle {pull.name} is anchored at {in_mm(anchor)} on the bone {bone.name}, which moves, but "
+                        "an anchor is fixed in space; start its fibres in the mesh, at the patch attached to this bone."
                     )
 
 

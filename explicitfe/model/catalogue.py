@@ -55,7 +55,7 @@ def materials() -> dict[str, Law]:
     for path in sorted(folder_of("models").glob("*/materials.toml")):
         for name, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
             if name in laws:
-                raise InputError(f'{path}: {places[name]} has a material "{name}" too; give one of them another name.')
+                raise InputError(f'{path}: {places[name]} also has a material "{name}"; rename one of them.')
             places[name] = path
             laws[name] = LAWS[table.get("law", "yeoh")][0].model_validate(table)
     return laws
@@ -117,7 +117,7 @@ def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | No
 def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, int] | None = None) -> Anatomy:
     """A built-in model at a resolution ('medium' if neither it nor cells is given); the arrays are shared, so read-only."""
     grid = tuple(cells_of(name, resolution, cells))
-    check_size(math.prod(grid), "model: this mesh", "take fewer cells, or a coarser resolution")
+    check_size(math.prod(grid), "model: this mesh", "use fewer cells or a coarser resolution")
     return _built_in(name, grid)
 
 

@@ -17,11 +17,9 @@ def check_effects(effects: Sequence[Effect], element: str) -> None:
     """
     for effect in effects:
         if effect.acts_on == "reading":
-            raise InputError(
-                f"effects: {effect.about.title} changes what is read, not what happens; it belongs to a prediction of data."
-            )
+            raise InputError(f"effects: {effect.about.title} affects the measurement only; use it with predict, or remove it.")
     compiled = with_leaves(effects)
     if compiled and element == "hex8-full":
         raise InputError(
-            f'effects: element = "hex8-full" knows no effects of the material ({compiled[0].about.title}); take "hex8".'
+            f'effects: element = "hex8-full" does not support effects of the material ({compiled[0].about.title}); take "hex8".'
         )

@@ -145,7 +145,7 @@ def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, 
     outside = 1.0 - in_mesh / in_all
     if outside > _MOST_OUTSIDE_SHARE:
         raise InputError(
-            f"{100 * outside:.0f} % of muscle {muscle.name} lies outside the mesh: check the units and the place of its fibres."
+            f"{100 * outside:.0f} % of muscle {muscle.name} lies outside the mesh; check unit and positions of its fibres."
         )
 
     volume = volumes(mesh.points, mesh.hexes)
@@ -224,7 +224,7 @@ def _pieces(muscle: Muscle, fibres: list[Fibre], width: float) -> list[_Pieces]:
         works.append((tension * length / counts)[segment] / len(fibres))
         widths.append(width + wider * np.clip(1.0 - from_origin / (1e-3 * ORIGIN_REACH_MM), 0.0, None))
     if not sum(map(len, works)):
-        raise InputError(f"muscle {muscle.name} has no part in the mesh: no segment has both its ends there.")
+        raise InputError(f"muscle {muscle.name} has no segment with both ends in the mesh; check unit and positions.")
     pieces = _Pieces(*map(np.concatenate, (middles, alongs, works, widths)))
     return [pieces[of] for of in (pieces.width == width, pieces.width > width) if of.any()]
 

@@ -20,7 +20,7 @@ LARGEST_MESH_FILE_BYTES = 4 * 2**30  # ten million elements as text
 MOST_READS_AT_THE_END = 1000
 _AT_POINTS = "at points: "
 _SOLID_CELLS = ("tetra", "pyramid", "wedge", "hexahedron")
-_DAMAGED = "it is damaged, or not what the ending of its name says"
+_DAMAGED = "it is damaged, or its format does not match its suffix"
 
 
 def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
@@ -88,14 +88,14 @@ def hex_mesh(path: str) -> dict[str, np.ndarray]:
     endings = meshio.extension_to_filetypes
     if not any(path.lower().endswith(ending) for ending in endings):
         ending = Path(path).suffix
-        hint = nearest(ending, endings) if ending else "give it the ending of its format, such as .vtu or .msh."
-        raise InputError(f'meshio cannot read this mesh: it knows no format "{shortened(ending)}"; {hint}')
+        hint = nearest(ending, endings) if ending else "rename it with the suffix of its format, such as .vtu or .msh."
+        raise InputError(f'meshio cannot read this mesh: it supports no format "{shortened(ending)}"; {hint}')
     printed = io.StringIO()
     try:
         with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
             mesh = meshio.read(path)
     except MemoryError:
-        raise InputError(f"meshio cannot read this mesh: it asks for more memory than such a file needs; {_DAMAGED}.") from None
+        raise InputError(f"meshio cannot read this mesh: it requested more memory than such a file needs; {_DAMAGED}.") from None
     except (Exception, SystemExit) as error:  # meshio raises what its formats raise, and where none of several fits it prints
         words = " ".join((printed.getvalue() if isinstance(error, SystemExit) else str(error)).split()).rstrip(".")
         words = f" ({shortened(words)})" if " " in words else ""  # a single word is a key of its own
@@ -110,7 +110,7 @@ def _points_of(values: object) -> np.ndarray:
     if points is None or points.ndim != 2 or not len(points):
         raise InputError("the mesh has no points.")
     if points.shape[1] != 3:
-        raise InputError(f"the mesh has {points.shape[1]} coordinates a node; it must have 3.")
+        raise InputError(f"the mesh has {points.shape[1]} coordinates per node; it must have 3.")
     return points.astype(float)
 
 
@@ -123,14 +123,14 @@ def _hexes_of(blocks: Sequence[Any]) -> np.ndarray:
         if block.type == "hexahedron" and len(block.data):
             nodes = _numbers(block.data)
             if nodes is None or nodes.ndim != 2 or nodes.shape[1] != 8 or nodes.dtype.kind not in "iu":
-                raise InputError("the mesh holds hexahedra that do not name eight nodes each; write the file anew.")
+                raise InputError("the mesh contains hexahedra without eight nodes each; export the file again.")
             hexes.append(nodes.astype(np.int64))
     other = {kind: count for kind, count in solids.items() if kind != "hexahedron" and count}
     if other:
         listed = ", ".join(f"{count} {kind}" for kind, count in other.items())
-        raise InputError(f"the mesh holds {listed} cells; only 8-node hexahedra can be computed, so mesh it with hexes.")
+        raise InputError(f"the mesh contains {listed} cells; only 8-node hexahedra are supported; mesh the body with them.")
     if not hexes:
-        raise InputError("the mesh holds no hexahedra.")
+        raise InputError("the mesh contains no hexahedra.")
     return np.concatenate(hexes)
 
 

@@ -41,7 +41,7 @@ def line_pull(mesh: HexMesh, muscle: Muscle, table: MuscleTable) -> FibrePull:
         first, last = fibre.points.position[[0, -1]]
         if table.distribution == "ends" and any(fibre is pulling for pulling in fibres) and np.array_equal(first, last):
             raise InputError(
-                f'fibre {number} of muscle {muscle.name} ends where it begins: use distribution = "along" or "volume".'
+                f'fibre {number} of muscle {muscle.name} ends at its first point; use distribution = "along" or "volume".'
             )
     share = table.force_N / len(fibres)
     if table.distribution == "volume":
@@ -69,7 +69,7 @@ def activation_stiffness(mesh: HexMesh, muscles: Mapping[str, Muscle], tables: S
         muscle = muscles[table.name]
         if not muscle.max_force_N > 0.0:
             raise InputError(
-                f"model.activation_stiffening: the largest force of muscle {muscle.name} is not known; give its max_force_N in "
+                f"model.activation_stiffening: the largest force of muscle {muscle.name} is unknown; add its max_force_N in "
                 "the model file."
             )
         share[muscle.elements] += table.force_N / muscle.max_force_N

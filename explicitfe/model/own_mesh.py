@@ -53,7 +53,7 @@ class FibreTable(Table):
     side: Literal["left", "right"]
     nodes: list[int] = Field(default=[])
     points: list[Vector] = Field(default=[], description="in the mesh's length unit")
-    anchor: Vector | None = Field(default=None, description="origin fixed in space (bone), in the mesh's length unit")
+    anchor: Vector | None = Field(default=None, description="origin fixed in space (on a bone), in the mesh's length unit")
     tension: list[Annotated[float, Field(ge=0.0)]] = Field(
         default=[], description="at each node or point, in proportion; for muscle as stress; uniform if left out"
     )
@@ -61,14 +61,14 @@ class FibreTable(Table):
     @model_validator(mode="after")
     def _nodes_or_points(self) -> FibreTable:
         if bool(self.nodes) == bool(self.points):
-            raise ValueError("give either nodes or points, and not both")
+            raise ValueError("give either nodes or points")
         count = len(self.nodes) + len(self.points)
         if self.tension and len(self.tension) != count:
             raise ValueError(f"tension needs a value for each of the {count} points, not {len(self.tension)}")
         if self.tension and not any(self.tension):
-            raise ValueError("tension is 0 at every point: give it a value above 0 somewhere")
+            raise ValueError("tension is 0 at every point; at least one value must be above 0")
         if len(self.nodes) + len(self.points) + (self.anchor is not None) < 2:
-            raise ValueError("a fibre needs two points at least")
+            raise ValueError("a fibre needs at least two points")
         return self
 
 
@@ -79,7 +79,7 @@ class FileMuscle(Table):
     title: Title = ""
     max_force_N: float = Field(default=0.0, ge=0.0)
     origin_width_mm: float | None = Field(
-        default=None, gt=0.0, description="how wide its stress is spread at the origin, where fibres converge; else 3 mm"
+        default=None, gt=0.0, description="width of its active stress at the origin, where fibres converge; 3 mm if left out"
     )
     fibre: list[FibreTable] = Field(min_length=1)
 
@@ -93,7 +93,7 @@ class MeshFile(Table):
     length_unit: Literal["m", "cm", "mm"]
     first_number: Literal[0, 1] = Field(default=0, description="number of the first node in this file's lists")
     node_sets: dict[str, NodeSet] = Field(default={})
-    fixed: list[str] = Field(default=[], description="node sets that are held")
+    fixed: list[str] = Field(default=[], description="node sets that are fixed")
     named_points: dict[str, int] = Field(default={})
     muscle: list[FileMuscle] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
 
@@ -103,7 +103,7 @@ class MeshFile(Table):
         for name in named:
             if not name.strip() or name == "." or "/" in name or len(name) > LONGEST_NAME_CHARACTERS:
                 raise ValueError(
-                    f'"{shortened(name)}" cannot be a name in a result file: give one of up to '
+                    f'"{shortened(name)}" cannot be a name in a result file; use up to '
                     f'{LONGEST_NAME_CHARACTERS} letters and digits, without "/"'
                 )
         return named
@@ -112,7 +112,7 @@ class MeshFile(Table):
     def _muscles_differ(self) -> MeshFile:
         for name, count in Counter(muscle.name for muscle in self.muscle).items():
             if count > 1:
-                raise ValueError(f"{count} muscles are called {name}; give each another name, or one all the fibres")
+                raise ValueError(f"{count} muscles have the name {name}; rename them, or put all fibres into one")
         return self
 
 
@@ -184,7 +184,7 @@ def _by_point_data(point_data: dict[str, np.ndarray], entry: ByPointData, where:
     if entry.point_data not in point_data:
         name = shortened(entry.point_data)
         raise InputError(
-            f'{where}: the mesh has no point array "{name}" of one number a node; {nearest(entry.point_data, point_data)}'
+            f'{where}: the mesh has no point array "{name}" with one number per node; {nearest(entry.point_data, point_data)}'
         )
     nodes = np.flatnonzero(point_data[entry.point_data] == entry.value)
     if not len(nodes):
@@ -198,8 +198,8 @@ def _check_extent(points: np.ndarray, path: Path, unit: str) -> None:
     farthest_m = float(np.abs(points).max())
     if extent_m < SMALLEST_EXTENT_M or farthest_m > FARTHEST_POINT_M:  # HexMesh refuses what is not finite
         raise InputError(
-            f"{path}: the mesh is {extent_m:.3g} m large and reaches {farthest_m:.3g} m away from its origin; a body has "
-            f'10 micrometres at least and lies within 100 m. Is length_unit = "{unit}" right?'
+            f"{path}: the mesh is {extent_m:.3g} m large and reaches {farthest_m:.3g} m from its origin; a body must have "
+            f'10 micrometres at least and lie within 100 m. Check length_unit = "{unit}".'
         )
 
 
@@ -209,7 +209,7 @@ def _check_pieces(chain: MaterialPoints, mesh: HexMesh) -> None:
     same = np.flatnonzero(lengths <= _SAME_POINT_SHARE * np.ptp(mesh.points, axis=0).max())
     if len(same):
         x, y, z = 1e3 * chain.position[same[0]]
-        raise InputError(f"two points in a row lie at the same place, ({x:.2f}, {y:.2f}, {z:.2f}) mm; take one of them out.")
+        raise InputError(f"two successive points are at the same position, ({x:.2f}, {y:.2f}, {z:.2f}) mm; remove one of them.")
 
 
 def _tension(chain: MaterialPoints, fibre: FibreTable) -> np.ndarray | None:

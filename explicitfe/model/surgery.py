@@ -162,7 +162,7 @@ def surgery_of(scenario: TransientScenario, mesh: HexMesh, material: Law) -> Sur
         law = catalogue.material(graft.material)
         if law.law != material.law:
             raise InputError(
-                f'graft {number}: its material is of the law "{law.law}", that of the model of "{material.law}"; give constants '
+                f'graft {number}: its material has the law "{law.law}", that of the model "{material.law}"; use constants '
                 "of the same law, or stiffness_ratio."
             )
         inclusions.append(Inclusion(own, law))
@@ -194,7 +194,7 @@ def _region(table: RegionTable, what: str, mesh: HexMesh) -> np.ndarray:
     if not inside.any():
         low, high = centre.min(axis=0), centre.max(axis=0)
         raise InputError(
-            f"{what} takes hold of no element: none has its centre in the region; the centres lie between {_in_mm(low)} and "
+            f"{what} selects no element: no element centre is in the region; the centres lie between {_in_mm(low)} and "
             f"{_in_mm(high)} mm."
         )
     return inside
@@ -203,14 +203,14 @@ def _region(table: RegionTable, what: str, mesh: HexMesh) -> np.ndarray:
 def _check_whole(mesh: HexMesh, kept: np.ndarray, pairs: np.ndarray) -> None:
     """Refuse a body that is gone, or has come apart."""
     if not kept.any():
-        raise InputError("the resections take out every element of the mesh, so nothing is left; make their regions smaller.")
+        raise InputError("the resections remove every element of the mesh; make their regions smaller.")
     count, label = _pieces(kept, pairs)
     if count > _pieces(np.ones_like(kept), pairs)[0]:
         sizes = np.bincount(label)
         smallest = np.flatnonzero(kept)[label == sizes.argmin()]
         centre = 1e3 * mesh.points[mesh.hexes[smallest]].mean(axis=(0, 1))
         raise InputError(
-            f"the resections leave {count} pieces that no face of an element joins; take out the smaller one too "
+            f"the resections leave {count} pieces that share no face; remove the smaller one too "
             f"({sizes.min()} of {kept.sum()} elements, around {_in_mm(centre)} mm), or cut elsewhere."
         )
 
@@ -260,8 +260,8 @@ def _scar_shares(mesh: HexMesh, native: np.ndarray, wound: np.ndarray, scar: Sca
             shares[element] = volume @ (distance <= thickness) / volume.sum()
     if not shares.any():
         raise InputError(
-            f"scar: no tissue lies within {scar.thickness_mm:g} mm of a cut or a graft, as far as the elements of this mesh can "
-            "tell; give a larger thickness_mm, or leave it out."
+            f"scar: no tissue lies within {scar.thickness_mm:g} mm of a cut or a graft, judged by the element centres of "
+            "this mesh; increase thickness_mm, or remove the table."
         )
     return shares
 
@@ -345,17 +345,17 @@ def surgery_report(
         if isinstance(before, FibrePull) and isinstance(now, FibrePull) and len(now.points) < len(before.points):
             lines = len(before.points)
             notes.append(
-                f"{lines - len(now.points)} of {lines} lines of {before.name} run through what was taken out or replaced: they "
-                "are cut and pull no more."
+                f"{lines - len(now.points)} of {lines} lines of {before.name} run through removed or replaced tissue; they "
+                "are cut and do not pull."
             )
     gone = [name for name in intact.probes if name not in after.probes]
     if gone:
-        notes.append(f"what was taken out held the point{'s' * (len(gone) > 1)} {', '.join(gone)}: not recorded.")
+        notes.append(f"the removed tissue contained the point{'s' * (len(gone) > 1)} {', '.join(gone)}, not recorded.")
     areas = {tie.name: 1e6 * tie.areas_m2.sum() for tie in after.attachments}
     for tie in intact.attachments:
         area = 1e6 * tie.areas_m2.sum()
         if areas.get(tie.name, 0.0) < area * (1.0 - _ROUNDING_SHARE):
-            notes.append(f"of {area:.0f} mm2 of tissue that {tie.name} holds {areas.get(tie.name, 0.0):.0f} mm2 are left.")
+            notes.append(f"{areas.get(tie.name, 0.0):.0f} of {area:.0f} mm2 of the attachment {tie.name} remain.")
     return {
         "removed_elements": int((~surgery.kept).sum()),
         "removed_mm3": float(1e9 * volume[~surgery.kept].sum()),

@@ -126,7 +126,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         intact, model = model, operated(model, surgery)
         report = surgery_report(surgery, intact, model, cut)
     if model.held.all():
-        raise InputError("model.fixed holds every node of the mesh, so nothing can move; take a set out of it.")
+        raise InputError("model.fixed fixes every node of the mesh, so nothing can move; remove a set from it.")
     if any(table.gravity_m_s2):
         weight = gravity_load(model.mesh, material, table.gravity_m_s2, model.inclusions)
         model = replace(model, loads=(*model.loads, weight))
@@ -136,13 +136,13 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         material, branch = from_damping(material, beta_s, tau_s)
         parts = [replace(part, material=from_damping(part.material, beta_s, tau_s)[0]) for part in model.inclusions]
         if any(type(effect) is type(branch) for effect in effects):
-            raise InputError("model.damping.beta_s is a viscoelastic branch itself; give either it or effects.viscoelastic.")
+            raise InputError("model.damping.beta_s is a viscoelastic branch; use either beta_s or effects.viscoelastic.")
         model = replace(model, material=material, inclusions=tuple(parts), effects=(branch,))
     check_effects((*model.effects, *effects), table.element)
     for effect in effects:
         if effect.acts_on not in ("material", "muscle"):
             raise InputError(
-                f"effects: {effect.about.title} belongs to a tool or a specimen; a transient run knows effects of the material "
+                f"effects: {effect.about.title} is an effect of a tool or specimen; a transient run supports material effects "
                 "and activation-lag."
             )
         model = effect.apply(model)

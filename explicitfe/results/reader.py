@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast, overload
 
 import numpy as np
 
@@ -406,7 +406,11 @@ class Result(Recorded):
 ResultT = TypeVar("ResultT", bound=Result)
 
 
-def open_result(path: Path | str, kind: type[ResultT] = Result) -> ResultT:  # type: ignore[assignment]
+@overload
+def open_result(path: Path | str) -> Result: ...
+@overload
+def open_result(path: Path | str, kind: type[ResultT]) -> ResultT: ...
+def open_result(path: Path | str, kind: type[Result] = Result) -> Result:
     """Open a result file; use it in a ``with`` block.
 
     Parameters

@@ -147,12 +147,12 @@ def path(
 
     Raises
     ------
-    ValueError : as many times as deformations are needed, at least one, and time must not run backwards.
+    ValueError : times_s needs one time for each deformation, at least one, and must not decrease.
     RunError : no stress-free state was found at an instant.
     """
     time_s = np.asarray(time_s, dtype=float)
     if len(time_s) != len(F) or len(F) == 0 or (np.diff(time_s) < 0.0).any():
-        raise ValueError("as many times as deformations are needed, at least one, and time must not run backwards")
+        raise ValueError("times_s needs one time for each deformation, at least one, and must not decrease")
     gradients = np.array(F, dtype=float).reshape(-1, 9)
     freed = np.zeros(3)
     freed[list(free)] = 1.0
@@ -179,7 +179,7 @@ def path(
     done = _kernel(law.law, response.layout_of(effects))(gradients, freed, numbers, blocks, *work, stress)
     if done < len(gradients):
         raise RunError(
-            f"no state without lateral stress was found at {time_s[done]:g} s: the deformation is too large for this material."
+            f"no state of uniaxial stress was found at {time_s[done]:g} s; the deformation is too large for this material."
         )
     return stress.reshape(-1, 3, 3), gradients.reshape(-1, 3, 3)
 

@@ -233,7 +233,7 @@ def test_muscles_of_a_model_file_have_names_of_their_own(tmp_path: Path, capsys:
     mesh = block_mesh((2, 2, 2), 0.01)
     scenario = _own_mesh(tmp_path, mesh.points, [("hexahedron", mesh.hexes)])
     _add_muscles(tmp_path, _TOP | {"fibre": [_LEFT]}, _TOP | {"fibre": [_LEFT]})
-    _refused(["run", str(scenario), "--out", str(tmp_path)], ["block.toml", "2 muscles are called TOP"], capsys)
+    _refused(["run", str(scenario), "--out", str(tmp_path)], ["block.toml", "2 muscles have the name TOP"], capsys)
 
 
 def test_fibre_that_ends_where_it_begins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

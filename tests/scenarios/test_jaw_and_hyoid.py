@@ -71,7 +71,7 @@ def test_a_degree_is_so_many_millimetres():
 def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match="opening_deg or opening_mm, not both"):
         scenario("jaw={opening_deg=3, opening_mm=5}")
-    with pytest.raises(InputError, match=r"jaw\.opening_mm: no turn moves incisors 2 mm away"):
+    with pytest.raises(InputError, match=r"jaw\.opening_mm: no rotation opens incisors 2 mm"):
         jaw_motion(scenario("jaw={opening_mm=5, axis_mm=[55.5, 0, 95]}"))
     foreign = scenario("jaw={opening_mm=5, axis_mm=[136, 0, 138]}")
     foreign = foreign.model_copy(update={"model": foreign.model.model_copy(update={"name": None, "file": "own.toml"})})

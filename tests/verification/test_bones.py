@@ -315,7 +315,7 @@ GOOD = ball(12)
 REFUSED = {
     "not closed: 3 edges": TriangleSurface(GOOD.points, GOOD.triangles[1:]),
     "inside out": turned(GOOD, slice(None)),
-    "opposite ways at 3 edges": turned(GOOD, slice(0, 1)),
+    "opposite normals at 3 edges": turned(GOOD, slice(0, 1)),
     "far too large, 69282 mm .*length_unit": TriangleSurface(1e3 * GOOD.points, GOOD.triangles),
     "far too small, 0.069 mm .*length_unit": TriangleSurface(1e-3 * GOOD.points, GOOD.triangles),
     "no triangles": TriangleSurface(GOOD.points, GOOD.triangles[:0]),
@@ -370,10 +370,10 @@ def test_files_of_surfaces(kind, tmp_path):
 
 def test_files_that_hold_no_surface(tmp_path):
     for name, text, unit, sentence in (
-        ("a.stl", "hello", "mm", "holds no triangles; is it a surface in the format STL?"),
-        ("a.vtp", "hello", "mm", "holds no triangles|cannot be read as VTP"),
+        ("a.stl", "hello", "mm", "contains no triangles; check that it is a surface in the format STL"),
+        ("a.vtp", "hello", "mm", "contains no triangles|cannot be read as VTP"),
         ("a.txt", "hello", "mm", "give a file that ends in"),
-        ("a.obj", "v 0 0 0\n", "mm", "holds no triangles"),
+        ("a.obj", "v 0 0 0\n", "mm", "contains no triangles"),
         ("b.stl", None, "mm", "No such file"),
         ("a.ply", "hello", "inch", 'unknown length_unit "inch"'),
     ):

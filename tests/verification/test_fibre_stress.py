@@ -366,5 +366,5 @@ def test_muscles_without_fibres_to_pull():
     points = muscle.fibres[0].points
     anchored = MaterialPoints(np.array([-1, points.element[1]]), points.natural, points.position)
     bare = Muscle.of("BARE", "", 1.0, (Fibre(anchored, "right", np.array([-1])),))
-    with pytest.raises(InputError, match="muscle BARE has no part in the mesh"):
+    with pytest.raises(InputError, match="muscle BARE has no segment with both ends in the mesh"):
         fibre_stress(mesh, bare, 1.0, "both", ON)

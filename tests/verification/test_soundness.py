@@ -125,7 +125,7 @@ def test_three_elements_at_a_face_are_refused():
     third = mesh.hexes[1].copy()
     for number, node in enumerate(mesh.node_sets["x1"]):
         third[third == node] = mesh.node_count + number
-    with pytest.raises(InputError, match="elements 0, 1 and 2 share a face, which has room for one on each side"):
+    with pytest.raises(InputError, match="elements 0, 1 and 2 share a face, which can belong to two elements at most"):
         check(HexMesh(np.concatenate([mesh.points, far]), np.concatenate([mesh.hexes, [third]])), "block")
 
 

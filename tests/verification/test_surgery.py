@@ -372,8 +372,8 @@ def test_a_free_body_keeps_its_momentum():
 # ---- what cannot be ----
 
 REFUSED = [
-    ({"resection": [{"box_mm": [[90, 0, 0], [99, 9, 9]]}]}, ["resection 1 takes hold of no element", "between"]),
-    ({"graft": [{"set": "x0", "stiffness_ratio": 2}]}, ["graft 1 takes hold of no element"]),
+    ({"resection": [{"box_mm": [[90, 0, 0], [99, 9, 9]]}]}, ["resection 1 selects no element", "between"]),
+    ({"graft": [{"set": "x0", "stiffness_ratio": 2}]}, ["graft 1 selects no element"]),
     ({"resection": [{"set": "x2"}]}, ["x2", 'did you mean "x']),
     ({"resection": [{"box_mm": [[-9, -9, -9], [99, 99, 99]]}]}, ["every element"]),
     ({"resection": [{"box_mm": [[15, -9, -9], [25, 99, 99]]}]}, ["2 pieces", "12 of 24 elements"]),

@@ -14,11 +14,13 @@ from explicitfe.view.progress import following
 
 def measure(
     results: Annotated[list[Path], result_argument("Result files (.vtkhdf), or their names in outputs/.")],
-    at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="When; at the end if left out.")] = None,
-    formants: Annotated[bool, typer.Option("--formants", help="The airway and F1 to F3 too (docs/reference/airway.md).")] = False,
+    at_ms: Annotated[
+        float | None, typer.Option("--at-ms", metavar="T", help="Time in ms. [default: the last time]", show_default=False)
+    ] = None,
+    formants: Annotated[bool, typer.Option("--formants", help="Also measure the airway and the formants F1 to F3.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure what a tongue did: its points, grooves, constriction, contact, speeds (docs/reference/measures.md).
+    """Measure results: displacements, grooves, constriction, contact forces, speeds (definitions: docs/reference/measures.md).
 
     Example: [bold]explicitfe measure outputs/vowel-i.vtkhdf outputs/sl-alone.vtkhdf --at-ms 100[/bold]
     """

@@ -24,13 +24,14 @@ def report(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="The page; RESULT-report.html, or report.html in the folder, if left out.",
+            help="HTML file. [default: RESULT-report.html; sweep: report.html in its folder]",
+            show_default=False,
         ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a page that exists.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing page.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Make one HTML page of results: they move, and it says what was run and whether it may be quoted. Or one of a sweep.
+    """Write an HTML report of results, with animation, charts and the outcome of the checks, or the report of a sweep.
 
     Example: [bold]explicitfe report outputs/vowel-i.vtkhdf outputs/vowel-a.vtkhdf --out vowels.html[/bold]
     """
@@ -41,7 +42,7 @@ def report(
             from explicitfe.view.terminal.sweep import sweep_report_table
 
             if len(results) > 1:
-                raise InputError(f"{folders[0]}: a sweep has a page of its own; name nothing beside it.")
+                raise InputError(f"{folders[0]} is a sweep, which has a report of its own; name only this folder.")
             of_sweep = write_sweep_report(folders[0], out, overwrite=overwrite, progress=progress)
             print_later = partial(print_answer, of_sweep, as_json, lambda: sweep_report_table(of_sweep))
         else:

@@ -10,7 +10,7 @@ from explicitfe.results import Result
 
 
 @dataclass(frozen=True)
-class Term:
+class BalanceTerm:
     """A column of the history that is part of the balance.
 
     Attributes
@@ -29,20 +29,20 @@ class Term:
 
 # The solver balances exactly these terms against the external work, see explicitfe.solve.transient.balance.
 TERMS = (
-    Term("internal_energy", "strain energy", 0),
-    Term("barrier_energy", "barrier against inversion", 5),
-    Term("hourglass_energy", "hourglass control", 1),
-    Term("kinetic_energy", "kinetic energy", 2),
-    Term("contact_energy", "contact", 3),
-    Term("tied_energy", "springs and attachments", 4),
-    Term("material_loss", "material loss", 0, is_loss=True),
-    Term("damping_loss", "damping loss", 2, is_loss=True),
-    Term("contact_loss", "contact loss", 3, is_loss=True),
+    BalanceTerm("internal_energy", "strain energy", 0),
+    BalanceTerm("barrier_energy", "barrier against inversion", 5),
+    BalanceTerm("hourglass_energy", "hourglass control", 1),
+    BalanceTerm("kinetic_energy", "kinetic energy", 2),
+    BalanceTerm("contact_energy", "contact", 3),
+    BalanceTerm("tied_energy", "springs and attachments", 4),
+    BalanceTerm("material_loss", "material loss", 0, is_loss=True),
+    BalanceTerm("damping_loss", "damping loss", 2, is_loss=True),
+    BalanceTerm("contact_loss", "contact loss", 3, is_loss=True),
 )
 # SI prefixes: the first in whose unit the largest energy is at least 0.1 is used.
 UNITS = ((1.0, "J"), (1e3, "mJ"), (1e6, "µJ"))
 SMALLEST_UNIT = (1e9, "nJ")
-SMALLEST_SHOWN = 0.1
+SMALLEST_DRAWN_ENERGY = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class EnergyBalance:
     time: np.ndarray
     work: np.ndarray
     has_start: bool
-    terms: list[tuple[Term, np.ndarray]]
+    terms: list[tuple[BalanceTerm, np.ndarray]]
 
     @property
     def work_label(self) -> str:
@@ -76,7 +76,7 @@ class EnergyBalance:
     def unit(self) -> tuple[float, str]:
         """The factor from J to the unit in which the energies are drawn, and that unit."""
         largest = max(float(np.nanmax(np.abs(y), initial=0.0)) for y in (self.work, *(energy for _, energy in self.terms)))
-        return next(((factor, unit) for factor, unit in UNITS if factor * largest >= SMALLEST_SHOWN), SMALLEST_UNIT)
+        return next(((factor, unit) for factor, unit in UNITS if factor * largest >= SMALLEST_DRAWN_ENERGY), SMALLEST_UNIT)
 
 
 def energy_balance(result: Result) -> EnergyBalance | None:

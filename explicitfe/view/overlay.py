@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 # Kind of analysis -> name of the picture that is overlaid.
 OVERLAYS = {"transient": "contour", "relaxation": "curve"}
 PANELS_IN_A_ROW = 2
-PANEL_HEIGHT_IN = 4.6
+ROW_HEIGHT_IN = 4.6
 
 
 def draw_overlay(
@@ -90,7 +90,7 @@ def contours_figure(results: Sequence[Result], times_s: Sequence[float] | None =
     columns = min(PANELS_IN_A_ROW, len(moments))
     rows = -(-len(moments) // columns)
     # A single panel is as high as that of one result.
-    height_in = (7.0 if len(moments) == 1 else PANEL_HEIGHT_IN * rows) + 0.6
+    height_in = (7.0 if len(moments) == 1 else ROW_HEIGHT_IN * rows) + 0.6
     figure = heading_of_several(results, height_in, "Midsagittal contours at the same time")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes, (time_s, steps) in zip(panels, moments, strict=False):
@@ -127,15 +127,15 @@ def _draw_contours(axes: Axes, results: Sequence[Result], time_s: float, steps: 
     plain(axes)
     axes.set_aspect("equal")
     fill_bones(axes, first, steps[0], *plane, X, label="bone" if len(results) == 1 else f"bone ({labels[0]})")
-    rest: list[np.ndarray] = []
+    drawn_at_rest: list[np.ndarray] = []
     shown = []
     for number, (result, step, label) in enumerate(zip(results, steps, labels, strict=True)):
         colour, style = _line(number)
         cut = midsagittal(result.mesh)
         at_rest = 1e3 * cut.outline(result.mesh.points)
-        if not any(np.array_equal(at_rest, other, equal_nan=True) for other in rest):
-            axes.plot(at_rest[:, X], at_rest[:, Z], color=AT_REST, lw=1.2, label=None if rest else "at rest", zorder=1.5)
-            rest.append(at_rest)
+        if not any(np.array_equal(at_rest, other, equal_nan=True) for other in drawn_at_rest):
+            axes.plot(at_rest[:, X], at_rest[:, Z], color=AT_REST, lw=1.2, label=None if drawn_at_rest else "at rest", zorder=1.5)
+            drawn_at_rest.append(at_rest)
         line = 1e3 * cut.outline(result.mesh.points + result.displacement(step))
         axes.plot(line[:, X], line[:, Z], style, color=colour, lw=2.2, label=label, zorder=3 + number)
         shown += [at_rest[:, [X, Z]], line[:, [X, Z]]]

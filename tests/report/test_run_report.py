@@ -19,8 +19,8 @@ from support import tongue
 from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import FACES, free_faces
 from explicitfe.results import open_result
-from explicitfe.view.page.chart import Line, chart, round_ticks
 from explicitfe.view.heading import labels_of
+from explicitfe.view.page.chart import Line, chart, round_ticks
 from explicitfe.view.run_page.parts import differences
 from explicitfe.view.run_page.playback import ROUNDING_MM, playback
 from explicitfe.view.run_page.write import MOST_RESULTS, write_report

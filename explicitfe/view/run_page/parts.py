@@ -174,8 +174,8 @@ def _contact(contact: BoneContact) -> str:
     """Contact with a bone: its area and both forces, with the digits that distinguish them."""
     if not contact.area_mm2:
         return "none"
-    forces = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N, 2)} N"]
-    return ", ".join([f"{contact.area_mm2:.0f} mm²", *forces, f"normal force sum {number(contact.force_N, 2)} N"])
+    forces = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N)} N"]
+    return ", ".join([f"{contact.area_mm2:.0f} mm²", *forces, f"normal force sum {number(contact.force_N)} N"])
 
 
 def _moved(measures: Measures) -> PageTable | None:

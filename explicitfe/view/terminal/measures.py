@@ -152,9 +152,9 @@ def _airway_rows(airway: Airway) -> Iterator[tuple[str, str]]:
 def _contact(contact: BoneContact) -> str:
     if not contact.area_mm2:
         return "none"
-    resultant = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N, 2)} N"]
+    resultant = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N)} N"]
     lines = [
-        ", ".join([f"area {contact.area_mm2:.0f} mm²", *resultant, f"normal force sum {number(contact.force_N, 2)} N"]),
+        ", ".join([f"area {contact.area_mm2:.0f} mm²", *resultant, f"normal force sum {number(contact.force_N)} N"]),
         f"mean pressure {number(contact.mean_kPa, 2)} kPa, peak {number(contact.peak_kPa, 2)} kPa; "
         f"midline {'free' if contact.midline_free else 'in contact'}",
     ]

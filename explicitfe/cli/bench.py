@@ -14,11 +14,11 @@ from explicitfe.view.progress import following
 def bench(
     sizes: Annotated[
         list[int] | None,
-        typer.Option("--elements", metavar="N", help="Size of the block: 1000 | 30000 | 250000; repeat for more."),
+        typer.Option("--elements", metavar="N", help="Number of elements: 1000 | 30000 | 250000; repeatable."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Time this machine: nanoseconds per element and step, beside what was measured for the documentation.
+    """Measure the time per element and time step on this machine, and compare it with the documented time.
 
     Example: [bold]explicitfe bench --elements 1000 --elements 30000[/bold]
     """

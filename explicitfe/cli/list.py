@@ -11,22 +11,27 @@ from explicitfe.cli.completion import complete_words
 from explicitfe.cli.options import JsonOption
 from explicitfe.errors import InputError, nearest
 
-# Known here too, so that a shell need not wait for what the lists are made from.
+# Repeated here, so that completion in a shell need not import the lists.
 LISTED = ("models", "muscles", "scenarios", "datasets", "protocols", "materials", "effects")
 
 
 def list_(
-    what: Annotated[str, typer.Argument(help=" | ".join(LISTED), show_default=False, autocompletion=complete_words(LISTED))],
+    what: Annotated[
+        str,
+        typer.Argument(
+            help="Kind of objects: " + " | ".join(LISTED) + ".", show_default=False, autocompletion=complete_words(LISTED)
+        ),
+    ],
     as_json: JsonOption = False,
 ) -> None:
-    """List what comes with the program.
+    """List built-in models, muscles, scenarios, datasets, protocols, materials or effects.
 
     Example: [bold]explicitfe list muscles[/bold]
     """
     from explicitfe.run.lists import LISTS
-    from explicitfe.view.terminal.program import list_table
+    from explicitfe.view.terminal.program import ListTable
 
     if what not in LISTS:
         raise InputError(f'cannot list "{what}"; {nearest(what, LISTS)}')
     rows = LISTS[what]()
-    print_answer({what: rows}, as_json, lambda: list_table(what, rows))
+    print_answer({what: rows}, as_json, lambda: ListTable(what, rows))

@@ -18,8 +18,8 @@ def schema(
         str | None,
         typer.Argument(
             metavar="[FILE]",
-            help="Of which file: scenario | dataset | protocol (of a planned test) | model (a mesh of your own) | "
-            "tissue (constants and effects); scenario if left out.",
+            help="Kind of file: scenario | dataset | protocol (of a planned test) | model (of a custom mesh) | "
+            "tissue (constants and effects) [default: scenario].",
             show_default=False,
             autocompletion=complete_words(list(FILES)),
         ),
@@ -29,24 +29,24 @@ def schema(
         typer.Option(
             "--answer",
             metavar="COMMAND",
-            help="Of what this command prints with --json; or: failure.",
+            help="Print the schema of the --json output of this command instead, or of a failure.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Print the JSON schema of a file that you write, for editors that complete and check TOML.
+    """Print the JSON schema of an input file, for editors that complete and validate TOML.
 
     Example: [bold]explicitfe schema dataset > dataset.schema.json[/bold]
     """
     if answer is None:
-        with following(console, f"making the schema of {kind or 'scenario'}"):
+        with following(console, f"generating the schema of {kind or 'scenario'}"):
             schema_of_file = file_schema(kind or "scenario")
         print_json(schema_of_file)
     elif kind is None:
-        with following(console, f"making the schema of {answer}"):
+        with following(console, f"generating the schema of {answer}"):
             from explicitfe.cli.answers import answer_schema
 
             schema_of_answer = answer_schema(answer.replace(" ", "-"))
         print_json(schema_of_answer)
     else:
-        raise InputError("give either a kind of file or --answer, not both.")
+        raise InputError("--answer: cannot be combined with a kind of file; give one of them.")

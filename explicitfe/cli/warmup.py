@@ -12,16 +12,16 @@ from explicitfe.view.progress import following
 
 
 def warmup(
-    everything: Annotated[bool, typer.Option("--all", help="Also other elements, and tissue that relaxes.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Include all element types and viscoelastic tissue.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Make the machine code that runs need, now: the first run then need not wait for it.
+    """Precompile the simulation kernels. They are cached on disk, so that later commands need not compile them.
 
     Example: [bold]explicitfe warmup[/bold]
     """
     with following(console, "starting") as progress:
         from explicitfe.run.speed import warm
-        from explicitfe.view.terminal.program import machine_code_table
+        from explicitfe.view.terminal.program import kernels_table
 
-        code = warm(everything, progress)
-    print_answer(code, as_json, lambda: machine_code_table(code["seconds"]))
+        kernels = warm(everything, progress)
+    print_answer(kernels, as_json, lambda: kernels_table(kernels["seconds"]))

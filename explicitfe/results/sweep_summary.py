@@ -1,4 +1,4 @@
-"""What a sweep came to, and which members it has: what ``explicitfe sweep`` prints with ``--json``."""
+"""Summaries of a sweep: the JSON output of ``explicitfe sweep`` and of ``explicitfe report`` for a sweep."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing_extensions import TypedDict
 
 
 class ListedMember(TypedDict):
-    """A member that is to be computed: its number, the name that follows from what it computes, and what it sets."""
+    """A run without a row: ``member`` is its number, ``name`` a hash of its inputs, ``settings`` the values that it sets."""
 
     member: int
     name: str
@@ -14,17 +14,18 @@ class ListedMember(TypedDict):
 
 
 class SweepMembers(TypedDict):
-    """The members of ``explicitfe sweep --list`` that have no row yet."""
+    """``explicitfe sweep --list --json``: the runs that have no row yet."""
 
     sweep: str
     members: list[ListedMember]
 
 
 class SweepSummary(TypedDict):
-    """What ``explicitfe sweep --json`` prints.
+    """``explicitfe sweep --json``.
 
-    ``computed`` of the ``members`` by this command; ``stored`` by all so far; ``statuses`` counts these. ``complete``: every
-    member has a row. ``failures`` counts the messages of those that did not finish. ``worker_s`` is the time of all workers.
+    ``members`` is the number of runs of the sweep; ``computed`` counts those of this command, ``stored`` all that have a row,
+    ``statuses`` the stored ones by status. ``complete``: every run has a row. ``failures`` counts the messages of runs that did
+    not finish. ``worker_s`` is the computing time of all workers, ``members_per_minute`` the throughput.
     """
 
     sweep: str
@@ -43,10 +44,10 @@ class SweepSummary(TypedDict):
 
 
 class SweepReport(TypedDict):
-    """What ``explicitfe report`` wrote of a sweep.
+    """``explicitfe report --json`` for a sweep.
 
-    ``stored`` of the ``members`` have a row, and ``finished`` of these came to their end; the page draws ``outlines`` of them one
-    by one, and ``scattered`` as dots.
+    Of the ``members`` runs, ``stored`` have a row and ``finished`` finished. The page shows ``outlines`` of them individually and
+    ``scattered`` as points of a scatter plot.
     """
 
     report: str

@@ -1,1 +1,1 @@
-"""Many members of one scenario: which they are, who computes them, and what they came to, row by row."""
+"""Parameter sweeps: the runs of one scenario, the workers that compute them, and the table of their measures."""

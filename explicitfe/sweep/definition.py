@@ -1,4 +1,4 @@
-"""What a sweep is: the scenario, its members, what is kept of them; and the folder that says so."""
+"""Definition of a sweep: the scenario, its runs and measures; and the folder that stores it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ FORMAT = "explicitfe-sweep/1"
 DEFINITION_FILE, MEMBERS_FILE = "sweep.json", "members.csv"
 RESULTS_FOLDER, ROWS_FOLDER = "results", "rows"
 ONE_THREAD = "analysis.threads=1"
-# So many members are read before the first is computed: if none of them is a scenario, it is the key that is wrong.
+# Number of runs that are checked before the first is computed: if all of them are invalid, a key is wrong.
 READ_BEFORE_THE_FIRST = 20
-MOST_WORDS_READ = 1000  # of those that vary: each may name a file, and a scenario takes milliseconds to read
+MOST_WORDS_READ = 1000  # varied texts: each may name a file, and reading a scenario takes milliseconds
 NAME_HEX_DIGITS = 16
 PROGRAM_VERSION = version_of("explicitfe")
 
@@ -40,12 +40,12 @@ class Definition:
 
     Attributes
     ----------
-    path, text : the scenario's file, and what it says.
-    settings : ``key=value`` pairs that hold for every member.
-    members : what each member sets besides.
-    parts : which measures its table has.
-    own : those of them that the user has written.
-    design, factors, seed : where the members come from.
+    path, text : the scenario file and its content.
+    settings : ``key=value`` pairs of all runs.
+    members : the values that each run sets in addition.
+    parts : names of the measures in its table.
+    own : the custom measures among them.
+    design, factors, seed : origin of the runs.
     file_sums : SHA-256 of the files that the scenario names, and of those of the user's measures.
     """
 
@@ -61,16 +61,16 @@ class Definition:
     file_sums: dict[str, str]
 
     def settings_of(self, number: int) -> tuple[str, ...]:
-        """Everything that a member sets; it computes with one thread, unless that is what varies."""
+        """All settings of a run; it uses one thread, unless the number of threads varies."""
         return (ONE_THREAD, *self.settings, *self.members.settings(number))
 
     def name_of(self, number: int) -> str:
-        """A name that follows from what a member computes: the scenario, its files, its settings, and the version."""
+        """A hash of the inputs of a run: the scenario, its files, its settings, and the version."""
         content = json.dumps([PROGRAM_VERSION, self.text, self.file_sums, self.settings_of(number)], sort_keys=True)
         return hashlib.sha256(content.encode()).hexdigest()[:NAME_HEX_DIGITS]
 
     def document(self) -> dict[str, Any]:
-        """The file ``sweep.json``; what is in it decides what rows mean."""
+        """Content of the file ``sweep.json``, which defines the meaning of the rows."""
         return {
             "format": FORMAT,
             "version": PROGRAM_VERSION,
@@ -102,16 +102,16 @@ def define(
     measures: Sequence[str | Measuring],
     origin: str = "--vary",
 ) -> Definition:
-    """Read the scenario, and make sure that members of it can be.
+    """Read the scenario and check its first runs.
 
     Parameters
     ----------
-    measures : names of ``explicitfe.sweep.rows.PARTS``, and functions of the user's.
-    origin : where the members come from, for a message: an option, or the file of a table.
+    measures : names of ``explicitfe.sweep.rows.PARTS``, and functions of the user.
+    origin : origin of the runs for messages: an option, or the file of a table.
 
     Raises
     ------
-    InputError : the scenario cannot be read, or not with any of the first members; or no such measure is there.
+    InputError : the scenario or all of the first runs are invalid, or a measure does not exist.
     """
     parts, own = _measures(measures)
     text = text_of(path, "a scenario is a TOML file; 'explicitfe list scenarios' names those at hand")
@@ -126,7 +126,9 @@ def define(
         if not isinstance(scenario, TransientScenario) and tuple(measures) != USUAL_PARTS:
             for part in parts:
                 if part not in own:
-                    raise InputError(f"--measure {part}: of an indentation a row has its curve; leave this out.")
+                    raise InputError(
+                        f"--measure {part}: not available for indentations, whose rows contain the curve. Remove this option."
+                    )
         sums = sums_of(path, scenario) | _sums_of_words(text, path, settings, members)
         break
     else:
@@ -136,7 +138,7 @@ def define(
 
 
 def _sums_of_words(text: str, path: Path, settings: tuple[str, ...], members: Members) -> dict[str, str]:
-    """Sums of the files that members name: of each word that varies the first member that has it is read."""
+    """Checksums of the files that runs name; of each varied text the first run with it is read."""
     sums: dict[str, str] = {}
     seen: set[tuple[str, str]] = set()
     for number, values in enumerate(members.values):
@@ -144,7 +146,7 @@ def _sums_of_words(text: str, path: Path, settings: tuple[str, ...], members: Me
         if not words:
             continue
         seen |= words
-        with suppress(InputError):  # such a member is refused when it is computed
+        with suppress(InputError):  # such a run is refused when it is computed
             sums |= sums_of(path, scenario_in(text, path, (*settings, *members.settings(number)))[0])
         if len(seen) >= MOST_WORDS_READ:
             break
@@ -152,7 +154,7 @@ def _sums_of_words(text: str, path: Path, settings: tuple[str, ...], members: Me
 
 
 def _refusal_of(refusal: InputError, text: str, path: Path, settings: tuple[str, ...], origin: str) -> InputError:
-    """Why the first member cannot be: because of the scenario, or of what the member sets."""
+    """The error of the first run, which the scenario or the settings of the run have caused."""
     try:
         scenario_in(text, path, settings)
     except InputError as error:
@@ -162,41 +164,41 @@ def _refusal_of(refusal: InputError, text: str, path: Path, settings: tuple[str,
 
 
 def _measures(wanted: Sequence[str | Measuring]) -> tuple[tuple[str, ...], dict[str, OwnMeasure]]:
-    """The names of measures, each once, and those of them that the user has written."""
+    """The names of the measures, without repetitions, and the custom ones among them."""
     own: dict[str, OwnMeasure] = {}
     parts: list[str] = []
     for part in wanted:
         if isinstance(part, str):
             if part not in PARTS:
-                raise InputError(f"--measure {shortened(part)}: there are no such measures; {nearest(part, PARTS)}")
+                raise InputError(f"--measure {shortened(part)}: unknown measure; {nearest(part, PARTS)}")
             parts.append(part)
             continue
         measure = OwnMeasure(part)
         if measure.name in PARTS or any(measure.name == other.name and part != other.function for other in own.values()):
-            raise InputError(f"measures: another measure is called {measure.name} too; give the function a new name.")
+            raise InputError(f"measures: the name {measure.name} is used by another measure. Rename the function.")
         own[measure.full_name] = measure
         parts.append(measure.full_name)
     return tuple(dict.fromkeys(parts)), own
 
 
 def begin(out: Path, wanted: Definition) -> None:
-    """Make the folder of a sweep, or see that it holds the same one.
+    """Create the folder of a sweep, or check that it contains the same sweep.
 
     Raises
     ------
-    InputError : it holds something else, or cannot be written.
+    InputError : it contains other files or another sweep, or cannot be written.
     """
     document = wanted.document()
     if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: this is a file; name a new folder, or an empty one.")
+        raise InputError(f"{out}: this is a file. Name a new or empty folder with --out.")
     try:
         others = [path.name for path in out.iterdir() if not path.name.startswith(".")] if out.is_dir() else []
         if DEFINITION_FILE not in others and any(name not in _NAMES for name in others):
-            raise InputError(f"{out}: this folder holds something else; name a new one, or an empty one.")
+            raise InputError(f"{out}: this folder contains other files. Name a new or empty folder with --out.")
         out.mkdir(parents=True, exist_ok=True)
         for folder in (RESULTS_FOLDER, ROWS_FOLDER):
             (out / folder).mkdir(exist_ok=True)
-        # The definition comes last: where it is, all is there. Several commands may begin the same sweep at a time.
+        # The definition is written last, so that a folder with it is complete. Several commands may begin the same sweep.
         if not (out / DEFINITION_FILE).exists():
             whole_file(out / MEMBERS_FILE, wanted.members.table())
             whole_file(out / DEFINITION_FILE, json.dumps(document, indent=1) + "\n", overwrite=False)
@@ -204,44 +206,48 @@ def begin(out: Path, wanted: Definition) -> None:
         pass
     except OSError as error:
         wrong = MachineError if error.errno in WITHOUT_ROOM else InputError
-        raise wrong(f"{out}: this cannot be written ({reason(error)}).") from None
+        raise wrong(f"{out}: cannot be written ({reason(error)}). Check the permissions and the free disk space.") from None
     begun = definition_of(out)
     for key, value in document.items():
         if begun.get(key) != value:
             raise InputError(
-                f"{out}: this folder holds another sweep ({_difference(key, begun.get(key), value)}); give its own command to "
-                "go on with it, or name another folder with --out."
+                f"{out}: this folder contains another sweep ({_difference(key, begun.get(key), value)}). Name another folder "
+                "with --out, or rerun the original command to resume that sweep."
             )
 
 
 def definition_of(out: Path) -> dict[str, Any]:
-    """What a sweep's folder says of itself.
+    """Read ``sweep.json``.
 
     Raises
     ------
-    InputError : it holds no sweep, or a damaged one.
+    InputError : the folder contains no sweep, or a damaged one.
     """
     path = out / DEFINITION_FILE
     try:
         table = json.loads(text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES))
     except ValueError:
-        raise InputError(f"{path}: this file is damaged; begin the sweep again in a new folder.") from None
+        raise InputError(f"{path}: this file is damaged. Rerun the sweep with a new folder (--out).") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:
-        raise InputError(f"{path}: this is no sweep of this version; its format is to be {FORMAT}.")
+        raise InputError(
+            f"{path}: this is no sweep of this version, whose format is {FORMAT}. Rerun the sweep with a new folder (--out)."
+        )
     return table
 
 
 def members_of(out: Path) -> Members:
-    """The members of the sweep in a folder.
+    """The runs of the sweep in a folder.
 
     Raises
     ------
-    InputError : their table is not what it was when the sweep began.
+    InputError : their table has changed since the sweep began.
     """
     path = out / MEMBERS_FILE
     text = text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
     if hashlib.sha256(text.encode()).hexdigest() != definition_of(out).get("members_sha256"):
-        raise InputError(f"{path}: this is not the table that the sweep began with; begin it again in a new folder.")
+        raise InputError(
+            f"{path}: this table has changed since the sweep began. Restore it, or rerun the sweep with a new folder (--out)."
+        )
     return members_in(text, path)
 
 
@@ -252,7 +258,7 @@ _NAMES = {
 
 
 def _difference(key: str, begun: object, wanted: object) -> str:
-    """Of what is said otherwise, as much as a sentence can."""
+    """Describe the difference of an entry in a few words."""
     if key in ("scenario_text", "file_sums", "members_sha256"):
-        return {"scenario_text": "of another scenario", "file_sums": "with other model files"}.get(key, "with other members")
-    return f"{key} {shortened(json.dumps(begun))}, not {shortened(json.dumps(wanted))}"
+        return {"scenario_text": "another scenario", "file_sums": "other model files"}.get(key, "other runs")
+    return f"{key} {shortened(json.dumps(begun))} instead of {shortened(json.dumps(wanted))}"

@@ -1,7 +1,7 @@
-"""Who computes members: processes of this machine, a Dask cluster, or an executor of the user's.
+"""Engines that compute runs: local processes, a Dask cluster, or an executor of the user.
 
-Members go out in bundles of about a second, and come back as rows. A process that dies takes no member with it: what it may have
-had goes out again, one member at a time, and only one that was alone each time that its process ended is given up.
+Runs are sent in bundles of about a second and return as rows. No run is lost if a worker process ends: its bundle is sent again,
+one run at a time. Only a run whose process has ended twice while it computed this run alone gets the status "lost".
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from explicitfe.sweep.rows import Member, Task, WrittenRow, lost, written, writt
 BUNDLE_S = 1.0  # of one worker's time; what sends and stores a bundle takes milliseconds
 MOST_MEMBERS_OF_A_BUNDLE = 1000
 BUNDLES_PER_WORKER = 2  # in flight: one is computed, one waits there
-LAST_BUNDLES_PER_WORKER = 2  # into so many what is left is shared, so that no worker waits long for another at the end
-POLL_FUTURES_S = 0.2  # between two looks at the signals
-DEATHS_ALONE = 2  # of a process, with this member as the only one in flight: then it is the member
+LAST_BUNDLES_PER_WORKER = 2  # the remaining runs are divided into so many, so that no worker waits long for another at the end
+POLL_FUTURES_S = 0.2  # between two checks of the signals
+DEATHS_ALONE = 2  # of a process, with this run as the only one in flight: then it is the run
 DEATHS_BEFORE_A_ROW = 3  # of processes that have never given a row: then none can live here
-MOST_LOST_IN_A_ROW = 50  # members, one after another: then it is the machine, and no member
+MOST_LOST_IN_A_ROW = 50  # runs, one after another: then it is the machine, and no run
 CONNECT_WITHIN_S = 15.0
 BETWEEN_COUNTS_S = 5.0  # of the workers of a cluster: they come and go
-LARGEST_SHARE_OF_THE_NEWEST = 0.3  # in the mean time of a member
-GUARD = 'processes read a script again, so put the call under  if __name__ == "__main__":'
+LARGEST_SHARE_OF_THE_NEWEST = 0.3  # in the mean time of a run
+GUARD = 'worker processes import the script again, so put the call under  if __name__ == "__main__":'
 
 
 class Engine(ABC):
@@ -49,7 +49,7 @@ class Engine(ABC):
     @property
     @abstractmethod
     def workers(self) -> int:
-        """How many compute at a time."""
+        """Number of workers that compute at the same time."""
 
     @abstractmethod
     def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
@@ -60,37 +60,40 @@ class Engine(ABC):
         """Whether an exception of a future means that the process which computed it ended."""
 
     def explained(self, error: BaseException) -> BaseException:
-        """What to raise for an exception of a future that no member is to blame for."""
+        """The exception to raise for one of a future that no run has caused."""
         if isinstance(error, CancelledError):
-            return MachineError("the executor gave bundles back without computing them; what was computed before is stored.")
+            return MachineError(
+                "the executor cancelled runs before computing them. All finished runs are stored: check the executor, and rerun "
+                "to resume."
+            )
         return error
 
     @abstractmethod
     def renew(self) -> None:
-        """Have workers again after one has died."""
+        """Replace the workers after one has ended."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of the workers."""
+        """Release the workers."""
 
     def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
-        """Those that are done, after a short while at most."""
+        """The futures that are done, after a short time at most."""
         return wait(futures, POLL_FUTURES_S, FIRST_COMPLETED).done
 
 
 class Processes(Engine):
-    """Processes of this machine.
+    """Local worker processes.
 
     Raises
     ------
-    InputError : this is one of them: a script that starts them has no guard.
+    InputError : this process is a worker: the script that started it has no guard.
     """
 
     breaks_as_a_whole = True
 
     def __init__(self, workers: int) -> None:
-        if getattr(current_process(), "_inheriting", False):  # multiprocessing says so while a process reads its script again
-            raise InputError(f"a process that computes members came to the sweep itself: {GUARD}.")
+        if getattr(current_process(), "_inheriting", False):  # multiprocessing sets it while a process imports its script again
+            raise InputError(f"a worker process tried to start the sweep itself: {GUARD}.")
         self._workers = workers
         self._pool = WorkerPool(workers)
 
@@ -117,12 +120,12 @@ class Processes(Engine):
         self._pool.end()
 
 
-class Given(Engine):
-    """An executor of the user's, of any kind; it stays the user's, and is not shut down.
+class UserExecutor(Engine):
+    """An executor of the user, of any kind; it is not shut down here.
 
     Parameters
     ----------
-    workers : how many it has; asked of it, if left out, and else 1.
+    workers : number of its workers; if left out, the executor's own number or else 1.
     """
 
     def __init__(self, executor: Executor, workers: int | None = None) -> None:
@@ -131,7 +134,7 @@ class Given(Engine):
 
     @property
     def workers(self) -> int:
-        """As many as were said, or as it has."""
+        """The number that was given, or that of the executor."""
         return self._workers
 
     def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
@@ -139,17 +142,17 @@ class Given(Engine):
         return self._executor.submit(written_rows_of, task, members)
 
     def is_death(self, error: BaseException) -> bool:
-        """Nobody here can start its workers again."""
+        """Its workers cannot be restarted here."""
         return False
 
     def renew(self) -> None:
-        """Nothing is to be renewed."""
+        """The user manages its workers."""
 
     def close(self) -> None:
-        """It stays the user's."""
+        """It remains open."""
 
     def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
-        """Those that are done; futures of another make, such as jobs of a batch system, are asked one by one."""
+        """The futures that are done; other objects, such as jobs of a batch system, are polled one by one."""
         if all(isinstance(future, Future) for future in futures):
             return super().wait(futures)
         time.sleep(POLL_FUTURES_S)
@@ -161,7 +164,7 @@ class Cluster(Engine):
 
     Raises
     ------
-    InputError : nobody answers there, or no worker is there; or distributed is not installed.
+    InputError : no scheduler answers, it has no workers, or distributed is not installed.
     """
 
     def __init__(self, address: str) -> None:
@@ -173,24 +176,26 @@ class Cluster(Engine):
             self._client = Client(address, timeout=CONNECT_WITHIN_S, set_as_default=False)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
             raise InputError(
-                f"--scheduler {shortened(address)}: nobody answers there ({type(error).__name__}); give the address that "
+                f"--scheduler {shortened(address)}: no scheduler answers ({type(error).__name__}). Give the address that "
                 "dask scheduler prints, such as tcp://127.0.0.1:8786."
             ) from None
         self._counted, self._counted_at = 0, 0.0
         until = time.monotonic() + CONNECT_WITHIN_S
-        while not self.workers:  # those that were started together with the scheduler come a moment later
+        while not self.workers:  # workers that were started together with the scheduler register later
             stopping.check()
             if time.monotonic() > until:
                 self._client.close()
-                raise InputError(f"--scheduler {shortened(address)}: no worker is there; start some with: dask worker {address}")
+                raise InputError(
+                    f"--scheduler {shortened(address)}: the scheduler has no workers. Start some with: dask worker {address}"
+                )
             time.sleep(POLL_FUTURES_S)
         self._executor = self._client.get_executor(pure=False)
 
     @property
     def workers(self) -> int:
-        """As many threads as its workers have by now."""
+        """Number of threads of its workers at present."""
         if not self._counted or time.monotonic() > self._counted_at + BETWEEN_COUNTS_S:
-            with suppress(OSError, RuntimeError):  # bundles tell what is wrong with a scheduler
+            with suppress(OSError, RuntimeError):  # the futures report a failure of the scheduler
                 self._counted = sum(self._client.nthreads().values())
             self._counted_at = time.monotonic()
         return self._counted
@@ -200,38 +205,38 @@ class Cluster(Engine):
         return self._executor.submit(written_rows_of, task, members)
 
     def is_death(self, error: BaseException) -> bool:
-        """The scheduler sends a bundle to another worker by itself, and gives it up after some deaths."""
+        """The scheduler itself sends a bundle to another worker, and gives up after several deaths."""
         from distributed import KilledWorker
 
         return isinstance(error, KilledWorker)
 
     def explained(self, error: BaseException) -> BaseException:
-        """A scheduler that is gone cancels what it had."""
+        """A lost scheduler cancels its futures."""
         from distributed.comm import CommClosedError
 
         if isinstance(error, (CancelledError, CommClosedError)):
             return MachineError(
-                f"the scheduler at {self._address} is gone; all rows that came back are stored: give the same command to go on, "
-                "with the address of a new one."
+                f"the connection to the scheduler at {self._address} is lost. All finished runs are stored: rerun the command "
+                "with the address of a new scheduler to resume."
             )
         return super().explained(error)
 
     def renew(self) -> None:
-        """The cluster's own nannies start workers again."""
+        """The nannies of the cluster restart its workers."""
 
     def close(self) -> None:
-        """Leave the cluster as it is."""
+        """Disconnect; the cluster keeps running."""
         self._executor.shutdown(wait=False)
         self._client.close(timeout=CONNECT_WITHIN_S)
 
 
 class Bundles:
-    """Members on their way: gives rows as they come back.
+    """Runs that are being computed: an iterator over their rows.
 
     Parameters
     ----------
-    task, members : what is to be computed, ``count`` members; they are asked for as they are sent.
-    engine : who does it; it is not closed here.
+    task, members : the ``count`` runs to compute; ``members`` is consumed as they are sent.
+    engine : computes them; it is not closed here.
     """
 
     def __init__(self, task: Task, members: Iterable[Member], count: int, engine: Engine) -> None:
@@ -241,15 +246,15 @@ class Bundles:
         self._in_flight: dict[Future[list[WrittenRow]], Sequence[Member]] = {}
         self._deaths_alone: Counter[int] = Counter()
         self._deaths_before_a_row = self._lost_in_a_row = 0
-        self._member_s = 0.0  # mean time of a member; 0 until one is known
+        self._member_s = 0.0  # mean time of a run; 0 until one is known
 
     def __iter__(self) -> Iterator[list[WrittenRow]]:
-        """Rows as soon as they are there: those of all bundles that are done by then, to be stored at once.
+        """Lists of rows: those of all bundles that have finished since the last list.
 
         Raises
         ------
-        Stopped : a signal has asked to stop.
-        MachineError : a worker cannot write what is to be kept, or no process can live here.
+        Stopped : a signal has requested to stop.
+        MachineError : a worker cannot write a result file, or worker processes cannot run on this machine.
         """
         while self._left or self._suspects or self._in_flight:
             stopping.check()
@@ -278,9 +283,9 @@ class Bundles:
                 yield from self._after_deaths(deaths)
 
     def _send(self) -> bool:
-        """Have enough in flight; False where the workers turned out to be dead.
+        """Keep enough bundles in flight; False if the workers have ended.
 
-        The first member goes alone, and makes the machine code for the others; so do suspects, where a death takes all with it.
+        The first run is sent alone: it compiles the kernels for the others. So is a run that may have ended a process.
         """
         alone = self._member_s == 0.0 or (bool(self._suspects) and self._engine.breaks_as_a_whole)
         while len(self._in_flight) < (1 if alone else BUNDLES_PER_WORKER * self._engine.workers):
@@ -297,7 +302,7 @@ class Bundles:
         return True
 
     def _next(self) -> Sequence[Member]:
-        """The next bundle. Until some member has given a row none is tried again before others were."""
+        """The next bundle. Until a run has returned a row, other runs are sent before one is repeated."""
         if self._suspects and (self._member_s or not self._left):
             return [self._suspects.popleft()]
         members = list(itertools.islice(self._todo, min(self._size(), self._left)))
@@ -305,21 +310,21 @@ class Bundles:
         return members
 
     def _size(self) -> int:
-        """Of the next bundle."""
+        """Number of runs of the next bundle."""
         if self._member_s == 0.0:
             return 1
         share = -(-self._left // (LAST_BUNDLES_PER_WORKER * self._engine.workers))
         return max(1, min(round(BUNDLE_S / self._member_s), MOST_MEMBERS_OF_A_BUNDLE, share))
 
     def _note(self, lines: Sequence[WrittenRow]) -> None:
-        """Learn how long members take; the first one compiles and is forgotten soon."""
+        """Update the mean time of a run; the first run, which includes compilation, soon loses its weight."""
         self._lost_in_a_row = 0
         taken = sum(line.seconds for line in lines) / len(lines)
         weight = LARGEST_SHARE_OF_THE_NEWEST if 0.0 < self._member_s < 2.0 * taken else 1.0
         self._member_s = max(weight * taken + (1.0 - weight) * self._member_s, 1e-6)
 
     def _after_deaths(self, deaths: Sequence[Sequence[Member]]) -> Iterator[list[WrittenRow]]:
-        """Send again what dead processes may have had, one member at a time; give up a member that always kills its process."""
+        """Send the runs of ended processes again, one at a time; give up a run that always ends its process."""
         unfinished, guilty = list(deaths), len(deaths) > 0
         if self._engine.breaks_as_a_whole:  # all futures come back so, some of them a moment later
             unfinished += self._in_flight.values()
@@ -330,8 +335,8 @@ class Bundles:
             self._deaths_before_a_row += 1
             if self._deaths_before_a_row >= DEATHS_BEFORE_A_ROW:
                 raise MachineError(
-                    f"the processes that compute members ended {DEATHS_BEFORE_A_ROW} times before the first row: often memory "
-                    f"has run out; in Python, {GUARD}."
+                    f"the worker processes ended {DEATHS_BEFORE_A_ROW} times before the first row. Check the free memory and "
+                    f"reduce --processes; in Python, {GUARD}."
                 )
             guilty = False
         for members in unfinished:
@@ -341,15 +346,15 @@ class Bundles:
                 self._suspects.extend(members)
 
     def _after_death_of(self, member: Member) -> Iterator[list[WrittenRow]]:
-        """A process ended that had this member only: it is tried again at once, or given up."""
+        """A process ended that computed this run alone: repeat the run at once, or give it up."""
         self._deaths_alone[member.number] += 1
         if self._deaths_alone[member.number] < DEATHS_ALONE:
             self._suspects.appendleft(member)
             return
         self._lost_in_a_row += 1
-        yield [written(lost(member, f"its process ended each of {DEATHS_ALONE} times: often memory has run out"))]
+        yield [written(lost(member, f"its process ended each of {DEATHS_ALONE} times, often because memory ran out"))]
         if self._lost_in_a_row >= MOST_LOST_IN_A_ROW:
             raise MachineError(
-                f"the processes of {MOST_LOST_IN_A_ROW} members one after another ended: it is this machine that cannot compute "
-                "them, often for want of memory; their rows say lost, and --retry failed computes them again."
+                f"the processes of {MOST_LOST_IN_A_ROW} successive runs ended, often because memory runs out. These runs have "
+                "the status lost: reduce --processes, and add --retry failed to recompute them."
             )

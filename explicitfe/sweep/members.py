@@ -1,4 +1,4 @@
-"""Which members a sweep has: a grid of values, random draws, a design for a sensitivity analysis, or the lines of a table."""
+"""Samples of a sweep: a grid, random samples, a design for a sensitivity analysis, or the rows of a table."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from explicitfe.sweep.factors import Factor, setting_of, value_in
 Design = Literal["grid", "random", "sobol", "morris", "table"]
 MOST_MEMBERS = 10_000_000
 LARGEST_TABLE_OF_MEMBERS_BYTES = 4 * 2**30
-MORRIS_LEVELS = 4  # as many as Morris (1991) took
-LARGEST_SEED_OF_A_SWEEP = 2**32 - 1  # what SALib takes
+MORRIS_LEVELS = 4  # as in Morris (1991)
+LARGEST_SEED_OF_A_SWEEP = 2**32 - 1  # the limit of SALib
 NUMBER_COLUMN = "member"
 
 
 @dataclass(frozen=True)
 class Members:
-    """The members of a sweep, numbered from 0.
+    """The samples of the runs of a sweep, numbered from 0.
 
     Attributes
     ----------
-    keys : of the scenario, what is varied.
-    values : of each member, in the order of the keys.
+    keys : varied keys of the scenario.
+    values : of each run, in the order of the keys.
     """
 
     keys: tuple[str, ...]
@@ -44,11 +44,11 @@ class Members:
         return len(self.values)
 
     def settings(self, number: int) -> tuple[str, ...]:
-        """What ``--set`` would be for a member."""
+        """The settings of a run in the syntax of ``--set``."""
         return tuple(setting_of(key, value) for key, value in zip(self.keys, self.values[number], strict=True))
 
     def table(self) -> str:
-        """All of them as a table (CSV): their numbers, and the values as TOML writes them."""
+        """All runs as CSV: their numbers, and their values in TOML syntax."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([NUMBER_COLUMN, *self.keys])
@@ -57,7 +57,7 @@ class Members:
 
 
 def grid(factors: Sequence[Factor]) -> Members:
-    """Every combination of the values of all factors; the last factor runs fastest.
+    """All combinations of the values of the factors; the last factor varies fastest.
 
     Raises
     ------
@@ -66,17 +66,17 @@ def grid(factors: Sequence[Factor]) -> Members:
     for factor in factors:
         if factor.is_range:
             raise InputError(
-                f"--vary {factor.key}={factor.low:g}:{factor.high:g}: a grid needs the number of values, such as "
-                f"{factor.low:g}:{factor.high:g}:9; or give --random N, --sobol N or --morris N."
+                f"--vary {factor.key}={factor.low:g}:{factor.high:g}: a grid needs a number of values, such as "
+                f"{factor.low:g}:{factor.high:g}:9. For a range, add --random N, --sobol N or --morris N."
             )
     _check_count(math.prod(len(factor.levels) for factor in factors), "--vary")
     return Members(_keys(factors), list(itertools.product(*(factor.levels for factor in factors))))
 
 
 def random(factors: Sequence[Factor], count: int, seed: int) -> Members:
-    """Independent draws, even over each range and each list of values.
+    """Independent samples, uniform over each range and each list of values.
 
-    Member k depends on the seed and on k alone: with a larger count the first ones stay what they were.
+    Sample k depends only on the seed and on k, so that a larger count keeps the first samples.
     """
     _check_count(count, "--random")
     _check_seed(seed)
@@ -94,7 +94,7 @@ def random(factors: Sequence[Factor], count: int, seed: int) -> Members:
 
 
 def sobol(factors: Sequence[Factor], base: int, seed: int) -> Members:
-    """The design of Saltelli (2010) for Sobol indices: base times (factors + 2) members, from a scrambled Sobol sequence.
+    """The design of Saltelli (2010) for Sobol indices: base times (factors + 2) runs, from a scrambled Sobol sequence.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def sobol(factors: Sequence[Factor], base: int, seed: int) -> Members:
     require("sensitivity", "a Sobol analysis")
     problem = problem_of(factors, "--sobol")
     if base < 2 or base & (base - 1):
-        raise InputError(f"--sobol {base}: give a power of 2, such as 256.")
+        raise InputError(f"--sobol {base}: must be a power of 2, such as 256.")
     _check_count(base * (len(factors) + 2), "--sobol")
     _check_seed(seed)
     from SALib.sample import sobol as sampler
@@ -121,7 +121,7 @@ def morris(factors: Sequence[Factor], trajectories: int, seed: int) -> Members:
     require("sensitivity", "a Morris analysis")
     problem = problem_of(factors, "--morris")
     if trajectories < 2:
-        raise InputError(f"--morris {trajectories}: give 2 trajectories or more, such as 20.")
+        raise InputError(f"--morris {trajectories}: the smallest number of trajectories is 2; 20 is usual.")
     _check_count(trajectories * (len(factors) + 1), "--morris")
     _check_seed(seed)
     from SALib.sample import morris as sampler
@@ -130,15 +130,15 @@ def morris(factors: Sequence[Factor], trajectories: int, seed: int) -> Members:
 
 
 def problem_of(factors: Sequence[Factor], option: str) -> dict[str, Any]:
-    """The factors as SALib has them.
+    """The factors in the format of SALib.
 
     Raises
     ------
-    InputError : one has no range.
+    InputError : a factor has no range.
     """
     for factor in factors:
         if not factor.is_range:
-            raise InputError(f"{option}: {factor.key} needs a range, such as --vary {factor.key}=0:1.")
+            raise InputError(f"{option}: the factor {factor.key} needs a range, such as --vary {factor.key}=0:1.")
     return {
         "num_vars": len(factors),
         "names": [factor.key for factor in factors],
@@ -147,24 +147,24 @@ def problem_of(factors: Sequence[Factor], option: str) -> dict[str, Any]:
 
 
 def from_table(path: Path) -> Members:
-    """The members of a table (CSV): a column for each key that is varied, a line for each member.
+    """Read samples from a CSV file with one column per varied key and one row per run.
 
-    A column called "member" is passed over, so that the table that a sweep has written can be given again.
+    A column "member" is ignored, so that ``members.csv`` of a sweep can be used again.
 
     Raises
     ------
-    InputError : the table cannot be read, has no lines, or a line has another number of values than the head.
+    InputError : the table cannot be read, has no rows, or a row has another number of values than the header.
     """
-    text = text_of(path, "give a table (CSV) with a column for each key", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
+    text = text_of(path, "name a CSV file with one column per key", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
     return members_in(text, path)
 
 
 def members_in(text: str, path: Path) -> Members:
-    """The members of the text of a table; see :func:`from_table`."""
+    """Parse the text of a table; see :func:`from_table`."""
     try:
         return _members_of_lines(csv.reader(io.StringIO(text)), path)
     except csv.Error as error:
-        raise InputError(f"{path}: this is no table as CSV has them ({error}).") from None
+        raise InputError(f"{path}: invalid CSV ({error}).") from None
 
 
 def _members_of_lines(lines: Any, path: Path) -> Members:
@@ -173,37 +173,37 @@ def _members_of_lines(lines: Any, path: Path) -> Members:
     for key in keys:
         if not all(key.split(".")) or head.count(key) > 1:
             raise InputError(
-                f'{path}: the column "{shortened(key)}" is no key of a scenario; the first line names each key once, such as '
-                "muscle.GGp.force_N."
+                f'{path}: the column "{shortened(key)}" is no key of a scenario, or occurs twice. The first line names each key '
+                "once, such as muscle.GGp.force_N."
             )
     if not keys:
-        raise InputError(f"{path}: there is no column; the first line names the keys that are varied.")
+        raise InputError(f"{path}: the table has no columns. Its first line must name the varied keys.")
     values = []
     for line in lines:
         if not line:
             continue
         if len(line) != len(head) or not all(cell.strip() for cell in line):
-            raise InputError(f"{path}: line {lines.line_num} has not one value for each of the {len(head)} columns.")
+            raise InputError(f"{path}: line {lines.line_num} must have one value for each of the {len(head)} columns.")
         try:
             values.append(tuple(value_in(cell) for key, cell in zip(head, line, strict=True) if key != NUMBER_COLUMN))
         except InputError as error:
             raise InputError(f"{path}: line {lines.line_num}: {error}") from None
     if not values:
-        raise InputError(f"{path}: it names no member; give a line for each.")
+        raise InputError(f"{path}: the table has no rows. Add one row per run.")
     _check_count(len(values), f"--table {path}")
     return Members(keys, values)
 
 
 def share_of(members: Members, share: str) -> list[int]:
-    """The numbers of members that ``K/N`` of ``--only`` asks for: every N-th, from the K-th on.
+    """The numbers of the runs of share ``K/N``: every N-th run, from the K-th one.
 
     Raises
     ------
-    InputError : it is no such share.
+    InputError : the share is invalid.
     """
     part, slash, whole = share.partition("/")
     if not slash or not (part.isdecimal() and whole.isdecimal()) or not 1 <= int(part) <= int(whole) <= MOST_MEMBERS:
-        raise InputError(f"--only {shortened(share)}: write K/N with K from 1 to N, such as 1/4.")
+        raise InputError(f"--only {shortened(share)}: invalid share. Write K/N with K from 1 to N, such as 1/4.")
     return list(range(int(part) - 1, len(members), int(whole)))
 
 
@@ -217,9 +217,9 @@ def _keys(factors: Sequence[Factor]) -> tuple[str, ...]:
 
 def _check_count(count: int, option: str) -> None:
     if not 1 <= count <= MOST_MEMBERS:
-        raise InputError(f"{option}: these are {count} members; from 1 to {MOST_MEMBERS} are possible.")
+        raise InputError(f"{option}: a sweep of {count} runs is not possible. Allowed range: 1 to {MOST_MEMBERS}.")
 
 
 def _check_seed(seed: int) -> None:
     if not 0 <= seed <= LARGEST_SEED_OF_A_SWEEP:
-        raise InputError(f"--seed {seed}: give a whole number from 0 to {LARGEST_SEED_OF_A_SWEEP}.")
+        raise InputError(f"--seed {seed}: allowed range: 0 to {LARGEST_SEED_OF_A_SWEEP}.")

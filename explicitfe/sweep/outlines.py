@@ -1,4 +1,4 @@
-"""The outlines of some members of a sweep, as a page shows them, with the outline at rest and the midline of the palate."""
+"""The outlines of some runs of a sweep, as a page shows them, with the outline at rest and the midline of the palate."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from explicitfe.view.page.sweep_data import DrawnMember, SweepColumn
 
 MOST_MEMBERS_DRAWN = 24
 MOST_OUTLINES_ON_EACH_OTHER = 150
-# Of more members than this some are looked at, evenly over all, for those that are drawn.
+# Of more runs than this only some, evenly distributed over all, are candidates for drawing.
 MOST_MEMBERS_COMPARED = 20_000
 MM_PER_M = 1e3
 FEWEST_NUMBERS_OF_AN_OUTLINE = 6
 
 
 def outline_of(row: Row) -> np.ndarray:
-    """The outline of a row, (k, 2) mm, x backwards and z up; no points where it has none."""
+    """The outline of a row, (k, 2) mm, x backwards and z up; no points if it has none."""
     numbers = row.get(CONTOUR)
     if not isinstance(numbers, list) or len(numbers) < FEWEST_NUMBERS_OF_AN_OUTLINE or len(numbers) % 2:
         return np.zeros((0, 2))
@@ -36,18 +36,18 @@ def outline_of(row: Row) -> np.ndarray:
 
 
 def many_outlines(stored: Stored, numbers: Sequence[int]) -> list[np.ndarray]:
-    """Outlines of members to be drawn on each other: evenly over all of ``numbers``, which have one."""
+    """Outlines for the overlay, evenly distributed over ``numbers``, the runs that have one."""
     return [outline_of(row) for row in stored.rows(evenly(numbers, MOST_OUTLINES_ON_EACH_OTHER))]
 
 
 def drawn_members(
     begun: BegunSweep, members: Members, stored: Stored, numbers: Sequence[int], factors: Sequence[SweepColumn]
 ) -> list[DrawnMember]:
-    """The members that are drawn one by one: as far from each other in what varies as any, in the order of the first factor.
+    """The runs that are drawn individually: as far from each other in the factors as possible, in the order of the first factor.
 
     Parameters
     ----------
-    numbers : of the members that have an outline, in their order.
+    numbers : of the runs that have an outline, in their order.
     factors : columns, (len(numbers),) each.
     """
     if not len(numbers):
@@ -67,9 +67,9 @@ def drawn_members(
 
 
 def surroundings(begun: BegunSweep, path: Path, settings: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """The outline at rest (j, 2) and the midline of the palate (p, 2) of a member, mm; no points where they are not known.
+    """The outline at rest (j, 2) and the midline of the palate (p, 2) of a run, mm; no points where they are unknown.
 
-    They are those of the model as it is built now, from the text that the sweep keeps and the files that the scenario names.
+    The model is built now, from the stored text of the scenario and the files that it names.
     """
     nothing = np.zeros((0, 2))
     try:
@@ -77,7 +77,7 @@ def surroundings(begun: BegunSweep, path: Path, settings: Sequence[str]) -> tupl
         if not isinstance(scenario, TransientScenario):
             return nothing, nothing
         model = assemble(scenario, path.parent).model
-    except InputError:  # a file that the scenario names is elsewhere now
+    except InputError:  # a file that the scenario names has been moved
         return nothing, nothing
     cut = midsagittal(model.mesh)
     at_rest = cut.at(model.mesh.points)[max(cut.loops, key=len)][:, [X, Z]] if cut.loops else nothing
@@ -89,9 +89,9 @@ def surroundings(begun: BegunSweep, path: Path, settings: Sequence[str]) -> tupl
 
 
 def spread_out(places: np.ndarray, most: int) -> np.ndarray:
-    """Rows of points (n, d) that lie far from each other: each next one has the largest distance from those before.
+    """Rows of points (n, d) that are far from each other: each has the largest distance from those chosen before.
 
-    The first is the one nearest to the lowest end of all axes; of equal points one is taken.
+    The first is nearest to the lower end of all axes; of equal points one is taken.
     """
     chosen = [int(np.argmin((places**2).sum(axis=1)))]
     distance = np.linalg.norm(places - places[chosen[0]], axis=1)
@@ -105,29 +105,29 @@ def spread_out(places: np.ndarray, most: int) -> np.ndarray:
 
 
 def evenly(numbers: Sequence[int], most: int) -> list[int]:
-    """So many of some numbers at most, evenly over all, with both ends."""
+    """At most ``most`` of some numbers, evenly distributed, with both ends."""
     if len(numbers) <= most:
         return list(numbers)
     return [numbers[int(place)] for place in np.unique(np.rint(np.linspace(0, len(numbers) - 1, most)).astype(int))]
 
 
 def _scaled(values: np.ndarray, are_words: bool) -> np.ndarray:
-    """Values from 0 to 1 over their range; words are as far from each other as half of a range."""
+    """Values scaled to 0 to 1 over their range; texts have the distance of half a range."""
     low, size = float(np.nanmin(values)), float(np.ptp(values))
     scaled = np.nan_to_num((values - low) / size) if size > 0.0 else np.zeros(len(values))
     return 0.5 * scaled if are_words else scaled
 
 
 def _remark(row: Row) -> str:
-    """What a row has to warn of, in words."""
+    """The warnings of a row in words."""
     if folded := row.get("folded_elements"):
-        return f"{folded} folded element{'' if folded == 1 else 's'}"
+        return f"{folded} inverted element{'' if folded == 1 else 's'}"
     warnings = row.get("warnings")
     return f"{warnings} warning{'' if warnings == 1 else 's'}" if warnings else ""
 
 
 def _settings(factors: Sequence[SweepColumn], place: int) -> list[tuple[str, str]]:
-    """What a member sets, in words."""
+    """The settings of a run in words."""
     settings = []
     for factor in factors:
         value = factor.values[place]

@@ -1,4 +1,4 @@
-"""Measures of a user's own: functions, which members of a sweep are measured with beside the built-in ones."""
+"""Custom measures: functions of the user that are evaluated for each run of a sweep."""
 
 from __future__ import annotations
 
@@ -14,37 +14,39 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.results import Recorded
 
 Measuring = Callable[[Recorded, int], Mapping[str, object]]
-"""Gives numbers by their names, of a result at a step."""
+"""Returns named numbers of a result at a step."""
 
 
 @dataclass(frozen=True)
 class OwnMeasure:
-    """A function of the user's. Workers import it by its name.
+    """A custom measure. Workers import the function by its name.
 
     Raises
     ------
-    InputError : it stands in no module, where a worker could find it.
+    InputError : the function is not defined at the top level of a module.
     """
 
     function: Measuring
 
     def __post_init__(self) -> None:
         if "<" in getattr(self.function, "__qualname__", "<"):
-            raise InputError(f"measures: {self.function!r} cannot be found by a worker; give a function that a module defines.")
+            raise InputError(
+                f"measures: workers cannot import {self.function!r}. Define the function at the top level of a module."
+            )
 
     @property
     def name(self) -> str:
-        """Of the function: columns begin with it."""
+        """Name of the function; its columns begin with it."""
         return self.function.__name__
 
     @property
     def full_name(self) -> str:
-        """With its module."""
+        """Name of the function with its module."""
         return f"{self.function.__module__}.{self.function.__qualname__}"
 
     @property
     def sha256(self) -> str:
-        """Of its source, as far as that is known: a changed measure makes another sweep."""
+        """Checksum of its source, or of its name if the source is not available; a changed measure defines another sweep."""
         try:
             source = inspect.getsource(self.function)
         except (OSError, TypeError):
@@ -52,22 +54,22 @@ class OwnMeasure:
         return hashlib.sha256(source.encode()).hexdigest()
 
     def of(self, result: Recorded, step: int) -> dict[str, Any]:
-        """What the function gives for a step of a result.
+        """Evaluate the function for a step of a result.
 
         Raises
         ------
-        RunError : it ended with an exception, or gave something other than numbers by their names.
+        RunError : the function raised an exception, or did not return a dict of numbers.
         """
         try:
             value = self.function(result, step)
-        except Exception as error:  # whatever a user's code does is to be a sentence
-            raise RunError(f"measure {self.full_name} ended with {type(error).__name__}: {error}") from None
+        except Exception as error:  # user code may raise anything
+            raise RunError(f"measure {self.full_name} raised {type(error).__name__}: {error}") from None
         if not isinstance(value, Mapping):
-            raise RunError(f"measure {self.full_name} gave {type(value).__name__}; it is to give a dict of numbers.")
+            raise RunError(f"measure {self.full_name} returned {type(value).__name__}; it must return a dict of numbers.")
         return {str(key): self._plain(str(key), cell) for key, cell in value.items()}
 
     def _plain(self, key: str, cell: object) -> Any:
-        """A cell as a table has it."""
+        """A value of a table."""
         if isinstance(cell, Mapping):
             return {str(inner): self._plain(f"{key}.{inner}", part) for inner, part in cell.items()}
         if isinstance(cell, np.generic):
@@ -75,5 +77,6 @@ class OwnMeasure:
         if cell is None or isinstance(cell, (bool, int, float)):
             return cell
         raise RunError(
-            f'measure {self.full_name} gave "{key}" as {type(cell).__name__}; numbers, booleans, None and dicts of them are kept.'
+            f'measure {self.full_name} returned "{key}" as {type(cell).__name__}; valid types are numbers, booleans, None and '
+            "dicts of them."
         )

@@ -1,4 +1,4 @@
-"""What the page of a sweep shows, put together from its folder: columns, outlines, indices and causes."""
+"""Data of the page of a sweep, read from its folder: columns, outlines, indices and causes of failures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from explicitfe.sweep.sweep import SENSITIVITY_FILE
 from explicitfe.view.page.sweep_data import FactorIndex, MeasureIndices, SweepCause, SweepColumn, SweepToDraw
 from explicitfe.view.page.sweep_words import factors_in_words, measure_in_words
 
-# What matters most of a tongue, first the first; of what is not there the page shows the first columns of numbers.
+# Main measures of a tongue in decreasing order of importance; without them the page shows the first columns of numbers.
 MAIN_MEASURES = (
     "points.tip.up_mm",
     "points.tip.forward_mm",
@@ -41,28 +41,28 @@ MAIN_MEASURES = (
     "highest.up_mm",
 )
 MOST_MAIN_MEASURES = 12
-# They say whether to believe the others, and stand by themselves.
+# They show whether a run is reliable, and are listed separately.
 CHECKS = ("steps", "energy_balance_error", "hourglass_share", "min_J", "folded_elements", "warnings")
-# Their members share values of factors, and have indices in the place of shares.
+# Their runs share values of factors; sensitivity indices replace the shares of variance.
 DESIGNS_IN_GROUPS = ("sobol", "morris")
-# A column whose numbers are all below this, or differ by less than this share of their size, holds rounding only.
+# A column whose numbers are all below this, or vary by less than this share of their size, contains rounding errors only.
 SMALLEST_NUMBER_SHOWN, SMALLEST_SHOWN_SPREAD_SHARE = 1e-9, 1e-9
 MOST_MEMBERS_NAMED_PER_CAUSE = 20
 
 
 def sweep_to_draw(folder: Path, progress: Progress = silent) -> SweepToDraw:
-    """The sweep in a folder, as far as it is computed.
+    """The stored part of the sweep in a folder.
 
     Raises
     ------
-    InputError : it holds no sweep, a damaged one, or no row yet.
+    InputError : the folder contains no sweep, a damaged one, or no rows.
     """
     begun, members = begun_sweep(folder), members_of(folder)
     progress("draw", 0.0)
     stored = Stored(folder / ROWS_FOLDER, len(members))
     numbers = sorted(stored.places)
     if not numbers:
-        raise InputError(f"{folder}: no member of this sweep has a row yet; give its command again to go on.")
+        raise InputError(f"{folder}: no run of this sweep is finished yet. Rerun the command of the sweep to resume it.")
     rows = rows_together(stored, numbers)
     progress("draw", 0.5)
     factors = factor_columns(members.keys, [members.values[number] for number in numbers])
@@ -104,7 +104,7 @@ def sweep_to_draw(folder: Path, progress: Progress = silent) -> SweepToDraw:
 
 
 def factor_columns(keys: Sequence[str], values: Sequence[Sequence[object]]) -> list[SweepColumn]:
-    """What was varied, a column for each key, of the values of each member; what is no number is a level."""
+    """One column per varied key with the values of each run; values that are no numbers become levels."""
     columns = []
     for key, (words, unit), cells in zip(keys, factors_in_words(keys), zip(*values, strict=True), strict=True):
         if all(isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in cells):
@@ -119,15 +119,15 @@ def factor_columns(keys: Sequence[str], values: Sequence[Sequence[object]]) -> l
 
 @dataclass(frozen=True, eq=False)
 class RowsTogether:
-    """What the page needs of all rows, in the order of the members.
+    """Data of all rows that the page needs, in the order of the runs.
 
     Attributes
     ----------
-    columns : all numbers that vary, in the order in which they first come.
-    statuses : how each member ended.
-    member_s, warnings : (n,) s that each took, and its number of warnings; NaN where that is not known.
-    has_outline : (n,) whether there is one to be drawn.
-    causes : why members did not finish, the most frequent first.
+    columns : all numbers that vary, in the order of their first occurrence.
+    statuses : of the runs.
+    member_s, warnings : (n,) duration [s] and number of warnings of each run; NaN where unknown.
+    has_outline : (n,) whether a run has an outline.
+    causes : causes of failures in decreasing frequency.
     """
 
     columns: list[SweepColumn]
@@ -139,7 +139,7 @@ class RowsTogether:
 
 
 def rows_together(stored: Stored, numbers: Sequence[int]) -> RowsTogether:
-    """The rows of some members, each read once."""
+    """Read the rows of some runs, each once."""
     left_out = {NUMBER, NAME, STATUS, MESSAGE, *BESIDE_THE_TABLE}
     names = [*(name for name in stored.names() if name not in left_out), MEMBER_S]
     place_of = {name: place for place, name in enumerate(names)}
@@ -172,14 +172,14 @@ def rows_together(stored: Stored, numbers: Sequence[int]) -> RowsTogether:
 
 
 def _varies(values: np.ndarray) -> bool:
-    """Whether a column has more than rounding."""
+    """Whether a column varies by more than rounding errors."""
     known = values[np.isfinite(values)]
     largest = float(np.abs(known).max(initial=0.0))
     return largest > SMALLEST_NUMBER_SHOWN and float(np.ptp(known)) > SMALLEST_SHOWN_SPREAD_SHARE * largest
 
 
 def main_measures(measures: Sequence[SweepColumn]) -> list[str]:
-    """Names of the measures that matter most; of a body without these names the first that vary."""
+    """Names of the main measures; for another body those of the first measures that vary."""
     names = [measure.name for measure in measures]
     known = [name for name in MAIN_MEASURES if name in names]
     others = [name for name in names if name not in ABOUT_THE_RUN]
@@ -187,20 +187,20 @@ def main_measures(measures: Sequence[SweepColumn]) -> list[str]:
 
 
 def _indices(folder: Path, begun: BegunSweep, main: Sequence[str]) -> tuple[list[MeasureIndices], str]:
-    """The indices of the measures that matter most, and a sentence where there are none."""
+    """The indices of the main measures, and a note."""
     if begun.design not in DESIGNS_IN_GROUPS:
         return [], ""
     path = folder / SENSITIVITY_FILE
     if not path.exists():
-        return [], "The indices follow when every member has a row."
+        return [], "The indices are computed when all runs have finished."
     text = text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
     try:
         sensitivity = TypeAdapter(Sensitivity).validate_python(json_of(text, path))
     except ValidationError:
-        raise InputError(f"{path}: this file is damaged; move it away, and give the command of the sweep again.") from None
+        raise InputError(f"{path}: this file is damaged. Delete it, and rerun the command of the sweep.") from None
     by_name = {entry["measure"]: entry for entry in sensitivity["measures"]}
     left_out = sensitivity["members_left_out"]
-    note = f"{left_out} members are left out, as one of their group did not finish." if left_out else ""
+    note = f"{left_out} runs are not used, because a run of their group did not finish." if left_out else ""
     words = dict(zip(begun.keys, factors_in_words(begun.keys), strict=True))
     return [_measure_indices(by_name[name], words) for name in main if name in by_name], note
 
@@ -217,7 +217,7 @@ def _measure_indices(entry: MeasureSensitivity, words: Mapping[str, tuple[str, s
 
 
 def _title(begun: BegunSweep) -> str:
-    """That of the scenario, or the name of its file."""
+    """Title of the scenario, or the name of its file."""
     try:
         title = tomllib.loads(begun.scenario_text).get("title")
     except tomllib.TOMLDecodeError:  # one in JSON has none

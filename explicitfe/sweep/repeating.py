@@ -1,4 +1,4 @@
-"""What a sweep's folder says of itself, and the commands that repeat it."""
+"""The stored definition of a sweep, and the commands that repeat it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONGEST_LINE_OF_A_COMMAND = 100
 
 
 class BegunFactor(BaseModel):
-    """A factor as ``sweep.json`` has it: ``values``, or ``low`` and ``high`` of a range."""
+    """A factor in ``sweep.json``: ``values``, or ``low`` and ``high`` of a range."""
 
     key: str
     low: float | None = None
@@ -35,7 +35,7 @@ class BegunFactor(BaseModel):
 
 
 class BegunSweep(BaseModel):
-    """The file ``sweep.json``: what the sweep in a folder is. Keys that this version does not know are passed over."""
+    """The file ``sweep.json``; unknown keys are ignored."""
 
     version: str
     scenario: str
@@ -50,46 +50,52 @@ class BegunSweep(BaseModel):
 
 
 def begun_sweep(folder: Path) -> BegunSweep:
-    """What the sweep in a folder is.
+    """Read the definition of the sweep in a folder.
 
     Raises
     ------
-    InputError : it holds no sweep, or a damaged one.
+    InputError : the folder contains no sweep, or a damaged one.
     """
     try:
         return BegunSweep.model_validate(definition_of(folder))
     except ValidationError as error:
         where = ".".join(map(str, error.errors()[0]["loc"]))
-        raise InputError(f"{folder / DEFINITION_FILE}: this file is damaged ({where}); begin the sweep again.") from None
+        raise InputError(
+            f"{folder / DEFINITION_FILE}: this file is damaged ({where}). Rerun the sweep with a new folder (--out)."
+        ) from None
 
 
 def design_in_words(begun: BegunSweep) -> str:
-    """Such as "60 random draws of 5 keys (seed 0)"."""
+    """Such as "60 random samples of 5 keys (seed 0)"."""
     of_keys = f"{len(begun.keys)} key{'' if len(begun.keys) == 1 else 's'}"
     seed = f" (seed {begun.seed})"
     match begun.design:
         case "random":
-            return f"{begun.members} random draws of {of_keys}{seed}"
+            return f"{begun.members} random samples of {of_keys}{seed}"
         case "sobol":
-            return f"{begun.members} members of a Sobol design over {of_keys}{seed}"
+            return f"{begun.members} runs of a Sobol design over {of_keys}{seed}"
         case "morris":
-            return f"{begun.members} members of a Morris design over {of_keys}{seed}"
+            return f"{begun.members} runs of a Morris design over {of_keys}{seed}"
         case "table":
-            return f"{begun.members} members of a table of {of_keys}"
-    return f"{begun.members} members, every combination of the values of {of_keys}"
+            return f"{begun.members} runs of a table of {of_keys}"
+    return f"{begun.members} runs, all combinations of the values of {of_keys}"
 
 
 def commands_of(folder: Path, begun: BegunSweep, members: Members, shown: int | None) -> list[str]:
-    """The commands that repeat the sweep and the page, and run one of its members by itself.
+    """The commands that repeat the sweep, its page and one of its runs.
 
     Parameters
     ----------
-    shown : the number of that member; None: none.
+    shown : the number of that run; None: none.
     """
     scenario, name = shlex.quote(begun.scenario), shlex.quote(str(folder))
     own = [part for part in begun.measures if part not in PARTS]
     commands = [
-        *([f"# without the functions {', '.join(own)}, which explicitfe.sweep(..., measures=) takes from Python"] if own else []),
+        *(
+            [f"# without the custom measures {', '.join(own)}, which only explicitfe.sweep(..., measures=) in Python accepts"]
+            if own
+            else []
+        ),
         _command(
             f"explicitfe sweep {scenario}", [*_options(folder, begun), ("--out", f"{folder}-again" if own else str(folder))]
         ),
@@ -97,12 +103,12 @@ def commands_of(folder: Path, begun: BegunSweep, members: Members, shown: int | 
     ]
     if shown is not None:
         settings = [ONE_THREAD, *begun.settings, *members.settings(shown)]
-        commands += [f"# member {shown} by itself", _command(f"explicitfe run {scenario}", [("--set", one) for one in settings])]
+        commands += [f"# run {shown} alone", _command(f"explicitfe run {scenario}", [("--set", one) for one in settings])]
     return commands
 
 
 def _command(begin: str, options: Sequence[tuple[str, str]]) -> str:
-    """A command with its options, as many on a line as can be read."""
+    """A command with its options, broken into lines."""
     lines = [begin]
     for name, value in options:
         option = f"{name} {shlex.quote(value)}"
@@ -114,7 +120,7 @@ def _command(begin: str, options: Sequence[tuple[str, str]]) -> str:
 
 
 def _options(folder: Path, begun: BegunSweep) -> Iterator[tuple[str, str]]:
-    """What the command was given beside the scenario and the folder."""
+    """The options of the command other than the folder."""
     for setting in begun.settings:
         yield "--set", setting
     if begun.design == "table":
@@ -133,7 +139,7 @@ def _options(folder: Path, begun: BegunSweep) -> Iterator[tuple[str, str]]:
 
 
 def vary_text(factor: Factor) -> str:
-    """A factor as ``--vary`` has it; values that are evenly spaced as a range with their number."""
+    """A factor in the syntax of ``--vary``; equally spaced values become a range with their number."""
     if factor.is_range:
         return f"{factor.key}={_short(factor.low)}:{_short(factor.high)}"
     if _are_numbers(factor.levels):
@@ -141,7 +147,7 @@ def vary_text(factor: Factor) -> str:
         try:
             if factor_of(even).levels == factor.levels:
                 return even
-        except InputError:  # values that do not rise
+        except InputError:  # values that do not increase
             pass
     return f"{factor.key}={','.join(map(_value_text, factor.levels))}"
 
@@ -151,12 +157,12 @@ def _are_numbers(levels: Sequence[object]) -> bool:
 
 
 def _short(value: object) -> str:
-    """A number without a decimal point that says nothing."""
+    """A number without a redundant decimal point."""
     return repr(value).removesuffix(".0")
 
 
 def _value_text(level: object) -> str:
-    """A value as ``--vary`` takes it: a plain word needs no quotation marks."""
+    """A value in the syntax of ``--vary``: a plain word needs no quotation marks."""
     if isinstance(level, str) and factor_of(f"key.name={level},0").levels == (level, 0):
         return level
     return toml_value(level)

@@ -1,4 +1,4 @@
-"""What a member comes to, as one row: computed from what the member sets and nothing else."""
+"""The row of a run: computed from its settings and nothing else."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ from explicitfe.sweep.own_measure import OwnMeasure
 Cell = float | int | bool | str | list[int] | None
 Row = dict[str, Cell]
 
-# Statuses of a member that has none from its run.
+# Statuses of a run that the simulation did not set.
 REFUSED, FAULT, LOST, FAILED = "refused", "fault", "lost", "failed"
 WITHOUT_RESULT = (REFUSED, FAULT, LOST, FAILED)
 NUMBER, NAME, STATUS, MESSAGE = "member", "name", "status", "message"
-MEMBER_S, COURSE_S = "member_s", "course_s"  # of all of it, and of steps, looks and samples alone
+MEMBER_S, COURSE_S = "member_s", "course_s"  # of the whole run, and of time steps, stability checks and samples alone
 CONTOUR = "contour"
 CONTOUR_UNIT_M = 1e-5
-# Rows have it, a table does not: what differs each time that a member is computed, and a picture.
+# Columns of rows that a table omits: times, which differ on each computation, and the outline.
 BESIDE_THE_TABLE = ("wall_s", COURSE_S, MEMBER_S, CONTOUR)
-# What a run in time can be asked for; docs/reference/measures.md says what each number is.
+# Groups of measures of a run in time; docs/reference/measures.md defines each number.
 PARTS: dict[str, Callable[[Recorded, int], object]] = {
     "points": point_motions,
     "highest": lambda result, step: highest_point(result.mesh, result.displacement(step)),
@@ -58,21 +58,21 @@ PARTS: dict[str, Callable[[Recorded, int], object]] = {
     CONTOUR: lambda result, step: contour(result.mesh, result.displacement(step)),
 }
 USUAL_PARTS = ("points", "highest", "grooves", "constriction", "contact", "body", CONTOUR)
-# What of a run's summary a row has: it says whether to believe the rest.
+# Entries of the summary of a run that a row has: they show whether the run is reliable.
 SUMMARY_CELLS = ("steps", "iterations", "wall_s", "energy_balance_error", "hourglass_share", "min_J", "settled")
 
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to compute members: no more than fits into a message.
+    """The input of a worker that computes runs; it is small, as it is sent with each bundle.
 
     Attributes
     ----------
-    path, text : the scenario's file, and what it says.
-    parts : which measures are wanted, of ``PARTS`` and of ``own``.
-    folder : where results go that are kept.
+    path, text : the scenario file and its content.
+    parts : names of the measures, of ``PARTS`` and of ``own``.
+    folder : of the result files.
     keep : "none", "all", "failed", or "every:N".
-    own : measures of the user's own, by their full names.
+    own : custom measures by their full names.
     """
 
     path: Path
@@ -85,7 +85,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Member:
-    """A member: its number, the name that follows from what it computes, and its settings."""
+    """A run of a sweep: its number, a hash of its inputs as its name, and its settings."""
 
     number: int
     name: str
@@ -93,17 +93,17 @@ class Member:
 
 
 def number_of(row: Row) -> int:
-    """Of the member that a row is of."""
+    """The number of the run of a row."""
     return cast(int, row[NUMBER])
 
 
 def cause_of(message: str) -> str:
-    """A message without its numbers, so that members which failed for one reason are counted together; names keep theirs."""
+    """A message with its numbers replaced by #, so that runs that failed for one reason are counted together."""
     return re.sub(r"(?<![\w.-])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?![\w-])", "#", message)
 
 
 def counted_causes(messages: Iterable[str]) -> dict[str, int]:
-    """How often each cause is there, the most frequent first; numbers stand in it where all its messages have the same."""
+    """Frequency of each cause, in decreasing order; a cause keeps its numbers if all its messages agree."""
     by_cause: dict[str, list[str]] = {}
     for message in messages:
         by_cause.setdefault(cause_of(message), []).append(message)
@@ -112,11 +112,11 @@ def counted_causes(messages: Iterable[str]) -> dict[str, int]:
 
 
 class WrittenRow(NamedTuple):
-    """A row as it comes back and is stored: written by the worker, so that who sends members has little to do for each.
+    """A serialized row: the worker writes it, so that the main process does little work per run.
 
     Attributes
     ----------
-    number, status, seconds : of its member, how that ended, and how long it took.
+    number, status, seconds : of its run.
     columns, cells : names and values, as JSON lists.
     """
 
@@ -133,7 +133,7 @@ class WrittenRow(NamedTuple):
 
 
 def written(row: Row) -> WrittenRow:
-    """A row, written."""
+    """Serialize a row."""
     seconds = cast(float, row.get(MEMBER_S) or 0.0)
     return WrittenRow(
         number_of(row), str(row[STATUS]), seconds, _columns_of(tuple(row)), json.dumps([*row.values()], allow_nan=False)
@@ -142,41 +142,45 @@ def written(row: Row) -> WrittenRow:
 
 @lru_cache(maxsize=64)
 def _columns_of(names: tuple[str, ...]) -> str:
-    """Names of columns as JSON; of the rows of a bundle it is one text, which is sent once."""
+    """Names of columns as JSON; the rows of a bundle share one text, which is sent once."""
     return json.dumps(names)
 
 
 def written_rows_of(task: Task, members: Sequence[Member]) -> list[WrittenRow]:
-    """The rows of some members: what a worker is asked for."""
+    """Compute some runs: the task of a worker."""
     return [written(row_of(task, member)) for member in members]
 
 
 def row_of(task: Task, member: Member) -> Row:
-    """The row of one member. Whatever goes wrong with it is said there, and stops no other."""
+    """Compute one run. Its row reports any failure, which does not stop the other runs."""
     begin = time.perf_counter()
     try:
         status, message, cells = _computed(task, member)
     except InputError as error:
         status, message, cells = REFUSED, str(error), {}
     except MachineError:
-        raise  # no member is to blame for a disk that is full
+        raise  # no run has caused a full disk
     except RunError as error:
         status, message, cells = FAILED, str(error), {}
     except Exception as error:
         if isinstance(error, OSError) and error.errno in REFUSALS:
             raise MachineError(f"a worker: {error.filename or 'its machine'}: {reason(error)}.") from None
-        status, message, cells = FAULT, f"a fault of explicitfe ({type(error).__name__}: {error})", {}
+        status, message, cells = (
+            FAULT,
+            f"internal error of explicitfe ({type(error).__name__}: {error}); please report it with the settings of this run",
+            {},
+        )
     row: Row = {NUMBER: member.number, NAME: member.name, STATUS: status, MESSAGE: message}
     return row | cells | {MEMBER_S: time.perf_counter() - begin}
 
 
 def lost(member: Member, message: str) -> Row:
-    """The row of a member whose process ends each time that it is computed."""
+    """The row of a run whose process ended each time."""
     return {NUMBER: member.number, NAME: member.name, STATUS: LOST, MESSAGE: message}
 
 
 def result_name(number: int) -> str:
-    """The file of a result that is kept."""
+    """Name of the result file of a run."""
     return f"member-{number:07d}.vtkhdf"
 
 
@@ -211,12 +215,15 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
     status, message = summary["status"], summary["message"]
     wrong = [name for name, value in cells.items() if isinstance(value, float) and not math.isfinite(value)]
     if wrong and status == FINISHED:
-        status, message = FAULT, f"a fault of explicitfe: {wrong[0]} is no number"
+        status, message = (
+            FAULT,
+            f"internal error of explicitfe: {wrong[0]} is not a finite number; please report it with the settings of this run",
+        )
     return status, message, {name: None if name in wrong else value for name, value in cells.items()}
 
 
 def _keep(task: Task, member: Member, scenario: Scenario, text: str) -> None:
-    """Compute a member again into a file: what it computes follows from its settings alone.
+    """Compute a run again into a file; the result depends on its settings alone.
 
     Raises
     ------
@@ -225,12 +232,12 @@ def _keep(task: Task, member: Member, scenario: Scenario, text: str) -> None:
     target = task.folder / result_name(member.number)
     try:
         analysis_of(task.path, scenario, text).run(target, overwrite=True, progress=silent)
-    except InputError as error:  # it has been computed once, so this is no fault of the member
+    except InputError as error:  # the run was computed before, so the machine has caused this
         raise MachineError(str(error)) from None
 
 
 def contour(mesh: HexMesh, displacement: np.ndarray) -> list[int]:
-    """The midsagittal outline, x and z of one point after the other, in hundredths of a millimetre; empty where there is none."""
+    """The midsagittal outline: x and z of each point in turn, in units of 0.01 mm; empty if there is none."""
     cut = midsagittal(mesh)
     if not cut.loops:
         return []
@@ -239,7 +246,7 @@ def contour(mesh: HexMesh, displacement: np.ndarray) -> list[int]:
 
 
 def flat(value: object, name: str) -> Row:
-    """The numbers of nested tables under names with dots; lists and texts are left out."""
+    """The numbers of nested tables under dotted names; lists and texts are omitted."""
     if isinstance(value, BaseModel):
         value = {key: getattr(value, key) for key in type(value).model_fields}
     if isinstance(value, Mapping):
@@ -248,11 +255,11 @@ def flat(value: object, name: str) -> Row:
 
 
 def _curve(summary: IndentationSummary) -> Row:
-    """Force and displacement at each load that was reached, counted from 1."""
+    """Force and displacement at each load that was reached; the first load is number 1."""
     return {f"load.{k}.{key}": cast(Any, point)[key] for k, point in enumerate(summary["curve"], 1) for key in point}
 
 
 def is_kept(keep: str, number: int, status: str) -> bool:
-    """Whether ``--keep`` asks for the result file of a member that ended so."""
+    """Whether ``--keep`` requests the result file of a run with this status."""
     kind, _, every = keep.partition(":")
     return kind == "all" or (kind == "failed" and status != FINISHED) or (kind == "every" and number % int(every) == 0)

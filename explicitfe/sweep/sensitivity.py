@@ -1,4 +1,4 @@
-"""Which factors a measure depends on: Sobol indices and elementary effects, with their intervals, from the rows of a sweep."""
+"""Sensitivity analysis of a sweep: Sobol indices and elementary effects with bootstrap intervals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ABOUT_THE_RUN = (*BESIDE_THE_TABLE, "steps", "iterations", "energy_balance_error
 
 
 class Index(TypedDict):
-    """What one factor does to one measure: a number, and half the width of its 95 % interval."""
+    """The index of one factor for one measure, and half the width of its 95 % interval."""
 
     factor: str
     value: float
@@ -44,7 +44,7 @@ class MeasureSensitivity(TypedDict):
 
 
 class Sensitivity(TypedDict):
-    """The file ``sensitivity.json``: ``members_used`` of the design; groups with a member that failed are left out whole."""
+    """The file ``sensitivity.json``. ``members_used`` counts the runs used; a group with a failed run is omitted as a whole."""
 
     method: str
     members_used: int
@@ -53,14 +53,14 @@ class Sensitivity(TypedDict):
 
 
 def sensitivity_of(design: str, factors: Sequence[Factor], members: Members, stored: Stored, seed: int) -> Sensitivity:
-    """Indices of all numbers that vary.
+    """Compute the indices of all measures that vary.
 
-    A design consists of groups: factors + 2 members of Saltelli's (2010), factors + 1 of a trajectory of Morris (1991). Where one
-    of a group failed, or has no such number, the group is left out for that measure.
+    A design consists of groups: factors + 2 runs of Saltelli's (2010), factors + 1 of a trajectory of Morris (1991). If a
+    run of a group failed or lacks a measure, the group is omitted for that measure.
 
     Raises
     ------
-    InputError : too few groups are whole.
+    InputError : fewer than two groups are complete.
     """
     size = len(factors) + (2 if design == "sobol" else 1)
     groups = np.arange(len(members)).reshape(-1, size)
@@ -75,7 +75,8 @@ def sensitivity_of(design: str, factors: Sequence[Factor], members: Members, sto
     whole = finished[groups].all(axis=1)
     if np.count_nonzero(whole) < 2:
         raise InputError(
-            "a sensitivity analysis needs two groups of members that all finished; the statuses say why they did not."
+            "a sensitivity analysis needs at least two groups in which all runs finished. Their messages in table.csv name the "
+            "causes of failure: narrow the ranges of --vary, or add --retry failed."
         )
     problem = problem_of(factors, f"--{design}")
     inputs = np.array([members.values[number] for number in range(len(members))], dtype=float)

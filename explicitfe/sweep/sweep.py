@@ -1,4 +1,4 @@
-"""A sweep from its scenario to its table: planned, computed by whoever there is, stored row by row, resumed after any end."""
+"""A sweep from its scenario to its table: planned, computed, stored row by row, and resumed after an interruption."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from explicitfe.results.folder import remove_unfinished, whole_file
 from explicitfe.results.sweep_summary import ListedMember, SweepMembers, SweepSummary
 from explicitfe.sweep import members as designs
 from explicitfe.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
-from explicitfe.sweep.engine import Bundles, Cluster, Engine, Given, Processes
+from explicitfe.sweep.engine import Bundles, Cluster, Engine, Processes, UserExecutor
 from explicitfe.sweep.factors import factors_of
 from explicitfe.sweep.journal import Journal, Stored
 from explicitfe.sweep.members import Design, Members, share_of
@@ -53,31 +53,31 @@ LARGEST_SHARE_OF_PARTIAL_TABLES = 0.02  # of the time of a sweep
 
 
 class Sweep:
-    """Members of one scenario. Iterate over it to compute those that have no row yet: it gives their rows as they finish.
+    """The runs of one scenario. Iteration computes the runs that have no row yet, and yields their rows as they finish.
 
     Attributes
     ----------
-    definition, out : which members, and the folder.
-    statuses : how each member that has a row ended, by its number.
+    definition, out : the runs, and the folder.
+    statuses : number of each run that has a row -> its status.
 
     Parameters
     ----------
-    keep : which results are kept as files: "none", "all", "failed", or "every:N". Members that have their rows already are
-        computed again where such a file is missing.
-    retry : whether members that have a row and did not finish are computed again.
-    only : K/N, which share of the members; all if left out.
-    engine : makes who computes, for so many members.
+    keep : result files to keep: "none", "all", "failed", or "every:N". A run that has a row but lacks such a file is computed
+        again.
+    retry : whether runs that did not finish are computed again.
+    only : K/N, a share of the runs; all if left out.
+    engine : creates the engine for a number of runs.
 
     Raises
     ------
-    InputError : the folder holds something else, or an option cannot be used.
+    InputError : the folder contains other files, or an option is invalid.
     """
 
     def __init__(
         self, definition: Definition, out: Path, engine: Callable[[int], Engine], *, keep: str, retry: bool, only: str | None
     ) -> None:
         if keep not in KEEP_WORDS and not re.fullmatch(r"every:[1-9]\d{0,8}", keep):
-            raise InputError(f"--keep {shortened(keep)}: give none, all, failed or every:N, such as every:100.")
+            raise InputError(f"--keep {shortened(keep)}: valid values are none, all, failed and every:N, such as every:100.")
         self.definition, self.out, self.only = definition, out, only
         numbers = range(len(definition.members)) if only is None else share_of(definition.members, only)
         begin(out, definition)
@@ -88,7 +88,7 @@ class Sweep:
         folder = (out / RESULTS_FOLDER).absolute()
 
         def is_missing(number: int) -> bool:
-            """Whether it has no row, or an unwanted one, or no result file where ``keep`` asks for one."""
+            """Whether a run has no row, an unfinished one with ``retry``, or lacks a result file that ``keep`` requests."""
             status = self.statuses.get(number)
             if status is None or (retry and status != FINISHED):
                 return True
@@ -101,7 +101,7 @@ class Sweep:
         self._computed, self._worker_s, self._workers, self._wall_s, self._rate = 0, 0.0, 0, 0.0, 0.0
 
     def __iter__(self) -> Iterator[Row]:
-        """The rows of the members that have none yet, with what each varies; when all are there, the table is written."""
+        """The rows of the runs that have none yet, with the values that vary; the table is written at the end."""
         members = self.definition.members
         for line in self.computed():
             varied = dict(zip(members.keys, cast(tuple[Cell, ...], members.values[line.number]), strict=True))
@@ -109,28 +109,28 @@ class Sweep:
         self.finish()
 
     def __len__(self) -> int:
-        """How many members are to be computed."""
+        """Number of runs to compute."""
         return len(self._todo)
 
     def members(self) -> Iterator[Member]:
-        """The members that are to be computed."""
+        """The runs to compute."""
         return (Member(number, self.definition.name_of(number), self.definition.settings_of(number)) for number in self._todo)
 
     def listed(self) -> SweepMembers:
-        """The members that are to be computed, as ``explicitfe sweep --list`` shows them."""
+        """The runs to compute, as ``explicitfe sweep --list`` shows them."""
         entries: list[ListedMember] = [
             {"member": member.number, "name": member.name, "settings": list(member.settings)} for member in self.members()
         ]
         return {"sweep": str(self.out), "members": entries}
 
     def computed(self, progress: Progress = silent) -> Iterator[WrittenRow]:
-        """Rows as they finish; each is stored before it is given.
+        """Rows as runs finish; each is stored before it is yielded.
 
         Raises
         ------
-        MachineError : the disk refuses, or no process can live here.
-        InputError : another command computes these members, or nobody is there to compute them.
-        Stopped : a signal has asked to stop; what came back is stored.
+        MachineError : the disk is full, or worker processes cannot run on this machine.
+        InputError : another command is computing these runs, or there are no workers.
+        Stopped : a signal has requested to stop; finished runs are stored.
         """
         self._todo = [number for number in self._todo if number not in self._given]
         if self._todo:
@@ -165,13 +165,13 @@ class Sweep:
                     table_s = time.perf_counter() - table_at
 
     def finish(self) -> SweepSummary:
-        """Write the table, and what follows from it; give what the sweep came to.
+        """Write the table and the sensitivity indices; give the summary of the sweep.
 
         Raises
         ------
-        MachineError : they cannot be written.
+        MachineError : a file cannot be written.
         """
-        # with what other commands have computed
+        # including the rows of other commands
         stored, files = write_table(self.out, self.out / ROWS_FOLDER, self.definition.members)
         complete = len(stored) == len(self.definition.members)
         self.statuses = {number: place.status for number, place in stored.places.items()}
@@ -183,7 +183,9 @@ class Sweep:
             try:
                 whole_file(self.out / SENSITIVITY_FILE, json.dumps(indices, indent=1) + "\n")
             except OSError as error:
-                raise MachineError(f"{self.out / SENSITIVITY_FILE} cannot be written ({reason(error)}).") from None
+                raise MachineError(
+                    f"{self.out / SENSITIVITY_FILE}: cannot be written ({reason(error)}). Free disk space, and rerun the command."
+                ) from None
             files.append(str(self.out / SENSITIVITY_FILE))
         return {
             "sweep": str(self.out),
@@ -221,52 +223,54 @@ def sweep(
     executor: Executor | None = None,
     scheduler: str | None = None,
 ) -> Sweep:
-    """Many members of a scenario: iterate over it, and it computes them and gives their rows as they finish.
+    """Run a parameter sweep: iteration computes the runs and yields their rows as they finish.
 
     >>> for row in explicitfe.sweep("vowel-i", ["muscle.GGp.force_N=0:4:9"], settings=["model.resolution=coarse"]):
     ...     print(row["member"], row["status"], row.get("points.tip.up_mm"))
 
-    Rows are stored in ``out`` before they are given; the same call again gives those that are missing. When all are there,
-    ``out`` has the table.
+    Rows are stored in ``out`` before they are yielded; the same call resumes an interrupted sweep and yields the missing rows.
+    At the end the table is written to ``out``.
 
     Parameters
     ----------
-    scenario : file, or the name of one that comes with the program.
-    vary : ``KEY=LOW:HIGH:N``, ``KEY=LOW:HIGH`` or ``KEY=a,b,c`` each: a grid of all, unless one of the next is given.
+    scenario : file, or the name of a built-in scenario.
+    vary : ``KEY=LOW:HIGH:N``, ``KEY=LOW:HIGH`` or ``KEY=a,b,c`` for each factor: a full grid, unless another design is given.
     out : folder of the sweep; outputs/sweep-NAME if left out.
-    random : so many random draws.
-    sobol : members for Sobol indices: so many times the number of factors + 2; a power of 2.
-    morris : members for elementary effects: so many times the number of factors + 1.
-    table : a table (CSV) of members, a column for each key.
-    seed : of what is drawn.
-    settings : ``key=value`` pairs that hold for all members.
-    measures : which the rows have, of ``explicitfe.sweep.rows.PARTS``; and functions of a result and a step that give a dict of
-        numbers, defined in a module, so that workers find them.
+    random : number of random samples.
+    sobol : N of a design for Sobol indices with N x (factors + 2) runs; a power of 2.
+    morris : N of a design for elementary effects with N x (factors + 1) runs.
+    table : CSV file of samples with one column per key and one row per run.
+    seed : of the random numbers.
+    settings : ``key=value`` pairs for all runs.
+    measures : names of ``explicitfe.sweep.rows.PARTS``, and functions of a result and a step that return a dict of numbers. A
+        function must be defined in a module, so that workers can import it.
     keep, retry, only : see :class:`Sweep`.
-    processes : of this machine, as many as it has cores if left out; with an executor, how many workers it has, where it does not
-        say so itself.
-    executor : who computes instead: any ``concurrent.futures.Executor``, which stays open.
-    scheduler : who computes instead: the address of a Dask scheduler.
+    processes : number of local worker processes; the number of cores if left out. With an executor, the number of its workers, if
+        it has no such attribute.
+    executor : any ``concurrent.futures.Executor`` that computes the runs instead; it is not shut down.
+    scheduler : address of a Dask scheduler that distributes the runs instead.
 
     Raises
     ------
-    InputError : what cannot be computed, in one sentence; nothing was.
+    InputError : an argument is invalid; nothing was computed.
     """
     path = scenario_file(scenario)
     asked = {"random": random, "sobol": sobol, "morris": morris, "table": table}
     chosen: list[Design] = [name for name, value in asked.items() if value is not None]  # type: ignore[misc]
     if len(chosen) > 1:
-        raise InputError(f"--{chosen[0]} and --{chosen[1]} are two designs; give one of them.")
+        raise InputError(f"--{chosen[0]} and --{chosen[1]} are different designs; give one of them.")
     design: Design = chosen[0] if chosen else "grid"
     factors = factors_of(vary)
     members: Members
     if table is not None:
         if vary:
-            raise InputError("--vary does not go with --table: the columns of the table are what varies.")
+            raise InputError(
+                "--vary cannot be combined with --table: the columns of the table are the factors. Remove one of the options."
+            )
         members = designs.from_table(Path(table))
     else:
         if not factors:
-            raise InputError("nothing varies; give --vary, such as --vary muscle.GGp.force_N=0:4:9, or --table FILE.")
+            raise InputError("no factor is given; add --vary, such as --vary muscle.GGp.force_N=0:4:9, or --table FILE.")
         if design == "random":
             members = designs.random(factors, random or 0, seed)
         elif design == "sobol":
@@ -291,13 +295,15 @@ def sweep(
 
 
 def engine_for(processes: int | None, executor: Executor | None, scheduler: str | None, members: int) -> Engine:
-    """Who computes so many members; see :func:`sweep`."""
+    """The engine for a number of runs; see :func:`sweep`."""
     if scheduler is not None and (processes is not None or executor is not None):
-        raise InputError("a scheduler has workers of its own; give no processes and no executor beside it.")
+        raise InputError(
+            "--scheduler: the scheduler has its own workers; remove --processes (in Python, processes and executor)."
+        )
     if processes is not None and processes < 1:
-        raise InputError(f"--processes {processes}: give 1 or more.")
+        raise InputError(f"--processes {processes}: the smallest value is 1.")
     if executor is not None:
-        return Given(executor, processes)
+        return UserExecutor(executor, processes)
     if scheduler is not None:
         return Cluster(scheduler)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,4 +1,4 @@
-"""The table of a sweep: a line for each member, a column for each number, as CSV and as Parquet."""
+"""The table of a sweep as CSV and Parquet: one row per run, one column per number."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ ABOUT_A_RUN = (NUMBER, NAME, STATUS, MESSAGE)
 
 
 def columns_of(stored: Stored, keys: Iterable[str]) -> list[str]:
-    """Columns in their order: the member, what was varied, how it ended, then all numbers."""
+    """Columns in their order: the number of the run, the factors, its status, then all numbers."""
     head = [NUMBER, *keys, *(name for name in ABOUT_A_RUN if name != NUMBER)]
     return [*head, *(name for name in stored.names() if name not in (*head, *BESIDE_THE_TABLE))]
 
 
 def write_table(out: Path, rows: Path, members: Members) -> tuple[Stored, list[str]]:
-    """Write the tables of a sweep, each as a whole: the rows that there are by now, and the names of the files.
+    """Write the tables of a sweep, each as a whole; give the stored rows and the names of the files.
 
-    A table that lacks members has another name, and takes none of the place of one that is complete. Of commands that do this at
-    the same time each waits for the others, so that the last one sees all rows.
+    A table that lacks runs has another name. Concurrent commands wait for each other here, so that the last one sees all rows.
 
     Parameters
     ----------
@@ -41,7 +40,7 @@ def write_table(out: Path, rows: Path, members: Members) -> tuple[Stored, list[s
 
     Raises
     ------
-    MachineError : they cannot be written.
+    MachineError : a table cannot be written.
     """
     try:
         with one_at_a_time(rows / LOCK_FILE):
@@ -49,7 +48,7 @@ def write_table(out: Path, rows: Path, members: Members) -> tuple[Stored, list[s
             return stored, _write_tables(out, members, stored)
     except OSError as error:
         raise MachineError(
-            f"{out}: the table cannot be written ({reason(error)}); all rows are there: free space, and give the command again."
+            f"{out}: the table cannot be written ({reason(error)}). All rows are stored: free disk space, and rerun the command."
         ) from None
 
 
@@ -81,7 +80,7 @@ def _cell(value: object) -> Cell:
 
 
 def _write_csv(path: Path, columns: list[str], members: Members, stored: Stored) -> list[set[type]]:
-    """Write a table line after line; of each column the kinds of cells that it has."""
+    """Write a table row by row; give the types of the cells of each column."""
     kinds: list[set[type]] = [set() for _ in columns]
     with whole_stream(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
@@ -98,7 +97,7 @@ def _write_csv(path: Path, columns: list[str], members: Members, stored: Stored)
 
 
 def _write_parquet(path: Path, columns: list[str], members: Members, stored: Stored, kinds: list[set[type]]) -> None:
-    """Write the same table as Parquet; a column of numbers and words, such as a resolution or cells, is one of words."""
+    """Write the same table as Parquet; a column of numbers and texts, such as a resolution, becomes a column of texts."""
     import pyarrow
     import pyarrow.parquet
 

@@ -44,7 +44,7 @@ def test_its_numbers_are_columns_beside_the_built_in_ones(tmp_path):
 def test_the_page_says_what_a_command_cannot_repeat(tmp_path):
     sweep = explicitfe.sweep(SCENARIO, FORCES, out=tmp_path, settings=SMALL, measures=["points", own_measures.rise])
     commands = commands_of(tmp_path, begun_sweep(tmp_path), sweep.definition.members, None)
-    assert commands[0].startswith("# without the functions own_measures.rise")
+    assert commands[0].startswith("# without the custom measures own_measures.rise")
     assert f"--out {tmp_path}-again" in commands[1]  # in its own folder it would be another sweep
     assert "--measure points" in commands[1] and "own_measures" not in commands[1]
 
@@ -52,8 +52,8 @@ def test_the_page_says_what_a_command_cannot_repeat(tmp_path):
 @pytest.mark.parametrize(
     ("measure", "says"),
     [
-        (own_measures.broken, "measure own_measures.broken ended with InputError: .*gap"),
-        (own_measures.in_words, 'measure own_measures.in_words gave "said" as str'),
+        (own_measures.broken, "measure own_measures.broken raised InputError: .*gap"),
+        (own_measures.in_words, 'measure own_measures.in_words returned "said" as str'),
     ],
 )
 def test_one_that_fails_fails_its_members_and_is_named(tmp_path, measure, says):
@@ -63,9 +63,9 @@ def test_one_that_fails_fails_its_members_and_is_named(tmp_path, measure, says):
 
 
 def test_one_that_cannot_be_is_refused(tmp_path):
-    with pytest.raises(InputError, match="another measure is called points too"):
+    with pytest.raises(InputError, match="the name points is used by another measure"):
         explicitfe.sweep(SCENARIO, FORCES, out=tmp_path, measures=["points", own_measures.points])
-    with pytest.raises(InputError, match="cannot be found by a worker"):
+    with pytest.raises(InputError, match="workers cannot import"):
         explicitfe.sweep(SCENARIO, FORCES, out=tmp_path, measures=[lambda result, step: {}])
     assert not list(tmp_path.iterdir())
 
@@ -73,5 +73,5 @@ def test_one_that_cannot_be_is_refused(tmp_path):
 def test_a_changed_one_makes_another_sweep(tmp_path, monkeypatch):
     explicitfe.sweep(SCENARIO, FORCES, out=tmp_path, settings=SMALL, measures=[own_measures.rise])
     monkeypatch.setattr(OwnMeasure, "sha256", "changed")
-    with pytest.raises(InputError, match="holds another sweep"):
+    with pytest.raises(InputError, match="contains another sweep"):
         explicitfe.sweep(SCENARIO, FORCES, out=tmp_path, settings=SMALL, measures=[own_measures.rise])

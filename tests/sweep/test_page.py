@@ -59,14 +59,14 @@ def test_what_the_page_says(folder: Path, tmp_path: Path) -> None:
     text = words(page)
     for part in (
         "Vowel [i]: posterior and anterior genioglossus",
-        "60 random draws of 2 keys (seed 0).",
-        "51 of 60 members finished 9 did not finish",
-        "120 a minute by one worker (0.50 s each, the median)",
+        "60 random samples of 2 keys (seed 0).",
+        "51 of 60 runs finished 9 did not finish",
+        "120 runs per minute and worker (median 0.50 s per run)",
         "GGp force (N)",
-        "24 of 51 members",
+        "24 of 51 runs",
         "tip: up (mm)",
         "contact with the palate: area (mm²)",
-        "All 60 members that have a row.",
+        "All 60 runs that have a row.",
         "inverted 9 at 3.5 ms element 3 folded. 3, 10, 17, 24, 31, 38, …",
         "explicitfe sweep",
         "--vary muscle.GGp.force_N=0:4 --vary muscle.GGa.force_N=0:1",
@@ -101,7 +101,7 @@ def test_a_scenario_whose_files_are_gone(tmp_path: Path) -> None:
     begun["settings"] = []
     path.write_text(json.dumps(begun))
     text = words(page_of(folder, tmp_path / "page.html"))
-    assert "Dashed: the first of these members; the outline at rest is not at hand." in text and "is the palate" not in text
+    assert "Dashed: the first of these runs; the outline at rest is not available." in text and "is the palate" not in text
 
 
 @pytest.mark.parametrize("count", [9, 60])
@@ -170,7 +170,7 @@ def test_a_table_is_repeated(tmp_path: Path) -> None:
     assert lines[1] == f"explicitfe report '{folder}' --overwrite"
     assert "--set muscle.GGp.force_N=2.0" in lines[3]
     page = page_of(folder, tmp_path / "page.html")
-    assert "3 members of a table of 1 key" in words(page) and "What GGp force does" in words(page)
+    assert "3 runs of a table of 1 key" in words(page) and "Effect of GGp force" in words(page)
     assert "<details" not in page  # of one factor all charts are seen at once
 
 
@@ -179,11 +179,11 @@ def test_sensitivity(tmp_path: Path, method: str) -> None:
     pytest.importorskip("SALib")
     members = getattr(designs, method)(factors_of(FORCES), 8, 0)
     folder = write_sweep(tmp_path / "sweep", members, design=method)
-    assert "The indices follow when every member has a row." in words(page_of(folder, tmp_path / "page.html"))
+    assert "The indices are computed when all runs have finished." in words(page_of(folder, tmp_path / "page.html"))
     (folder / "sensitivity.json").write_text(json.dumps(indices(method, "points.tip.up_mm")))
     page = page_of(folder, tmp_path / "page.html")
     text = words(page)
-    assert "4 members are left out" in text and "share of a measure" not in text
+    assert "4 runs are not used" in text and "share of a measure" not in text
     if method == "sobol":
         assert "0.75 ± 0.05 0.50 ± 0.05" in text and "0.00 ± 2.50" in text and "−0.00" not in text
         assert 'style="width: 75.0%"' in page and 'style="left: 70.0%; width: 10.0%"' in page
@@ -204,7 +204,7 @@ def test_a_large_sweep_is_sampled(tmp_path: Path) -> None:
     answer = write_sweep_report(folder)
     assert answer["scattered"] == MOST_SCATTERED_MEMBERS and answer["size_MB"] < 1.5
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert f"{MOST_SCATTERED_MEMBERS} of {MOST_SCATTERED_MEMBERS + 500} members, drawn at random" in words(page)
+    assert f"{MOST_SCATTERED_MEMBERS} of {MOST_SCATTERED_MEMBERS + 500} runs, sampled at random" in words(page)
     # Without a script every one of them is drawn that has both numbers, not only the outermost.
     assert page.partition("data-scatter")[2].count("<polyline") > 2500
 
@@ -237,9 +237,9 @@ def test_a_sweep_that_is_not_complete_and_one_where_all_failed(tmp_path: Path) -
         return {"member": number, "name": "", "status": "refused", "message": f"{EVIL} {values[0]}"}
 
     page = page_of(write_sweep(tmp_path / "none", members, failed), tmp_path / "b.html")
-    assert "0 of 20 members finished 20 did not finish" in words(page) and "refused 20" in words(page)
+    assert "0 of 20 runs finished 20 did not finish" in words(page) and "refused 20" in words(page)
     assert "alert" in page and EVIL not in page
-    with pytest.raises(InputError, match="no member of this sweep has a row yet"):
+    with pytest.raises(InputError, match="no run of this sweep is finished yet"):
         write_sweep_report(write_sweep(tmp_path / "empty", members, stored=0))
 
 
@@ -274,9 +274,9 @@ def test_the_command(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert command(["report", str(folder)]) == 2
     assert "add --overwrite" in capsys.readouterr().err
     assert command(["report", str(folder), str(folder), "--out", str(tmp_path / "a.html")]) == 2
-    assert "a sweep has a page of its own" in capsys.readouterr().err
+    assert "which has a report of its own" in capsys.readouterr().err
     assert command(["report", str(folder), "--out", str(tmp_path / "b.html")]) == 0
-    assert "24 outlines, 60 dots" in capsys.readouterr().out
+    assert "24 outlines, 60 points" in capsys.readouterr().out
 
 
 @pytest.fixture(scope="module")
@@ -304,7 +304,7 @@ def test_in_a_browser(browser: Any, folder: Path, tmp_path: Path, width: int, sc
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     legend = page.locator(".scatter .legend")
     assert legend.inner_text().split("\n") == ["finished (51)"]
-    assert "9 members lack one" in page.locator("[data-lacking]").inner_text()
+    assert "9 runs lack one" in page.locator("[data-lacking]").inner_text()
     page.select_option("[data-axis=y]", label="GGa force (N)")
     assert legend.inner_text().split("\n") == ["finished (51)", "inverted (9)"]
     assert page.locator(".scatter .y-label").inner_text() == "GGa force (N)"
@@ -316,5 +316,5 @@ def test_in_a_browser(browser: Any, folder: Path, tmp_path: Path, width: int, sc
     field.scroll_into_view_if_needed()
     box = field.bounding_box()
     page.mouse.move(box["x"] + box["width"] * float(first[0]) / 1000, box["y"] + box["height"] * float(first[1]) / 1000)
-    assert page.locator("[data-said]").inner_text().startswith("member 0, finished: GGp force (N)")
+    assert page.locator("[data-said]").inner_text().startswith("run 0, finished: GGp force (N)")
     assert complaints == [] and requests == [path.as_uri()]

@@ -175,7 +175,7 @@ def test_another_sweep_is_not_mixed_in(whole, executor):
 
 def test_a_folder_of_something_else_is_left_alone(executor, tmp_path):
     (tmp_path / "thesis.txt").write_text("mine", encoding="utf-8")
-    with pytest.raises(InputError, match="holds something else"):
+    with pytest.raises(InputError, match="contains other files"):
         sweep(tmp_path, executor)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
@@ -210,15 +210,15 @@ def test_a_disk_that_is_full_loses_nothing(whole, executor, tmp_path, monkeypatc
         (["--vary", "analysis.duratoin_ms=1,2"], "duratoin_ms"),
         (["--vary", "muscle.GGp.force_N=4:1:3"], "the range is empty"),
         (["--table", "nowhere.csv"], "nowhere.csv"),
-        ([], "nothing varies"),
-        (["--vary", "muscle.GGp.force_N=1,2", "--random", "2", "--morris", "3"], "two designs"),
-        (["--vary", "muscle.GGp.force_N=1,2", "--measure", "tip"], "no such measures"),
-        (["--vary", "muscle.GGp.force_N=1,2", "--retry", "all"], "the only choice is failed"),
-        (["--vary", "muscle.GGp.force_N=1,2", "--only", "3/2"], "write K/N"),
+        ([], "no factor is given"),
+        (["--vary", "muscle.GGp.force_N=1,2", "--random", "2", "--morris", "3"], "different designs"),
+        (["--vary", "muscle.GGp.force_N=1,2", "--measure", "tip"], "unknown measure"),
+        (["--vary", "muscle.GGp.force_N=1,2", "--retry", "all"], "the only valid value is failed"),
+        (["--vary", "muscle.GGp.force_N=1,2", "--only", "3/2"], "Write K/N"),
         (["--vary", "muscle.GGp.force_N=1,2", "--processes", "0"], "--processes 0"),
         (
             ["--vary", "muscle.GGp.force_N=1,2", "--processes", "1", "--scheduler", "tcp://a:1"],
-            "a scheduler has workers of its own",
+            "the scheduler has its own workers",
         ),
     ],
 )

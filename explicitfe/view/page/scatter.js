@@ -1,4 +1,4 @@
-// Draws any two columns of a sweep against each other, and says which member a dot is.
+// Draws a scatter plot of any two columns of a sweep, and names the run of a point.
 "use strict";
 
 (async () => {
@@ -64,7 +64,7 @@
       if (Number.isFinite(x) && Number.isFinite(y)) rows.push([row, x, y]);
     }
     const lacking = data.arrays.member.length - rows.length;
-    section.querySelector("[data-lacking]").textContent = lacking ? `${lacking} members lack one of the two.` : "";
+    section.querySelector("[data-lacking]").textContent = lacking ? `${lacking} runs lack one of the two values.` : "";
     figure.querySelector(".x-label").textContent = data.columns[a].title;
     figure.querySelector(".y-label").textContent = data.columns[b].title;
     svg.setAttribute("aria-label", `${data.columns[b].title} against ${data.columns[a].title}`);
@@ -110,7 +110,7 @@
     said.textContent = "";
   }
 
-  // Which member the dot nearest to a place on the screen is.
+  // The run of the point nearest to a position on the screen.
   function pick(event) {
     const box = svg.getBoundingClientRect();
     const far = ([, x, y]) => Math.hypot(box.left + x * box.width - event.clientX, box.top + y * box.height - event.clientY);
@@ -129,7 +129,7 @@
       const { title, levels } = data.columns[column], number = value(column, row);
       return `${title} ${levels.length ? levels[Math.round(number)] : Number(number.toPrecision(4))}`;
     });
-    said.textContent = `member ${data.arrays.member[row]}, ${data.statuses[data.arrays.status[row]]}: ${worded.join("; ")}`;
+    said.textContent = `run ${data.arrays.member[row]}, ${data.statuses[data.arrays.status[row]]}: ${worded.join("; ")}`;
   }
 
   for (const choice of [across, up]) choice.addEventListener("change", draw);

@@ -1,4 +1,4 @@
-"""The page of a sweep: outlines, what each factor does, sensitivity with its intervals, any two columns, and what failed."""
+"""The page of a sweep: outlines, main effects, sensitivity indices, a scatter plot of any two columns, and failed runs."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from explicitfe.view.page.sweep_scatter import scatter_of
 from explicitfe.view.report.tables import PageTable, table
 from explicitfe.view.report.words import bare, count, finite, number, plural
 
-# The picture goes on by this share of its extent beyond what is drawn.
+# Margin around the outlines, as a share of their extent.
 AROUND_OUTLINES_SHARE = 0.04
-# Of the palate so much is seen beside the tongue.
+# The part of the palate that is shown in front of and behind the tongue.
 BESIDE_THE_TONGUE_MM = 8.0
-# Lines that lie on each other are the fainter the more they are: so opaque in all, and each of them within these.
+# Overlaid lines have an opacity that decreases with their number, within these limits.
 OPACITY_OF_ONE_LINE, OPACITY_RANGE = 2.4, (0.25, 0.8)
-# Under an outline stand so many settings; who wants more finds them in members.csv.
+# Number of settings below an outline; members.csv has all of them.
 MOST_SETTINGS_SHOWN = 8
-# An interval is drawn as far as this beyond its scale, in lengths of the scale: nothing of it is seen there.
+# Limits of a drawn interval, in lengths of the scale.
 REACH_OF_AN_INTERVAL = (-1.0, 2.0)
 ROUNDING_OF_A_BAR = 1e-9
-# So many numbers of members stand in the table of failures, and words of a factor in that of factors.
+# Run numbers in the table of failures, and texts of a factor in the table of factors.
 MOST_NUMBERS_SAID, MOST_LEVELS_SAID = 6, 8
-# A column of shares for each factor: a table with more columns cannot be read.
+# Factors in the table of shares; a table with more columns is unreadable.
 MOST_FACTORS_TABLED = 12
 KINDS_OF_INDICES = ("total", "first", "effect")
 
 
 @dataclass(frozen=True)
 class OutlineOnPage:
-    """A member's outline as SVG paths, with what stands below it."""
+    """The outline of a run as SVG paths, with its caption."""
 
     number: int
     body: str
@@ -48,7 +48,7 @@ class OutlineOnPage:
 
 @dataclass(frozen=True)
 class OutlinesOnPage:
-    """All outlines in one frame: ``box`` is the part of the plane that is seen, ``cloud`` many members, as opaque as is said."""
+    """All outlines in one frame: ``box`` is the view box, ``cloud`` the overlay with its ``opacity``."""
 
     box: str
     members: list[OutlineOnPage]
@@ -71,7 +71,7 @@ class IntervalBar:
 
 @dataclass(frozen=True)
 class IndicesOnPage:
-    """The indices of one measure: rows of a factor and its bars, and what the right end of the bars stands for."""
+    """The indices of one measure: rows of a factor and its bars, and the value at the right end of the bars."""
 
     title: str
     rows: list[tuple[str, list[IntervalBar]]]
@@ -79,7 +79,7 @@ class IndicesOnPage:
 
 
 def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
-    """The text of the page, and how many members its scatter has."""
+    """The text of the page, and the number of runs in its scatter plot."""
     scatter = scatter_of(sweep)
     effects = list(_effects(sweep))
     text = page_text(
@@ -92,7 +92,7 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
         factors=_factors(sweep.factors),
         outlines=_outlines(sweep),
         effects=effects,
-        # Of one factor there is one chart a measure: then all of them are seen at once.
+        # With one factor there is one chart per measure, and all of them are visible at once.
         single=[replace(effect.charts[0], title=effect.title, y_label="") for effect in effects]
         if len(sweep.factors) == 1
         else [],
@@ -103,7 +103,7 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
         and any("total" in f.values for o in sweep.indices for f in o.factors),
         scatter=scatter,
         causes=table(
-            ("status", "members", "why, as the first of them says", "which"),
+            ("status", "runs", "cause (message of the first run)", "numbers"),
             [(cause.status, count(cause.count), cause.message, _which(cause.members, cause.count)) for cause in sweep.causes],
             "tnwt",
         ),
@@ -113,10 +113,10 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
 
 
 def _numbers(sweep: SweepToDraw) -> Iterator[tuple[str, str, str]]:
-    """The large numbers at the top: class, number, and what it is."""
+    """The large numbers at the top: class, number, and label."""
     finished = sweep.statuses.count(sweep.finished)
     failed = sweep.stored - finished
-    yield "after", count(finished), f"of {plural(sweep.members, 'member')} finished"
+    yield "after", count(finished), f"of {plural(sweep.members, 'run')} finished"
     yield ("before" if failed else ""), count(failed), "did not finish"
     if sweep.stored < sweep.members:
         yield "", count(sweep.members - sweep.stored), "are not computed yet"
@@ -126,7 +126,7 @@ def _numbers(sweep: SweepToDraw) -> Iterator[tuple[str, str, str]]:
     seconds = sweep.member_s[np.isfinite(sweep.member_s) & came_to_end]
     if len(seconds) and float(np.median(seconds)) > 0.0:
         median = float(np.median(seconds))
-        yield "", count(60.0 / median), f"a minute by one worker ({number(median, 2)} s each, the median)"
+        yield "", count(60.0 / median), f"runs per minute and worker (median {number(median, 2)} s per run)"
 
 
 def _factors(factors: Sequence[SweepColumn]) -> PageTable | None:
@@ -140,7 +140,7 @@ def _factors(factors: Sequence[SweepColumn]) -> PageTable | None:
         else:
             low, high = (bare(known.min()), bare(known.max())) if len(known) else ("", "")
         rows.append((factor.title, low, high, count(distinct), factor.name))
-    return table(("what was varied", "from", "to", "values", "key"), rows, "ttttt")
+    return table(("factor", "from", "to", "values", "key"), rows, "ttttt")
 
 
 def _effects(sweep: SweepToDraw) -> Iterator[EffectsOnMeasure]:
@@ -151,7 +151,7 @@ def _effects(sweep: SweepToDraw) -> Iterator[EffectsOnMeasure]:
 
 
 def _shares(sweep: SweepToDraw) -> PageTable | None:
-    """How much of each measure follows each factor alone; nothing to say of a single one, or where shares do not add up."""
+    """The share of variance of each factor; None for a single factor or an unbalanced design."""
     factors = sweep.factors[:MOST_FACTORS_TABLED]
     if len(sweep.factors) < 2 or not sweep.is_balanced:
         return None
@@ -166,7 +166,7 @@ def _main_measures(sweep: SweepToDraw) -> list[SweepColumn]:
 
 
 def _outlines(sweep: SweepToDraw) -> OutlinesOnPage | None:
-    """Outlines in one frame that holds all of them, and of the palates what lies near."""
+    """Outlines in one frame, with the nearby parts of the palates."""
     if not sweep.drawn:
         return None
     bodies = [member.outline for member in sweep.drawn] + [m.at_rest for m in sweep.drawn if len(m.at_rest)] + sweep.outlines
@@ -205,7 +205,7 @@ def _outline(member: DrawnMember) -> OutlineOnPage:
 
 
 def _path(points: np.ndarray, *, closed: bool) -> str:
-    """Points (k, 2) mm as an SVG path, in which y goes down; "" where there are none."""
+    """Points (k, 2) mm as an SVG path, whose y axis points down; "" without points."""
     if not len(points):
         return ""
     return "M" + "L".join(f"{x:.2f} {-z:.2f}" for x, z in points) + ("Z" if closed else "")
@@ -227,7 +227,7 @@ def _indices(measure: MeasureIndices) -> IndicesOnPage:
 
 
 def _bar(kind: str, value: float, half: float, whole: float) -> IntervalBar:
-    """A bar, and its interval: what of that lies beyond the ends of the scale is not seen, nor the mark of its end."""
+    """A bar and its interval; parts beyond the scale are clipped."""
     half = half if finite(half) else 0.0
     low, high = np.clip([(value - half) / whole, (value + half) / whole], *REACH_OF_AN_INTERVAL)
     places = 2 if kind != "effect" else _places(half)

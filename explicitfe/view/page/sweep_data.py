@@ -1,4 +1,4 @@
-"""What the page of a sweep is drawn from: members, factors, measures, outlines, indices and causes, as arrays and words."""
+"""Data of the page of a sweep: runs, factors, measures, outlines, indices and causes of failures."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class SweepColumn:
-    """One factor or one measure of all members that have a row.
+    """One factor or one measure of all runs that have a row.
 
     Attributes
     ----------
-    name : as the table of the sweep has it.
-    words, unit : how people call it; a unit of "" is none.
-    values : (n,) numbers, NaN where there is none; of a factor with words their places in ``levels``.
-    levels : what a factor is where that is no number; empty for numbers.
+    name : name of the column in the table.
+    words, unit : label and unit; "" for no unit.
+    values : (n,) numbers, NaN if missing; for a factor with texts their indices in ``levels``.
+    levels : the texts of a factor; empty for numbers.
     """
 
     name: str
@@ -33,16 +33,16 @@ class SweepColumn:
 
 @dataclass(frozen=True, eq=False)
 class DrawnMember:
-    """The outline of one member in the midsagittal plane, x backwards and z up, mm.
+    """The outline of one run in the midsagittal plane, x backwards and z up, mm.
 
     Attributes
     ----------
-    number : of the member.
+    number : of the run.
     outline : (k, 2) closed: the last point joins the first.
-    at_rest : (j, 2) the same before anything pulls; empty where that is not known.
-    palate : (p, 2) the midline of the palate; empty where there is none.
-    settings : what the member varies, as pairs of words and a value with its unit.
-    remark : what to know before its outline is believed; "": nothing.
+    at_rest : (j, 2) the same in the reference state; empty if unknown.
+    palate : (p, 2) the midline of the palate; empty if there is none.
+    settings : what the run varies, as pairs of words and a value with its unit.
+    remark : a warning, or "".
     """
 
     number: int
@@ -72,7 +72,7 @@ class MeasureIndices:
 
 @dataclass(frozen=True)
 class SweepCause:
-    """Why some members did not finish: their status, how many, what the first of them says, and the first numbers."""
+    """A cause of failure: the status, the number of runs, the message and the numbers of the first runs."""
 
     status: str
     count: int
@@ -82,26 +82,26 @@ class SweepCause:
 
 @dataclass(frozen=True, eq=False)
 class SweepToDraw:
-    """A sweep as its page shows it.
+    """Content of the page of a sweep.
 
     Attributes
     ----------
-    title, scenario, folder : of the scenario, its file, and where the sweep is.
-    design : what the members are, such as "60 random draws".
-    members, stored : how many there are to be, and how many have a row.
+    title, scenario, folder : title and file of the scenario, and folder of the sweep.
+    design : such as "60 random samples".
+    members, stored : number of runs, and of those that have a row.
     is_balanced : whether factors were drawn independently or in all combinations, so that shares of the variance add up.
-    warned : how many of those that finished have something to warn of.
-    member_s : (n,) s that each took; NaN where that is not known.
-    numbers, statuses : (n,) of the members that have a row, and how each ended.
-    finished : what the status of a member is that came to its end.
-    factors, measures : the columns; ``checks`` are those that say whether to believe the others.
-    main_measures : names of the measures that matter most, first the first.
-    drawn : members spread over the sweep; ``outlines`` are those of many members, (k, 2) mm each.
-    outlines_of : of how many members outlines are known.
-    indices : of a sensitivity analysis, of the measures that matter most; ``indices_note`` says where there are none yet.
-    causes : why members did not finish.
-    commands : what repeats the sweep, one member, and this page.
-    facts : what else is to be known of it, as pairs.
+    warned : number of finished runs with warnings.
+    member_s : (n,) duration of each run [s]; NaN if unknown.
+    numbers, statuses : (n,) of the runs that have a row.
+    finished : status of a finished run.
+    factors, measures : the columns; ``checks`` are those that show whether a run is reliable.
+    main_measures : names of the main measures in decreasing order of importance.
+    drawn : individual runs; ``outlines`` are those of the overlay, (k, 2) mm each.
+    outlines_of : number of runs with an outline.
+    indices : sensitivity indices of the main measures; ``indices_note`` explains missing ones.
+    causes : causes of failures.
+    commands : commands that repeat the sweep, one run, and this page.
+    facts : further facts as pairs.
     """
 
     title: str

@@ -11,10 +11,10 @@ from explicitfe.view.page.chart import Chart, Line, chart
 from explicitfe.view.page.sweep_data import SweepColumn
 from explicitfe.view.report.words import NO_BREAK
 
-# A factor with more values than this is binned: so many bins at most, with about so many members in each.
+# A factor with more values than this is binned; maximum number of bins, and approximate number of runs per bin.
 MOST_VALUES_NOT_BINNED = 12
 MOST_BINS_OF_A_FACTOR, FEWEST_BINS_OF_A_FACTOR, MEMBERS_PER_BIN = 12, 3, 8
-# A page draws the effects of so many factors on each measure: those with the largest.
+# Number of factors whose effects are drawn for each measure, the strongest first.
 MOST_FACTORS_DRAWN = 8
 MEAN_COLOUR, BAR_COLOUR = 0, 0
 
@@ -26,7 +26,7 @@ class MainEffect:
     Attributes
     ----------
     x : (b,) of each value or bin, the mean of the factor there.
-    mean, sd : (b,) of the measure there; a standard deviation of NaN: one member only.
+    mean, sd : (b,) of the measure there; a standard deviation of NaN: one run only.
     share : of the measure's variance that the means explain, 0 to 1, less what chance explains; NaN where that is not known.
     binned : whether x are bins.
     """
@@ -48,7 +48,7 @@ class EffectsOnMeasure:
 
 
 def main_effect(factor: SweepColumn, measure: SweepColumn) -> MainEffect | None:
-    """A measure against a factor; None where members that have both are at one value only."""
+    """A measure against a factor; None where runs that have both are at one value only."""
     usable = np.isfinite(factor.values) & np.isfinite(measure.values)
     if len(np.unique(factor.values[usable])) < 2:
         return None

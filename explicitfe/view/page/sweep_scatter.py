@@ -13,7 +13,7 @@ from explicitfe.view.page.sweep_data import SweepColumn, SweepToDraw
 from explicitfe.view.page.sweep_effects import main_effect
 from explicitfe.view.run_page.packed import Packed
 
-# A page has so many members at most, and fewer where there are many columns: two bytes a number.
+# Maximum number of runs on a page; fewer if there are many columns, as each number takes two bytes.
 MOST_SCATTERED_MEMBERS = 3000
 MOST_SCATTERED_NUMBERS = 400_000
 SEED_OF_THE_SAMPLE = 0
@@ -53,7 +53,7 @@ class ColumnScatter:
     picture : of two columns, without any script.
     groups : entries of the drop-downs, with the words above them.
     data : packed, for scatter.js.
-    drawn, stored : how many members are in it, of how many.
+    drawn, stored : how many runs are in it, of how many.
     """
 
     picture: Chart
@@ -64,7 +64,7 @@ class ColumnScatter:
 
 
 def scatter_of(sweep: SweepToDraw) -> ColumnScatter | None:
-    """The scatter of a sweep; None where no two columns have numbers of one member."""
+    """The scatter of a sweep; None if no run has numbers in two columns."""
     columns = [*sweep.factors, *sweep.measures, *sweep.checks]
     if not sweep.factors or not sweep.measures or not columns:
         return None

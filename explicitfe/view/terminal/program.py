@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Group
+from rich.console import Console, ConsoleOptions, Group, RenderResult
 from rich.markup import escape
 from rich.table import Table
 
@@ -19,23 +19,52 @@ if TYPE_CHECKING:
 
 # Columns with long texts, which only programs need.
 ONLY_IN_JSON = ("source", "file", "folder")
+MOST_LINES_PER_ROW = 3  # on average, in a table with one column per key
+LINES_OF_A_FRAME = 2
 
 
-def list_table(title: str, rows: Sequence[Mapping[str, object]]) -> Table:
-    """A list of shipped files. The first column, which users type, is never cut."""
-    given = list(rows[0]) if rows else []
-    columns = [column for column in given if column not in ONLY_IN_JSON]
-    left_out = " and ".join(f"{column}s" for column in given if column in ONLY_IN_JSON)
-    caption = f"{left_out}: add --json" if left_out else None
-    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
-    for number, column in enumerate(columns):
-        table.add_column(column, no_wrap=number == 0, overflow="fold")
-    for row in rows:
-        table.add_row(*(text_of(row[column]) for column in columns))
-    return table
+class ListTable:
+    """A list of the built-in objects of one kind. The first column, the name that a user types, is never cut.
+
+    If the terminal is so narrow that most rows need many lines, the other columns are written below each other in one column.
+    """
+
+    def __init__(self, title: str, rows: Sequence[Mapping[str, object]]) -> None:
+        self._title, self._rows = title, rows
+        given = list(rows[0]) if rows else []
+        self._columns = [column for column in given if column not in ONLY_IN_JSON]
+        omitted = " and ".join(f"{column}s" for column in given if column in ONLY_IN_JSON)
+        self._caption = f"{omitted}: add --json" if omitted else None
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        wide = self._wide()
+        lines = len(console.render_lines(wide, options, pad=False))
+        yield wide if lines <= MOST_LINES_PER_ROW * (len(self._rows) + LINES_OF_A_FRAME) else self._narrow()
+
+    def _wide(self) -> Table:
+        """One column per key."""
+        table = self._table(self._columns)
+        for row in self._rows:
+            table.add_row(*(text_of(row[column]) for column in self._columns))
+        return table
+
+    def _narrow(self) -> Table:
+        """The name, and everything else."""
+        name, first, *others = self._columns
+        table = self._table([name, ", ".join([first, *others])])
+        for row in self._rows:
+            lines = [f"{column}: {text_of(row[column])}" for column in others if row[column]]
+            table.add_row(text_of(row[name]), "\n".join([text_of(row[first]), *lines]), end_section=True)
+        return table
+
+    def _table(self, columns: Sequence[str]) -> Table:
+        table = Table(title=self._title, title_justify="left", caption=self._caption, caption_justify="left")
+        for number, column in enumerate(columns):
+            table.add_column(column, no_wrap=number == 0, overflow="fold")
+        return table
 
 
-def machine_code_table(seconds_of: dict[str, float]) -> Table:
+def kernels_table(seconds_of: dict[str, float]) -> Table:
     """The kernels that were compiled or loaded, and the time of each."""
     table = Table(title="compiled kernels", title_justify="left")
     table.add_column("kernels", no_wrap=True)

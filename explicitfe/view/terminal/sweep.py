@@ -14,37 +14,36 @@ MOST_CAUSES_SHOWN = 8
 
 
 def sweep_table(summary: SweepSummary) -> RenderableType:
-    """What a sweep came to."""
+    """The progress of a sweep: stored runs, their statuses, causes of failures, throughput, files."""
     table = pairs(f"sweep of {summary['scenario']}")
-    table.add_row("members", f"{summary['stored']} of {summary['members']}" + ("" if summary["complete"] else ", not complete"))
-    table.add_row("ended", escape(", ".join(f"{count} {status}" for status, count in summary["statuses"].items())) or "none yet")
+    table.add_row("runs", f"{summary['stored']} of {summary['members']}" + ("" if summary["complete"] else ", not complete"))
+    table.add_row("status", escape(", ".join(f"{count} {status}" for status, count in summary["statuses"].items())) or "none yet")
     for cause, count in list(summary["failures"].items())[:MOST_CAUSES_SHOWN]:
-        table.add_row("why not", f"{count} {'time' if count == 1 else 'times'}: {escape(cause)}")
+        table.add_row("failures", f"{count} {'time' if count == 1 else 'times'}: {escape(cause)}")
     if summary["computed"]:
         busy = summary["worker_s"] / (summary["workers"] * summary["wall_s"])
         table.add_row("computed now", f"{summary['computed']} in {summary['wall_s']:.1f} s")
-        table.add_row(
-            "pace", f"{summary['members_per_minute']:.0f} a minute; workers {summary['workers']}, {100 * busy:.0f} % busy"
-        )
+        rate = f"{summary['members_per_minute']:.0f} runs per minute"
+        table.add_row("throughput", f"{rate}; workers {summary['workers']}, {100 * busy:.0f} % busy")
     table.add_row("files", escape("\n".join(summary["files"])))
     return table
 
 
-def members_table(listed: SweepMembers) -> RenderableType:
-    """The members that are to be computed."""
-    table = Table(title=escape(f"to compute for {listed['sweep']}"), title_justify="left")
-    table.add_column("member", justify="right")
+def runs_table(listed: SweepMembers) -> RenderableType:
+    """The runs that are not computed yet."""
+    table = Table(title=escape(f"runs to compute for {listed['sweep']}"), title_justify="left")
+    table.add_column("run", justify="right")
     table.add_column("name")
     table.add_column("settings", overflow="fold")
-    for member in listed["members"]:
-        table.add_row(str(member["member"]), member["name"], escape(" ".join(member["settings"])))
+    for run in listed["members"]:
+        table.add_row(str(run["member"]), run["name"], escape(" ".join(run["settings"])))
     return table
 
 
 def sweep_report_table(answer: SweepReport) -> RenderableType:
-    """The page of a sweep, and how much of it is there."""
+    """The page of a sweep, and the number of runs that it shows."""
     table = pairs("report of a sweep")
-    table.add_row("members", f"{answer['stored']} of {answer['members']}; {answer['finished']} finished")
-    table.add_row("drawn", f"{answer['outlines']} outlines, {answer['scattered']} dots")
+    table.add_row("runs", f"{answer['stored']} of {answer['members']} stored, {answer['finished']} finished")
+    table.add_row("shown", f"{answer['outlines']} outlines, {answer['scattered']} points")
     table.add_row("size", f"{answer['size_MB']:.1f} MB")
     return Group(table, file_lines([("sweep", answer["sweep"]), ("page", answer["report"])]))

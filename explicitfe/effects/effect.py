@@ -253,11 +253,11 @@ class MaterialEffect(Effect):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: object) -> None:
-        """Refuse a class whose memory nobody would know of: its answer would be computed as if the past did not count."""
+        """Refuse a class with ``memory`` that is not declared as history-dependent, because its history would be ignored."""
         remembers = cls.memory is not MaterialEffect.memory
         if cls.remembers != remembers or (remembers and not cls.depends_on_path):
             raise TypeError(
-                f"{cls.__name__}: an effect with ``memory`` says remembers = True and depends_on_path = True; without, neither"
+                f"{cls.__name__}: an effect with ``memory`` must set ``remembers`` and ``depends_on_path`` to True, others must not"
             )
 
     def in_materials(self, effects: Sequence[MaterialEffect]) -> tuple[MaterialEffect, ...]:

@@ -58,7 +58,7 @@ PAGES = [
     "mkdocs.yml",
     *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md")),
 ]
-_HIDDEN = re.compile(r"^```.*?^```$|`[^`\n]*`|<!--.*?-->|\]\([^)]*\)|https?://\S+", re.M | re.S)
+_HIDDEN = re.compile(r"^```.*?^```$|``[^`]+``|`[^`\n]*`|<!--.*?-->|\]\([^)]*\)|https?://\S+", re.M | re.S)
 _TABLE_HEADING = re.compile(r"^(\|.*\|)\n(?=\|[ :|-]+\|$)", re.M)
 
 
@@ -77,8 +77,9 @@ def check(texts: Iterator[Text]) -> None:
 
 def violations(texts: Iterator[Text]) -> Iterator[str]:
     for place, words in texts:
+        plain = " ".join(_HIDDEN.sub(" ", words).split())
         for pattern, advice in PATTERNS.items():
-            for match in pattern.finditer(" ".join(words.split())):
+            for match in pattern.finditer(plain):
                 around = match.string[max(match.start() - 30, 0) : match.end() + 30]
                 yield f"{place}: {around!r}: instead of {match[0]!r} write: {advice}"
 

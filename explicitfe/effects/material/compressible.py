@@ -22,7 +22,7 @@ class Compressible(Effect):
         where="material",
         strength="1 - 2 nu",
         plausible=0.4,
-        needs="a wide tool on a thin layer beside a narrow one; alone it is mistaken for another C10",
+        needs="a wide and a narrow tool on a thin layer; with one tool it is mistaken for another C10",
         neighbours="C10 itself, drainage (needs time), layer",
     )
     sought: ClassVar[Mapping[str, Sought]] = {"poisson": Sought((0.49, 0.47, 0.4), 0.2, 0.499, none=0.499)}

@@ -42,7 +42,7 @@ class PermanentSet(MaterialEffect):
     requires: ClassVar[tuple[str, ...]] = ("unloading",)
     remembers = True
     depends_on_path = True
-    modulus_Pa: float = Field(ge=0.0, description="G2, shear modulus of the network that forms anew [Pa]")
+    modulus_Pa: float = Field(ge=0.0, description="G2, shear modulus of the network that forms again [Pa]")
 
     @property
     def strength(self) -> float:

@@ -257,7 +257,7 @@ class MaterialEffect(Effect):
         remembers = cls.memory is not MaterialEffect.memory
         if cls.remembers != remembers or (remembers and not cls.depends_on_path):
             raise TypeError(
-                f"{cls.__name__}: an effect with ``memory`` must set ``remembers`` and ``depends_on_path`` to True, others must not"
+                f"{cls.__name__}: effects with ``memory`` must set ``remembers`` and ``depends_on_path``, others must not"
             )
 
     def in_materials(self, effects: Sequence[MaterialEffect]) -> tuple[MaterialEffect, ...]:

@@ -60,7 +60,7 @@ def displacements(setup: Setup) -> np.ndarray:
     while True:
         try:
             depths_m = depths(deepest, 20)
-            run = forces(setup, *TRUTH, depths_m)
+            run = forces(setup, TRUTH, depths_m)
             break
         except RunError:  # A soft tissue does not reach the largest depth, and does not need it.
             deepest *= 0.93

@@ -14,31 +14,49 @@ from explicitfe.view.progress import following
 
 def identify(
     dataset: DatasetArgument,
+    law: Annotated[
+        str,
+        typer.Option(
+            "--law",
+            help="Material law: yeoh | neo-hooke | mooney-rivlin | yeoh-3 | ogden-1 | ogden-2 | ogden-3 | all. "
+            "With all, the law with the lowest AICc is reported.",
+        ),
+    ] = "yeoh",
     method: Annotated[
-        str, typer.Option("--method", help="least-squares | paper (the iteration of Gérard et al. 2005)")
+        str, typer.Option("--method", help="Fitting method: least-squares | paper (the iteration of Gérard et al. 2005).")
     ] = "least-squares",
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder for a page, numbers, pictures and a scenario."),
+        typer.Option("--out", metavar="DIR", help="Folder for the page, the numbers, pictures and a scenario."),
     ] = None,
     fit: Annotated[
         list[str] | None,
         typer.Option(
-            "--fit", metavar="KEY=VALUE", help="Fit only curves with this condition, predict the others; repeat for more."
+            "--fit",
+            metavar="KEY=VALUE",
+            help="Fit only curves with this condition and predict the others. Repeat the option for more conditions.",
         ),
     ] = None,
     constants_by: Annotated[
         str | None,
-        typer.Option("--constants-by", metavar="KEY", help="Curves that agree in this condition share their constants."),
+        typer.Option(
+            "--constants-by", metavar="KEY", help="Share constants between curves that have the same value of this condition."
+        ),
     ] = None,
-    poisson: Annotated[float, typer.Option("--poisson", help="Poisson's ratio, supposed.")] = 0.499,
-    refinement: Annotated[float, typer.Option("--refinement", help="Divides the element sizes of the forward model.")] = 1.5,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier identification wrote.")] = False,
+    poisson: Annotated[float, typer.Option("--poisson", help="Poisson's ratio. It is assumed, not fitted.")] = 0.499,
+    refinement: Annotated[
+        float, typer.Option("--refinement", help="Mesh refinement of the simulations: divides the element size.")
+    ] = 1.5,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace the files of an earlier identification in --out.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Find the Yeoh constants of tissue from measured force-displacement curves.
+    """Fit the constants of a material law to measured force-displacement or stress-stretch curves.
 
-    Example: [bold]explicitfe identify my-dataset --out fit[/bold]
+    The default law is Yeoh with two constants. For homogeneous tests all laws are fitted and compared.
+
+    Example: [bold]explicitfe identify my-dataset --law all --out fit[/bold]
     """
     with following(console, f"reading {dataset}") as progress:
         from explicitfe.identify.identify import identify as identify_constants
@@ -46,6 +64,7 @@ def identify(
 
         identification = identify_constants(
             dataset,
+            law=law,
             method=method,
             out=out,
             fit_where=fit or (),
@@ -61,5 +80,5 @@ def identify(
         as_json,
         lambda: identification_tables(identification),
         list(identification_notes(identification)),
-        failure=("simulation", f"the constants could not be identified of {', '.join(map(repr, failed))}") if failed else None,
+        failure=("simulation", f"no constants were identified for {', '.join(map(repr, failed))}") if failed else None,
     )

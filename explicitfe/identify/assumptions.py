@@ -1,8 +1,8 @@
-"""What a fit hides: how far the constants would move if something that was taken for granted were otherwise.
+"""Sensitivity of fitted constants to the assumptions on the test, one alternative assumption at a time.
 
-For each alternative the test is run once more with the fitted constants. Of the change dy of the prediction the constants can
-take up a part, d theta = -(J^T W J)^-1 J^T W dy to first order; only what is left over, dy + J d theta, could betray it. Where
-d theta is large, the step is made and the alternative is run again from there, with J corrected by what that shows (Broyden).
+Each alternative is simulated with the fitted constants. A change of the constants compensates a part of the change dy of the
+prediction, d theta = -(J^T W J)^-1 J^T W dy to first order; only the residual dy + J d theta would show the alternative. If
+d theta is large, the step is made and the alternative is simulated again from there, with J corrected by Broyden's method.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from explicitfe.errors import InputError, RunError
 from explicitfe.identify.fit import Fit, Observed, Problem
@@ -46,7 +47,7 @@ TOOL_LENGTHS: tuple[ToolLength, ...] = ("radius_mm", "edge_radius_mm")
 
 @dataclass(frozen=True)
 class Alternative:
-    """Something that the fit supposes and that may be otherwise: its name in words, and the test as it would be then."""
+    """An alternative to an assumption of the fit: its name in words, and the test with it."""
 
     name: str
     setup: Setup
@@ -54,14 +55,14 @@ class Alternative:
 
 @dataclass(frozen=True)
 class Hidden:
-    """What an alternative would do to a fit.
+    """Effect of an alternative on a fit.
 
     Attributes
     ----------
-    change : (2,) change of C10 and C20, relative to them; that of C20 relative to C10 where C20 is 0.
-    left : rms of what the constants cannot take up, in the unit of the data, SI.
+    change : (p,) relative changes of the constants; relative to C10 where a constant is 0.
+    left : rms residual that the constants cannot compensate, in the unit of the data, SI.
     left_in_noise : the same in standard deviations of the rows.
-    problem : why there are no numbers; "" where there are.
+    problem : why there are no numbers; empty where there are.
     """
 
     name: str
@@ -72,7 +73,7 @@ class Hidden:
 
 
 def alternatives(setup: Setup, curve: Curve) -> list[Alternative]:
-    """All alternatives that are worth a run for a test."""
+    """All alternatives that are simulated for a test."""
     specimen, tool = setup.specimen, setup.tool
     assert curve.specimen is not None and curve.tool is not None
     choices = []
@@ -160,7 +161,9 @@ def what_a_fit_hides(
     reach = [o.measured.max() if o.model.by_force else o.imposed.max() for o in observed]
     depth_factor = ALTERNATIVE_DEPTH_FACTOR if observed[0].model.by_force else 1.0
     depths_m = depths(depth_factor * float(max(reach)), DEPTHS_OF_AN_ALTERNATIVE)
-    run = forces(setup, float(fit.constants[0]), float(fit.constants[1]), depths_m)
+    setup = replace(setup, law=fit.law.key)
+    lower = np.array(fit.law.lower)
+    run = forces(setup, fit.constants, depths_m)
     smooth = smoothest(depths_m, [run])
     runs = 1
 
@@ -171,8 +174,8 @@ def what_a_fit_hides(
     # The test as it was fitted is run at the same depths too, so that the roughness of contact cancels.
     as_fitted = predicted(run)
     sd = np.concatenate(fit.sds)
-    start = Problem(observed, fit.sds).jacobian(fit.constants)
-    unit = np.maximum(fit.constants, SMALLEST_SCALE_C10_SHARE * fit.constants[0])
+    start = Problem(observed, fit.sds, fit.law).jacobian(fit.constants)
+    unit = np.maximum(np.abs(fit.constants), SMALLEST_SCALE_C10_SHARE * fit.constants[0])
     answers = []
     for choice in choices:
         constants = np.array(fit.constants)
@@ -180,7 +183,7 @@ def what_a_fit_hides(
         last: tuple[np.ndarray, np.ndarray] | None = None
         try:
             for number in range(MOST_RUNS_OF_AN_ALTERNATIVE):
-                force = forces(choice.setup, float(constants[0]), float(constants[1]), depths_m)
+                force = forces(replace(choice.setup, law=fit.law.key), constants, depths_m)
                 change = (predicted(force) - as_fitted) / sd
                 runs += 1
                 if last is not None:  # Broyden: the last step has shown something of the alternative's own J.
@@ -188,14 +191,14 @@ def what_a_fit_hides(
                     seen = change - last[1] - J @ (constants - last[0])
                     J += np.outer(seen, along) / float(along @ (constants - last[0]))
                 last = constants, change
-                step = _step(J, change, constants)
+                step = _step(J, change, constants, lower)
                 left = change + J @ step
                 constants = constants + step
-                small = SMALL_CHANGE_SHARE * np.maximum(last[0], SMALLEST_SCALE_C10_SHARE * last[0][0])
+                small = SMALL_CHANGE_SHARE * np.maximum(np.abs(last[0]), SMALLEST_SCALE_C10_SHARE * last[0][0])
                 if (np.abs(step) < small).all() or number == MOST_RUNS_OF_AN_ALTERNATIVE - 1:
                     break
-                constants = np.maximum(constants, [LEAST_C10_SHARE * last[0][0], 0.0])
-            scale = np.where(fit.constants > 0.0, fit.constants, fit.constants[0])
+                constants[0] = max(constants[0], LEAST_C10_SHARE * last[0][0])
+            scale = np.where(fit.constants == 0.0, fit.constants[0], np.abs(fit.constants))
             moved = (constants - fit.constants) / scale
             answers.append(Hidden(choice.name, moved, _rms(left * sd), _rms(left)))
         except (InputError, RunError, ValueError) as error:
@@ -204,14 +207,12 @@ def what_a_fit_hides(
     return answers, runs
 
 
-def _step(J: np.ndarray, change: np.ndarray, constants: np.ndarray) -> np.ndarray:
-    """d theta; where C20 would fall below 0 it is held there, and C10 alone takes up what it can."""
+def _step(J: np.ndarray, change: np.ndarray, constants: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """d theta (p,), so that no constant falls below its lower bound."""
     unit = float(constants[0])
-    step = -unit * np.linalg.lstsq(unit * J, change, rcond=None)[0]
-    if constants[1] + step[1] < 0.0:
-        remaining = change - J[:, 1] * constants[1]
-        step = np.array([-float(J[:, 0] @ remaining) / float(J[:, 0] @ J[:, 0]), -constants[1]])
-    return step
+    room = np.minimum((lower - constants) / unit, -1e-12)
+    room[0] = -np.inf  # C10 is limited by ``LEAST_C10_SHARE``.
+    return unit * lsq_linear(unit * J, -change, bounds=(room, np.full(len(constants), np.inf))).x
 
 
 def _shallow(observed: Sequence[Observed], fit: Fit, limit_m: float) -> tuple[list[Observed], Fit]:
@@ -230,10 +231,10 @@ def _rms(values: np.ndarray) -> float:
 
 
 def sentence(hidden: Sequence[Hidden], C10_Pa: float, unit: str, scale: float) -> str:
-    """A warning in one sentence: the three alternatives that would move C10 most."""
+    """A warning in one sentence: the three alternatives that would change C10 most."""
     changes = [(float(h.change[0]), h) for h in hidden if h.change is not None]
     if not changes:
         return ""
     worst = sorted(changes, key=lambda change: -abs(change[0]))[:3]
-    parts = [f"{h.name} would make C10 {100.0 * change:+.0f} % and leave {scale * h.left:.2g} {unit}" for change, h in worst]
-    return f"C10 is {C10_Pa:.4g} Pa only if all that was assumed is true: {'; '.join(parts)}."
+    parts = [f"{h.name}: C10 {100.0 * change:+.0f} %, residual {scale * h.left:.2g} {unit}" for change, h in worst]
+    return f"C10 = {C10_Pa:.4g} Pa depends on the assumptions. With other assumptions it would change: {'; '.join(parts)}."

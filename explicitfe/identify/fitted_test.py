@@ -28,7 +28,8 @@ class FittedTest:
 
     Attributes
     ----------
-    constants : (2,) C10 and C20 [Pa].
+    setup : the test, with the fitted law.
+    constants : (p,) of this law [Pa].
     loads : (k,) N or m, as measured.
     """
 
@@ -46,13 +47,13 @@ class FittedTest:
 
     def scenario(self, title: str, method: str) -> str:
         """The text of a scenario that repeats the test; ``explicitfe run`` takes it."""
-        C10, C20 = (float(round(c, CONSTANT_DECIMALS)) for c in self.constants)
-        constants = ", ".join(f"{key} = {json.dumps(value)}" for key, value in self.setup.material(C10, C20).items())
+        rounded = (float(round(c, CONSTANT_DECIMALS)) for c in self.constants)
+        constants = ", ".join(f"{key} = {json.dumps(value)}" for key, value in self.setup.material(*rounded).items())
         loads = self.loads_to_run()
         key, values = ("forces_N", loads) if self.by_force else ("displacements_mm", [1e3 * x for x in loads])
         lines = [
             f"title = {json.dumps(title, ensure_ascii=False)}",
-            f'question = "What does the tissue that was identified ({method}) do in the test that identified it?"',
+            f'question = "Response of the identified tissue ({method}) in the test that identified it"',
             "",
             "[model]",
             'name = "specimen"',

@@ -1,8 +1,9 @@
-"""What an elastic law answers in the test behind a measured curve, for any pair of constants.
+"""Response of an elastic law in the test of a measured curve, for any constants.
 
-Without gravity all moduli scale together, contact included, so F = C10 Phi(d; C20 / C10) is exact: one run of the simulator gives
-the force at all depths for one ratio of the constants, and their size costs nothing. A response keeps a few runs as smooth
-functions of depth and goes from one ratio to the next by a cubic spline in q = C20 / (C10 + C20).
+Homogeneous tests have closed forms for every law. Tests under a tool need the simulator. Without gravity all moduli scale
+together, contact included, so F = C10 Phi(d; C20 / C10) is exact: one run gives the force at all depths for one ratio of two
+constants, and any size of them. A response stores a few runs as smooth functions of depth and interpolates between the ratios by
+a cubic spline in q = C20 / (C10 + C20). For the Mooney-Rivlin law C01 takes the place of C20; for the neo-Hooke law q is 0.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline
 
 from explicitfe.errors import RunError
-from explicitfe.materials.yeoh import Yeoh
+from explicitfe.identify.laws import YEOH, ConstantsLike, FitLaw
+from explicitfe.materials.homogeneous import nominal_slope, nominal_stress
 from explicitfe.predict.setup import Setup
-from explicitfe.solve import point
 from explicitfe.solve.load_outcome import Equilibrium
 
 ShareDone = Callable[[float], None]
@@ -41,19 +42,18 @@ INVERSION_DEPTHS = 400
 INVERSION_STEPS = 3
 # Platens are not closer than this share of the height.
 LARGEST_SHORTENING_SHARE = 0.95
-SLOPE_STEP = 1e-5  # The slope of a stress is a central difference over this change of the stretch or of the shear.
 
 
 def forces(
-    setup: Setup, C10_Pa: float, C20_Pa: float, depths_m: Iterable[float], progress: ShareDone = lambda share: None
+    setup: Setup, constants: ConstantsLike, depths_m: Iterable[float], progress: ShareDone = lambda share: None
 ) -> np.ndarray:
-    """Forces of the tool [N] at increasing depths, computed by the simulator.
+    """Forces of the tool [N] at increasing depths, computed by the simulator; ``constants`` are those of the setup's law.
 
     Raises
     ------
     RunError : a depth is not reached.
     """
-    body = setup.relaxation(C10_Pa, C20_Pa)
+    body = setup.relaxation(*map(float, constants))
     depths_to_reach = list(depths_m)
     answers: list[float] = []
     for depth in depths_to_reach:
@@ -62,8 +62,8 @@ def forces(
             place = ", ".join(f"{1e3 * x:.3g}" for x in reached.place_m)
             raise RunError(
                 f"the forward model stops at {1e3 * reached.reached:.3g} mm of {1e3 * depths_to_reach[-1]:.3g} mm "
-                f"(C10 {C10_Pa:.4g} Pa, C20 {C20_Pa:.4g} Pa; {reached.reason} at {place} mm): "
-                "fit less of the curve, or take another refinement."
+                f"(constants {', '.join(f'{c:.4g}' for c in constants)} Pa; {reached.reason} at {place} mm): "
+                "fit a smaller part of the curve, or use another --refinement."
             )
         answers.append(reached.force_N)
         progress(len(answers) / len(depths_to_reach))
@@ -187,7 +187,7 @@ class ToolResponse:
                 wanted.append(q)
         for k, q in enumerate(wanted):
             C10, C20 = REFERENCE_PA * (1.0 - q), REFERENCE_PA * q
-            self._runs[q] = forces(self.setup, C10, C20, self.depths_m, _part_of(progress, k, len(wanted)))
+            self._runs[q] = forces(self.setup, (C10, C20), self.depths_m, _part_of(progress, k, len(wanted)))
             self.runs += 1
         if wanted and len(self._runs) >= len(FIRST_Q):
             self._interpolate()
@@ -200,7 +200,7 @@ class ToolResponse:
         if q in self._runs:
             return 0.0
         before = self.smooth.at(self._coefficients(q), self.depths_m)[0]
-        run = forces(self.setup, REFERENCE_PA * (1.0 - q), REFERENCE_PA * q, self.depths_m, progress) / REFERENCE_PA
+        run = forces(self.setup, (REFERENCE_PA * (1.0 - q), REFERENCE_PA * q), self.depths_m, progress) / REFERENCE_PA
         self.runs += 1
         now = self.smooth.at(self.smooth.coefficients(self.depths_m, run)[0], self.depths_m)[0]
         for other in [r for r in self._runs if 0.0 < abs(r - q) < CLOSEST_Q]:
@@ -209,14 +209,14 @@ class ToolResponse:
         self._interpolate()
         return float(np.abs(before / now - 1.0).max())
 
-    def at_depth(self, depth_m: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+    def at_depth(self, depth_m: np.ndarray, C10_Pa: float, C20_Pa: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Force [N] and its slope [N/m]."""
         assert self.smooth is not None
         scale = C10_Pa + C20_Pa
         force, slope = self.smooth.at(self._coefficients(C20_Pa / scale), np.asarray(depth_m, dtype=float))
         return scale * force, scale * slope
 
-    def at_force(self, force_N: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+    def at_force(self, force_N: np.ndarray, C10_Pa: float, C20_Pa: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Depth [m] and its slope [m/N]."""
         assert self.smooth is not None
         scale = C10_Pa + C20_Pa
@@ -236,55 +236,58 @@ class ToolResponse:
 
 
 class UniformResponse:
-    """Force between frictionless platens on a base that slides: the state is homogeneous, so the law's own answer is exact.
+    """Force between frictionless platens on a sliding base: the state is homogeneous, so the closed form of the law is exact.
 
-    The simulator agrees within 1e-3 until the free sides fold, below a stretch of 0.44 (Biot's surface instability).
+    The simulator agrees within 1e-3 until the free sides buckle, below a stretch of 0.44 (Biot's surface instability).
     """
 
     runs = 0
     roughness = 0.0
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, law: FitLaw = YEOH) -> None:
         self.height_m = 1e-3 * setup.height_mm
         self.area_m2 = 1e-6 * setup.area_mm2
-        self._point = PointResponse("uniaxial", setup.poisson)
+        self._point = PointResponse("uniaxial", setup.poisson, law)
 
-    def at_depth(self, depth_m: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+    def value(self, depth_m: np.ndarray, *constants: float) -> np.ndarray:
+        """Force [N] at a depth."""
+        return -self.area_m2 * self._point.value(1.0 - np.maximum(depth_m, 0.0) / self.height_m, *constants)
+
+    def at_depth(self, depth_m: np.ndarray, *constants: float) -> tuple[np.ndarray, np.ndarray]:
         """Force [N] and its slope [N/m]; the force is 0 where the platen does not touch."""
         depth_m = np.asarray(depth_m, dtype=float)
-        stress, slope = self._point.at(1.0 - np.maximum(depth_m, 0.0) / self.height_m, C10_Pa, C20_Pa)
+        stress, slope = self._point.at(1.0 - np.maximum(depth_m, 0.0) / self.height_m, *constants)
         return -self.area_m2 * stress, self.area_m2 * slope / self.height_m
 
-    def at_force(self, force_N: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+    def at_force(self, force_N: np.ndarray, *constants: float) -> tuple[np.ndarray, np.ndarray]:
         """Depth [m] and its slope [m/N]."""
         force_N = np.asarray(force_N, dtype=float)
         table = self.height_m * np.linspace(0.0, LARGEST_SHORTENING_SHARE, INVERSION_DEPTHS)
-        depth = np.interp(force_N, self.at_depth(table, C10_Pa, C20_Pa)[0], table)
+        depth = np.interp(force_N, self.at_depth(table, *constants)[0], table)
         for _ in range(INVERSION_STEPS):
-            value, slope = self.at_depth(depth, C10_Pa, C20_Pa)
+            value, slope = self.at_depth(depth, *constants)
             depth = np.clip(depth + (force_N - value) / slope, 0.0, LARGEST_SHORTENING_SHARE * self.height_m)
-        return depth, 1.0 / self.at_depth(depth, C10_Pa, C20_Pa)[1]
+        return depth, 1.0 / self.at_depth(depth, *constants)[1]
 
 
 class PointResponse:
-    """Stress of one homogeneous point by the law itself: sides free of stress, or simple shear."""
+    """Stress of a law in a homogeneous state: uniaxial load with free sides, or simple shear."""
 
     runs = 0
     roughness = 0.0
 
-    def __init__(self, kind: Literal["uniaxial", "shear"], poisson: float) -> None:
+    def __init__(self, kind: Literal["uniaxial", "shear"], poisson: float, law: FitLaw = YEOH) -> None:
         self.kind = kind
         self.poisson = poisson
+        self.law = law
 
-    def at(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
+    def value(self, imposed: np.ndarray, *constants: float) -> np.ndarray:
+        """Stress [Pa] at a stretch, or at an amount of shear."""
+        return nominal_stress(self.law.at(constants, self.poisson), self.kind, np.asarray(imposed, dtype=float))
+
+    def at(self, imposed: np.ndarray, *constants: float) -> tuple[np.ndarray, np.ndarray]:
         """Stress [Pa] at a stretch, or at an amount of shear, and its slope."""
-        imposed = np.asarray(imposed, dtype=float)
-        low, mid, high = (self._stress(imposed + h, C10_Pa, C20_Pa) for h in (-SLOPE_STEP, 0.0, SLOPE_STEP))
-        return mid, (high - low) / (2.0 * SLOPE_STEP)
-
-    def _stress(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> np.ndarray:
-        law = Yeoh(C10_Pa=C10_Pa, C20_Pa=max(C20_Pa, 0.0), poisson=self.poisson)
-        return (point.shear if self.kind == "shear" else point.uniaxial)(law, (), np.zeros(len(imposed)), imposed)
+        return nominal_slope(self.law.at(constants, self.poisson), self.kind, imposed)
 
 
 def _part_of(progress: ShareDone, number: int, count: int) -> ShareDone:
@@ -297,23 +300,25 @@ Response = ToolResponse | UniformResponse | PointResponse
 
 @dataclass(frozen=True)
 class CurveModel:
-    """What a response predicts of one curve, from its imposed column."""
+    """Prediction of one curve from its imposed column."""
 
     response: Response
     by_force: bool = False
 
-    def __call__(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> np.ndarray:
-        return self.with_slope(imposed, C10_Pa, C20_Pa)[0]
+    def __call__(self, imposed: np.ndarray, *constants: float) -> np.ndarray:
+        if not self.by_force and not isinstance(self.response, ToolResponse):
+            return self.response.value(imposed, *constants)  # much faster than with the slope
+        return self.with_slope(imposed, *constants)[0]
 
-    def with_slope(self, imposed: np.ndarray, C10_Pa: float, C20_Pa: float) -> tuple[np.ndarray, np.ndarray]:
-        """The predicted column in SI, and its derivative by the imposed one."""
+    def with_slope(self, imposed: np.ndarray, *constants: float) -> tuple[np.ndarray, np.ndarray]:
+        """The predicted column in SI, and its derivative with respect to the imposed one."""
         if isinstance(self.response, PointResponse):
-            return self.response.at(imposed, C10_Pa, C20_Pa)
+            return self.response.at(imposed, *constants)
         if self.by_force:
-            return self.response.at_force(imposed, C10_Pa, C20_Pa)
-        return self.response.at_depth(imposed, C10_Pa, C20_Pa)
+            return self.response.at_force(imposed, *constants)
+        return self.response.at_depth(imposed, *constants)
 
 
-def ratio(C10_Pa: float, C20_Pa: float) -> float:
+def ratio(C10_Pa: float, C20_Pa: float = 0.0) -> float:
     """q = C20 / (C10 + C20)."""
     return C20_Pa / (C10_Pa + C20_Pa) if math.isfinite(C20_Pa) else 1.0

@@ -1,14 +1,15 @@
-"""The forward models of a dataset's tests: one setup a curve, one response a geometry."""
+"""Forward models of the tests of a dataset: one setup per curve, one response per geometry and law."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from explicitfe.identify.assumptions import alternatives
 from explicitfe.identify.fit import Observed
 from explicitfe.identify.forward import FIRST_Q, CurveModel, PointResponse, Response, ToolResponse, UniformResponse
+from explicitfe.identify.laws import FIT_LAWS, YEOH, FitLaw
 from explicitfe.measured.curve import Curve, programme_of, sd_of
 from explicitfe.measured.select import Group
 from explicitfe.predict.setup import Setup, is_uniform, setup_of
@@ -28,7 +29,7 @@ class ForwardModels:
     Attributes
     ----------
     setups : curve with a tool -> its test.
-    other_runs : runs of the simulator that are not those of a response.
+    other_runs : simulator runs that do not belong to a response.
     """
 
     groups: list[Group]
@@ -37,7 +38,7 @@ class ForwardModels:
 
     def __post_init__(self) -> None:
         self.setups: dict[str, Setup] = {}
-        self._responses: dict[str, Response] = {}
+        self._responses: dict[tuple[str, str], Response] = {}
         largest: dict[str, float] = {}
         for group in self.groups:
             for curve in group.fitted + group.predicted:
@@ -56,29 +57,39 @@ class ForwardModels:
         """Runs of the simulator so far."""
         return self.other_runs + sum(response.runs for response in self._responses.values())
 
-    def compile(self) -> None:
-        """Have the machine code ready before the fit begins."""
+    @property
+    def homogeneous(self) -> bool:
+        """Whether no test needs the simulator for its fit."""
+        return all(is_uniform(setup) for setup in self.setups.values())
+
+    def compile(self, laws: Sequence[FitLaw] = (YEOH,)) -> None:
+        """Compile the kernels before the fit begins."""
         for setup in list(self.setups.values())[:1]:
-            setup.relaxation(1.0, 0.0)
+            for key in dict.fromkeys(law.key for law in laws if law.in_elements):
+                replace(setup, law=key).relaxation(1.0, 0.0)
 
     def assumed(self, group: Group) -> list[str]:
-        """What is supposed of the tests of a group, in words."""
+        """Assumptions on the tests of a group, in words."""
         texts = {text for curve in group.fitted if curve.tool is not None for text in self.setups[curve.id].assumed}
         return [*sorted(texts), f"Poisson's ratio {self.poisson:g}"]
 
-    def response(self, curve: Curve) -> Response:
-        """What the law answers in the test of a curve."""
+    def response(self, curve: Curve, law: FitLaw = YEOH) -> Response:
+        """Response of a law in the test of a curve."""
         if curve.tool is None:
             kind: Literal["uniaxial", "shear"] = "shear" if curve.kind == "shear" else "uniaxial"
-            return self._responses.setdefault(kind, PointResponse(kind, self.poisson))
-        key = self.setups[curve.id].key
+            return self._responses.setdefault((kind, law.name), PointResponse(kind, self.poisson, law))
+        setup = self.setups[curve.id]
+        uniform = is_uniform(setup)
+        # Under a tool the neo-Hooke law is the Yeoh law with C20 = 0 and uses its runs.
+        name = law.name if uniform or law.name == "mooney-rivlin" else YEOH.name
+        key = setup.key, name
         if key not in self._responses:
-            setup = self.setups[curve.id]
-            self._responses[key] = UniformResponse(setup) if is_uniform(setup) else ToolResponse(setup, self._largest[key])
+            own = replace(setup, law=FIT_LAWS[name].key)
+            self._responses[key] = UniformResponse(setup, law) if uniform else ToolResponse(own, self._largest[setup.key])
         return self._responses[key]
 
-    def observed(self, curve: Curve, rows: int) -> Observed:
-        """The first rows of a curve, with the model that predicts them."""
+    def observed(self, curve: Curve, rows: int, law: FitLaw = YEOH) -> Observed:
+        """The first rows of a curve, with the model of a law that predicts them."""
         by_force = curve.tool is not None and curve.tool.control == "force"
         return Observed(
             id=curve.id,
@@ -86,19 +97,21 @@ class ForwardModels:
             measured=curve.columns[curve.predicted][:rows],
             imposed_sd=sd_of(curve, curve.imposed),
             measured_sd=sd_of(curve, curve.predicted),
-            model=CurveModel(self.response(curve), by_force),
+            model=CurveModel(self.response(curve, law), by_force),
         )
 
-    def runs_planned(self, groups: Sequence[Group], method: str) -> int:
-        """Runs that a usual identification takes."""
+    def runs_planned(self, groups: Sequence[Group], method: str, laws: Sequence[FitLaw] = (YEOH,)) -> int:
+        """Simulator runs of a usual identification."""
         count = 0
         for group in groups:
+            if self.homogeneous:
+                count += 1 + len(laws)
             tools = {self.setups[c.id].key for c in group.fitted if c.tool is not None}
             if tools:
                 first = group.fitted[0]
                 meshed = {self.setups[c.id].key for c in group.fitted if c.tool is not None and not is_uniform(self.setups[c.id])}
                 count += PLANNED_RUNS_OF_A_GROUP + len(alternatives(self.setups[first.id], first))
-                count += PLANNED_RUNS_OF_A_TEST * len(meshed)
+                count += PLANNED_RUNS_OF_A_TEST * len(meshed) * len(laws)
                 count += PLANNED_RUNS_BY_PAPER if method == "paper" else 0
         all_meshed = {setup.key for setup in self.setups.values() if not is_uniform(setup)}
         return count + len(FIRST_Q) * len(all_meshed)

@@ -1,4 +1,4 @@
-"""The fit of one group of constants, with all that its numbers, warnings and pictures are made from."""
+"""The fit of one group of constants, with everything that its numbers, warnings and pictures are made from."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from explicitfe.identify.assumptions import Hidden
+from explicitfe.identify.compare_laws import LawFit, RangeTest
 from explicitfe.identify.fit import Fit, Observed
 from explicitfe.identify.paper import PaperFit
 from explicitfe.measured.curve import PRINTED_UNITS
@@ -21,10 +22,12 @@ class GroupFit:
     Attributes
     ----------
     observed, predicted : rows of the fitted curves, and of those that are only predicted.
-    fit : by least squares; under the paper's method too, for the noise.
-    interpolation_error : how far the interpolated response was from the last run of the simulator, relative to the force.
+    fit : by least squares; with the paper's method too, for the noise.
+    interpolation_error : deviation of the interpolated response from the last run of the simulator, relative to the force.
+    laws : all laws that were compared, the one of ``fit`` among them.
+    range_test : the same law fitted to the lower half of the range.
     paper, loads_N, measured_m : the paper's method, if it was chosen: its fit, loads (k,) and measured displacements (k,).
-    hidden : what the fit hides.
+    hidden : sensitivity to the assumptions.
     """
 
     group: Group
@@ -32,6 +35,8 @@ class GroupFit:
     predicted: Sequence[Observed]
     fit: Fit
     interpolation_error: float
+    laws: Sequence[LawFit] = ()
+    range_test: RangeTest | None = None
     paper: PaperFit | None = None
     loads_N: np.ndarray = field(default_factory=lambda: np.zeros(0))
     measured_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -39,8 +44,18 @@ class GroupFit:
 
     @property
     def constants(self) -> np.ndarray:
-        """C10 and C20 [Pa] of the method that was chosen."""
+        """Constants (p,) of the law by the chosen method."""
         return self.fit.constants if self.paper is None else self.paper.constants
+
+    @property
+    def own(self) -> LawFit:
+        """The fitted law in the comparison."""
+        return next(row for row in self.laws if row.law.name == self.fit.law.name)
+
+    @property
+    def preferred(self) -> LawFit:
+        """The law with the lowest AICc."""
+        return min(self.laws, key=lambda row: row.aicc)
 
     @property
     def unit(self) -> str:
@@ -61,7 +76,7 @@ class GroupFit:
 
     @property
     def chi2(self) -> float | None:
-        """Weighted sum of squares; None where it says nothing, because the noise was estimated or the paper's method chosen."""
+        """Weighted sum of squares; None if the noise was estimated from the residual, and for the paper's method."""
         return self.fit.chi2 if self.paper is None and not self.fit.noise_estimated else None
 
     @property

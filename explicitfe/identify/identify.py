@@ -1,4 +1,4 @@
-"""``explicitfe identify``: from a folder of measured curves to the constants of the tissue, and to what they hang on."""
+"""``explicitfe identify``: constants of a material law from measured curves, with their uncertainty and sensitivity."""
 
 from __future__ import annotations
 
@@ -12,13 +12,24 @@ import numpy as np
 from explicitfe.errors import InputError, Progress, RunError, Share, nearest, shortened, silent
 from explicitfe.host.compilation import announcing
 from explicitfe.identify.assumptions import alternatives, what_a_fit_hides
-from explicitfe.identify.fit import Fit, Observed, least_squares_fit
+from explicitfe.identify.compare_laws import (
+    LawFit,
+    compared,
+    fit_stable,
+    held_out_error,
+    model_form_factor,
+    range_test,
+    stretches_in_data,
+)
+from explicitfe.identify.fit import Fit, Observed, least_squares_fit, with_intervals
 from explicitfe.identify.forward import FIRST_Q, ToolResponse, ratio
 from explicitfe.identify.forward_models import ForwardModels
 from explicitfe.identify.group_fit import GroupFit
+from explicitfe.identify.laws import ALL, YEOH, FitLaw, requested_laws
 from explicitfe.identify.paper import PaperFit, by_simulator, first_guess, force_steps, identify_by_paper
 from explicitfe.identify.pictures import GroupPictures, pictures_of
-from explicitfe.identify.summary import group_rows, warnings_of_dataset
+from explicitfe.identify.summary import group_rows
+from explicitfe.identify.warnings import dataset_warnings
 from explicitfe.identify.write import SUMMARY_FILE, write
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.select import Group, select
@@ -45,6 +56,7 @@ LARGEST_PROGRESS_SHARE = 0.98
 def identify(
     dataset_path: Path | str,
     *,
+    law: str = "yeoh",
     method: str = "least-squares",
     out: Path | str | None = None,
     fit_where: Sequence[str] = (),
@@ -54,23 +66,25 @@ def identify(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> Identification:
-    """Identify C10 and C20 of each group of constants of a dataset.
+    """Identify the constants of a material law for each group of curves of a dataset.
 
     Parameters
     ----------
     dataset_path : the folder, its dataset.toml, or the name of a dataset that comes with the program.
+    law : "yeoh", "neo-hooke", "mooney-rivlin", "yeoh-3", "ogden-1", "ogden-2" or "ogden-3"; "all" fits all laws and reports the
+        one with the lowest AICc.
     method : "least-squares", or "paper", the iteration of Gerard et al. (2005).
     out : folder for identify.json, pictures, and a scenario with the fitted constants; nothing is written if left out.
-    fit_where : "KEY=VALUE" on conditions: what does not match is predicted only.
-    constants_by : ``group`` or a condition: constants are shared by curves that agree in it.
-    poisson : Poisson's ratio; it is supposed and not fitted.
+    fit_where : "KEY=VALUE" on conditions: curves that do not match are predicted only.
+    constants_by : ``group`` or a condition: curves with the same value share their constants.
+    poisson : Poisson's ratio; it is assumed, not fitted.
     refinement : divides the element sizes of the forward model.
-    overwrite : replace the pictures of an earlier identification in ``out``.
-    progress : called with "compile" or "identify" and the share that is done.
+    overwrite : replace the files of an earlier identification in ``out``.
+    progress : called with "compile" or "identify" and the completed share.
 
     Returns
     -------
-    What ``explicitfe identify --json`` prints; see docs/reference/identify.md.
+    The answer of ``explicitfe identify --json``; see docs/reference/identify.md.
 
     Raises
     ------
@@ -81,36 +95,42 @@ def identify(
     if method not in METHODS:
         raise InputError(f"--method {shortened(method)}: {nearest(method, METHODS)}")
     if not POISSON_LIMITS[0] <= poisson <= POISSON_LIMITS[1]:
-        raise InputError(f"--poisson {poisson:g}: it must lie between 0 and 0.4995.")
+        raise InputError(f"--poisson {poisson:g}: the value must lie between 0 and 0.4995.")
     if not REFINEMENT_LIMITS[0] <= refinement <= REFINEMENT_LIMITS[1]:
-        raise InputError(f"--refinement {refinement:g}: it must lie between 0.2 and 4.")
+        raise InputError(f"--refinement {refinement:g}: the value must lie between 0.2 and 4.")
+    if method == "paper" and law != YEOH.name:
+        raise InputError(f"--law {shortened(law)}: the paper's method identifies Yeoh constants only; omit --law or --method.")
+    requested_laws(law, homogeneous=True)
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY_FILE, what="identification")
     dataset = read_dataset(dataset_path)
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)
     groups, left_out = select(dataset, fit_where)
     models = ForwardModels(groups, poisson, refinement)
+    laws = [YEOH] if method == "paper" else requested_laws(law, homogeneous=models.homogeneous)
     if method == "paper":
         for group in groups:
             force_steps(group.fitted, group.rows)
-    progress("load", 0.0)
-    with announcing("indentation tests"):
-        models.compile()
-    progress("load", 1.0)
-    work = _Work(progress, models.runs_planned(groups, method))
+    if models.setups:  # Tests of a point need no kernels.
+        progress("load", 0.0)
+        with announcing("indentation tests"):
+            models.compile([chosen for chosen in laws if law in (ALL, chosen.name)])
+        progress("load", 1.0)
+    work = _Work(progress, models.runs_planned(groups, method, laws))
 
     rows: dict[str, IdentifiedGroup] = {}
     pictures: dict[str, GroupPictures] = {}
     failures: dict[str, str] = {}
     for group in groups:
         try:
-            fitted = _fit_group(group, models, method, work)
+            fitted = _fit_group(group, models, method, laws, work, best=law == ALL)
         except RunError as error:
             failures[group.name] = str(error)
             rows[group.name] = {"status": "failed", "message": str(error), "warnings": []}
             continue
-        rows[group.name] = group_rows(fitted, models.assumed(group))
-        pictures[group.name] = pictures_of(fitted, models.setups.get(group.fitted[0].id))
+        rows[group.name] = group_rows(fitted, models.assumed(group), poisson)
+        setup = models.setups.get(group.fitted[0].id) if fitted.fit.law.in_elements else None
+        pictures[group.name] = pictures_of(fitted, None if setup is None else replace(setup, law=fitted.fit.law.key))
         work.done()
     if len(failures) == len(groups):
         name, message = next(iter(failures.items()))
@@ -121,13 +141,13 @@ def identify(
         "path": str(dataset.path),
         "test": dataset.test,
         "method": method,
-        "law": "yeoh",
+        "law": law,
         "poisson": poisson,
         "refinement": refinement,
         "groups": rows,
         "left_out": left_out,
         "forward_runs": models.runs,
-        "warnings": warnings_of_dataset(dataset, groups, left_out, failures),
+        "warnings": dataset_warnings(dataset, groups, left_out, failures),
         "wall_s": 0.0,
         "files": [],
     }
@@ -171,33 +191,43 @@ class _Work:
         if share >= steady:
             share = 1.0 - (1.0 - steady) * float(np.exp(-(share - steady) / (1.0 - steady)))
         self._shown = max(self._shown, LARGEST_PROGRESS_SHARE * share)
-        self._progress("identify", Share(self._shown, f"run {int(done) + 1} of about {self._planned}"))
+        self._progress("identify", Share(self._shown, f"step {min(int(done) + 1, self._planned)} of about {self._planned}"))
 
 
-def _fit_group(group: Group, models: ForwardModels, method: str, work: _Work) -> GroupFit:
-    """Fit one group by a method, and see what the fit hides.
+def _fit_group(group: Group, models: ForwardModels, method: str, laws: Sequence[FitLaw], work: _Work, *, best: bool) -> GroupFit:
+    """Fit one group by a method, compare the laws, and vary the assumptions.
+
+    Parameters
+    ----------
+    laws : the laws to fit; the first one is reported, or with ``best`` the one with the lowest AICc.
 
     Raises
     ------
     RunError : the simulator or the method failed; that says nothing about the tissue.
     """
-    observed = [models.observed(curve, group.rows[curve.id]) for curve in group.fitted]
-    predicted = [models.observed(curve, group.rows[curve.id]) for curve in group.predicted]
-    for response in _tool_responses(observed + predicted):
-        response.add(FIRST_Q, work.within(len(FIRST_Q)))
+    errors: dict[str, float] = {}
+    candidates = compared([_fit_law(group, models, law, work, errors) for law in laws])
+    # Of two laws with equal criteria the one with fewer constants, which stands first.
+    chosen = min(candidates, key=lambda row: row.aicc) if best else candidates[0]
+    if chosen.fit is None:
+        raise RunError(chosen.problem)
+    observed, fit, law = chosen.observed, chosen.fit, chosen.fit.law
+    predicted = [models.observed(curve, group.rows[curve.id], law) for curve in group.predicted]
     paper: PaperFit | None = None
     loads_N, measured_m = np.zeros(0), np.zeros(0)
     if method == "paper":
         loads_N, measured_m = force_steps(group.fitted, group.rows)
         paper = _paper_fit(group, models, work, loads_N, measured_m)
-    fit, interpolation_error = _least_squares(observed, work)
+    test = range_test(observed, fit)
+    fit = with_intervals(observed, fit, model_form_factor(fit, candidates, test) if paper is None else 1.0)
     for response in _tool_responses(predicted):
-        response.add([ratio(*fit.constants)], work.within(1))
-    fitted = GroupFit(group, observed, predicted, fit, interpolation_error, paper, loads_N, measured_m)
+        response.add([*FIRST_Q, ratio(*fit.constants)], work.within(1))
+    error = errors.get(law.name, 0.0)
+    fitted = GroupFit(group, observed, predicted, fit, error, candidates, test, paper, loads_N, measured_m)
     first = group.fitted[0]
-    if first.tool is None:
+    if first.tool is None or not law.in_elements:
         return fitted
-    # Alternatives are those of the first curve's test, so only curves of this test tell what they would do.
+    # Alternatives are those of the first curve's test, so only curves of this test can show their effect.
     setup = models.setups[first.id]
     alike = [number for number, curve in enumerate(group.fitted) if models.setups[curve.id].key == setup.key]
     fit_of_alike = replace(fit, constants=fitted.constants, sds=tuple(fit.sds[number] for number in alike))
@@ -206,6 +236,24 @@ def _fit_group(group: Group, models: ForwardModels, method: str, work: _Work) ->
     )
     models.other_runs += runs
     return replace(fitted, hidden=hidden)
+
+
+def _fit_law(group: Group, models: ForwardModels, law: FitLaw, work: _Work, errors: dict[str, float]) -> LawFit:
+    """Fit one law to a group; ``errors`` receives the interpolation error of its responses."""
+    observed = [models.observed(curve, group.rows[curve.id], law) for curve in group.fitted]
+    try:
+        responses = _tool_responses(observed)
+        for response in responses:
+            response.add(FIRST_Q, work.within(len(FIRST_Q)))
+        if responses:
+            fit, errors[law.name] = _least_squares(observed, law, work)
+            loss = None  # Constants under a tool are not negative.
+        else:
+            work.done()
+            fit, loss = fit_stable(observed, law, models.poisson, stretches_in_data(observed))
+        return LawFit(law, observed, fit, held_out=held_out_error(observed, fit.law), loss=loss)
+    except RunError as error:
+        return LawFit(law, observed, None, str(error))
 
 
 def _paper_fit(group: Group, models: ForwardModels, work: _Work, loads_N: np.ndarray, measured_m: np.ndarray) -> PaperFit:
@@ -224,33 +272,34 @@ def _paper_fit(group: Group, models: ForwardModels, work: _Work, loads_N: np.nda
     return fit
 
 
-def _least_squares(observed: Sequence[Observed], work: _Work) -> tuple[Fit, float]:
-    """Fit by least squares, with runs of the simulator where the response needs them.
+def _least_squares(observed: Sequence[Observed], law: FitLaw, work: _Work) -> tuple[Fit, float]:
+    """Fit by least squares, with simulator runs where the response needs them.
 
     Returns
     -------
-    fit : the constants.
-    interpolation_error : how far the interpolated response was from the last run, relative to the force.
+    fit : the constants, without profile intervals.
+    interpolation_error : deviation of the interpolated response from the last run, relative to the force.
     """
     responses = _tool_responses(observed)
-    fit = least_squares_fit(observed, profile=False)
+    fit = least_squares_fit(observed, law=law, profile=False)
+    if len(law.constants) == 1:  # The ratio is 0, for which there is a run.
+        return fit, 0.0
+    q = ratio(*fit.constants)
+    # With s = C20 / C10, dq = (1 - q)^2 ds.
+    s = fit.constants[1] / fit.constants[0]
+    gradient = np.array([-s, 1.0]) / fit.constants[0]
+    spread = WINDOW_SDS * (1.0 - q) ** 2 * float(np.sqrt(max(gradient @ fit.covariance @ gradient, 0.0)))
+    window = float(np.clip(spread, *WINDOW_LIMITS_Q))
+    for response in responses:
+        response.add([q - window, q, q + window], work.within(3))
     error = 0.0
-    if responses:
-        q = ratio(*fit.constants)
-        # With s = C20 / C10, dq = (1 - q)^2 ds.
-        s = fit.constants[1] / fit.constants[0]
-        gradient = np.array([-s, 1.0]) / fit.constants[0]
-        spread = WINDOW_SDS * (1.0 - q) ** 2 * float(np.sqrt(max(gradient @ fit.covariance @ gradient, 0.0)))
-        window = float(np.clip(spread, *WINDOW_LIMITS_Q))
-        for response in responses:
-            response.add([q - window, q, q + window], work.within(3))
-        for _ in range(MOST_CHECKING_RUNS):
-            fit = least_squares_fit(observed, fit.constants, profile=False)
-            error = max(response.check(ratio(*fit.constants), work.running) for response in responses)
-            work.done()
-            if error < INTERPOLATION_ERROR_SHARE:
-                break
-    return least_squares_fit(observed, fit.constants), error
+    for _ in range(MOST_CHECKING_RUNS):
+        fit = least_squares_fit(observed, fit.constants, law=law, profile=False)
+        error = max(response.check(ratio(*fit.constants), work.running) for response in responses)
+        work.done()
+        if error < INTERPOLATION_ERROR_SHARE:
+            break
+    return least_squares_fit(observed, fit.constants, law=law, profile=False), error
 
 
 def _tool_responses(observed: Sequence[Observed]) -> list[ToolResponse]:

@@ -1,4 +1,4 @@
-"""What the pictures of a group show: numbers in the units of the axes."""
+"""Numbers in the pictures of a group, in the units of the axes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from explicitfe.identify.fit import NAMES, SMALLEST_C10_PA, Fit, Observed, profile_curve
+from explicitfe.identify.fit import FEW_CONSTANTS, Fit, Observed, profile_curve
 from explicitfe.identify.fitted_test import FittedTest
 from explicitfe.identify.group_fit import GroupFit
 from explicitfe.identify.paper import PaperFit
@@ -29,13 +29,13 @@ class GroupPictures:
 
     Attributes
     ----------
-    constants : C10 and C20 [Pa].
-    profiles : likelihood of each constant; none under the paper's method, which has ``paper`` instead.
-    test : the first test, to be drawn deformed; None for a homogeneous state.
+    constants : the fitted constants by their names.
+    profiles : likelihood of each constant; None for the paper's method, which has ``paper``, and for laws of many constants.
+    test : the first test, to be drawn deformed; None for a homogeneous state and for laws that elements do not support.
     """
 
     curves: list[FittedCurve]
-    constants: list[float]
+    constants: dict[str, float]
     profiles: list[ConstantProfile] | None
     paper: PaperTrace | None
     test: FittedTest | None
@@ -44,6 +44,7 @@ class GroupPictures:
 def pictures_of(fitted: GroupFit, setup: Setup | None) -> GroupPictures:
     """The pictures of a group whose first curve has this test."""
     group, constants, paper = fitted.group, fitted.constants, fitted.paper
+    few = len(constants) <= FEW_CONSTANTS
     curves = [_curve(curve, o, "fit", constants) for curve, o in zip(group.fitted, fitted.observed, strict=True)]
     curves += [_curve(curve, o, "holdout", constants) for curve, o in zip(group.predicted, fitted.predicted, strict=True)]
     first = group.fitted[0]
@@ -54,8 +55,8 @@ def pictures_of(fitted: GroupFit, setup: Setup | None) -> GroupPictures:
         test = FittedTest(setup, constants, by_force, loads)
     return GroupPictures(
         curves=curves,
-        constants=constants.tolist(),
-        profiles=[_profile(k, fitted) for k in range(len(NAMES))] if paper is None else None,
+        constants=dict(zip(fitted.fit.law.constants, constants.tolist(), strict=True)),
+        profiles=[_profile(k, fitted) for k in range(len(constants))] if few and paper is None else None,
         paper=None if paper is None else _trace(paper, fitted),
         test=test,
     )
@@ -81,11 +82,11 @@ def _curve(curve: Curve, observed: Observed, split: str, constants: np.ndarray) 
 
 def _profile(number: int, fitted: GroupFit) -> ConstantProfile:
     fit: Fit = fitted.fit
-    name, best = NAMES[number], float(fit.constants[number])
+    name, best = fit.law.constants[number], float(fit.constants[number])
     wider = fit.widening.factor
     half = wider * max(float(fit.sd[number]), (fit.curvature[name][1] - best) / 2.0)
-    low = max(best - PROFILE_SDS * half, SMALLEST_C10_PA if number == 0 else 0.0)
-    values = np.linspace(low, best + PROFILE_SDS * half, PROFILE_POINTS)
+    low = max(best - PROFILE_SDS * half, fit.law.lower[number])
+    values = np.linspace(low, min(best + PROFILE_SDS * half, fit.law.upper[number]), PROFILE_POINTS)
     return {
         "name": name,
         "best": best,

@@ -1,4 +1,4 @@
-"""What an identification leaves on disk: a whole folder or nothing."""
+"""Files of an identification: a complete folder or nothing."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import JsonValue
 
 from explicitfe.host.toml_text import toml_value
+from explicitfe.identify.laws import FIT_LAWS
 from explicitfe.identify.pictures import GroupPictures
 from explicitfe.results.folder import drawing, whole_folder
 from explicitfe.results.identification import Identification, IdentifiedGroup
@@ -74,12 +75,12 @@ def _fill(folder: Path, target: Path, identification: Identification, pictures: 
 
 
 def slugs_of(names: Sequence[str]) -> dict[str, str]:
-    """Name -> itself as part of a file's name, of its own even where two differ only in what no such name can have."""
+    """Name -> the part of a file name for it, unique also where names differ only in characters that are not allowed."""
     slugs: dict[str, str] = {}
     for name in names:
         plain_name = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.")[:LONGEST_SLUG_CHARACTERS] or "group"
         slug, number = plain_name, 1
-        while slug.lower() in map(str.lower, slugs.values()):  # Some systems take capitals for small letters.
+        while slug.lower() in map(str.lower, slugs.values()):  # Some file systems ignore case.
             number += 1
             slug = f"{plain_name}-{number}"
         slugs[name] = slug
@@ -99,6 +100,7 @@ def plain(value: object) -> JsonValue:
 
 
 def _material(name: str, group: IdentifiedGroup, poisson: float) -> str:
-    """A table of constants as a scenario's [model] takes it in ``material = { … }``."""
+    """A table of constants for the key ``material`` of a scenario."""
     values = "".join(f"{key} = {entry['value']:.6g}\n" for key, entry in group["constants"].items())
-    return f'[{toml_value(name)}]\nlaw = "yeoh"\n{values}poisson = {poisson:g}\n\n'
+    law = FIT_LAWS[group["law"]].key
+    return f"[{toml_value(name)}]\nlaw = {toml_value(law)}\n{values}poisson = {poisson:g}\n\n"

@@ -45,14 +45,8 @@ class ToolKeys(TypedDict, total=False):
     friction: float | Literal["stick"]
 
 
-class MaterialKeys(TypedDict):
-    """A tissue as a scenario states it."""
-
-    law: Literal["yeoh"]
-    C10_Pa: float
-    C20_Pa: float
-    poisson: float
-    density_kg_m3: float
+# Constants of the laws of elements, in the order in which a fit has them.
+LAW_CONSTANTS = {"yeoh": ("C10_Pa", "C20_Pa", "C30_Pa"), "neo-hooke": ("C10_Pa",), "mooney-rivlin": ("C10_Pa", "C01_Pa")}
 
 
 @dataclass(frozen=True)
@@ -63,6 +57,7 @@ class Setup:
     ----------
     specimen, tool : keys and values of the scenario's tables, without the material.
     poisson, density_kg_m3 : of the tissue.
+    law : of the tissue, a key of ``LAW_CONSTANTS``.
     assumed : what is supposed because the dataset does not state it, in words.
     """
 
@@ -71,27 +66,24 @@ class Setup:
     poisson: float
     density_kg_m3: float
     assumed: tuple[str, ...] = field(default=(), compare=False)
+    law: str = "yeoh"
 
     @property
     def key(self) -> str:
         """Two tests are equal where this text is; the density counts under gravity only."""
         heavy = any(self.specimen.get("gravity_m_s2", ()))
-        return json.dumps([self.specimen, self.tool, self.poisson, self.density_kg_m3 if heavy else 0.0], sort_keys=True)
+        density = self.density_kg_m3 if heavy else 0.0
+        return json.dumps([self.specimen, self.tool, self.law, self.poisson, density], sort_keys=True)
 
-    def tables(self, C10_Pa: float, C20_Pa: float) -> tuple[SpecimenTable, ToolTable]:
-        """The scenario's own tables, checked."""
-        specimen = SpecimenTable.model_validate({**self.specimen, "material": self.material(C10_Pa, C20_Pa)})
+    def tables(self, *constants: float) -> tuple[SpecimenTable, ToolTable]:
+        """The tables of the scenario, validated; ``constants`` are those of the law, the last ones optional."""
+        specimen = SpecimenTable.model_validate({**self.specimen, "material": self.material(*constants)})
         return specimen, ToolTable.model_validate(self.tool)
 
-    def material(self, C10_Pa: float, C20_Pa: float) -> MaterialKeys:
-        """The tissue as a scenario states it."""
-        return {
-            "law": "yeoh",
-            "C10_Pa": C10_Pa,
-            "C20_Pa": C20_Pa,
-            "poisson": self.poisson,
-            "density_kg_m3": self.density_kg_m3,
-        }
+    def material(self, *constants: float) -> dict[str, str | float]:
+        """The table of the tissue in a scenario."""
+        named = dict(zip(LAW_CONSTANTS[self.law], constants, strict=False))
+        return {"law": self.law, **named, "poisson": self.poisson, "density_kg_m3": self.density_kg_m3}
 
     @property
     def height_mm(self) -> float:
@@ -111,7 +103,7 @@ class Setup:
         assert radius_mm is not None
         return math.pi * radius_mm**2
 
-    def relaxation(self, C10_Pa: float, C20_Pa: float, tolerance: float = 1e-4) -> Relaxation:
+    def relaxation(self, *constants: float, tolerance: float = 1e-4) -> Relaxation:
         """A body of this test, settled, its tool at first touch.
 
         Raises
@@ -119,7 +111,7 @@ class Setup:
         RunError : it does not come to rest.
         """
         # One thread computes it: fitted constants must not depend on the number of cores.
-        body = Relaxation(specimen_model(*self.tables(C10_Pa, C20_Pa)), tolerance, threads=1)
+        body = Relaxation(specimen_model(*self.tables(*constants)), tolerance, threads=1)
         body.compile()
         # Without gravity the body is at rest as it is, and the tool touches at 0.
         if any(self.specimen.get("gravity_m_s2", ())) and not isinstance(body.settle(), Equilibrium):

@@ -18,7 +18,16 @@ MARKERS = "os^Dv"
 ROWS_WITH_ERROR_BARS = 40
 # A constant with this rise of chi squared stands at an end of its 95 % interval: the quantile of one degree of freedom.
 CHI2_RISE_95_PERCENT = 3.84
-CONSTANT_NAMES = {"C10_Pa": "C10", "C20_Pa": "C20"}
+
+
+def constant_name(key: str) -> str:
+    """Name of a constant without its unit."""
+    return key.removesuffix("_Pa")
+
+
+def unit_of_constant(key: str) -> str:
+    """ " Pa", or nothing for a constant without a unit."""
+    return " Pa" if key.endswith("_Pa") else ""
 
 
 class GroupCurve(TypedDict):
@@ -42,12 +51,12 @@ class FittedCurve(GroupCurve):
 
 
 class ConstantProfile(TypedDict):
-    """The likelihood of a constant: by how much chi squared rises over some values of it, in units of what is left.
+    """Profile likelihood of a constant: the increase of chi squared over its values, divided by ``widened_by`` squared.
 
     Attributes
     ----------
-    sd : its standard error from independent noise alone.
-    ci95 : its 95 % interval, so many times (``widened_by``) as wide as from such noise alone.
+    sd : standard error from independent noise alone.
+    ci95 : 95 % interval, wider than from such noise alone by the factor ``widened_by``.
     """
 
     name: str
@@ -79,8 +88,8 @@ class DeformedSpecimen(TypedDict):
     load: str
 
 
-def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Sequence[float]) -> None:
-    """Draw measured curves with error bars against the fitted model, and what is left; ``constants`` are C10 and C20, Pa."""
+def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Mapping[str, float]) -> None:
+    """Draw measured curves with error bars, the fitted model, and the residual; ``constants`` go into the title."""
     figure = new_figure(WIDTH_IN, 6.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.4, 1.0])
     for number, curve in enumerate(curves):
@@ -112,7 +121,8 @@ def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Sequen
     lower.axhline(0.0, color="black", lw=0.8)
     lower.set_ylabel("measured − model")
     lower.set_xlabel(curves[0]["x_label"])
-    upper.set_title(f"{title}: C10 = {constants[0]:.4g} Pa, C20 = {constants[1]:.4g} Pa", loc="left", fontsize=11)
+    values = ", ".join(f"{constant_name(key)} = {value:.4g}{unit_of_constant(key)}" for key, value in constants.items())
+    upper.set_title(f"{title}: {values}", loc="left", fontsize=11 if len(constants) <= 3 else 9)
     bars = any(curve["sd"].any() and len(curve["x"]) <= ROWS_WITH_ERROR_BARS for curve in curves)
     head = "bars: two standard deviations" if bars else None
     upper.legend(frameon=False, fontsize=8, ncols=1 + len(curves) // 8, title=head, title_fontsize=8, alignment="left")
@@ -122,10 +132,10 @@ def fit(path: Path, title: str, curves: Sequence[FittedCurve], constants: Sequen
 
 
 def profiles(path: Path, title: str, rows: Sequence[ConstantProfile]) -> None:
-    """Draw the profile likelihood of each constant beside the parabola of the curvature, and what noise alone would give."""
+    """Draw the profile likelihood of each constant, the parabola of the curvature, and the interval from noise alone."""
     figure = new_figure(WIDTH_IN, 4.2)
     for axes, row in zip(figure.subplots(1, len(rows), squeeze=False)[0], rows, strict=True):
-        values, name = row["values"], CONSTANT_NAMES.get(row["name"], row["name"])
+        values, name, unit = row["values"], constant_name(row["name"]), unit_of_constant(row["name"])
         wider = row["widened_by"]
         axes.plot(values, row["rise"], color=COLOURS[0], lw=2.0, label="profile likelihood")
         if row["sd"] > 0.0:
@@ -133,7 +143,7 @@ def profiles(path: Path, title: str, rows: Sequence[ConstantProfile]) -> None:
             axes.plot(values, parabola, "--", color=COLOURS[1], lw=1.5, label="curvature at the optimum")
             if wider > 1.0:
                 half = CHI2_RISE_95_PERCENT**0.5 * row["sd"]
-                label = f"95 % from noise alone, {words.number(wider, 2)} times narrower"
+                label = f"95 % from independent noise alone ({words.number(wider, 2)} times narrower)"
                 axes.axvspan(row["best"] - half, row["best"] + half, color="0.55", lw=1.5, zorder=0.5, label=label)
         axes.axhline(CHI2_RISE_95_PERCENT, color="0.4", lw=0.9)
         axes.annotate(
@@ -149,11 +159,11 @@ def profiles(path: Path, title: str, rows: Sequence[ConstantProfile]) -> None:
         axes.axvspan(max(low, values[0]), min(high, values[-1]), color="0.94", lw=0, zorder=-1)
         axes.set_ylim(0.0, 10.0)
         axes.set_xlim(values[0], values[-1])
-        axes.set_xlabel(f"{name} (Pa)")
-        axes.set_title(f"{name} = {row['best']:.4g} Pa, 95 %: {low:.4g} to {high:.4g}", loc="left", fontsize=10)
+        axes.set_xlabel(f"{name} (Pa)" if unit else name)
+        axes.set_title(f"{name} = {row['best']:.4g}{unit}, 95 %: {low:.4g} to {high:.4g}", loc="left", fontsize=10)
         plain(axes)
     wider = max(row["widened_by"] for row in rows)
-    figure.axes[0].set_ylabel("rise of χ² above its least" + (f", over {words.number(wider, 2)}²" if wider > 1.0 else ""))
+    figure.axes[0].set_ylabel("increase of χ²" + (f" over {words.number(wider, 2)}²" if wider > 1.0 else ""))
     figure.axes[0].legend(frameon=False, fontsize=8, loc="upper center")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11)
     save(figure, path)

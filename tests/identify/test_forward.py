@@ -61,7 +61,7 @@ def test_depth_and_force_are_inverse():
 def test_both_constants_doubled_double_the_force():
     """F = C10 Phi(d; C20 / C10): exact, so the simulator agrees within the tolerance of its runs, 1e-4."""
     depths = np.array([1e-3, 3e-3, 5e-3])
-    once, twice = (forces(setup(), scale * 100.0, scale * 50.0, depths) for scale in (1.0, 2.0))
+    once, twice = (forces(setup(), (scale * 100.0, scale * 50.0), depths) for scale in (1.0, 2.0))
     assert twice == pytest.approx(2.0 * once, rel=2e-4)
 
 
@@ -70,7 +70,7 @@ def test_response_agrees_with_the_simulator_between_its_runs():
     forward = response()
     assert min(abs(ratio(*TRUTH) - q) for q in forward.ratios) > 0.01
     depths = np.array([2e-3, 4e-3, 6e-3])
-    assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(setup(), *TRUTH, depths), rel=5.0 * forward.roughness)
+    assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(setup(), TRUTH, depths), rel=5.0 * forward.roughness)
     assert 0.0 < forward.roughness < 0.02
 
 
@@ -88,7 +88,7 @@ def test_specimen_between_smooth_platens_is_homogeneous():
     assert is_uniform(platen)
     forward = UniformResponse(platen)
     depths = np.array([1e-3, 6e-3, 12e-3])
-    assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(platen, *TRUTH, depths), rel=2e-3)
+    assert forward.at_depth(depths, *TRUTH)[0] == pytest.approx(forces(platen, TRUTH, depths), rel=2e-3)
     assert forward.at_force(forward.at_depth(depths, *TRUTH)[0], *TRUTH)[0] == pytest.approx(depths, rel=1e-9)
 
 
@@ -108,4 +108,4 @@ def test_smoothing_keeps_what_is_smooth_and_measures_what_is_rough():
 def test_a_depth_that_is_not_reached_says_so():
     """The specimen is 20 mm high: no mesh can be pressed to 22."""
     with pytest.raises(RunError, match=r"the forward model stops at .* mm of 22 mm"):
-        forces(setup(refinement=0.4), 200.0, 0.0, [5e-3, 22e-3])
+        forces(setup(refinement=0.4), (200.0, 0.0), [5e-3, 22e-3])

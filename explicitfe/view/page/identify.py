@@ -1,4 +1,4 @@
-"""The page of an identification: constants with their intervals, the curves, and what the fit hides."""
+"""Page of an identification: constants with their intervals, comparison of laws, curves, sensitivity to the assumptions."""
 
 from __future__ import annotations
 
@@ -9,25 +9,27 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.results.identification import Identification, IdentifiedGroup
-from explicitfe.view.fit import CHI2_RISE_95_PERCENT, CONSTANT_NAMES, ConstantProfile, FittedCurve
+from explicitfe.results.identification import Identification, IdentifiedGroup, changes_of
+from explicitfe.view.fit import CHI2_RISE_95_PERCENT, ConstantProfile, FittedCurve, constant_name, unit_of_constant
 from explicitfe.view.page.chart import Chart, Line, chart
 from explicitfe.view.page.curves import CurveToDraw, charts_of_curves
 from explicitfe.view.page.frame import page_text
 from explicitfe.view.report.tables import PageTable, bars, table
 from explicitfe.view.report.words import finite, number, percent, plural
 
-SIDES_OF_A_FIT = {"holdout": "predicted", "fit": "fitted"}
+SIDES_OF_A_FIT = {"holdout": "held out", "fit": "fitted"}
 
 
 @dataclass(frozen=True)
 class GroupOnPage:
-    """Curves that share their constants, as the page shows them; ``message`` says why there are none."""
+    """Curves that share their constants, as the page shows them; ``message`` is the reason if there are none."""
 
     name: str
     message: str
     constants: PageTable | None
     widened: str
+    law: str
+    laws: PageTable | None
     charts: list[Chart]
     profiles: list[Chart]
     curves: PageTable | None
@@ -46,13 +48,13 @@ def identify_page(
         _group(name, group, curves.get(name, ()), profiles.get(name, ())) for name, group in identification["groups"].items()
     ]
     how = {"refinement": number(identification["refinement"]), "Poisson's ratio": f"{identification['poisson']:g}"}
-    how |= {"forward runs": str(identification["forward_runs"]), "computed in": f"{number(identification['wall_s'], 2)} s"}
+    how |= {"simulations": str(identification["forward_runs"]), "computed in": f"{number(identification['wall_s'], 2)} s"}
     method = "" if identification["method"] == "least-squares" else f" --method {identification['method']}"
+    method += "" if identification["law"] == "yeoh" else f" --law {identification['law']}"
     return page_text(
         "page/identify.html.j2",
         title=identification["title"] or identification["dataset"],
         dataset=identification["dataset"],
-        law=identification["law"],
         method=identification["method"].replace("-", " "),
         groups=groups,
         left_out=table(("curve", "why"), list(identification["left_out"].items()), "tw"),
@@ -64,12 +66,14 @@ def identify_page(
 
 def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], profiles: Sequence[ConstantProfile]) -> GroupOnPage:
     widened_by = group.get("widened_by", 1.0)
-    widened = f"Intervals are {number(widened_by, 2)} times as wide as the noise alone would have them: so much more is left."
+    widened = f"The intervals are {number(widened_by, 2)} times wider than from independent noise alone."
     return GroupOnPage(
         name=name,
         message=group.get("message", "") if "constants" not in group else "",
         constants=_constants(group),
         widened=widened if widened_by > 1.0 else "",
+        law=group.get("law", ""),
+        laws=_laws(group),
         charts=charts_of_curves([_drawn(curve) for curve in curves]),
         profiles=[drawn for profile in profiles if (drawn := _profile(profile)) is not None],
         curves=_curves(group),
@@ -85,8 +89,28 @@ def _constants(group: IdentifiedGroup) -> PageTable | None:
         low, high = entry.get("ci95", [None, None])
         interval = f"{number(low)} to {number(high) if finite(high) else 'no limit'}" if finite(low) else ""
         at_bound = "at its bound" if name in group.get("at_bound", []) else ""
-        rows.append((CONSTANT_NAMES.get(name, name), f"{number(entry['value'], 4)} Pa", interval, at_bound))
-    return table(("constant", "value", "95 % interval (Pa)", ""), rows, "tnnt")
+        rows.append((constant_name(name), f"{number(entry['value'], 4)}{unit_of_constant(name)}", interval, at_bound))
+    moduli = (("shear modulus", group.get("shear_modulus")), ("Young's modulus", group.get("youngs_modulus")))
+    for name, modulus in moduli:
+        if modulus is not None:
+            low, high = modulus.get("ci95", [None, None])
+            interval = f"{number(low)} to {number(high)}" if finite(low) and finite(high) else ""
+            rows.append((f"{name}, small strain", f"{number(modulus['value'], 4)} Pa", interval, ""))
+    return table(("constant", "value", "95 % interval", ""), rows, "tnnt")
+
+
+def _laws(group: IdentifiedGroup) -> PageTable | None:
+    rows: list[tuple[Any, ...]] = []
+    shown = group.get("laws", [])
+    for row in shown if len(shown) > 1 else []:
+        if "problem" in row:
+            rows.append((row["law"], row["problem"], "", "", "", ""))
+            continue
+        held_out = row["held_out_nrmse"]
+        differences = (number(row[key], 3) if finite(row[key]) else "" for key in ("aicc_difference", "bic_difference"))
+        modulus = f"{number(row['shear_modulus_Pa'], 4)} Pa"
+        rows.append((row["law"], modulus, percent(row["nrmse"]), percent(held_out) if finite(held_out) else "", *differences))
+    return table(("law", "shear modulus", "misfit", "held-out error", "ΔAICc", "ΔBIC"), rows, "tnnnnn")
 
 
 def _drawn(curve: FittedCurve) -> CurveToDraw:
@@ -108,14 +132,15 @@ def _drawn(curve: FittedCurve) -> CurveToDraw:
 
 
 def _profile(profile: ConstantProfile) -> Chart | None:
-    """How fast the fit gets worse where a constant is held at another value."""
+    """Profile likelihood of a constant."""
     ends = np.array([profile["values"][0], profile["values"][-1]])
     lines = [
-        Line("rise of χ²", profile["values"], profile["rise"]),
+        Line("increase of χ²", profile["values"], profile["rise"]),
         Line("95 %", ends, np.full(2, CHI2_RISE_95_PERCENT), colour=1, dash=1),
     ]
-    name = CONSTANT_NAMES.get(profile["name"], profile["name"])
-    return chart(f"How well {name} is determined", lines, x_label=f"{name} (Pa)", y_label="rise of χ², in units of what is left")
+    name = constant_name(profile["name"])
+    x_label = f"{name} (Pa)" if unit_of_constant(profile["name"]) else name
+    return chart(f"Profile likelihood of {name}", lines, x_label=x_label, y_label="increase of χ², scaled as the interval")
 
 
 def _curves(group: IdentifiedGroup) -> PageTable | None:
@@ -137,17 +162,25 @@ def _curves(group: IdentifiedGroup) -> PageTable | None:
 
 
 def _hides(group: IdentifiedGroup) -> PageTable | None:
+    symbols = [constant_name(name) for name in group.get("constants", {})]
     rows: list[tuple[Any, ...]] = []
     for row in group.get("hides", []):
         if "problem" in row:
-            rows.append((row["if"], row["problem"], "", "", ""))
+            rows.append((row["if"], row["problem"], *("" for _ in range(len(symbols) + 1))))
             continue
-        changes = (f"{100.0 * change:+.1f} %" for change in (row["C10_change"], row["C20_change"]))
+        changes = (f"{100.0 * change:+.1f} %" for change in changes_of(row, symbols))
         rows.append((row["if"], *changes, f"{number(row['left'], 2)} {group['unit']}", number(row["left_in_noise"], 2)))
-    return table(("if", "C10", "C20", "left (rms)", "left, in noise"), rows, "tnnnn")
+    head = ("other assumption", *symbols, "residual (rms)", "residual in noise")
+    return table(head, rows, "t" + "n" * (len(symbols) + 2))
 
 
 def _facts(group: IdentifiedGroup) -> Iterator[tuple[str, str]]:
+    if "misfit" in group:
+        misfit = group["misfit"]
+        text = f"{number(misfit['rms'])} {group['unit']} rms, {percent(misfit['nrmse'])} of the largest value"
+        if finite(misfit["reduced_chi2"]):
+            text += f"; reduced χ² {number(misfit['reduced_chi2'])}"
+        yield "misfit of the law", text
     if "noise_sd" in group:
         unit = group["unit"]
         noise = f"{number(group['noise_sd'], 2)} {unit} ({group['noise']}); numerical {number(group['numerical_sd'], 2)} {unit}"

@@ -38,6 +38,7 @@ _PLACES = {
     "plot": "explicitfe.api.plot",
     "view": "explicitfe.api.view",
     "compare": "explicitfe.api.compare",
+    "compare_recording": "explicitfe.measured.compare_recording",
     "export": "explicitfe.results.export.export",
     # meshes and models
     "HexMesh": "explicitfe.mesh.hexmesh",
@@ -88,6 +89,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.materials.yeoh import Yeoh as Yeoh
     from explicitfe.mesh.box import box as box
     from explicitfe.mesh.hexmesh import HexMesh as HexMesh
+    from explicitfe.measured.compare_recording import compare_recording as compare_recording
     from explicitfe.model.face_load import face_load as face_load
     from explicitfe.model.gravity import gravity_load as gravity_load
     from explicitfe.model.model import Inclusion as Inclusion

@@ -33,6 +33,8 @@ class ComparedSensor(MeasuredPart):
     Attributes
     ----------
     rms_mm, largest_mm, largest_at_ms : distance between the two: root mean square, largest value, and its time in the model.
+    centred_rms_mm : root mean square distance after both paths are shifted to their means. It is not affected by a sensor that
+        sits elsewhere than the point, or by another shape at rest.
     forward, up, right : the coordinates; right is None for a planar recording.
     """
 
@@ -40,6 +42,7 @@ class ComparedSensor(MeasuredPart):
     rms_mm: Computed
     largest_mm: Computed
     largest_at_ms: float
+    centred_rms_mm: Computed
     forward: ComparedAxis
     up: ComparedAxis
     right: ComparedAxis | None
@@ -75,7 +78,7 @@ class RecordingComparison(Document, MeasuredPart):
     ----------
     offset_s : time of the recording at which the simulation starts; ``offset_fitted`` says whether it was fitted.
     rows, first_ms, last_ms : rows of the recording that were compared, and their times in the simulation.
-    rms_mm : root mean square distance over all sensors and rows.
+    rms_mm, centred_rms_mm : root mean square distance over all sensors and rows, as for each sensor.
     movement_rms_mm : root mean square distance of the recorded positions from their means: the size of the movement.
     points : point of the model -> comparison with its sensor.
     picture : the file, or None if none was drawn.
@@ -90,6 +93,7 @@ class RecordingComparison(Document, MeasuredPart):
     first_ms: float
     last_ms: float
     rms_mm: Computed
+    centred_rms_mm: Computed
     movement_rms_mm: Computed
     points: dict[str, ComparedSensor]
     picture: str | None = None

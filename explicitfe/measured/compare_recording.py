@@ -13,10 +13,11 @@ from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
 from explicitfe.errors import InputError, nearest
+from explicitfe.host.shipped import export_file
 from explicitfe.measure.compare import describe_result, path_of_point
 from explicitfe.measure.recording import ComparedAxis, ComparedSensor, FittedRegistration, RecordingComparison, RegisterBy
 from explicitfe.measure.sections import X, Y, Z
-from explicitfe.measured.coils import Coils
+from explicitfe.measured.coils import Coils, read_coils
 from explicitfe.measured.files import SMALLEST_CURVE_ROWS
 from explicitfe.measured.registration import Registration, determine_a_rotation, procrustes, rotation_between
 from explicitfe.measured.tables import RegistrationTable
@@ -60,7 +61,7 @@ class _Aligned:
 
 def compare_recording(
     path: Path | str,
-    coils: Coils,
+    recording: Coils | Path | str,
     mapping: Mapping[str, str],
     *,
     register: RegisterBy = "rest",
@@ -75,13 +76,17 @@ def compare_recording(
     Parameters
     ----------
     path : the result of a transient run.
-    coils : the recording, see :func:`explicitfe.measured.coils.read_coils`.
+    recording : a file, or what :func:`explicitfe.measured.coils.read_coils` returns.
     mapping : named point of the model -> sensor.
     register : what the rigid registration is fitted to. "rest": the mean sensor positions during ``reference_s`` and the
         points of the model in its first sample. "movement": all compared positions. "none": the recording is in the model frame.
     reference_s : interval of the recording, in its own time, in which the speaker rests; None: first 20 ms after the offset.
     offset_s : time of the recording at which the simulation starts; its first row if None. "fit" minimizes the distance.
     head : sensors on a rigid part (upper incisors, nose, palate; or the jaw), whose motion is removed first.
+
+    Returns
+    -------
+    The comparison, and the compared paths for pictures.
 
     Raises
     ------
@@ -90,6 +95,7 @@ def compare_recording(
     """
     if not mapping:
         raise InputError("--map is missing; map at least one point to a sensor, such as --map tip=T1.")
+    coils = recording if isinstance(recording, Coils) else read_coils(export_file(recording))
     for name in head:
         coils.sensor(name)
     chosen = coils.select(dict.fromkeys((*mapping.values(), *head)))
@@ -109,6 +115,7 @@ def compare_recording(
     fitted = offset_s == "fit"
     best = _best_offset(align, steady.time_s, times_s) if fitted else align(_start_of(steady, offset_s))
     movement = best.recorded - best.recorded.mean(axis=0)
+    model_movement = best.model - best.model.mean(axis=0)
     sentence, can_rotate = _registration_sentence(register, reference_s, recorded)
     warnings = list(steady.notes)
     if register != "none" and not can_rotate:
@@ -132,6 +139,7 @@ def compare_recording(
         first_ms=MS_PER_S * float(best.time_s[0]),
         last_ms=MS_PER_S * float(best.time_s[-1]),
         rms_mm=MM_PER_M * best.rms_m,
+        centred_rms_mm=MM_PER_M * _rms(movement - model_movement),
         movement_rms_mm=MM_PER_M * _rms(movement),
         points={
             name: _sensor(sensor, best.time_s, best.model[:, k], best.recorded[:, k], steady.planar)
@@ -261,7 +269,8 @@ def _registration_sentence(
 
 
 def _sensor(sensor: str, time_s: np.ndarray, model: np.ndarray, recorded: np.ndarray, planar: bool) -> ComparedSensor:
-    distance = np.linalg.norm(recorded - model, axis=1)
+    difference = recorded - model
+    distance = np.linalg.norm(difference, axis=1)
     worst = int(distance.argmax())
 
     def axis(number: int, sign: float = 1.0) -> ComparedAxis:
@@ -272,6 +281,7 @@ def _sensor(sensor: str, time_s: np.ndarray, model: np.ndarray, recorded: np.nda
         rms_mm=MM_PER_M * float(np.sqrt(np.mean(distance**2))),
         largest_mm=MM_PER_M * float(distance[worst]),
         largest_at_ms=MS_PER_S * float(time_s[worst]),
+        centred_rms_mm=MM_PER_M * _rms(difference - difference.mean(axis=0)),
         forward=axis(X, -1.0),
         up=axis(Z),
         right=None if planar else axis(Y),

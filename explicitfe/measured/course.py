@@ -1,7 +1,7 @@
-"""The course of a test in time: instants at which a model is computed, and from those back to the rows of the data.
+"""Discretization of a loading protocol: instants at which a model is computed, and interpolation to the rows of the data.
 
-A programme of many rows is reduced to its bends. Between two bends a moving tool is computed at even steps of its displacement,
-a waiting tool at times that grow from fine to coarse. Between the instants, a monotone curve from bend to bend is evaluated.
+A protocol of many rows is reduced to a polyline. Between two of its vertices a moving tool is computed at equal steps of
+displacement, and a resting tool at times with growing intervals. Results are interpolated monotonically between the instants.
 """
 
 from __future__ import annotations
@@ -11,36 +11,36 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-# Numbers of instants: of a motion over the whole range of the programme, and of a long wait. A ramp, a hold and a return then
-# take about 40; ``density`` multiplies them.
+# Numbers of instants for a motion over the whole range of the protocol, and for a long hold. A ramp, a hold and a return then
+# need about 40. ``density`` multiplies them.
 INSTANTS_OF_A_FULL_MOTION = 16
 INSTANTS_OF_A_LONG_WAIT = 8
-# A wait of this share of the whole time gets all its instants; a shorter one gets half of them.
+# A hold of at least this share of the duration gets all its instants; a shorter one gets half of them.
 LONG_WAIT_TIME_SHARE = 0.15
-# A wait shorter than this share of the whole time relaxes too little to need more than one instant.
+# In a hold shorter than this share of the duration, relaxation is too small for more than one instant.
 SHORT_WAIT_TIME_SHARE = 0.04
-# The pace may change by this share of the faster one without a corner: the answer is smooth there.
+# The rate may change by this share of the larger one without a vertex: the response is smooth there.
 SMOOTH_PACE_CHANGE_SHARE = 0.5
-# A programme that is straight within this share of its range has no bend: digitised ramps wobble by less.
+# A protocol that is straight within this share of its range has no vertex: digitised ramps deviate by less.
 STRAIGHT_RANGE_SHARE = 2e-3
-# A row that is off by no more than this many standard deviations of its noise is no bend.
+# A row that deviates by at most this many standard deviations of its noise is no vertex.
 NOISE_OF_A_STRAIGHT_LINE_SDS = 3.0
-# A motion over less than this share of the range is a wait.
+# A motion over less than this share of the range is a hold.
 WAIT_RANGE_SHARE = 0.05
-# The first instant of a wait comes after this share of it: relaxation begins at once, whatever its times are.
+# The first instant of a hold comes after this share of it, because relaxation begins immediately.
 FIRST_INSTANT_WAIT_SHARE = 0.01
-# Instants of the first motion crowd where it begins, with this power of their number: the force of a round tool begins curved.
+# Instants of the first motion are denser at its start, with this power of their number: the force of a round tool starts curved.
 ONSET_POWER = 1.25
 
 
 @dataclass(frozen=True)
 class Course:
-    """Instants of a programme.
+    """Instants of a loading protocol.
 
     Attributes
     ----------
-    time_s, imposed : (n,) instants, and what is imposed then; the first is the beginning, where the tool touches.
-    bends : (m,) indices of the instants where the programme bends; the first and the last are among them.
+    time_s, imposed : (n,) instants, and the imposed values; at the first one the tool touches the specimen.
+    bends : (m,) indices of the vertices of the protocol, including the first and the last instant.
     """
 
     time_s: np.ndarray
@@ -48,7 +48,7 @@ class Course:
     bends: np.ndarray
 
     def split(self, number: int, parts: int) -> Course:
-        """The course with the step to an instant cut into equal parts."""
+        """Return the protocol with the step to an instant divided into equal parts."""
         share = np.arange(1, parts) / parts
 
         def finer(column: np.ndarray) -> np.ndarray:
@@ -58,12 +58,12 @@ class Course:
         return Course(finer(self.time_s), finer(self.imposed), bends_after)
 
     def at(self, answers: np.ndarray, time_s: np.ndarray, contact_power: float | None = None) -> np.ndarray:
-        """Answers at the instants (n,), interpolated to other times (k,).
+        """Interpolate a response at the instants (n,) to other times (k,).
 
         Parameters
         ----------
-        contact_power : where the tool loses contact, the answer falls to zero with this power of the distance, and so it rises
-            again; None where it never loses contact.
+        contact_power : when the tool loses or regains contact, the response depends on the distance with this power; None if it
+            never loses contact.
         """
         values = np.empty(len(time_s))
         for start, end in zip(self.bends[:-1], self.bends[1:], strict=True):
@@ -78,7 +78,7 @@ class Course:
 
 
 def _with_ends_of_contact(t: np.ndarray, y: np.ndarray, power: float) -> tuple[np.ndarray, np.ndarray]:
-    """Instants and answers, with those added at which the tool loses contact and touches again."""
+    """Instants and responses, with the loss and the return of contact added."""
     for direction in (1, -1):
         t, y = t[::direction], y[::direction]
         last_pressing = np.flatnonzero((y[2:] <= 0.0) & (y[1:-1] > 0.0) & (y[:-2] > y[1:-1])) + 1
@@ -92,7 +92,7 @@ def _with_ends_of_contact(t: np.ndarray, y: np.ndarray, power: float) -> tuple[n
 
 
 def bends(time_s: np.ndarray, imposed: np.ndarray, slack: float) -> np.ndarray:
-    """Indices of the rows that a polyline needs, so that no row is farther than ``slack`` from it (Douglas & Peucker 1973)."""
+    """Return the rows of the polyline from which no row deviates by more than ``slack`` (Douglas & Peucker 1973)."""
     kept = {0, len(time_s) - 1}
     parts = [(0, len(time_s) - 1)]
     while parts:
@@ -111,16 +111,16 @@ def bends(time_s: np.ndarray, imposed: np.ndarray, slack: float) -> np.ndarray:
 def course_of(
     time_s: np.ndarray, imposed: np.ndarray, *, sd: float = 0.0, waits: bool = True, density: float = 1.0, touches: bool = True
 ) -> Course:
-    """Choose the instants of a programme.
+    """Choose the instants of a loading protocol.
 
     Parameters
     ----------
     time_s, imposed : (k,) rows.
     sd : noise of the imposed column.
-    waits : whether anything happens while the tool waits.
+    waits : whether the response changes during a hold.
     density : multiplies the numbers of instants.
-    touches : whether contact begins where 0 is imposed. A tool that is in contact in the first row already is taken to have
-        come at the pace at which it goes on.
+    touches : whether contact begins where 0 is imposed. If the tool is in contact in the first row, it is assumed to have
+        approached at the rate of the following motion.
     """
     low, high = min(imposed.min(), 0.0), max(imposed.max(), 0.0)
     range_ = high - low
@@ -159,7 +159,7 @@ def course_of(
 
 
 def _shares(t: np.ndarray, k: int, motion_share: float, onset: bool, waits: bool, density: float) -> np.ndarray:
-    """Instants between bend k and the next, as shares of the time between them."""
+    """Instants between vertex k and the next, as fractions of the time between them."""
     if motion_share > WAIT_RANGE_SHARE:
         count = int(np.ceil(density * max(INSTANTS_OF_A_FULL_MOTION * motion_share, 1.0)))
         return (np.arange(1, count + 1) / count) ** (ONSET_POWER if onset else 1.0)

@@ -1,4 +1,4 @@
-"""Measured curves in SI, and the datasets they make up."""
+"""Measured curves in SI, and datasets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ COLUMNS: dict[Kind, dict[str, tuple[str, float]]] = {
     "uniaxial": {"stretch": ("stretch", 1.0), "nominal_stress_Pa": ("nominal_stress_Pa", 1.0)},
     "shear": {"shear_strain": ("shear_strain", 1.0), "shear_stress_Pa": ("shear_stress_Pa", 1.0)},
 }
-# Kind of curve -> key of [noise] that it can have -> the column that is noisy.
+# Kind of curve -> possible keys of [noise] -> the noisy column.
 NOISE: dict[Kind, dict[str, str]] = {
     "force-displacement": {"force_sd_N": "force_N", "displacement_sd_mm": "displacement_mm"},
     "uniaxial": {"stress_sd_Pa": "nominal_stress_Pa", "stretch_sd": "stretch"},
@@ -50,7 +50,7 @@ PRINTED_UNITS = {
     "shear_stress_Pa": ("Pa", 1.0),
 }
 
-# Two digitisations of one curve read its rates and peaks off a picture: they agree within this share.
+# Two digitisations of one curve agree in rates and peaks within this share.
 _SAME_PROGRAMME_SHARE = 0.05
 
 
@@ -60,9 +60,9 @@ class Curve:
 
     Parameters
     ----------
-    id, file, constants, group, split, conditions : as in the file; split is None where the program chooses.
+    id, file, constants, group, split, conditions : as in the file; split is None if it is chosen by the rule.
     kind : what the columns are.
-    specimen, tool, noise : the dataset's tables with the curve's own laid over them; tool is None for a homogeneous state,
+    specimen, tool, noise : tables of the dataset, overridden by those of the curve; tool is None for a homogeneous state, and
         specimen too for a trajectory.
     time_s (k,) : 0 in the first row, strictly increasing [s].
     columns : name in SI -> (k,), see :data:`COLUMNS`; empty for a trajectory.
@@ -85,33 +85,33 @@ class Curve:
 
     @property
     def defect(self) -> str | None:
-        """What is wrong with the curve, in words; None if nothing is known."""
+        """Description of a defect of the curve; None if there is none."""
         defect = self.conditions.get("defect")
         return None if defect is None else str(defect)
 
     def number(self, condition: str) -> float | None:
-        """A condition that is a number; None where the curve has none, or has a word there."""
+        """Return a numerical condition; None if the curve does not have it, or if it is not a number."""
         value = self.conditions.get(condition)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
     @property
     def imposed(self) -> str:
-        """Name of the column that the test imposed; a trajectory has none."""
+        """Name of the imposed column; not for a trajectory."""
         return self._driven()[0]
 
     @property
     def predicted(self) -> str:
-        """Name of the column that a model has to predict; a trajectory has none."""
+        """Name of the predicted column; not for a trajectory."""
         return self._driven()[1]
 
     @property
     def displacement_m(self) -> np.ndarray:
-        """Of the tool, positive into the tissue (k,) [m]."""
+        """Displacement of the tool, positive into the tissue (k,) [m]."""
         return self.columns["displacement_m"]
 
     @property
     def force_N(self) -> np.ndarray:
-        """On the tool, positive in compression (k,) [N]."""
+        """Force on the tool, positive in compression (k,) [N]."""
         return self.columns["force_N"]
 
     @property
@@ -146,9 +146,9 @@ class Dataset:
     Parameters
     ----------
     path : the dataset.toml.
-    scenario, sensors, registration : of a trajectory; sensors maps a sensor to the model's named point. Without a scenario
-        there is nothing to compare with.
-    rig : what the machine can do, where the dataset says it.
+    scenario, sensors, registration : of a trajectory; sensors maps a sensor to a named point of the model. Without a scenario
+        the dataset has data only.
+    rig : limits of the machine, if the dataset states them.
     """
 
     name: str
@@ -165,18 +165,18 @@ class Dataset:
     rig: RigLimits | None = None
 
     def constants_groups(self) -> dict[str, tuple[Curve, ...]]:
-        """Name of the constants -> the curves that share them, in the order of the file."""
+        """Return the curves by the name of their constants, in the order of the file."""
         groups: dict[str, tuple[Curve, ...]] = {}
         for curve in self.curves:
             groups[curve.constants] = (*groups.get(curve.constants, ()), curve)
         return groups
 
     def regrouped(self, key: str) -> Dataset:
-        """The same curves with their constants shared by ``group`` or by a key of their conditions.
+        """Return the same curves with constants shared by ``group`` or by a key of their conditions.
 
         Raises
         ------
-        InputError : a curve has no such condition, or a held-out curve is left without a fit curve.
+        InputError : a curve has no such condition, or a held-out curve shares constants with no fitted curve.
         """
         common = set.intersection(*(set(curve.conditions) for curve in self.curves)) | {"group"}
         if key not in common:
@@ -192,9 +192,9 @@ class Dataset:
 
 
 def same_measurement(one: Curve, other: Curve) -> bool:
-    """Whether two curves differ in ``digitisation`` only, so that they must stand on one side of a split.
+    """Whether two curves differ only in ``digitisation``, so that they must be on the same side of a split.
 
-    The programme's numbers may differ by 5 %, for they are digitised too; a group that was left out says nothing.
+    Numbers of the loading protocol may differ by 5 %, because they are digitised too. A default group is ignored.
     """
     if one.conditions.get("digitisation") == other.conditions.get("digitisation"):
         return False
@@ -215,23 +215,23 @@ def same_measurement(one: Curve, other: Curve) -> bool:
 
 
 def check_constants(curves: Sequence[Curve], path: str) -> None:
-    """Raise InputError where a held-out curve has constants that no fit curve shares."""
+    """Raise InputError if a held-out curve has constants that no fitted curve shares."""
     fitted = {curve.constants for curve in curves if curve.split != "holdout"}
     for curve in curves:
         if curve.constants not in fitted:
             raise InputError(
-                f'{path}: curve "{curve.id}" is held out, and no fit curve shares its constants "{curve.constants}"; '
-                f'give one of them split = "fit", or let the curves share their constants.'
+                f'{path}: curve "{curve.id}" is held out, and no fitted curve shares its constants "{curve.constants}"; '
+                f'set split = "fit" for one of them, or use the same constants.'
             )
 
 
 def check_sides(curves: Sequence[Curve], path: str) -> None:
-    """Raise InputError where one measurement stands on both sides of the split."""
+    """Raise InputError if one measurement is on both sides of the split."""
     for one, other in combinations(curves, 2):
         if {one.split, other.split} == {"fit", "holdout"} and same_measurement(one, other):
             raise InputError(
-                f'{path}: curves "{one.id}" and "{other.id}" are digitisations of one measurement and stand on two sides of '
-                f"the split; give both the same split."
+                f'{path}: curves "{one.id}" and "{other.id}" are digitisations of one measurement, on two sides of '
+                f"the split; set the same split for both."
             )
 
 
@@ -243,12 +243,12 @@ def _name_of(value: ConditionValue) -> str:
 
 
 def programme_of(curve: Curve) -> np.ndarray:
-    """What the test imposed over time: that column (k,) in SI."""
+    """Return the imposed column (k,) in SI."""
     return curve.columns[curve.imposed]
 
 
 def sd_of(curve: Curve, column: str) -> float | None:
-    """Standard deviation of the noise of a column, in SI; None where it is unknown."""
+    """Return the standard deviation of the noise of a column, in SI; None if it is unknown."""
     for key, of in NOISE[curve.kind].items():
         name, factor = COLUMNS[curve.kind][of]
         value = getattr(curve.noise, key)

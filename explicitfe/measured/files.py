@@ -1,4 +1,4 @@
-"""The files of a dataset as text: ``dataset.toml`` and its CSVs, with the line in which a fault is."""
+"""Parse the files of a dataset, ``dataset.toml`` and its CSVs, with line numbers for error messages."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from explicitfe.measured.tables import RawTable
 from explicitfe.scenario.sentences import explain
 
 SMALLEST_CURVE_ROWS = 3  # Two rows are a straight line: no curve.
-# A fit takes a time and a memory in proportion to the rows, some thousands of times; more rows than this tell it no more.
+# Time and memory of a fit are proportional to the number of rows; more rows than this hardly narrow an interval.
 LARGEST_CURVE_ROWS = 10_000
 LARGEST_CURVE_BYTES = 16 * 2**20
 
@@ -28,22 +28,22 @@ _HEADER = re.compile(r"""\s*(\[\[?)\s*([A-Za-z_"'][^\[\],]*?)\s*\]\]?\s*(#.*)?$"
 
 
 def folder_name(path: Path | str) -> str:
-    """Name of the folder that a dataset is in."""
+    """Return the name of the folder of a dataset."""
     path = dataset_folder(path).resolve()
     return path.parent.name if path.name == DATASET_FILE else path.name
 
 
 class DatasetToml:
-    """``dataset.toml``: its path, its parsed tables, and errors that know their line."""
+    """``dataset.toml``: its path, its parsed tables, and errors with line numbers."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        text = text_of(path, f"give the dataset's folder, with a {DATASET_FILE} and a CSV for each curve in it")
+        text = text_of(path, f"give the folder of a dataset, which has a {DATASET_FILE} and a CSV for each curve")
         self.lines = lines_of(text)
         self.data = toml_of(text, path)
 
     def fault(self, keys: Sequence[str | int], sentence: str) -> InputError:
-        """An error at a key, or at the table that should hold it."""
+        """Error with the line of a key, or of the table that should have it."""
         line = self._line(keys)
         return InputError(f"{self.path}{'' if line is None else f', line {line}'}: {sentence}")
 
@@ -55,7 +55,7 @@ class DatasetToml:
         place: Callable[[Sequence[str | int]], Sequence[str | int]] = tuple,
         prefix: str = "",
     ) -> InputError:
-        """What does not fit the schema; ``place`` turns a key's path in the data into one in the file."""
+        """Error for a schema violation; ``place`` converts the path of a key in the data into that in the file."""
         # The sentence is about this problem: a misspelt key comes before the key that is missing because of it.
         problem = min(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")
         return self.fault(place(problem["loc"]), prefix + explain(error, data, table))
@@ -97,11 +97,11 @@ class CurveCsv:
     def __init__(self, path: Path, kind: Kind, sensors: Iterable[str]) -> None:
         self.path = path
         self.kind = kind
-        lines = lines_of(text_of(path, "make it a smaller table of numbers", largest_bytes=LARGEST_CURVE_BYTES))
+        lines = lines_of(text_of(path, "reduce the number of rows", largest_bytes=LARGEST_CURVE_BYTES))
         self.line_of = [number for number, line in enumerate(lines, 1) if line.strip()]
         filled = [lines[number - 1] for number in self.line_of]
         if not filled:
-            raise InputError(f"{path}: the file is empty; write a header and {SMALLEST_CURVE_ROWS} rows at least.")
+            raise InputError(f"{path}: the file is empty; write a header and at least {SMALLEST_CURVE_ROWS} rows.")
         names = self._names(filled[0], sensors)
         del self.line_of[0]
         rows = self._numbers(filled[1:], names)
@@ -136,7 +136,7 @@ class CurveCsv:
             if name not in valid:
                 raise InputError(f'{where} unknown column "{shortened(name)}" ({should}); {nearest(name, valid)}')
             if names.count(name) > 1:
-                raise InputError(f'{where} the column "{shortened(name)}" stands twice; take one of them out.')
+                raise InputError(f'{where} the column "{shortened(name)}" occurs twice; remove one of them.')
         for name in valid:
             if name not in names:
                 raise InputError(f'{where} the column "{shortened(name)}" is missing ({should}); add it.')
@@ -149,16 +149,16 @@ class CurveCsv:
         if len(rows) < SMALLEST_CURVE_ROWS:
             last = self.line_of[-1] if rows else 1
             count = f"{len(rows)} row{'' if len(rows) == 1 else 's'}"
-            raise InputError(f"{self.path}, line {last}: the curve ends after {count}; it needs {SMALLEST_CURVE_ROWS} at least.")
+            raise InputError(f"{self.path}, line {last}: the curve ends after {count}; it needs at least {SMALLEST_CURVE_ROWS}.")
         if len(rows) > LARGEST_CURVE_ROWS:
             every = -(-len(rows) // LARGEST_CURVE_ROWS)
-            sentence = f"the curve has {len(rows)} rows, and no more than {LARGEST_CURVE_ROWS} are computed"
+            sentence = f"the curve has {len(rows)} rows, and at most {LARGEST_CURVE_ROWS} are allowed"
             raise InputError(f"{self.path}: {sentence}; keep one row in {every}.")
         try:
             numbers = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
             if numbers.shape[1] == len(names) and np.isfinite(numbers).all():
                 return numbers
-            reason = "the cells are no finite numbers"
+            reason = "the cells are not finite numbers"
         except ValueError as error:
             reason = str(error)
         for row, line in enumerate(rows):
@@ -168,7 +168,7 @@ class CurveCsv:
             for cell, name in zip(cells, names, strict=True):
                 if not _CELL.fullmatch(cell) or not math.isfinite(float(cell)):
                     raise self.fault(
-                        row, f'{shortened(name)} = "{shortened(cell)}" is no finite number; correct it or leave the row out.'
+                        row, f'{shortened(name)} = "{shortened(cell)}" is not a finite number; correct it or omit the row.'
                     )
         raise InputError(f"{self.path}: this cannot be read as a table of numbers: {reason}.")
 
@@ -179,5 +179,5 @@ class CurveCsv:
         late = np.flatnonzero(np.diff(time) <= 0.0)
         if len(late):
             before, now = time[late[0]], time[late[0] + 1]
-            what = "stands twice" if now == before else f"runs backwards, from {before:.9g}"
+            what = "occurs twice" if now == before else f"runs backwards, from {before:.9g}"
             raise self.fault(late[0] + 1, f"{TIME} = {now:.9g} {what}; it must increase from row to row.")

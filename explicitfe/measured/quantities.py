@@ -1,4 +1,4 @@
-"""Quantities that a test measures, the units in which machines give them, and the names that they give to columns."""
+"""Measured quantities, their units, and common names of their columns."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Quantity = Literal["time", "displacement", "force", "stretch", "stress", "shear-
 
 @dataclass(frozen=True)
 class Measured:
-    """What is known of a quantity.
+    """Units and names of a quantity.
 
     Attributes
     ----------
-    units : unit -> factor to that of a dataset, which comes first.
-    names : begins or parts of names of its columns, in English, German, French, Spanish and Italian.
-    column : what it is called in a CSV of a dataset.
+    units : unit -> factor to the unit of a dataset, which comes first.
+    names : parts of column names, in English, German, French, Spanish and Italian.
+    column : name in a CSV of a dataset.
     """
 
     units: dict[str, float]
@@ -63,19 +63,19 @@ _SPELLINGS = {
 
 
 def unit_of(quantity: Quantity, word: str) -> str | None:
-    """The unit that a word means, in the spelling of the tables; None if it is none of the quantity's."""
+    """Return the unit that a word denotes, in the spelling of QUANTITIES; None if it is no unit of the quantity."""
     units = QUANTITIES[quantity].units
     word = word.strip()
     for candidate in (word, _SPELLINGS.get(word.lower(), word)):
         if candidate in units:
             return candidate
     by_lower = {unit.lower(): unit for unit in units}
-    # "MPA" and "n" are meant well, but mN and MN differ: only what is written in one manner is taken.
+    # "MPA" and "n" are unambiguous, but mN and MN differ.
     return by_lower.get(word.lower()) if word.lower() != "mn" else None
 
 
 def guessed(export: Export, quantity: Quantity) -> ExportColumn | None:
-    """The column that is the quantity by its name; by its unit where no name says so and one column alone has such a unit."""
+    """Return the column of a quantity by its name, or by its unit if only one column has such a unit; None if there is none."""
     named = [column for column in export.columns if QUANTITIES[quantity].names.search(column.name)]
     fitting = [column for column in named if unit_of(quantity, column.unit) is not None]
     if fitting or named:
@@ -86,7 +86,7 @@ def guessed(export: Export, quantity: Quantity) -> ExportColumn | None:
 
 @dataclass(frozen=True)
 class Choice:
-    """A column of an export, and the unit that it is in."""
+    """A column of a table, and its unit."""
 
     column: ExportColumn
     quantity: Quantity
@@ -94,16 +94,16 @@ class Choice:
 
     @property
     def factor(self) -> float:
-        """To the unit of a dataset."""
+        """Factor to the unit of a dataset."""
         return QUANTITIES[self.quantity].units[self.unit]
 
 
 def chosen(export: Export, quantity: Quantity, words: str) -> tuple[ExportColumn, str | None]:
-    """The column and the unit that ``COLUMN`` or ``COLUMN:UNIT`` names; None where the unit stands nowhere.
+    """Return the column and the unit named by ``COLUMN`` or ``COLUMN:UNIT``; the unit is None if it is not given.
 
     Raises
     ------
-    InputError : there is no such column, or the unit is none of the quantity's.
+    InputError : there is no such column, or the unit is not one of the quantity.
     """
     name, colon, unit = words.rpartition(":")
     names = {column.name.lower() for column in export.columns}

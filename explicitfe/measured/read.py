@@ -1,4 +1,4 @@
-"""A dataset from its folder: read, checked and turned into SI."""
+"""Read a dataset from its folder, check it and convert it to SI."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from explicitfe.scenario.table import validated
 
 
 def read_dataset(path: Path | str) -> Dataset:
-    """A dataset, checked, in SI.
+    """Read a dataset, in SI units.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def read_dataset(path: Path | str) -> Dataset:
 
     Raises
     ------
-    InputError : a file cannot be read or cannot be right; one sentence that names the file, the line or key, and what to do.
+    InputError : a file cannot be read, or a value is invalid; the message names the file, the line or key, and what to do.
     """
     path = dataset_folder(path)
     with suppress(OSError, ValueError):  # The name may be none that a file can have; opening it says so.
@@ -70,31 +70,35 @@ def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
         for keys, owner in owners:
             for name in ("specimen", "tool"):
                 if getattr(owner, name):
-                    raise source.fault((*keys, name), f"a trajectory has no [{name}]; take it out.")
+                    raise source.fault((*keys, name), f"a trajectory has no [{name}]; remove it.")
         for name in ("sensor", "registration"):
             if table.scenario is None and getattr(table, name):
                 raise source.fault((name,), f"[{name}] needs a scenario to compare with; add the key scenario.")
         if table.scenario is not None and not (source.path.parent / table.scenario).is_file():
-            raise source.fault(("scenario",), f'the scenario "{table.scenario}" is missing; put it beside {source.path.name}.')
+            raise source.fault(
+                ("scenario",), f'the scenario "{table.scenario}" is missing; put it into the folder of {source.path.name}.'
+            )
     else:
         for name in ("scenario", "sensor", "registration"):
             if getattr(table, name):
-                raise source.fault((name,), f'{name} is for test = "trajectory" only; take it out.')
+                raise source.fault((name,), f'{name} is for test = "trajectory" only; remove it.')
         if table.specimen is None and not all(curve.specimen for curve in table.curve):
-            raise source.fault(("test",), '[specimen] is missing; add it, with shape = "point" for a state of no known size.')
+            raise source.fault(("test",), '[specimen] is missing; add it, shape = "point" if the size is unknown.')
         tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
         if table.test == "indentation" and not all(tooled):
             raise source.fault(("test",), "an indentation needs a [tool]; add it.")
         if table.test == "shear" and any(tooled):
-            raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; take it out.")
+            raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; remove it.")
         if any(tooled) and not all(tooled):
-            raise source.fault(("curve", tooled.index(True), "tool"), "either all curves have a tool or none; add a [tool].")
+            raise source.fault(
+                ("curve", tooled.index(True), "tool"), "some curves have a tool, others none; add a [tool] for all."
+            )
     for array, key in (("sensor", "name"), ("curve", "id"), ("curve", "file")):
         names = [getattr(entry, key) for entry in getattr(table, array)]
         for number, name in enumerate(names):
             first = names.index(name)
             if first != number:
-                sentence = f'two {array}s have the {key} "{name}", numbers {first + 1} and {number + 1}; give each its own.'
+                sentence = f'two {array}s have the {key} "{name}", numbers {first + 1} and {number + 1}; give each a unique one.'
                 raise source.fault((array, number, key), sentence)
 
 
@@ -105,10 +109,10 @@ def _check_files(table: DatasetFile, source: DatasetToml) -> None:
     unlisted = sorted(name for name in files - {curve.file for curve in table.curve} if name.lower().endswith(".csv"))
     for number, curve in enumerate(table.curve):
         if curve.file not in files:
-            hint = nearest(curve.file, unlisted) if unlisted else f"put it beside {source.path.name}."
+            hint = nearest(curve.file, unlisted) if unlisted else f"put it into the folder of {source.path.name}."
             raise source.fault(("curve", number, "file"), f'the file "{curve.file}" of curve "{curve.id}" is missing; {hint}')
     if unlisted:
-        raise InputError(f"{folder / unlisted[0]}: no curve of {source.path.name} has this file; list it there or take it out.")
+        raise InputError(f"{folder / unlisted[0]}: no curve of {source.path.name} has this file; add one or remove the file.")
 
 
 def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
@@ -118,7 +122,7 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
         "force-displacement" if setup.tool is not None else table.test if table.test in ("shear", "trajectory") else "uniaxial"
     )
     if setup.tool is not None and setup.specimen is not None and setup.specimen.shape == "point":
-        raise source.fault(("specimen", "shape"), 'a specimen of shape "point" has no place for a [tool]; give it a size.')
+        raise source.fault(("specimen", "shape"), 'a specimen of shape "point" cannot have a [tool]; give its dimensions.')
     csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])
     check_units(csv, setup)
     check_noise(csv, setup, table, number, source)

@@ -1,4 +1,4 @@
-"""The JSON schema of datasets, and of files that have tables of theirs, for editors."""
+"""JSON schema of datasets, and of files with the same tables, for editors."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from pydantic.json_schema import models_json_schema
 from explicitfe.measured.tables import DatasetFile, MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.scenario.bounds import with_bounds
 
-# Tables that are merged, those of a curve over those of the dataset, before they are checked: key -> what it has to be then.
+# Tables of a curve that override those of the dataset before they are validated: key -> their schema.
 _MERGED: dict[str, type[BaseModel]] = {"specimen": MeasuredSpecimen, "tool": MeasuredTool, "noise": MeasuredNoise}
 
 
 def dataset_schema() -> dict[str, object]:
-    """The JSON schema of ``dataset.toml``."""
+    """Return the JSON schema of ``dataset.toml``."""
     return schema_with_merged_tables(DatasetFile)
 
 
 def schema_with_merged_tables(file: type[BaseModel]) -> dict[str, object]:
-    """The JSON schema of a file, in which [specimen], [tool] and [noise] have the keys of a dataset's.
+    """Return the JSON schema of a file whose [specimen], [tool] and [noise] have the keys of a dataset.
 
-    No key of theirs is required: it may stand in the table of the dataset or in that of a curve.
+    None of their keys is required, because it may be in the table of the dataset or in that of a curve.
     """
     _, merged = models_json_schema([(table, "validation") for table in _MERGED.values()], ref_template="#/$defs/{model}")
     schema: dict[str, Any] = {**file.model_json_schema(), "$schema": "https://json-schema.org/draft/2020-12/schema"}

@@ -1,4 +1,4 @@
-"""Which curves and rows of a dataset an elastic law is fitted to, which it only predicts, and which are left out."""
+"""Select the curves and rows of a dataset that an elastic law is fitted to, those it predicts, and those omitted."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from explicitfe.errors import InputError, nearest, shortened
 from explicitfe.measured.curve import Curve, Dataset, programme_of, same_measurement, sd_of
 from explicitfe.measured.tables import ConditionValue
 
-# A row counts as the largest one when it is so within this many standard deviations of the imposed column: a hold is noise about
-# its value.
+# Rows within this many standard deviations of the largest imposed value count as largest: a hold is noise about its value.
 SAME_MAXIMUM_SDS = 3.0
-# The noise says where a hold begins only where those are less than this share of the largest value.
+# The noise determines the start of a hold only if it is less than this share of the largest value.
 LARGEST_SLACK_SHARE = 0.01
-# A ramp that ends within so many rows of its largest value has no unloading to leave out.
+# A ramp that ends within this many rows of its largest value has no unloading to omit.
 ROWS_OF_NO_UNLOADING = 2
 
 
@@ -37,24 +36,24 @@ class Group:
 
 
 def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dict[str, str]]:
-    """Choose the curves to fit.
+    """Select the curves to fit.
 
     Parameters
     ----------
-    fit_where : "KEY=VALUE" on conditions, ``group`` or ``id``: only curves that match all keys are fitted, the others
-        predicted; a key given twice allows both values. A curve that the dataset holds out stays so.
+    fit_where : "KEY=VALUE" on conditions, ``group`` or ``id``: only curves that match all keys are fitted, the others are
+        predicted. A key given twice allows both values. A held-out curve is never fitted.
 
     Returns
     -------
     groups : curves that share their constants.
-    left_out : id of a curve -> why it is neither fitted nor predicted.
+    left_out : id of a curve -> reason why it is neither fitted nor predicted.
 
     Raises
     ------
     InputError : a trajectory, an unknown key, or constants without a curve to fit.
     """
     if dataset.test == "trajectory":
-        raise InputError(f"{dataset.path}: constants of tissue are identified from tests of specimens, this is a trajectory.")
+        raise InputError(f"{dataset.path}: a trajectory has no material test, so no constants can be identified; use close-loop.")
     wanted = _wanted(dataset, fit_where)
     left_out = {c.id: f"defect: {c.defect}" for c in dataset.curves if c.defect}
     groups = []
@@ -73,7 +72,7 @@ def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dic
         if not fitted:
             which = " ".join(f"--fit {w}" for w in fit_where)
             raise InputError(
-                f'{dataset.path}: no curve is left to fit the constants "{name}"'
+                f'{dataset.path}: no curve remains to fit the constants "{name}"'
                 + (f" with {which}; allow one." if which else ": all are held out or defective.")
             )
         groups.append(Group(name, tuple(fitted), tuple(predicted), {c.id: loading_rows(c) for c in fitted + predicted}))
@@ -81,7 +80,7 @@ def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dic
 
 
 def loading_rows(curve: Curve) -> int:
-    """Rows up to the first largest imposed value: an elastic law answers the same in loading and unloading."""
+    """Return the number of rows up to the largest imposed value; an elastic law has no hysteresis."""
     programme = programme_of(curve)
     load = np.abs(programme - 1.0) if curve.imposed == "stretch" else np.abs(programme) if curve.kind == "shear" else programme
     slack = SAME_MAXIMUM_SDS * (sd_of(curve, curve.imposed) or 0.0)

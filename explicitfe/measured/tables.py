@@ -1,4 +1,4 @@
-"""The schema of ``dataset.toml``: what was tested, with which tool and which noise, and the curves."""
+"""The schema of ``dataset.toml``: specimen, tool, noise and curves."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ ConditionValue = str | int | float | bool | list[str | int | float | bool]
 Conditions = Mapping[str, ConditionValue]
 RawTable = dict[str, Any]  # A table of the file that is checked only when it is merged with that of the dataset.
 
-# Two groups of conditions say which measurement a curve is: what the machine was asked for, which is digitised and therefore
-# equal to a few percent only, and what was measured.
+# Two groups of conditions identify a measurement: the loading protocol, which is digitised and therefore equal within a few
+# percent only, and what was measured.
 PROGRAMME_CONDITIONS = ("rate_per_s", "rate_mm_per_s", "max_strain", "max_stretch", "max_displacement_mm", "hold_s")
 IDENTITY_CONDITIONS = (
     "direction", "material", "sample", "spot", "piece", "day", "repeat", "cycle", "order", "phases", "site",
@@ -37,7 +37,7 @@ NUMERIC_CONDITIONS = (*PROGRAMME_CONDITIONS, "preload_N", "first_force_N")
 LARGEST_FLOAT = float(np.finfo(float).max)
 
 
-# These keys belong to a shape: a curve that overrides the shape brings its own.
+# These keys belong to a shape: a curve that overrides the shape needs its own.
 SHAPE_KEYS = {"radius_mm", "height_mm", "size_mm", "edge_radius_mm"}
 
 # A value outside these limits was given in another unit. They are wide: a test that is merely unusual must pass.
@@ -77,16 +77,16 @@ def _friction(value: object) -> object:
 
 
 class _Described(Table):
-    """A table that may name keys of its own that were inferred, because the source does not state them."""
+    """A table that may list those of its keys that were inferred because the source does not state them."""
 
-    assumed: tuple[str, ...] = Field(default=(), description="keys of this table that the source does not state")
+    assumed: tuple[str, ...] = Field(default=(), description="keys of this table whose values the source does not state")
 
     @model_validator(mode="after")
     def _assumed_is_given(self) -> _Described:
         given = self.model_fields_set - {"assumed"}
         for key in self.assumed:
             if key not in given:
-                raise ValueError(f'assumed names "{shortened(key)}", which this table does not give; {nearest(key, given)}')
+                raise ValueError(f'assumed names "{shortened(key)}", which is not in this table; {nearest(key, given)}')
         return self
 
     def _only(self, shape: str, needed: Iterable[str], possible: Iterable[str]) -> None:
@@ -95,11 +95,11 @@ class _Described(Table):
             if getattr(self, key) is None:
                 raise ValueError(f'shape = "{shape}" needs {key}; add it')
         for key in sorted(self.model_fields_set & set(possible) - set(needed)):
-            raise ValueError(f'shape = "{shape}" has no {key}; take it out')
+            raise ValueError(f'shape = "{shape}" has no {key}; remove it')
 
 
 class MeasuredSpecimen(_Described):
-    """What was tested. A block's third size is its thickness, along the load."""
+    """The specimen. The third dimension of a block is its thickness, along the load."""
 
     shape: Literal["point", "cylinder", "block"] = Field(description="point: a homogeneous state of no known size")
     radius_mm: Length | None = Field(default=None, description="of a cylinder: half its diameter")
@@ -109,11 +109,11 @@ class MeasuredSpecimen(_Described):
     )
     density_kg_m3: Annotated[float, _within(_DENSITY_KG_M3, "kg/m3")] = 1040.0
     base: Literal["bonded", "frictionless", "unknown"] = Field(
-        default="unknown", description="whether the face on which it stands is glued, slides, or nobody knows"
+        default="unknown", description="support of the lower face: glued, sliding or unknown"
     )
     layer_mm: Thickness = Field(default=0.0, description="thickness of a surface layer; 0 is none")
     layer_stiffness_ratio: Annotated[float, _within(_STIFFNESS_RATIO, "layer over body")] = Field(
-        default=1.0, description="moduli of the layer over those of the body"
+        default=1.0, description="ratio of the moduli of the layer to those of the body"
     )
 
     @model_validator(mode="after")
@@ -121,9 +121,9 @@ class MeasuredSpecimen(_Described):
         needed: list[str] = {"point": [], "cylinder": ["radius_mm", "height_mm"], "block": ["size_mm"]}[self.shape]
         self._only(self.shape, needed, ["radius_mm", "height_mm", "size_mm"])
         if self.layer_mm > 0.0 and self.shape == "point":
-            raise ValueError('shape = "point" has no layer; take layer_mm out')
+            raise ValueError('shape = "point" has no layer; remove layer_mm')
         if self.layer_mm > 0.0 and self.layer_mm >= self.thickness_mm:
-            raise ValueError(f"layer_mm = {self.layer_mm:g} is no less than the specimen's height, {self.thickness_mm:g} mm")
+            raise ValueError(f"layer_mm = {self.layer_mm:g} is not below the height of the specimen, {self.thickness_mm:g} mm")
         if "layer_stiffness_ratio" in self.model_fields_set and self.layer_mm == 0.0:
             raise ValueError("layer_stiffness_ratio needs the thickness layer_mm; add it")
         return self
@@ -145,14 +145,14 @@ class MeasuredSpecimen(_Described):
 
 
 class MeasuredTool(_Described):
-    """What pressed or pulled, and which column it imposed."""
+    """The tool, and the column that was imposed."""
 
     shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"] = Field(
-        description="platen: a plate wider than the specimen; bonded-disc: a disc that is glued on"
+        description="platen: a plate wider than the specimen; bonded-disc: a disc glued to the specimen"
     )
-    radius_mm: Length | None = Field(default=None, description="of all but a platen: half its diameter")
-    edge_radius_mm: Thickness = Field(default=0.0, description="rounding of a flat cylinder's edge")
-    control: Literal["force", "displacement"] = Field(description="the column that is imposed; the other one is predicted")
+    radius_mm: Length | None = Field(default=None, description="half the diameter; not for a platen")
+    edge_radius_mm: Thickness = Field(default=0.0, description="fillet radius of the edge of a flat cylinder")
+    control: Literal["force", "displacement"] = Field(description="the imposed column; the other one is predicted")
     friction: Annotated[float | Literal["stick", "unknown"], BeforeValidator(_friction)] = Field(
         default="unknown", description='a coefficient, "stick", or "unknown"'
     )
@@ -168,20 +168,20 @@ class MeasuredTool(_Described):
 
 
 class MeasuredNoise(Table):
-    """Standard deviations of one row; None is unknown, 0 is exact."""
+    """Standard deviations of one row; None means unknown, 0 means exact."""
 
     force_sd_N: float | None = Field(default=None, ge=0.0, description="of a force [N]")
     displacement_sd_mm: float | None = Field(default=None, ge=0.0, description="of a displacement, or of a coordinate [mm]")
     stress_sd_Pa: float | None = Field(default=None, ge=0.0, description="of a stress [Pa]")
     stretch_sd: float | None = Field(default=None, ge=0.0, description="of a stretch; in shear, of the shear strain")
-    repeat_sd_fraction: float | None = Field(default=None, ge=0.0, le=1.0, description="scatter between equal tests, as a share")
+    repeat_sd_fraction: float | None = Field(default=None, ge=0.0, le=1.0, description="relative scatter of repeated tests")
 
 
 class SensorTable(Table):
-    """A sensor of a trajectory and the model's point that it sits on."""
+    """A sensor of a trajectory, and the point of the model that it is mapped to."""
 
-    name: str = Field(min_length=1, description="as the columns of the CSV call it: NAME_x_mm, NAME_y_mm, NAME_z_mm")
-    model_point: str = Field(min_length=1, description="named point of the scenario's model")
+    name: str = Field(min_length=1, description="as in the columns of the CSV: NAME_x_mm, NAME_y_mm, NAME_z_mm")
+    model_point: str = Field(min_length=1, description="named point of the model of the scenario")
 
 
 def _fit_or(check: Callable[[object], object]) -> BeforeValidator:
@@ -210,7 +210,7 @@ def _scale(value: object) -> object:
 
 
 class RegistrationTable(Table):
-    """From the sensors' frame to the model's: x_model = scale * rotation x + translation; "fit" leaves a part to the program."""
+    """From the sensor frame to the model frame: x_model = scale * rotation x + translation; "fit" fits a part."""
 
     rotation: Annotated[tuple[Vector, Vector, Vector] | Literal["fit"], _fit_or(_rotation)] = (
         (1.0, 0.0, 0.0),
@@ -226,19 +226,19 @@ def _is_number(value: object) -> TypeGuard[int | float]:
 
 
 class CurveTable(Table):
-    """One curve, as the file states it; its tables are merged over those of the dataset."""
+    """One curve; its tables override single keys of those of the dataset."""
 
-    id: Name = Field(description="the name of the curve, each its own")
+    id: Name = Field(description="unique name of the curve")
     file: Name = Field(description="its CSV, in the folder of the dataset")
-    constants: Name = Field(default="all", description="curves of one name share their constants")
-    group: Name | None = Field(default=None, description="what shares one specimen or site; its own id if left out")
-    split: Split | None = Field(default=None, description="fit, or holdout: only predicted; left to the program if left out")
+    constants: Name = Field(default="all", description="curves with the same name share their material constants")
+    group: Name | None = Field(default=None, description="curves of one specimen or site have the same group; default: the id")
+    split: Split | None = Field(default=None, description="fit, or holdout: predicted, not fitted; default: chosen by a rule")
     specimen: RawTable = Field(default={}, description="keys that differ from those of [specimen]")
     tool: RawTable = Field(default={}, description="keys that differ from those of [tool]")
     noise: RawTable = Field(default={}, description="keys that differ from those of [noise]")
     conditions: RawTable = Field(
         default={},
-        description="what was done and to what: "
+        description="conditions of the test: "
         + ", ".join((*PROGRAMME_CONDITIONS, *IDENTITY_CONDITIONS, "preload_N", "digitisation", "defect"))
         + ", or any other key",
     )
@@ -267,27 +267,27 @@ class CurveTable(Table):
             if key in NUMERIC_CONDITIONS and not _is_number(value):
                 raise ValueError(f"{key} = {shortened(repr(value))} must be a number")
             if key == "defect" and not (isinstance(value, str) and value.strip()):
-                raise ValueError("defect must say in words what is wrong; leave it out where nothing is")
+                raise ValueError("defect must describe in words what is wrong; omit the key if nothing is")
         return conditions
 
 
 class DatasetFile(Table):
     """The schema of ``dataset.toml``."""
 
-    format: Literal["explicitfe-dataset/1"] = Field(description="says what the file is")
+    format: Literal["explicitfe-dataset/1"] = Field(description="format and version of the file")
     name: str = Field(pattern=r"^[a-z0-9]+([-.][a-z0-9]+)*$", max_length=LONGEST_NAME_CHARACTERS, description="kebab-case")
     title: Title
-    test: TestKind = Field(description="what was done; it says which columns a CSV has")
-    source: str = Field(default="", description="who measured it and where it is published")
-    license: str = Field(default="", description="under which it may be used")
-    notes: str = Field(default="", description="what a reader has to know of it")
+    test: TestKind = Field(description="kind of test; it determines the columns of the CSV files")
+    source: str = Field(default="", description="who measured the data, and where they are published")
+    license: str = Field(default="", description="license of the data")
+    notes: str = Field(default="", description="remarks for readers")
     scenario: str | None = Field(default=None, min_length=1, description="scenario of a trajectory, relative to this file")
     sensor: list[SensorTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     registration: RegistrationTable | None = None
-    specimen: RawTable | None = Field(default=None, description="what was tested; required but for a trajectory")
-    tool: RawTable | None = Field(default=None, description="what pressed or pulled; without it the CSV has stretch and stress")
-    noise: RawTable = Field(default={}, description="what is known of the noise; what is not known is estimated")
-    rig: RigLimits | None = Field(default=None, description="what the machine can do, for the tests that are proposed next")
+    specimen: RawTable | None = Field(default=None, description="the specimen; required except for a trajectory")
+    tool: RawTable | None = Field(default=None, description="the tool; without it the CSV has stretch and stress")
+    noise: RawTable = Field(default={}, description="known standard deviations; others are estimated")
+    rig: RigLimits | None = Field(default=None, description="limits of the machine, for proposed tests")
     curve: list[CurveTable] = Field(min_length=1, max_length=MOST_TABLES_OF_A_KIND)
 
 

@@ -1,4 +1,4 @@
-"""Whether the numbers of a curve can be right: a value far outside what soft tissue shows was given in another unit."""
+"""Plausibility of the numbers of a curve: a value far outside the range of soft tissue is in another unit."""
 
 from __future__ import annotations
 
@@ -52,10 +52,13 @@ def _check_homogeneous(csv: CurveCsv) -> None:
     deformation, stress = csv.data[first], np.abs(csv.data[second])
     if csv.kind == "uniaxial":
         low, high = _STRETCH_LIMITS
-        odd, advice = (deformation <= low) | (deformation >= high), "give length over length at rest, 1 at rest, no percent"
+        odd, advice = (
+            (deformation <= low) | (deformation >= high),
+            "give current length over length at rest (1 at rest), not percent",
+        )
         strain = np.abs(deformation - 1.0)
     else:
-        odd, advice = np.abs(deformation) > _LARGEST_SHEAR_STRAIN, "give the tangent of the angle, no percent"
+        odd, advice = np.abs(deformation) > _LARGEST_SHEAR_STRAIN, "give the tangent of the angle, not percent"
         strain = np.abs(deformation)
     if odd.any():
         row = int(odd.argmax())
@@ -80,7 +83,7 @@ def _check_tool_curve(csv: CurveCsv, specimen: MeasuredSpecimen, tool: MeasuredT
     largest = abs(displacement[farthest])
     # A small indenter needs only a small dent, whatever the height of the specimen.
     if largest < _METRES_THICKNESS_SHARE * thickness and (radius is None or largest < _METRES_RADIUS_SHARE * radius):
-        sentence = f"the largest displacement_mm is {largest:.3g}, next to nothing for a specimen of {thickness:g} mm"
+        sentence = f"the largest displacement_mm is {largest:.3g}, too small for a specimen of {thickness:g} mm"
         raise csv.fault(farthest, f"{sentence}; give it in mm.")
     if radius is None:
         area, strain = specimen.face_mm2, largest / thickness
@@ -116,11 +119,11 @@ def check_noise(csv: CurveCsv, setup: MergedTables, table: DatasetFile, number: 
         keys = ("curve", number, "noise", key) if key in curve.noise else ("noise", key)
         if key not in possible:
             valid = ", ".join([*possible, "repeat_sd_fraction"])
-            raise source.fault(keys, f'[noise] {key} is not for curve "{curve.id}"; of such a curve it can be {valid}.')
+            raise source.fault(keys, f'[noise] {key} is not for curve "{curve.id}"; possible keys are {valid}.')
         columns = [possible[key]] if possible[key] in csv.data else [name for name in csv.data if name != TIME]
         largest = max(np.abs(csv.data[column] - (column == "stretch")).max() for column in columns)
         sd = getattr(setup.noise, key)
         # A stretch that is held at 1 has no size to compare with.
         if sd > largest > 0.0:
-            sentence = f"[noise] {key} = {sd:g} exceeds all that {possible[key]} of {curve.file} holds, {largest:.3g}"
+            sentence = f"[noise] {key} = {sd:g} exceeds the largest value of {possible[key]} in {curve.file}, {largest:.3g}"
             raise source.fault(keys, f"{sentence}; give the standard deviation of one row in the key's unit.")

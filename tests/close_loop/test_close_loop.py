@@ -196,7 +196,7 @@ def test_curves_that_no_yeoh_solid_can_follow(tmp_path):
         cells = [row.rsplit(",", 1) for row in rows]
         file.write_text("\n".join([head, *(f"{a},{-float(b):.9g}" for a, b in cells)]), encoding="utf-8")
     report = close_loop(data, out=tmp_path / "out", processes=1)
-    assert report.verdict == "failed" and "says nothing about what the model lacks" in report.sentence
+    assert report.verdict == "failed" and "A failed fit does not show what the model lacks." in report.sentence
     assert {"report.json", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
     assert command(["close-loop", str(data), "--out", str(tmp_path / "other")]) == 3
 
@@ -311,7 +311,7 @@ BAD = {
     "NaN": (put(ZERO, r"[^,]*\n\Z", "nan\n"), [ZERO, "line 31", "nan"]),
     "too few rows": (
         lambda folder: (folder / ZERO).write_text("time_s,stretch,nominal_stress_Pa\n0,1,0\n1,0.9,-90\n", encoding="utf-8"),
-        [ZERO, "line 3", "3 at least"],
+        [ZERO, "line 3", "at least 3"],
     ),
     "a file that is not listed": (lambda folder: (folder / "more.csv").write_text("", encoding="utf-8"), ["more.csv", "list it"]),
     "a file that is missing": (lambda folder: (folder / ZERO).unlink(), [T, ZERO, "missing"]),

@@ -194,7 +194,7 @@ def test_the_command_tells_a_script_by_its_exit_code(tmp_path: Path, capsys: pyt
     )
     assert command(["compare", str(a), str(b)]) == 0
     table = capsys.readouterr().out
-    assert "muscle.GGp.force_N" in table and "points of the material" in table and "back 1.00, up 0.00 mm" in table
+    assert "muscle.GGp.force_N" in table and "same material points" in table and "back 1.00, up 0.00 mm" in table
 
 
 def test_indentations_are_compared_by_their_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

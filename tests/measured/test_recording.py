@@ -96,6 +96,7 @@ def test_a_known_difference_without_registration(result: Path, tmp_path: Path) -
     assert tip.up.rms_mm == pytest.approx(1.0) and tip.up.correlation == pytest.approx(1.0)
     assert tip.forward.recorded_range_mm == pytest.approx(8.0) and tip.forward.model_range_mm == pytest.approx(4.0)
     assert tip.forward.rms_mm == pytest.approx(1e3 * np.sqrt(np.mean(motion(TIMES_S, "tip")[:, 0] ** 2)), rel=1e-6)
+    assert tip.centred_rms_mm == pytest.approx(1e3 * np.std(motion(TIMES_S, "tip")[:, 0]), rel=1e-6)
     assert tip.largest_mm == pytest.approx(np.hypot(1.0, 4.0)) and comparison.points["front"].rms_mm < 1e-9
     assert comparison.rms_mm == pytest.approx(np.sqrt(tip.rms_mm**2 / 4))
     assert comparison.registration.residual_mm is None and comparison.registration.rotation_deg == 0.0

@@ -1,4 +1,4 @@
-"""How two results differ, in the terminal."""
+"""Terminal output of ``explicitfe compare`` for two results."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from explicitfe.results.differing_keys import table_in_words
 from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import moved, pairs, spaced, text_of
 
-# Measures that other tables have, or that only --json lists.
+# Measures that are in other tables, or only in --json.
 NOT_SHOWN_MEASURES = (
     "points.",
     "palatogram.",
@@ -25,7 +25,7 @@ NOT_SHOWN_MEASURES = (
     "body.self_penetration.",
 )
 MOST_ROWS_OF_A_TABLE = 40
-# A difference of less is none for a reader: symmetric bodies differ from themselves by as much.
+# Smaller differences are not shown: the two halves of a symmetric body differ by as much.
 SMALLEST_SHOWN = 1e-6
 # End of a key -> its unit.
 UNITS_OF_ENDINGS = {
@@ -45,30 +45,33 @@ MILLISECONDS_PER_SECOND = 1000.0
 
 
 def comparison_tables(comparison: Comparison) -> Group:
-    """What differs, from the most to the least general."""
-    head = pairs("the second result (b) less the first (a)")
+    """All differences, from the most to the least general."""
+    head = pairs("difference b − a")
     for name, of in (("a", comparison.a), ("b", comparison.b)):
-        head.add_row(name, escape(f"{of.title}\n{of.elements} hexes, {of.samples} samples, {of.status}".strip()))
+        head.add_row(name, escape(f"{of.title}\n{of.elements} hexahedra, {of.samples} samples, {of.status}".strip()))
     head.add_row("difference", difference_in_words(comparison))
     files = file_lines([("a", comparison.a.result), ("b", comparison.b.result)])
     if comparison.identical:
         return Group(head, files)
     times, points = comparison.times, comparison.points
-    between = f", b between its samples at {times.interpolated}" if times.interpolated else ""
-    outside = f"; {times.left_out} of a lie outside" if times.left_out else ""
+    between = f"; b is interpolated at {times.interpolated} of them" if times.interpolated else ""
+    outside = f"; {times.left_out} of a are outside the time of b" if times.left_out else ""
     head.add_row("times", f"{times.compared} from {_time(times.first_ms)} to {_time(times.last_ms)}{between}{outside}")
-    how = "node by node" if points.same_mesh else "nodes of a, as points of the material in b"
-    left_out = f"; {points.left_out} outside b are left out" if points.left_out else ""
+    how = "nodes, same mesh" if points.same_mesh else "nodes of a, interpolated in b at the same material points"
+    left_out = f"; {points.left_out} outside b are omitted" if points.left_out else ""
     head.add_row("points", f"{points.nodes} {how}{left_out}")
     tables: list[RenderableType] = [head]
-    for title, keys in (("scenarios differ in", comparison.differing_keys), ("runs differ in", comparison.differing_provenance)):
+    for title, keys in (
+        ("scenarios differ in", comparison.differing_keys),
+        ("runs differ in", comparison.differing_provenance),
+    ):
         if keys:
             tables.append(_keys(title, keys))
-    tables.append(_differences("fields: largest difference anywhere at any time", "field", comparison.fields))
+    tables.append(_differences("fields: largest difference over space and time", "field", comparison.fields))
     if comparison.named_points:
         tables.append(_points(comparison))
     if any(part.name == CURVE_COLUMN for part in comparison.history):
-        tables.append(_differences("loads: largest difference of any", "of each load", comparison.history))
+        tables.append(_differences("loads: largest difference", "column", comparison.history))
     measures = list(_measures(comparison))
     if measures:
         tables.append(_side_by_side(f"measures at {_time(times.last_ms)}", "measure", measures))
@@ -76,14 +79,14 @@ def comparison_tables(comparison: Comparison) -> Group:
 
 
 def difference_in_words(comparison: Comparison) -> str:
-    """The verdict: one sentence."""
+    """The difference in one sentence."""
     if comparison.identical:
-        return "none: identical to the last bit"
+        return "none: bitwise identical"
     displacement = next(part for part in comparison.fields if part.name == "displacement")
     if displacement.largest == 0.0:
-        words = "displacements are the same"
+        words = "displacements are identical"
     else:
-        largest = f"{_length(1e3 * displacement.largest)}, {_percent(displacement.share)} of the largest"
+        largest = f"{_length(1e3 * displacement.largest)} ({_percent(displacement.share)} of the largest displacement)"
         words = f"displacements differ by up to {largest}"
         words += f", at {_time(displacement.at_ms)}" if displacement.at_ms is not None else ""
     if comparison.tolerance is None:
@@ -111,7 +114,7 @@ def _side_by_side(title: str, first: str, rows: Sequence[tuple[str, str, str]]) 
 def _differences(title: str, first: str, parts: Sequence[ComparedField | ComparedHistory]) -> Table:
     table = Table(title=title, title_justify="left")
     table.add_column(first, no_wrap=True)
-    for column in ("largest", "of the largest value", "at"):
+    for column in ("largest", "relative", "at"):
         table.add_column(column, justify="right")
     for part in parts:
         unit, scale = SHOWN_IN.get(part.unit, (part.unit, 1.0))
@@ -120,7 +123,7 @@ def _differences(title: str, first: str, parts: Sequence[ComparedField | Compare
 
 
 def _points(comparison: Comparison) -> Table:
-    table = Table(title=f"points: b less a at {_time(comparison.times.last_ms)}, and the largest distance at any time")
+    table = Table(title=f"points: b − a at {_time(comparison.times.last_ms)}, and the largest distance at any time")
     table.title_justify = "left"
     table.add_column("point", no_wrap=True)
     table.add_column("at the end")
@@ -158,7 +161,7 @@ def _value(value: JsonValue) -> str:
 def _percent(share: float | None) -> str:
     if share is None:
         return "both are 0"
-    return "no number" if not math.isfinite(share) else f"{100.0 * share:.3g} %"
+    return "not finite" if not math.isfinite(share) else f"{100.0 * share:.3g} %"
 
 
 def _time(time_ms: float | None) -> str:

@@ -30,10 +30,12 @@ def recording_tables(comparison: RecordingComparison) -> Group:
     head.add_row(
         "time", f"{comparison.rows} rows, {span}; the simulation starts at {comparison.offset_s:.4f} s{fitted} of the recording"
     )
-    table = Table(title="distance of each sensor; rms and correlation r of each coordinate", title_justify="left")
+    table = Table(
+        title="rms distance, and rms after centring the paths; rms and correlation r of coordinates", title_justify="left"
+    )
     table.add_column("point", no_wrap=True)
     table.add_column("sensor", no_wrap=True)
-    for column in ("rms\n(mm)", "largest\n(mm)", "forward\n(mm, r)", "up\n(mm, r)", "right\n(mm, r)"):
+    for column in ("rms\n(mm)", "centred\n(mm)", "forward\n(mm, r)", "up\n(mm, r)", "right\n(mm, r)"):
         table.add_column(column, justify="right")
     for name, point in comparison.points.items():
         table.add_row(escape(name), escape(point.sensor), *_cells(point))
@@ -45,13 +47,14 @@ def recording_tables(comparison: RecordingComparison) -> Group:
 
 def difference_in_words(comparison: RecordingComparison) -> str:
     """The distance of model and recording in one sentence."""
-    movement = f"the recorded positions vary by {comparison.movement_rms_mm:.2f} mm rms about their means"
-    return f"{comparison.rms_mm:.2f} mm rms over all sensors; {movement}"
+    centred = f"{comparison.centred_rms_mm:.2f} mm after each path is shifted to its mean"
+    movement = f"the recorded positions vary by {comparison.movement_rms_mm:.2f} mm"
+    return f"{comparison.rms_mm:.2f} mm rms over all sensors, {centred}; {movement}"
 
 
 def _cells(point: ComparedSensor) -> Iterator[str]:
     yield f"{point.rms_mm:.2f}"
-    yield f"{point.largest_mm:.2f}"
+    yield f"{point.centred_rms_mm:.2f}"
     for axis in (point.forward, point.up, point.right):
         yield "not recorded" if axis is None else _axis(axis)
 

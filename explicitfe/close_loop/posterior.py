@@ -24,8 +24,8 @@ from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
+from explicitfe.results.verdict_text import JOINED_BY, NOTHING, OTHER
 
-NOTHING, OTHER = "nothing", "other"
 # Sizes of a discrepancy, in standard deviations along each smooth function, even on a logarithmic scale.
 DISCREPANCY_SIZES = np.geomspace(0.3, 1e4, 60)
 # The prior's standard deviations in the largest plausible strength.
@@ -85,7 +85,7 @@ class Posterior:
         total: dict[str, float] = {}
         for table, empty in ((self.closed, NOTHING), (self.open, OTHER)):
             for names, p in table.items():
-                words = " + ".join(sorted(names)) or empty
+                words = JOINED_BY.join(sorted(names)) or empty
                 total[words] = total.get(words, 0.0) + p
         listed = {words: p for words, p in total.items() if p >= LEAST_LISTED_PROBABILITY}
         return dict(sorted(listed.items(), key=lambda entry: -entry[1]))
@@ -133,20 +133,6 @@ def count_of_testable(outcome: Outcome) -> int:
     return sum(p.visible >= THRESHOLDS.visible_separation for p in outcome.rounds[0].prints)
 
 
-def weighed(outcome: Outcome, posterior: Posterior) -> Outcome:
-    """The outcome, without an alarm where it is too probable that nothing is missing, and without a finding where it is more
-    probable that something else is at work.
-    """
-    alarms = ("effect-found", "ambiguous", "unexplained")
-    if outcome.verdict in alarms and posterior.of(frozenset()) > THRESHOLDS.nothing_probability:
-        return Outcome("no-missing-effect", "at-floor", outcome.rounds, ())
-    sure = sureness(outcome, posterior)
-    least = THRESHOLDS.finding_probability
-    if outcome.verdict == "effect-found" and sure is not None and sure < least < posterior.something_else:
-        return Outcome("unexplained", "unexplained", outcome.rounds, (), nearest=outcome.effects)
-    return outcome
-
-
 def sureness(outcome: Outcome, posterior: Posterior) -> float | None:
     """Probability that the verdict is right; None where it says nothing of causes.
 
@@ -181,7 +167,7 @@ def usual_forms(outcome: Outcome) -> dict[str, str]:
 
 def by_mechanism(posterior: Posterior, usual: Mapping[str, str]) -> Posterior:
     """Probabilities with the forms of one mechanism added up."""
-    return Posterior(_merged(posterior.closed, usual), _merged(posterior.open, usual))
+    return Posterior(merge_names(posterior.closed, usual), merge_names(posterior.open, usual))
 
 
 def in_usual_forms(effects: Iterable[str], usual: Mapping[str, str]) -> Causes:
@@ -189,8 +175,8 @@ def in_usual_forms(effects: Iterable[str], usual: Mapping[str, str]) -> Causes:
     return frozenset(usual.get(name, name) for name in effects)
 
 
-def _merged(table: Mapping[Causes, float], usual: Mapping[str, str]) -> dict[Causes, float]:
-    """Probabilities with the forms of one mechanism added up."""
+def merge_names(table: Mapping[Causes, float], usual: Mapping[str, str]) -> dict[Causes, float]:
+    """Probabilities with effects renamed, and those of causes added up that become the same."""
     merged: dict[Causes, float] = {}
     for causes, p in table.items():
         merged[in_usual_forms(causes, usual)] = merged.get(in_usual_forms(causes, usual), 0.0) + p

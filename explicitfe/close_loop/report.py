@@ -39,6 +39,7 @@ from explicitfe.results.loop_report import (
     ReportedThreshold,
     Side,
 )
+from explicitfe.results.verdict_text import JOINED_BY, NOTHING, OTHER, sentence
 
 SUMMARY = "report.json"
 # An error with several independent parts has a column for each, whose names differ in this.
@@ -95,18 +96,8 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     last : the round of the final model.
     """
     covariance, first = last.covariance, outcome.rounds[0]
-    best = outcome.rounds[-1].best
-    ambiguous = outcome.rounds[-1].ambiguous_with if outcome.verdict in ("ambiguous", "effect-found") else ()
-    effects = list(outcome.effects) or ([first.best] if ambiguous and first.best else [])
-    named = [*effects, *ambiguous, *outcome.nearest, *outcome.no_consequence, *([best] if best else [])]
-    report.verdict = outcome.verdict
-    report.remainder = outcome.remainder
+    add_verdict(report, outcome)
     report.remainder_where = words.where(last)
-    report.message = outcome.message
-    report.effects = effects
-    report.effect_titles = {name: words.title(name) for name in named}
-    report.nearest = list(outcome.nearest)
-    report.no_consequence = list(outcome.no_consequence)
     report.n_eff = covariance.effective
     report.noise = NoiseAndFloors(
         rows=[
@@ -132,13 +123,27 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
     report.final = ReportedModel(parameters=parameters(after, last))
     report.undetermined = undetermined(after, report.final.parameters)
     unsure = {name.partition(".")[0] for name, why in report.undetermined.items() if why == WITHOUT_EFFECT}
-    report.strength_undetermined = [effect for effect in effects if effect in unsure]
-    report.sentence = words.sentence(outcome, report.strength_undetermined)
-    report.steps = [_reported(one) for one in outcome.rounds]
-    report.ambiguous_with = list(ambiguous)
+    report.strength_undetermined = [effect for effect in report.effects if effect in unsure]
     report.separations = [
         ReportedSeparation(a=a, b=b, separation=apart) for one in outcome.rounds for a, b, apart in one.separations
     ]
+
+
+def add_verdict(report: LoopReport, outcome: Outcome) -> None:
+    """Put verdict, effects and rounds of an outcome into a report."""
+    best = outcome.rounds[-1].best
+    ambiguous = outcome.rounds[-1].ambiguous_with if outcome.verdict in ("ambiguous", "effect-found") else ()
+    effects = list(outcome.effects) or ([outcome.rounds[0].best] if ambiguous and outcome.rounds[0].best else [])
+    named = [*effects, *ambiguous, *outcome.nearest, *outcome.no_consequence, *([best] if best else [])]
+    report.verdict = outcome.verdict
+    report.remainder = outcome.remainder
+    report.message = outcome.message
+    report.effects = effects
+    report.effect_titles = {name: words.title(name) for name in named}
+    report.nearest = list(outcome.nearest)
+    report.no_consequence = list(outcome.no_consequence)
+    report.ambiguous_with = list(ambiguous)
+    report.steps = [_reported(one) for one in outcome.rounds]
 
 
 def _in_whole(shares: Mapping[str, float]) -> dict[str, float]:
@@ -212,10 +217,13 @@ def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
 
 
 def add_probabilities(report: LoopReport, outcome: Outcome, posterior: Posterior) -> None:
-    """Put into a report how probable each cause is, and how sure the verdict."""
+    """Put the probabilities of causes and verdict into a report, and the sentence that follows from them."""
     report.posterior = posterior.causes
+    effects = {name for cause in report.posterior for name in cause.split(JOINED_BY)} - {NOTHING, OTHER}
+    report.effect_titles |= {name: words.title(name) for name in sorted(effects)}
     report.something_else = posterior.something_else
     report.sure = sureness(outcome, posterior)
+    report.sentence = sentence(report)
 
 
 def add_failure(report: LoopReport, message: str) -> None:
@@ -223,8 +231,8 @@ def add_failure(report: LoopReport, message: str) -> None:
     report.verdict = "failed"
     report.remainder = "unexplained"
     report.remainder_where = ""
-    report.sentence = words.failure(message)
     report.message = message
+    report.sentence = sentence(report)
     report.effects = []
     report.effect_titles = {}
     report.undetermined = {}

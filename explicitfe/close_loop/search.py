@@ -207,6 +207,22 @@ def search(
     return _outcome(rounds, single)
 
 
+def conclude(system: System, outcome: Outcome, model: Hypothesis) -> list[Round]:
+    """Rounds that end at another model than that of an outcome.
+
+    Raises
+    ------
+    RunError : the model cannot be computed.
+    """
+    first, last = outcome.rounds[0], outcome.rounds[-1]
+    system = system.at(model)
+    assumed = {name: d for name, d in first.covariance.floors.items() if name.startswith(ASSUMED)}
+    covariance = covariance_of(system, model, last.covariance.rows, last.covariance.scatter, assumed)
+    fit = settled(system, refit(system, model, covariance), covariance)
+    seen, _ = _round(system, fit, covariance.at(fit.answer), 0, last=True, first=False)
+    return [first, seen]
+
+
 def _without_form(before: Sequence[Round], seen: Round) -> Round:
     """The round, without an effect that remembers whose gain may be the form of one that was added before.
 

@@ -10,12 +10,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from explicitfe.close_loop.report import add_verdict
+from explicitfe.close_loop.search import Outcome
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerprints
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
+from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects.effect import Sought
+from explicitfe.results.loop_report import LoopReport, ReportedSplit, ReportedThreshold
+from explicitfe.results.verdict_text import sentence
 
 ROWS = 40
 WIDE = 1e6  # bound of a parameter that shall never meet it
@@ -189,3 +194,13 @@ def fitted(system: Linear, covariance: Covariance) -> tuple[BestFit, list[Candid
     fit = refit(system, system.start(), covariance)
     candidates = system.candidates(fit.model)
     return fit, candidates, fingerprints(system, fit, covariance, candidates)
+
+
+def said(outcome: Outcome, undetermined: Sequence[str] = (), tests: int = 2) -> str:
+    """The sentence of a report with this outcome and without probabilities."""
+    limit = ReportedThreshold(value=THRESHOLDS.significance_p)
+    split = ReportedSplit(fit=[f"test {number}" for number in range(tests)])
+    report = LoopReport(split=split, thresholds={"significance_p": limit})
+    add_verdict(report, outcome)
+    report.strength_undetermined = list(undetermined)
+    return sentence(report)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme
+from synthetic import ROWS, UPWARD, Linear, Planted, elastic, programme, said
 
 from explicitfe.close_loop import words
 from explicitfe.close_loop.report import WHOLE_RANGE, WITHOUT_EFFECT, parameters, undetermined
@@ -45,7 +45,7 @@ def test_controls():
     assert len(alarms) <= 3
     quiet = next(c for c in outcomes if c.verdict == "no-missing-effect")
     assert (quiet.remainder, quiet.effects, len(quiet.rounds)) == ("at-floor", (), 1)
-    assert "Nothing is missing" in words.sentence(quiet) and words.where(quiet.rounds[0]) == ""
+    assert said(quiet).startswith("No missing effect is detected.") and words.where(quiet.rounds[0]) == ""
 
 
 @pytest.mark.parametrize(("stated", "correlation"), [(True, 0.5), (False, 0.0), (False, 0.5)])
@@ -66,7 +66,7 @@ def test_one_effect_is_found(name):
     ((effect, values),) = last.fit.model.of_terms()
     error = np.sqrt(np.linalg.inv(last.fit.jacobian.T @ last.fit.jacobian)[-1, -1])
     assert effect == name and values["size"] == pytest.approx(0.05, abs=4.0 * error)
-    assert f"The model lacks {name}" in words.sentence(outcome)
+    assert said(outcome) == f"The model lacks {name}. The residual is within the noise and the numerical error."
     (first, second) = outcome.rounds
     assert first.chosen == name and second.chosen is None and first.fit.chi2 - second.fit.chi2 > 100.0
 
@@ -94,7 +94,8 @@ def test_two_that_cannot_be_told_apart():
     assert {first.best, *first.ambiguous_with} == {"rate", "twin"}
     ((_, _, apart),) = [row for row in first.separations if set(row[:2]) == {"rate", "twin"}]
     assert apart < 0.5
-    assert "cannot tell" in words.sentence(outcome) and "rate" in words.sentence(outcome) and "twin" in words.sentence(outcome)
+    both = ("rate or twin", "twin or rate")
+    assert said(outcome) in [f"Ambiguous cause: {rivals}. These data do not distinguish the causes." for rivals in both]
 
 
 @pytest.mark.parametrize("usual", ["rate", "twin"])
@@ -162,7 +163,7 @@ def test_a_strength_whose_interval_includes_none_is_not_determined():
     assert undetermined(last.fit, reported) == {}
     reported["bump.size"].ci95 = [0.0, 0.2]
     assert undetermined(last.fit, reported) == {"bump.size": WITHOUT_EFFECT}
-    assert "The model lacks bump, the strength of bump is not determined; what is left" in words.sentence(outcome, ["bump"])
+    assert "The model lacks bump. The strength of bump is not determined. The residual" in said(outcome, ["bump"])
 
 
 def test_a_shape_that_may_be_anything_is_not_determined():
@@ -180,14 +181,14 @@ def test_what_none_of_them_explains():
     """A corner and a steep end, of ten times the noise, which no candidate has."""
     outcome = outcome_of(extra=0.1 * np.abs(D - 0.6) - 0.3 * D**6)
     assert (outcome.verdict, outcome.effects) == ("unexplained", ())
-    assert "none of the effects that were considered" in words.sentence(outcome) or "would help" in words.sentence(outcome)
+    assert "An effect is missing that no candidate explains." in said(outcome)
 
 
 def test_a_candidate_that_helps_a_little_is_not_what_is_missing():
     """Waves of 0.5, of which "bump" takes up some, significantly, and leaves more than half."""
     outcome = outcome_of(effects={"bump": EFFECTS["bump"]}, extra=0.5 * np.sin(9.0 * D) + 0.05 * BUMP)
     assert (outcome.verdict, outcome.effects) == ("unexplained", ())
-    assert "none of the effects that were considered" in words.sentence(outcome)
+    assert "An effect is missing that no candidate explains." in said(outcome)
 
 
 def test_what_leaves_most_of_the_misfit_is_no_answer_though_two_effects_share_it():
@@ -202,7 +203,7 @@ def test_a_single_test_is_ambiguous_at_most():
     effects = {"wave": Planted(lambda: WAVE[:ROWS])}
     outcome = outcome_of(tests=1, effects=effects, hidden={"wave": 0.1}, single=True)
     assert (outcome.verdict, outcome.effects) == ("ambiguous", ("wave",))
-    assert "one test alone" in words.sentence(outcome)
+    assert said(outcome, tests=1) == "Possible cause: wave. One test alone cannot confirm a cause."
     assert outcome_of(tests=1, effects=effects, single=True).verdict in ("no-missing-effect", "ambiguous")
 
 
@@ -210,7 +211,7 @@ def test_a_search_that_gives_up_is_a_failure():
     """Everything above x0 = 0.5 cannot be computed, while the data want 2: nothing is said about what is missing."""
     outcome = outcome_of(hidden={"rate": 0.2}, fails=lambda model: model.x[0] > 0.5)
     assert outcome.verdict == "failed" and outcome.effects == ()
-    assert "says nothing about what the model lacks" in words.sentence(outcome)
+    assert "A failed fit does not show what the model lacks." in said(outcome)
 
 
 def test_a_baseline_that_cannot_be_computed_is_an_error():
@@ -274,7 +275,8 @@ def test_what_is_significant_may_be_of_no_consequence():
     slight, real = (outcome_of(seed, effects=effects, extra=extra) for extra in (once, always))
     assert (slight.verdict, slight.remainder, slight.no_consequence) == ("no-missing-effect", "at-floor", ("bump",))
     assert not slight.rounds[0].at_floor and slight.rounds[0].scores[0].status == "significant"
-    assert "of no consequence" in slight.rounds[0].why_not["bump"] and "of no consequence" in words.sentence(slight)
+    assert "of no consequence" in slight.rounds[0].why_not["bump"]
+    assert "does not improve the prediction of held-out tests" in said(slight)
     assert real.verdict != "no-missing-effect" and real.rounds[0].best == "bump" and real.no_consequence == ()
 
 
@@ -334,7 +336,7 @@ def test_what_numerics_may_explain_is_said_to_be_limited_by_them():
     wrong = 0.02 * WAVE
     limited = outcome_of(effects={}, extra=wrong, checked={"the mesh": wrong})
     assert (limited.verdict, limited.effects) == ("limited-by-numerics", ())
-    assert "too large here" in words.sentence(limited)
+    assert "too large to decide whether an effect is missing" in said(limited)
     quiet = outcome_of(effects={}, extra=0.1 * wrong, checked={"the mesh": 0.1 * wrong})
     assert quiet.verdict == "no-missing-effect"
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
-from synthetic import Linear, Planted, elastic
+from synthetic import Linear, Planted, elastic, said
 from test_loop import BUMP, EFFECTS, TWIN, WAVE, D
 
-from explicitfe.close_loop import words
 from explicitfe.close_loop.posterior import (
     Posterior,
     amplitude,
@@ -20,10 +19,10 @@ from explicitfe.close_loop.posterior import (
     evidence_of,
     posterior_of,
     sureness,
-    weighed,
 )
 from explicitfe.close_loop.search import Outcome, search
 from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.verdict import follow_posterior
 
 UNSEEN = "effects that the search was not told"
 
@@ -121,11 +120,11 @@ def test_no_case_is_certain():
 def test_no_alarm_where_nothing_is_too_probable():
     """An outcome that names an effect falls where nothing is more probable than the threshold, and stands where it is less."""
     _, outcome, posterior = searched(hidden={"wave": 0.05})
-    assert weighed(outcome, posterior) is outcome
+    assert follow_posterior(outcome, posterior) is outcome
     doubtful = Posterior({frozenset(): 0.4, frozenset({"wave"}): 0.55}, {frozenset(): 0.05})
-    quiet = weighed(outcome, doubtful)
+    quiet = follow_posterior(outcome, doubtful)
     assert (quiet.verdict, quiet.effects, quiet.remainder) == ("no-missing-effect", (), "at-floor")
     assert sureness(quiet, doubtful) == 0.4
-    assert "too probable for an alarm" in words.sentence(quiet)
+    assert "Noise alone plausibly explains this residual." in said(quiet)
     slight = replace(quiet, no_consequence=("wave",))
     assert sureness(slight, doubtful) == pytest.approx(0.95)

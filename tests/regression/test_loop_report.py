@@ -20,11 +20,12 @@ import pytest
 from rich.console import Console
 
 from explicitfe.results.loop_report import Estimate, LoopReport, ReportCurve
+from explicitfe.results.verdict_text import details, headline
 from explicitfe.view.report import pictures
 from explicitfe.view.report.axis import goes_one_way
 from explicitfe.view.report.page import EmbeddedPictures, html, write
 from explicitfe.view.report.reading import DrawnCurve, drawn_curves
-from explicitfe.view.report.words import chance, headline, with_interval
+from explicitfe.view.report.words import chance, with_interval
 from explicitfe.view.terminal.close_loop import loop_tables
 
 TITLES = {
@@ -205,8 +206,6 @@ def one_effect() -> tuple[dict[str, Any], list[dict[str, Any]]]:
         "three strains",
         verdict="effect-found",
         remainder="at-floor",
-        sentence="Stress falls by two thirds while the strain is held, which an elastic model cannot do; one Prony term of "
-        "25 s predicts the curves that were held out.",
         effects=["viscoelastic"],
         steps=[
             {"p_residual": 1e-12, "candidates": [*first, *others], "chosen": "viscoelastic"},
@@ -259,7 +258,6 @@ def ambiguous(count: int = 20) -> tuple[dict[str, Any], list[dict[str, Any]]]:
         verdict="ambiguous",
         remainder="ambiguous",
         remainder_where="The misfit lies mostly early in the first unloading.",
-        sentence="Friction and softening both close the loop between loading and unloading to within the noise.",
         effects=["friction"],
         ambiguous_with=["softening"],
         steps=[{"p_residual": 1e-8, "candidates": candidates, "chosen": "friction"}],
@@ -282,7 +280,6 @@ def unexplained() -> tuple[dict[str, Any], list[dict[str, Any]]]:
         verdict="unexplained",
         remainder="unexplained",
         remainder_where="the misfit lies in unloading, late and at low load, in all curves",
-        sentence="The model misses the loops by ten times the noise, and no candidate that these data can test removes it.",
         steps=[{"p_residual": 1e-8, "candidates": candidates, "chosen": None}],
     )
     return report, curves
@@ -291,10 +288,9 @@ def unexplained() -> tuple[dict[str, Any], list[dict[str, Any]]]:
 def nothing() -> tuple[dict[str, Any], list[dict[str, Any]]]:
     curves = ramps()
     candidates = [candidate("contact-offset", 0.4, 1.0, 0.012)]
-    sentence = "The elastic model predicts the held-out curve to within the noise."
     steps = [{"p_residual": 0.37, "candidates": candidates, "chosen": None}]
     head = {"dataset": "blocks", "title": "Three blocks", "verdict": "no-missing-effect", "remainder": "at-floor"}
-    return base(curves, "mm", sentence=sentence, steps=steps, **head), curves
+    return base(curves, "mm", steps=steps, **head), curves
 
 
 def failed() -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -305,7 +301,7 @@ def failed() -> tuple[dict[str, Any], list[dict[str, Any]]]:
         dataset="blocks",
         verdict="failed",
         remainder=None,
-        sentence="C20 stands at its upper bound (1 MPa): these data do not bend enough to fix it. Give a larger load.",
+        message="C20 is at its upper bound (1 MPa): these data do not determine it. Apply a larger load.",
         steps=[],
     )
     report["final"] = None
@@ -328,11 +324,11 @@ BUILDERS = {
     "failed": failed,
 }
 HEADLINES = {
-    "effect-found": "Missing: viscoelastic relaxation",
-    "ambiguous": "These data cannot tell friction of the tool from softening by past load (Mullins)",
-    "unexplained": "Something is missing, and none of the known effects explains it",
-    "no-missing-effect": "Nothing is missing that these data can show",
-    "failed": "The fit failed: nothing can be said about the model",
+    "effect-found": "The model lacks viscoelastic relaxation",
+    "ambiguous": "Ambiguous cause: friction of the tool or softening by past load (Mullins)",
+    "unexplained": "An effect is missing that no candidate explains",
+    "no-missing-effect": "No missing effect is detected",
+    "failed": "The fit failed",
 }
 
 
@@ -384,16 +380,16 @@ def test_the_headline(written):
     verdict, report, folder, _ = written
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert f">{HEADLINES[verdict]}</h1>" in page
-    assert report["sentence"] in words(page)
+    assert details(LoopReport.model_validate(report)) in words(page)
 
 
 @pytest.mark.parametrize(
     ("effects", "others", "head"),
     [
-        ([], [], "These data cannot tell what is missing"),
-        (["drainage"], [], "Perhaps missing: drainage; these data cannot confirm it"),
-        (["drainage"], ["drainage", "friction", "tilt"], "These data cannot tell apart drainage, friction of the tool and tilt"),
-        (["drainage", "tilt"], ["layer"], "Missing: drainage; then tilt or layer, these data cannot tell which"),
+        ([], [], "Ambiguous cause"),
+        (["drainage"], [], "Possible cause: drainage"),
+        (["drainage"], ["drainage", "friction", "tilt"], "Ambiguous cause: drainage, friction of the tool or tilt"),
+        (["drainage", "tilt"], ["layer"], "The model lacks drainage; further cause: tilt or layer"),
     ],
 )
 def test_headlines_of_what_cannot_be_told(effects, others, head):
@@ -402,7 +398,7 @@ def test_headlines_of_what_cannot_be_told(effects, others, head):
 
 
 def test_two_effects_are_both_named():
-    assert headline(LoopReport(verdict="effect-found", effects=["tilt", "base-slip"])) == "Missing: tilt and base slip"
+    assert headline(LoopReport(verdict="effect-found", effects=["tilt", "base-slip"])) == "The model lacks tilt and base slip"
 
 
 def test_numbers_on_the_page():
@@ -514,7 +510,7 @@ def test_an_effect_whose_strength_is_not_determined_is_named_with_this_remark():
     report["undetermined"] = {"viscoelastic.g": "its interval includes no effect at all"}
     report["strength_undetermined"] = ["viscoelastic"]
     text = words(page_of(report, curves))
-    assert "Missing: viscoelastic relaxation (strength not determined)" in text
+    assert "The strength of viscoelastic relaxation is not determined." in text
     assert "not determined: its interval includes no effect at all" in text
     assert "not determined" not in words(page_of(*one_effect()))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from explicitfe.close_loop.discovery.report import add_discovered_law
 from explicitfe.close_loop.next_test import next_tests, survivors
-from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, evidence_of, posterior_of, sureness, weighed
+from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, evidence_of, posterior_of, sureness
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -31,6 +31,7 @@ from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.starts import renewed
 from explicitfe.close_loop.statistics.system import values_by_name
 from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.verdict import by_named_forms, concluding, follow_posterior
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import Progress, RunError, Share, Stage
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
@@ -152,8 +153,8 @@ class _SpecimenLoop:
             add_failure(report, str(error))
             return LoopDocuments(report)
         evidence = evidence_of(outcome, self.system)
-        posterior = posterior_of(evidence, count_of_testable(outcome))
-        outcome = weighed(outcome, posterior)
+        posterior = by_named_forms(posterior_of(evidence, count_of_testable(outcome)), outcome)
+        outcome = follow_posterior(outcome, posterior, concluding(self.system, outcome, evidence))
         self._enter("trace", 1.0, 1.0)
         changed = outcome.keeps_effects
         last = outcome.rounds[-1] if changed else outcome.rounds[0]

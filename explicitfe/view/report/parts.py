@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from explicitfe.results.loop_report import LoopReport, ReportedCandidate, ReportedRound, Side, estimates
+from explicitfe.results.verdict_text import details, effect_title, headline, joined
 from explicitfe.view.report.pictures import ROWS_WITHOUT_MEAN
 from explicitfe.view.report.reading import (
     DrawnCurve,
@@ -23,7 +24,6 @@ from explicitfe.view.report.tables import Bars, PageTable, bars, table
 from explicitfe.view.report.words import (
     DASH,
     FITTED_DROP,
-    REMAINDERS,
     STATUSES,
     TRIAL_DROP,
     VERDICTS,
@@ -31,11 +31,8 @@ from explicitfe.view.report.words import (
     baseline_name,
     chance,
     count,
-    effect_title,
     finite,
-    headline,
     how_sure,
-    joined,
     model_names,
     name_and_unit,
     number,
@@ -156,14 +153,14 @@ def first_screen(report: LoopReport) -> FirstScreen:
     """What is seen without scrolling."""
     names = [shortened(name, 130) for name in (report.dataset, report.title) if name]
     following = report.next_experiment if report.verdict == "ambiguous" else None
-    left = [REMAINDERS.get(report.remainder or "", ""), sentence(report.remainder_where), how_sure(report)]
+    left = [sentence(report.remainder_where), how_sure(report)]
     before, after = model_names(report)
     head = headline(report)
     return FirstScreen(
         eyebrow=": ".join(names) or "closed loop",
         headline=head,
         is_long=len(head) > LONG_HEADLINE_LETTERS,
-        sentence=report.sentence,
+        sentence=details(report),
         next_experiment=sentence(following.protocol) if following else "",
         left=" ".join(filter(None, left)),
         score=_score(report),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from explicitfe.results.loop_report import AssumedValue, LoopReport, estimates
+from explicitfe.results.verdict_text import effect_title
 from explicitfe.view.palette import AFTER, BEFORE, COLOURS, new_figure, plain
 from explicitfe.view.report.axis import place_rows, spread_rows
 from explicitfe.view.report.reading import DrawnCurve, assumed_values, by_drop, has_changed, noise_is_known, was_scored
@@ -17,7 +18,6 @@ from explicitfe.view.report.words import (
     TRIAL_DROP,
     bare,
     chance,
-    effect_title,
     finite,
     model_names,
     percent,

@@ -89,12 +89,6 @@ def noise_is_known(curves: Sequence[DrawnCurve]) -> bool:
     return all(curve.noise is not None and bool((curve.noise > 0.0).all()) for curve in curves)
 
 
-def effects_of(report: LoopReport) -> tuple[list[str], list[str], list[str]]:
-    """The effects of the final model; those among which the data cannot choose; those of the model that are beyond doubt."""
-    rivals = list(dict.fromkeys([*report.effects[-1:], *report.ambiguous_with]))
-    return report.effects, rivals, [name for name in report.effects if name not in rivals]
-
-
 def mean_error(model: ReportedModel, side: Side) -> MeanError:
     """The mean error of a model over the fitted or the held-out curves, empty where it is unknown."""
     return (model.error.fit if side == "fit" else model.error.holdout) or MeanError()

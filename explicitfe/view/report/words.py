@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from typing import TypeGuard
 
 import numpy as np
 
 from explicitfe.results.loop_report import Estimate, LoopReport, NextExperiment, Parameters, estimates
 from explicitfe.results.units_of_keys import words_and_unit
-from explicitfe.view.report.reading import effects_of
+from explicitfe.results.verdict_text import effect_title, joined
 
 DASH = "–"
 NO_BREAK = "\u00a0"
@@ -23,17 +22,11 @@ STATUSES = {
 }
 VERDICTS = {
     "failed": "the fit failed",
-    "no-missing-effect": "nothing missing",
-    "limited-by-numerics": "limited by numerics",
+    "no-missing-effect": "no missing effect",
+    "limited-by-numerics": "limited by the discretization error",
     "unexplained": "unexplained",
     "ambiguous": "ambiguous",
     "effect-found": "found",
-}
-REMAINDERS = {
-    "at-floor": "What is left is at the floor: noise and numerics explain it.",
-    "form": "What is left may be the form of what was found: real tissue does not remember by one formula.",
-    "unexplained": "What is left is not explained.",
-    "ambiguous": "What is left may be the work of more than one effect, and these data cannot tell of which.",
 }
 # How far an effect lowers chi squared: by the best of a few trials, and with all parameters fitted.
 TRIAL_DROP, FITTED_DROP = "χ² drop, best trial", "χ² drop, fitted"
@@ -139,11 +132,6 @@ def with_interval(estimate: Estimate | None) -> str:
     return f"{shown[0]} ({shown[1]} to {shown[2]})"
 
 
-def effect_title(report: LoopReport, effect: str | None) -> str:
-    """The name of an effect in words."""
-    return report.effect_titles.get(effect or "") or str(effect or "").replace("-", " ")
-
-
 def name_and_unit(report: LoopReport, key: str) -> tuple[str, str]:
     """``viscoelastic.tau_s`` in words and its unit: "viscoelastic relaxation: tau" and "s"."""
     owner, _, name = key.rpartition(".")
@@ -172,27 +160,10 @@ def sentence(text: str | None) -> str:
     return f"{text[0].upper()}{text[1:].rstrip('.')}." if text else ""
 
 
-def joined(names: Sequence[str], word: str = "and") -> str:
-    """Such as "a, b and c"."""
-    return f"{', '.join(names[:-1])} {word} {names[-1]}" if len(names) > 1 else "".join(names)
-
-
 def shortened(name: object, most: int) -> str:
     """A name with at most so many letters; what is left out in the middle is an ellipsis."""
     name = str(name)
     return name if len(name) <= most else f"{name[: most // 2]}…{name[-(most - most // 2 - 1) :]}"
-
-
-def effect_titles(report: LoopReport) -> tuple[list[str], list[str], list[str]]:
-    """As :func:`effects_of`, with titles in words."""
-    titles = [[effect_title(report, effect) for effect in group] for group in effects_of(report)]
-    return titles[0], titles[1], titles[2]
-
-
-def with_doubt(report: LoopReport) -> list[str]:
-    """The effects of the final model in words, each with the remark where its strength is not determined."""
-    doubted = report.strength_undetermined
-    return [effect_title(report, name) + (" (strength not determined)" if name in doubted else "") for name in report.effects]
 
 
 def baseline_name(report: LoopReport) -> str:
@@ -202,50 +173,24 @@ def baseline_name(report: LoopReport) -> str:
 
 def model_names(report: LoopReport) -> tuple[str, str]:
     """What the model is before and after."""
-    effects = effect_titles(report)[0]
-    helping = [report.effect_titles.get(name, name) for name in report.nearest]
+    effects, helping = ([effect_title(report, name) for name in names] for names in (report.effects, report.nearest))
     return baseline_name(report), f"with {joined(effects or helping)}" if effects or helping else "with the best candidate"
 
 
-def headline(report: LoopReport) -> str:
-    """The verdict in a few plain words."""
-    effects, rivals, sure = effect_titles(report)
-    match report.verdict:
-        case "failed":
-            return "The fit failed: nothing can be said about the model"
-        case "no-missing-effect":
-            return "Nothing is missing that these data can show"
-        case "limited-by-numerics":
-            return "What is left is no more than errors of the computation explain"
-        case "unexplained":
-            return "Something is missing, and none of the known effects explains it"
-        case "effect-found" if effects:
-            return f"Missing: {joined(with_doubt(report))}"
-        case "ambiguous" if not rivals:
-            return "These data cannot tell what is missing"
-        case "ambiguous" if sure:
-            return f"Missing: {joined(sure)}; then {joined(rivals, 'or')}, these data cannot tell which"
-        case "ambiguous" if len(rivals) == 1:
-            return f"Perhaps missing: {rivals[0]}; these data cannot confirm it"
-        case "ambiguous" if len(rivals) == 2:
-            return f"These data cannot tell {rivals[0]} from {rivals[1]}"
-        case "ambiguous":
-            return f"These data cannot tell apart {joined(rivals)}"
-    return f"Verdict: {report.verdict or 'none'}"
-
-
 def how_sure(report: LoopReport, most: int = 4) -> str:
-    """How sure the verdict is, with the most probable causes; "" where nothing is known of it."""
+    """Probability of the verdict and of the most probable causes; "" if none is known."""
     if report.sure is None:
         return ""
     causes = ", ".join(f"{name} {p:.2f}" for name, p in list(report.posterior.items())[:most])
-    return f"The verdict is right with a probability of {report.sure:.2f} ({causes})."
+    if report.verdict == "ambiguous":
+        return f"Probabilities of the causes: {causes}."
+    return f"Probability of the verdict: {report.sure:.2f}. Probabilities of the causes: {causes}."
 
 
 def worth_of(test: NextExperiment) -> str:
-    """What a proposed test is expected to tell, and what it costs."""
+    """Expected information gain and duration of a proposed test."""
     pair = " from ".join(test.separates)
-    parts = [f"would tell {pair}" + (f" (separation {number(test.separation)})" if finite(test.separation) else "")]
+    parts = [f"distinguishes {pair}" + (f" (separation {number(test.separation)})" if finite(test.separation) else "")]
     if finite(test.information_bits) and finite(test.minutes):
-        parts.append(f"is expected to settle {test.information_bits:.2g} bits of what is open, in {test.minutes:.3g} min")
-    return " and ".join(parts)
+        parts.append(f"expected information gain: {test.information_bits:.2g} bits; duration: about {test.minutes:.2g} min")
+    return "; ".join(parts)

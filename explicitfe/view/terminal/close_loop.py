@@ -1,4 +1,4 @@
-"""What ``close-loop`` says, in the terminal: the verdict, errors, candidates."""
+"""The answer of ``close-loop`` in the terminal: verdict, errors, candidates."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from explicitfe.view.report.words import FITTED_DROP, STATUSES, TRIAL_DROP, chan
 from explicitfe.view.terminal.files import file_lines
 from explicitfe.view.terminal.rows import pairs
 
-SHOWN_STATUSES = ("significant", "not-significant", "failed")  # what was not tried says nothing
+SHOWN_STATUSES = ("significant", "not-significant", "failed")  # candidates that were not tried are not listed
 
 
 def loop_tables(report: LoopReport) -> Group:
-    """What ``close-loop`` says: the verdict, errors before and after, candidates of each round."""
+    """The verdict, errors before and after, and the candidates of each round."""
     head = pairs(report.title or "")
-    head.add_row("verdict", f"[bold]{escape(report.verdict or '')}[/bold], what is left: {report.remainder}")
+    head.add_row("verdict", f"[bold]{escape(report.verdict or '')}[/bold]")
     head.add_row("", escape(report.sentence))
     if report.remainder_where:
         head.add_row("", escape(report.remainder_where))
     if report.verdict == "failed":
         return Group(head)
     if report.sure is not None:
-        head.add_row("how sure", escape(how_sure(report)))
+        head.add_row("probability", escape(how_sure(report)))
     before, after = report.baseline.error, report.final.error
     for words, errors in (("held-out curves", (before.holdout, after.holdout)), ("fitted curves", (before.fit, after.fit))):
         shares = [100.0 * error.nrmse for error in errors if error is not None and error.nrmse is not None]
@@ -54,11 +54,11 @@ def loop_tables(report: LoopReport) -> Group:
 
 
 def _round_table(turn: int, candidates: Sequence[ReportedCandidate], added: str | None) -> Table:
-    """What would explain the residual of one round."""
-    table = Table(title=f"round {turn}: what would explain the rest", title_justify="left")
+    """The candidates of one round."""
+    table = Table(title=f"round {turn}: decrease of χ² by each candidate", title_justify="left")
     table.add_column("effect", no_wrap=True)
     table.add_column("status", min_width=len("significant"))
-    for column in (TRIAL_DROP, FITTED_DROP, "p (Holm)", "error of left-out tests"):
+    for column in (TRIAL_DROP, FITTED_DROP, "p (Holm)", "cross-validated error"):
         table.add_column(column, justify="right")
     for row in candidates:
         error = "" if row.cv_nrmse is None else percent(row.cv_nrmse)

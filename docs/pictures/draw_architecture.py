@@ -1,10 +1,9 @@
-"""Draw the structure of the package from its imports: rooms on floors, and arrows from each room to those that it imports.
+"""Draw the folders of the package on levels, with arrows for imports.
 
     python docs/pictures/draw_architecture.py [PICTURE.png]
 
-A room is a folder of the package. A floor holds the rooms that import only from floors below. Nothing is imported here: the
-sources are read with ``ast``. Arrows that follow from others (a longer path leads there too) are counted, but not drawn. The
-numbers of rooms, arrows, floors and circles are printed.
+A folder is one level above the highest folder that it imports from. The sources are read with ``ast``, not imported. Arrows that
+follow from a longer path are counted, but not drawn. The numbers of folders, imports, levels and cycles are printed.
 """
 
 from __future__ import annotations
@@ -21,56 +20,59 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE.parent.parent / "explicitfe"
 
-# What a newcomer should know of each room; a room without a sentence is an error.
-ROOMS = {
-    "compiled": "machine code: compile options, vectors, arrays, threads; no mechanics",
-    "host": "the operating system: signals, files, memory",
-    "acoustics": "sound in tubes: losses, formants; no geometry",
-    "mesh": "meshes of 8-node hexahedra: making, ordering, quality",
+# Description of each folder; the script fails if a folder has none.
+FOLDERS = {
+    "compiled": "compiler options, vectors, arrays, threads; no mechanics",
+    "host": "operating system: signals, files, memory",
+    "acoustics": "sound in tubes: losses, formants",
+    "mesh": "hexahedral meshes: generation, numbering, quality",
     "bones": "rigid surfaces: triangles, signed distance, motion",
-    "materials": "laws: one file a law",
-    "elements": "elements and how they resist hourglassing",
-    "effects": "what an elastic model lacks: one file an effect",
-    "forces": "forces on the nodes: one file a force",
-    "scenario": "the text of a scenario, read and checked",
-    "results": "result files and typed reports: written, read",
-    "measure": "what a tongue did: shape, speeds, contact, airway, formants",
-    "model": "physics made from a scenario: tongue, specimen, own mesh",
-    "view": "pictures, terminal tables, the HTML report",
-    "solve": "steps in time, equilibria, single points",
-    "measured": "datasets: read, checked, in SI units",
-    "run": "commands on a scenario: run, check, bench",
-    "predict": "the answer of a tissue in a measured test",
-    "identify": "the constants that fit a dataset",
-    "close_loop": "which effect a dataset shows that the model lacks",
-    "blind": "how often close-loop is right: sealed cases",
+    "materials": "material laws: one file per law",
+    "elements": "elements and hourglass control",
+    "effects": "effects that an elastic model lacks: one file per effect",
+    "forces": "nodal forces: one file per force",
+    "scenario": "scenario files: reading and validation",
+    "results": "result files and typed reports",
+    "measure": "measures: shape, speed, contact, airway, formants",
+    "model": "models from scenarios: tongue, specimen, own mesh",
+    "view": "pictures, terminal tables, HTML reports",
+    "solve": "time integration, equilibria, single points",
+    "measured": "datasets: reading, validation, SI units",
+    "run": "commands on scenarios: run, check, bench",
+    "predict": "response of a tissue in a measured test",
+    "identify": "constants that fit a dataset",
+    "close_loop": "effects that a dataset shows and the model lacks",
+    "blind": "reliability of close-loop on hidden effects",
+    "sweep": "parameter sweeps: designs, workers, tables",
+    "verify": "validation claims and their references",
+    "api": "Python functions for the commands",
 }
-# Above all rooms: what a person or a program enters by.
+# Entry points above all folders.
 TOP = ("__init__", "__main__", "cli")
-BASE = "errors"  # imported by nearly all; not drawn
+BASE = "errors"  # imported by nearly all folders; not drawn
 
-WIDTH, HEIGHT, GAP, RISE = 2.75, 1.0, 0.3, 1.65  # of a box, between boxes, from floor to floor
-LANE = 0.1  # width of an arrow that passes a floor
+WIDTH, HEIGHT, GAP, RISE = 2.75, 1.0, 0.3, 1.65  # of a box, between boxes, from level to level
+LANE = 0.1  # width of an arrow that passes a level
 MECHANICS, TEXT, STUDY, DRAWN = "#dbe7f3", "#fbeed3", "#e3efdc", "#f5dfdc"
-SUBJECTS = dict.fromkeys(ROOMS, MECHANICS)
-SUBJECTS |= dict.fromkeys(("scenario", "model", "run", "host"), TEXT)
-SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "blind"), STUDY)
+SUBJECTS = dict.fromkeys(FOLDERS, MECHANICS)
+SUBJECTS |= dict.fromkeys(("scenario", "model", "run", "host", "sweep", "api"), TEXT)
+SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "blind", "verify"), STUDY)
 SUBJECTS |= dict.fromkeys(("results", "measure", "view", "acoustics"), DRAWN)
 LINE = "#5a6570"
-LEGEND = """An arrow means: imports from. Arrows that follow from longer paths are left out. errors.py stands below all rooms.
-Blue: mechanics. Yellow: from the text of a scenario to its result. Green: measured data. Red: results, measures, sound."""
+LEGEND = """Arrows show imports. Arrows that follow from longer paths are omitted. errors.py is below all folders.
+Blue: mechanics. Yellow: scenarios and runs. Green: measured data and validation. Red: results, measures, sound."""
 
-Place = str | tuple[str, int]  # a room, or the bend of the arrows to a room where they pass a floor
+Place = str | tuple[str, int]  # a folder, or the bend of the arrows to a folder where they pass a level
 
 
-def room_of(path: Path) -> str:
-    """The room of a module, or its own name where it stands at the top of the package."""
+def folder_of(path: Path) -> str:
+    """The folder of a module, or its own name if it is in the top folder of the package."""
     parts = path.relative_to(PACKAGE).with_suffix("").parts
     return parts[0]
 
 
-def imported_rooms(path: Path) -> set[str]:
-    """Rooms that a module imports from, also inside functions."""
+def imported_folders(path: Path) -> set[str]:
+    """Folders that a module imports from, also inside functions."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -81,67 +83,67 @@ def imported_rooms(path: Path) -> set[str]:
 
 
 def read_graph() -> dict[str, set[str]]:
-    """Room -> the rooms that it imports from."""
+    """Folder -> the folders that it imports from."""
     modules = sorted(PACKAGE.rglob("*.py"))
-    rooms = {room_of(path) for path in modules if path.parent != PACKAGE} - set(TOP)
-    graph: dict[str, set[str]] = {room: set() for room in sorted(rooms)}
+    folders = {folder_of(path) for path in modules if path.parent != PACKAGE} - set(TOP)
+    graph: dict[str, set[str]] = {folder: set() for folder in sorted(folders)}
     for path in modules:
-        if room_of(path) in rooms:
-            graph[room_of(path)] |= (imported_rooms(path) & rooms) - {room_of(path)}
+        if folder_of(path) in folders:
+            graph[folder_of(path)] |= (imported_folders(path) & folders) - {folder_of(path)}
     return graph
 
 
 def floors_of(graph: dict[str, set[str]]) -> dict[str, int]:
-    """The floor of each room: one above the highest room that it imports from."""
-    floors: dict[str, int] = {}
-    for room in TopologicalSorter(graph).static_order():
-        floors[room] = 1 + max((floors[other] for other in graph[room]), default=-1)
-    return floors
+    """The level of each folder: one above the highest folder that it imports from."""
+    levels: dict[str, int] = {}
+    for folder in TopologicalSorter(graph).static_order():
+        levels[folder] = 1 + max((levels[other] for other in graph[folder]), default=-1)
+    return levels
 
 
-def reachable(graph: dict[str, set[str]], room: str) -> set[str]:
-    """All rooms below a room."""
-    return graph[room].union(*(reachable(graph, other) for other in graph[room]))
+def reachable(graph: dict[str, set[str]], folder: str) -> set[str]:
+    """All folders below a folder."""
+    return graph[folder].union(*(reachable(graph, other) for other in graph[folder]))
 
 
 def drawn_arrows(graph: dict[str, set[str]]) -> list[tuple[str, str]]:
-    """The arrows that do not follow from others."""
+    """Imports that do not follow from longer paths."""
     return [
-        (room, other)
-        for room, others in graph.items()
+        (folder, other)
+        for folder, others in graph.items()
         for other in sorted(others)
         if not any(other in reachable(graph, between) for between in others - {other})
     ]
 
 
 def width_of(place: Place) -> float:
-    """Of a box, or of the lane of an arrow."""
+    """Width of a box, or of the lane of an arrow."""
     return WIDTH if isinstance(place, str) else LANE
 
 
 class Layout:
-    """Places of the rooms, and of the bends of arrows that pass a floor on their way down, so that none passes behind a box.
+    """Positions of the folders, and of the bends of arrows that pass a level, so that no arrow passes behind a box.
 
     Attributes
     ----------
-    rows : what stands on each floor, from left to right: rooms, and bends (arrow's number, floor).
+    rows : what stands on each level, from left to right: folders, and bends (arrow's number, level).
     x : the middle of each.
     """
 
-    def __init__(self, floors: dict[str, int], arrows: list[tuple[str, str]]) -> None:
-        self.rows: list[list[Place]] = [[] for _ in range(max(floors.values()) + 1)]
-        for room in ROOMS:
-            self.rows[floors[room]].append(room)
+    def __init__(self, levels: dict[str, int], arrows: list[tuple[str, str]]) -> None:
+        self.rows: list[list[Place]] = [[] for _ in range(max(levels.values()) + 1)]
+        for folder in FOLDERS:
+            self.rows[levels[folder]].append(folder)
         self.paths: list[list[Place]] = []
         lanes: dict[tuple[str, int], Place] = {}
         for a, b in arrows:
             bends: list[Place] = []
-            for floor in range(floors[a] - 1, floors[b], -1):
-                # arrows to the same room share their way down
-                if (b, floor) not in lanes:
-                    lanes[b, floor] = (b, floor)
-                    self.rows[floor].append((b, floor))
-                bends.append((b, floor))
+            for level in range(levels[a] - 1, levels[b], -1):
+                # arrows to the same folder share their way down
+                if (b, level) not in lanes:
+                    lanes[b, level] = (b, level)
+                    self.rows[level].append((b, level))
+                bends.append((b, level))
             self.paths.append([a, *bends, b])
         self.links = sorted({link for path in self.paths for link in pairwise(path)}, key=str)
         self.x = self._best()
@@ -168,7 +170,7 @@ class Layout:
         return next(k for k, row in enumerate(self.rows) if place in row)
 
     def _best(self) -> dict[Place, float]:
-        """The order along each floor with few crossings and short arrows: neighbours are swapped as long as that helps."""
+        """Order the folders of each level for few crossings and short arrows, by swapping neighbours."""
         x = self._packed()
         cost, better = self._cost(x), True
         while better:
@@ -181,7 +183,7 @@ class Layout:
                         cost, x, better = self._cost(trial), trial, True
                     else:
                         row[i], row[j] = row[j], row[i]
-        for _ in range(60):  # shift whole floors, then single places as far as their neighbours allow
+        for _ in range(60):  # shift whole levels, then single places as far as their neighbours allow
             for row in self.rows:
                 for k, place in enumerate(row):
                     others = [b if a == place else a for a, b in self.links if place in (a, b)]
@@ -196,13 +198,13 @@ class Layout:
 
 
 def draw(graph: dict[str, set[str]], path: Path) -> None:
-    """Write the picture."""
+    """Draw the picture and write it to a file."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import FancyBboxPatch
 
-    floors = floors_of(graph)
-    layout = Layout(floors, drawn_arrows(graph))
+    levels = floors_of(graph)
+    layout = Layout(levels, drawn_arrows(graph))
     x = layout.x
     top = RISE * len(layout.rows) - 0.4
     left = min(x[place] - 0.5 * width_of(place) for place in x) - GAP
@@ -223,10 +225,12 @@ def draw(graph: dict[str, set[str]], path: Path) -> None:
 
     # where an arrow leaves and reaches a box: spread over its edge, in the order of where the arrows go
     leaving = {
-        room: sorted({p[1] for p in layout.paths if p[0] == room}, key=lambda place: (x[place], str(place))) for room in graph
+        folder: sorted({p[1] for p in layout.paths if p[0] == folder}, key=lambda place: (x[place], str(place)))
+        for folder in graph
     }
     arriving = {
-        room: sorted({p[-2] for p in layout.paths if p[-1] == room}, key=lambda place: (x[place], str(place))) for room in graph
+        folder: sorted({p[-2] for p in layout.paths if p[-1] == folder}, key=lambda place: (x[place], str(place)))
+        for folder in graph
     }
 
     def spread(centre: float, places: list[Place], place: Place) -> float:
@@ -235,11 +239,11 @@ def draw(graph: dict[str, set[str]], path: Path) -> None:
     for bends in layout.paths:
         a, b = bends[0], bends[-1]
         assert isinstance(a, str) and isinstance(b, str)
-        points = [(spread(x[a], leaving[a], bends[1]), RISE * floors[a])]
+        points = [(spread(x[a], leaving[a], bends[1]), RISE * levels[a])]
         for place in bends[1:-1]:
             assert isinstance(place, tuple)
             points += [(x[place], RISE * place[1] + HEIGHT), (x[place], RISE * place[1])]
-        points.append((spread(x[b], arriving[b], bends[-2]), RISE * floors[b] + HEIGHT))
+        points.append((spread(x[b], arriving[b], bends[-2]), RISE * levels[b] + HEIGHT))
         axes.plot(*zip(*points[:-1], strict=True), color=LINE, lw=1.2, solid_joinstyle="round", zorder=2)
         axes.annotate(
             "",
@@ -254,9 +258,9 @@ def draw(graph: dict[str, set[str]], path: Path) -> None:
             },
             zorder=2,
         )
-    for room in graph:
-        box(x[room], RISE * floors[room], WIDTH, HEIGHT, room, ROOMS[room], SUBJECTS[room])
-    words = "the command line, `python -m explicitfe` and `import explicitfe` may use every room"
+    for folder in graph:
+        box(x[folder], RISE * levels[folder], WIDTH, HEIGHT, folder, FOLDERS[folder], SUBJECTS[folder])
+    words = "command line, `python -m explicitfe` and `import explicitfe`: import all folders"
     middle = 0.5 * (left + right)
     box(middle, top + 0.15, right - left - 2.0 * GAP, 0.75, "cli    __main__    __init__", words, "#f2f2f2")
     axes.text(middle, -0.2, LEGEND, ha="center", va="top", fontsize=11, color=LINE, linespacing=1.4)
@@ -265,18 +269,18 @@ def draw(graph: dict[str, set[str]], path: Path) -> None:
 
 def main() -> None:
     graph = read_graph()
-    unknown = set(graph) ^ set(ROOMS)
+    unknown = set(graph) ^ set(FOLDERS)
     if unknown:
-        sys.exit(f"ROOMS has to name exactly the rooms of the package; these differ: {', '.join(sorted(unknown))}")
+        sys.exit(f"FOLDERS must list exactly the folders of the package; these differ: {', '.join(sorted(unknown))}")
     try:
-        floors = floors_of(graph)
+        levels = floors_of(graph)
     except CycleError as error:
-        sys.exit(f"imports in a circle: {' -> '.join(error.args[1])}")
+        sys.exit(f"cyclic imports: {' -> '.join(error.args[1])}")
     total = sum(len(others) for others in graph.values())
-    print(f"{len(graph)} rooms, {total} arrows between rooms ({len(drawn_arrows(graph))} drawn), ", end="")
-    print(f"{max(floors.values()) + 1} floors, 0 circles")
-    for floor in range(max(floors.values()), -1, -1):
-        print(f"  {floor:2d}  {', '.join(room for room in ROOMS if floors[room] == floor)}")
+    print(f"{len(graph)} folders, {total} arrows between folders ({len(drawn_arrows(graph))} drawn), ", end="")
+    print(f"{max(levels.values()) + 1} levels, 0 cycles")
+    for level in range(max(levels.values()), -1, -1):
+        print(f"  {level:2d}  {', '.join(folder for folder in FOLDERS if levels[folder] == level)}")
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "architecture.png"
     draw(graph, path)
 

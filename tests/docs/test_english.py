@@ -47,7 +47,8 @@ PATTERNS = {re.compile(rf"(?<![\w-])(?:{words})(?![\w-])", re.I): advice for wor
 NOT_A_BEGINNING = re.compile(r"(Of|That|Where|What|Whose) ")
 # Their reports are rewritten with the next version of the loop; only their errors are checked.
 ERRORS_ONLY = ("close_loop", "blind")
-FOLDERS = sorted(path.name for path in (ROOT / "explicitfe").iterdir() if (path / "__init__.py").is_file())
+TOP = "modules of the top folder"
+FOLDERS = [TOP, *sorted(path.name for path in (ROOT / "explicitfe").iterdir() if (path / "__init__.py").is_file())]
 # Only the first paragraph and the headings of tables of a study or a reference page are checked.
 LONG_PAGES = re.compile(r"docs/(studies|reference)/")
 PAGES = [
@@ -102,7 +103,8 @@ def help_texts() -> Iterator[Text]:
 
 def strings_of(folder: str) -> Iterator[Text]:
     """String literals of a folder of the package that hold several words: messages, labels, report texts; no docstrings."""
-    for path in sorted((ROOT / "explicitfe" / folder).rglob("*.py")):
+    paths = (ROOT / "explicitfe").glob("*.py") if folder == TOP else (ROOT / "explicitfe" / folder).rglob("*.py")
+    for path in sorted(paths):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         roots = [node for node in ast.walk(tree) if _is_error(node)] if folder in ERRORS_ONLY else [tree]
         docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
@@ -162,7 +164,8 @@ def facade_texts() -> Iterator[Text]:
 
     for name in explicitfe.__all__:
         if name != "__version__":
-            yield Text(f"explicitfe.{name}", inspect.getdoc(getattr(explicitfe, name)) or "")
+            text = inspect.getdoc(getattr(explicitfe, name)) or ""
+            yield Text(f"explicitfe.{name}", re.sub(r"^\w[\w, ]* : ", "", text, flags=re.M))  # without names of parameters
 
 
 def test_help():

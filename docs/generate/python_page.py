@@ -4,50 +4,74 @@ from __future__ import annotations
 
 import inspect
 import re
+from functools import cached_property
 
-HEAD = """# Python: every name of `explicitfe`
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
-Made from the docstrings. Positions are in m, forces in N, times in s; a name says its unit where it is another one. How the parts
-work together: [Models in Python](../tutorials/python.md).
+HEAD = """# Python reference
+
+All public names of `explicitfe`. Positions are in m, forces in N, times in s; other units are part of the name. For examples see the
+[Python tutorial](../tutorials/python.md). Every function raises an `InputError` that names the parameter if an argument is invalid.
 
 """
 GROUPS = {
-    "Commands": ("run", "resume", "check", "check_dataset", "identify", "predict", "close_loop", "design_test", "open_result"),
+    "Runs and data": ("run", "resume", "sweep", "check", "check_dataset", "identify", "predict", "close_loop", "design_test"),
+    "Results": ("open_result", "Result", "measure", "compare", "compare_recording", "plot", "view", "report", "export"),
     "Meshes and models": (
-        "HexMesh", "box", "Yeoh", "NeoHooke", "MooneyRivlin", "Model", "Inclusion", "tongue_model", "specimen_model",
+        "HexMesh", "box", "Yeoh", "NeoHooke", "MooneyRivlin", "Ogden", "Model", "Inclusion", "tongue_model", "specimen_model",
         "SpecimenTable", "ToolTable",
     ),
     "Loads": ("NodalLoad", "face_load", "gravity_load", "Profile"),
     "Solvers": ("Simulation", "Transient", "Relaxation"),
     "Errors": ("InputError", "RunError"),
 }  # fmt: skip
+_VALUES = (property, cached_property)
 _SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.M)
 _ENTRY = re.compile(r"^(\*{0,2}\w[\w, *.]*?) : ", re.M)
 
 
 def python_page() -> str:
-    """Markdown of all names, in groups; a name of the package that has no group stands under "More"."""
+    """Markdown of all names, in groups; names of the package without a group are listed under "More"."""
     import explicitfe
+    from explicitfe.results import Result
 
     grouped = {name for names in GROUPS.values() for name in names}
     more = [name for name in explicitfe.__all__ if name not in grouped and not name.startswith("__")]
-    groups = {heading: [name for name in names if name in explicitfe.__all__] for heading, names in GROUPS.items()}
+    other = {"Result": Result}  # what open_result returns
+    groups = {heading: [name for name in names if name in {*explicitfe.__all__, *other}] for heading, names in GROUPS.items()}
     sections = [HEAD]
     for heading, names in (groups | ({"More": more} if more else {})).items():
         sections.append(f"## {heading}\n")
-        sections += [_entry(name, getattr(explicitfe, name), 3) for name in names]
+        sections += [_entry(name, other.get(name) or getattr(explicitfe, name), 3) for name in names]
     return "\n".join(sections)
 
 
 def _entry(name: str, value: object, level: int) -> str:
     lines = [f"{'#' * level} {name}", "", f"```text\n{name}{_signature(value)}\n```", "", _markdown(inspect.getdoc(value) or "")]
+    if inspect.isclass(value) and issubclass(value, BaseModel):
+        lines += ["", "**Parameters**", "", *(_key(key, field) for key, field in value.model_fields.items())]
     if inspect.isclass(value) and not issubclass(value, Exception):
+        members = {key: member for kind in reversed(value.__mro__) if kind.__module__.startswith("explicitfe") for key, member in
+                   vars(kind).items() if not key.startswith("_") and inspect.getdoc(member)}  # fmt: skip
+        values = [f"- `{key}`: {_first_line(member)}" for key, member in members.items() if isinstance(member, _VALUES)]
+        lines += ["", "**Properties**", "", *values, ""] if values else [""]
         lines += [
-            _entry(f"{name}.{key}", member, level + 1)
-            for key, member in vars(value).items()
-            if inspect.isfunction(member) and not key.startswith("_") and inspect.getdoc(member)
+            _entry(f"{name}.{key}", getattr(value, key), level + 1)
+            for key, member in members.items()
+            if inspect.isfunction(member) or isinstance(member, classmethod)
         ]
     return "\n".join([*lines, ""])
+
+
+def _key(name: str, field: FieldInfo) -> str:
+    """A key of a table or a constant of a law as an entry of a list."""
+    default = "required" if field.is_required() else f"default: `{field.get_default(call_default_factory=True)!r}`"
+    return f"- `{name}`: {field.description or ''} ({default})"
+
+
+def _first_line(member: object) -> str:
+    return (inspect.getdoc(member) or "").split("\n\n")[0].replace("\n", " ").replace("``", "`").replace("<", "&lt;")
 
 
 def _signature(value: object) -> str:

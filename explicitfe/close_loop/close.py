@@ -34,14 +34,14 @@ def close_loop(
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> LoopReport:
-    """Say what a model lacks, given measured curves.
+    """Find which effect a model lacks, from measured curves.
 
     Parameters
     ----------
     dataset_path : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
-    add : folders of further datasets of the same specimen and machine, whose curves are fitted beside the others: what was
-        measured because a report proposed it.
+    add : folders of further datasets of the same specimen and machine, whose curves are fitted together with the others,
+        such as tests that a report proposed.
     holdout : ids of curves that are only predicted; chosen by the dataset or by a rule if left out.
     constants_by : condition, or "group", by which curves share their constants; as the dataset says if left out, unless equal
         tests on several specimens show that one set cannot serve all of them.
@@ -62,18 +62,18 @@ def close_loop(
     dataset = read_dataset(dataset_path)
     for name in effects:
         if dataset.test != "trajectory" and name not in EFFECTS:
-            raise InputError(f"--effects {shortened(name)}: there is no such effect; {nearest(name, EFFECTS)}")
+            raise InputError(f"--effects {shortened(name)}: unknown effect; {nearest(name, EFFECTS)}")
     if max_effects < 0:
-        raise InputError(f"--max-effects {max_effects}: it must be 0 or more.")
+        raise InputError(f"--max-effects {max_effects}: must be 0 or more.")
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
     if dataset.test == "trajectory" and constants_by is not None:
-        raise InputError(f"{dataset.path}: a trajectory has no constants to group; leave --constants-by out.")
+        raise InputError(f"{dataset.path}: --constants-by does not apply to trajectories; remove it.")
     grouping = grouping_of(dataset, holdout) if constants_by is None and dataset.test != "trajectory" else None
     if grouping is not None:
         constants_by = grouping.by
     more = [read_dataset(path) for path in add]
     if dataset.test == "trajectory" and more:
-        raise InputError(f"{dataset.path}: nothing can be added to a trajectory; leave --add out.")
+        raise InputError(f"{dataset.path}: --add does not apply to trajectories; remove it.")
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)
         more = [other.regrouped(constants_by) for other in more]

@@ -1,6 +1,6 @@
-"""``explicitfe design-test``: what a planned protocol can find and tell apart, before anything is measured.
+"""``explicitfe design-test``: which effects a planned protocol can detect and distinguish.
 
-The fingerprints are those of the search, about what an elastic model would answer.
+The signatures are those of the search, about the prediction of an elastic model.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def design_test(
     processes: int | None = None,
     progress: Progress = silent,
 ) -> PlannedTest:
-    """Which effects a planned test could find, and which it could not tell apart.
+    """Predict which effects a planned test can detect, and which of them it cannot distinguish.
 
     Parameters
     ----------
@@ -100,8 +100,8 @@ def design_test(
 
     Returns
     -------
-    For each effect whether its largest plausible strength would show, the smallest strength that would, the constants in which it
-    would hide if nobody looked for it, and the effect that it would be mistaken for most easily.
+    For each effect: whether its largest plausible strength is detectable, the smallest detectable strength, the change of the
+    constants if the effect is ignored, and the effect that it is most easily confused with.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def design_test(
     for candidate in candidates:
         fingerprint = next((p for p in prints if p.candidate is candidate), None)
         if fingerprint is None or not fingerprint.values:
-            reason = candidate.reason or "the model cannot be computed with it"
+            reason = candidate.reason or "the simulation with this effect failed"
             strength = candidate.term.parameters[0].name
             _, unit = words_and_unit(strength)
             effects.append(EffectInTest(effect=candidate.effect, strength=strength, unit=unit, shows=False, reason=reason))
@@ -169,7 +169,7 @@ def _effect_in_test(
     plausible = float(fingerprint.plausible[best])
     needed = float(np.sqrt(THRESHOLDS.visible_separation / max(size[best], 1e-300)))
     shows = fingerprint.visible >= THRESHOLDS.visible_separation
-    visible = f"{fingerprint.visible:.2g} of {THRESHOLDS.visible_separation:g}"
+    visible = f"{fingerprint.visible:.2g}, {THRESHOLDS.visible_separation:g} is required"
     apart = _separations(fingerprint, prints)
     distinct = {name: gap for name, gap in apart.items() if gap >= THRESHOLDS.visible_separation}
     nearest = min(distinct or apart, key=apart.__getitem__, default=None)
@@ -183,7 +183,7 @@ def _effect_in_test(
         largest_plausible=strength.value(none + plausible * tried),
         smallest=strength.value(none + needed * tried) if needed <= fingerprint.limits[best] else None,
         hides_in=_hides_in(fingerprint, best, min(needed, plausible), fit, system, covariance),
-        reason="" if shows else f"its largest plausible strength stays under the floors ({visible})",
+        reason="" if shows else f"not detectable: the strongest plausible effect changes chi2 by {visible}",
         nearest=nearest,
         separation=None if nearest is None else apart[nearest],
         cannot_tell_from=sorted((other for other in apart if other not in distinct), key=apart.__getitem__),
@@ -283,9 +283,9 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
             ]
             t, x = np.array(curve.programme).T
             if np.any(np.diff(t) <= 0.0) or t[0] != 0.0:
-                raise InputError(f'{path}: the programme of curve "{curve.id}" must begin at 0 s, and time must increase.')
+                raise InputError(f'{path}: the programme of curve "{curve.id}" must begin at 0 s with increasing times.')
             if np.ptp(x) == 0.0 and x[0] == (1.0 if kind == "uniaxial" else 0.0):
-                raise InputError(f'{path}: the programme of curve "{curve.id}" never leaves the state at rest.')
+                raise InputError(f'{path}: the programme of curve "{curve.id}" is constant at rest; give it a load.')
             rows = t if curve.rows is None else np.linspace(0.0, t[-1], curve.rows)
             imposed = np.interp(rows, t, x)
             guess = _guess(protocol, curve, kind, imposed, by_force)
@@ -296,7 +296,7 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
         try:
             return read_dataset(folder)
         except InputError as error:
-            raise InputError(f"{path}: as a dataset this would not do: {str(error).replace(folder, '').lstrip('/')}") from None
+            raise InputError(f"{path}: invalid protocol: {str(error).replace(folder, '').lstrip('/')}") from None
 
 
 def _guess(protocol: ProtocolFile, curve: PlannedCurve, kind: Kind, imposed: np.ndarray, by_force: bool) -> np.ndarray:

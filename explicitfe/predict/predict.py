@@ -53,12 +53,12 @@ def predict(
     ----------
     dataset_path : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
     model_path : model file, see :mod:`explicitfe.predict.tissue`.
-    out : folder for predict.json and a CSV a curve; nothing is written if left out.
+    out : folder for predict.json and one CSV file per curve; nothing is written if left out.
     curves : ids; all if left out.
     refinement : divides the element sizes; the model's own if left out.
     density : multiplies the numbers of instants of tests under a tool; the model's own if left out.
     tolerance : relative force residual of an equilibrium; the model's own if left out.
-    processes : at most so many; one a core if left out.
+    processes : largest number of processes; the number of cores if left out.
     overwrite : replace an earlier prediction.
     progress : called with the stage and the share of it that is done.
 

@@ -1,4 +1,4 @@
-"""Reads result files: finished, failed, killed, or still being written."""
+"""Reading of result files: of finished, failed, killed and running simulations."""
 
 from __future__ import annotations
 
@@ -64,16 +64,20 @@ class _ClosedFile:
 
 
 class Result(Recorded):
-    """A result file opened for reading; numbers are read when asked for.
+    """An open result file. Numbers are read when they are needed.
 
-    Only the valid steps are shown: after a kill that is up to the last stored sample. Numbers are compared with their checksums;
-    every method raises InputError where the file is damaged.
+    Only complete samples are read; after a killed run these are all samples up to the last stored one. Numbers are compared with
+    their checksums, and every method raises InputError if the file is damaged.
+
+    Parameters
+    ----------
+    path : the file; see :func:`explicitfe.open_result`.
 
     Attributes
     ----------
     path : the file.
     live : whether another process is writing it now. A ``status`` of ``"running"`` that is not live is a killed run.
-    format : of its layout; 3 is the present one.
+    format : version of the layout; 3 is the present one.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -100,8 +104,8 @@ class Result(Recorded):
 
     @cached_property
     def status(self) -> str:
-        """``"finished"``, ``"inverted"``, ``"diverged"``, ``"unstable"`` or ``"interrupted"``; ``"running"`` when the run goes
-        on or was killed. ``message`` says why a run ended early.
+        """``"finished"``, ``"inverted"``, ``"diverged"``, ``"unstable"`` or ``"interrupted"``; ``"running"`` if the run continues
+        or was killed. ``message`` is the reason of an early end.
         """
         return self._stored.text(layout.STATE, in_header=True)
 
@@ -112,7 +116,7 @@ class Result(Recorded):
 
     @property
     def summary(self) -> Mapping[str, Any]:
-        """What the run came to, as ``results/run_summary.py`` describes it; empty until it ends."""
+        """Summary of the run, with the keys of ``explicitfe run --json``; empty until it ends."""
         return self._ending[1]
 
     @property
@@ -175,13 +179,23 @@ class Result(Recorded):
 
     @cached_property
     def history_names(self) -> dict[str, Quantity]:
-        """The history by name, ``time`` among it."""
+        """Names and units of the histories, including ``time``."""
         return {name: self._quantity(f"{layout.HISTORY}/{name}") for name in self._names(layout.HISTORY)}
 
     def history(self, name: str) -> np.ndarray:
-        """One history, (rows,) or (rows, components), in its unit; ``history("time")`` has the times of the rows.
+        """Read one history: a quantity at every sample.
 
-        A row is a step; files of format 2 and before may have more.
+        Parameters
+        ----------
+        name : one of ``history_names``, such as ``"time"`` or ``"kinetic_energy"``.
+
+        Returns
+        -------
+        (rows,) or (rows, components), in its unit. A row is a sample; files of format 2 and before may have more rows.
+
+        Raises
+        ------
+        InputError : no such history.
         """
         if name not in self.history_names:
             raise InputError(f'{self.path} has no history "{name}"; {nearest(name, self.history_names)}')
@@ -189,19 +203,19 @@ class Result(Recorded):
 
     @cached_property
     def bones(self) -> dict[str, StoredBone]:
-        """The bones that the body may touch, by name, at rest; empty where the run had none."""
+        """Surfaces of the bones at rest, by name; empty if the run had none."""
         names = self._names(layout.BONES) if self._stored.has(layout.BONES) else []
         return {name: self._bone(f"{layout.BONES}/{name}") for name in names}
 
     @cached_property
     def fibres(self) -> list[list[MaterialPoints]]:
-        """Of each muscle of ``model["muscles"]`` the lines that its fibres run along; empty where none are stored."""
+        """For each muscle of ``model["muscles"]`` the lines of its fibres; empty if none are stored."""
         return read_fibres(self._stored, self.mesh, len(self.model.get("muscles", [])))
 
     def mesh_at(self, step: int = -1, *, time_s: float | None = None, warped: bool = False) -> pyvista.UnstructuredGrid:
-        """The mesh with all fields at one step, as pyvista and ParaView see it.
+        """The mesh with all fields at one step, as a mesh of pyvista.
 
-        It is put together from what was read and checked here: VTK's own reader ends the process on a damaged file.
+        It is built from checked arrays, as VTK's own reader ends the process if the file is damaged.
 
         Parameters
         ----------
@@ -210,7 +224,7 @@ class Result(Recorded):
         """
         step = self._step(step, time_s)
         require("view", "a mesh for pyvista")
-        import pyvista  # takes a second: only those who draw pay for it
+        import pyvista  # takes a second, so only where it is used
 
         points = self.mesh.points + self.displacement(step) if warped else self.mesh.points
         grid = pyvista.UnstructuredGrid({layout.VTK_HEXAHEDRON: self.mesh.hexes}, points)
@@ -220,11 +234,11 @@ class Result(Recorded):
         return grid
 
     def restart_state(self) -> RestartState | None:
-        """The newest whole restart state; None when none was stored."""
+        """The newest complete restart state; None if none was stored."""
         return max(self.restart_states(), key=lambda state: state.sequence, default=None)
 
     def restart_states(self) -> list[RestartState]:
-        """The restart states that are whole, two at most: a slot that a kill tore is passed over."""
+        """The complete restart states, two at most; one that was interrupted while it was written is skipped."""
         states = []
         for slot in layout.RESTART_SLOTS:
             try:
@@ -239,7 +253,7 @@ class Result(Recorded):
         return states
 
     def _restart(self) -> StoredRestart | None:
-        """From where the run can go on, if it was stopped or killed."""
+        """The state from which the run can be resumed, if it was stopped or killed."""
         state = None if self.live or self.status not in (layout.RUNNING, layout.INTERRUPTED) else self.restart_state()
         if state is None or "samples" not in state.arrays:
             return None
@@ -280,7 +294,7 @@ class Result(Recorded):
             return f"Result {str(self.path)!r}: {error}"
 
     def contents(self) -> ResultContents:
-        """What the file holds, ready for JSON."""
+        """Contents of the file as a dictionary for JSON: what ``explicitfe inspect --json`` prints."""
         rows = len(self.history("time"))
         return {
             "path": str(self.path),

@@ -1,4 +1,4 @@
-"""What a run has recorded, wherever it is kept: in a result file, or in memory only. It is measured through this."""
+"""The samples of a run, in a result file or in memory: the interface that measures and pictures use."""
 
 from __future__ import annotations
 
@@ -80,13 +80,13 @@ class Recorded(ABC):
         """One history, (rows,) or (rows, components), in its unit; ``history("time")`` has the times of the rows."""
 
     def field(self, name: str, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
-        """One field at one step.
+        """Read one field at one stored step.
 
         Parameters
         ----------
-        name : one of ``fields``.
-        step : 0 to T - 1, or from the end, -1 the last.
-        time_s : s; when given, the stored step nearest to it is taken instead of ``step``.
+        name : one of ``fields``, such as "displacement" or "J".
+        step : 0 to T - 1, or negative from the end; -1 is the last.
+        time_s : if given, the stored step nearest to this time is used instead of ``step``, s.
 
         Returns
         -------
@@ -101,11 +101,29 @@ class Recorded(ABC):
         return self._of_step(name, self._step(step, time_s))
 
     def displacement(self, step: int = -1, *, time_s: float | None = None) -> np.ndarray:
-        """Displacement of the nodes from their reference positions at one step, (N, 3), m."""
+        """Read the displacement of the nodes from their reference positions at one step; parameters as of :meth:`field`.
+
+        Returns
+        -------
+        (N, 3), m.
+        """
         return self.field("displacement", step, time_s=time_s)
 
     def probe(self, name: str) -> np.ndarray:
-        """Displacement of a named point at each of ``times``, (T, 3), m."""
+        """Displacement of a named point at all stored steps.
+
+        Parameters
+        ----------
+        name : of the point, such as "tip".
+
+        Returns
+        -------
+        (T, 3), m, at ``times``.
+
+        Raises
+        ------
+        InputError : no such point.
+        """
         points = self.mesh.named_points
         if name not in points:
             raise InputError(f'{self.path} has no named point "{name}"; {nearest(name, points)}')
@@ -116,7 +134,7 @@ class Recorded(ABC):
         return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
 
     def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Where a bone is at one step, given as in :meth:`field`: R (3, 3) and s (3,) m; its point X at rest is at R X + s."""
+        """Position of a bone at one step, given as in :meth:`field`: R (3, 3) and s (3,) m move its point X at rest to R X + s."""
         if f"bone_{bone}_placement" not in self.history_names:
             return np.eye(3), np.zeros(3)
         row = int(np.argmin(np.abs(self.history("time") - self.times[self._step(step, time_s)])))
@@ -124,7 +142,7 @@ class Recorded(ABC):
         return entries[:9].reshape(3, 3), entries[9:]
 
     def placed_bones(self, step: int = -1, *, time_s: float | None = None) -> dict[str, StoredBone]:
-        """The bones where they are at one step, given as in :meth:`field`."""
+        """Surfaces of the bones at one step, given as in :meth:`field`."""
         placed = {}
         for name, bone in self.bones.items():
             if f"bone_{name}_placement" not in self.history_names:
@@ -140,15 +158,15 @@ class Recorded(ABC):
         """Number of a stored step, 0 to T - 1."""
         count = len(self.times)
         if not count:
-            raise InputError(f"{self.path} holds no stored step")
+            raise InputError(f"{self.path} contains no stored step; run the scenario again.")
         if time_s is None:
             if not -count <= step < count:
-                raise InputError(f"{self.path} has no step {step}; it has 0 to {count - 1}")
+                raise InputError(f"{self.path} has no step {step}; its steps are 0 to {count - 1}.")
             return step % count
         first, last = self.times[0], self.times[-1]
         rounding = 1e-9 * max(abs(first), abs(last))
         if not first - rounding <= time_s <= last + rounding:
-            raise InputError(f"{self.path} has no time {time_s} s; it has {first} s to {last} s")
+            raise InputError(f"{self.path} has no time {time_s} s; its times are {first:g} s to {last:g} s.")
         return int(np.argmin(np.abs(self.times - time_s)))
 
     @abstractmethod

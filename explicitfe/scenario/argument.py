@@ -82,6 +82,19 @@ def finite_number(name: str, value: object) -> float:
     return number
 
 
+def number_from_zero(name: str, value: object) -> float:
+    """A finite number that is 0 or more.
+
+    Raises
+    ------
+    InputError : it is none.
+    """
+    number = finite_number(name, value)
+    if number < 0.0:
+        raise InputError(f"{name} = {number:g} is not possible: it must be 0 or more.")
+    return number
+
+
 def count_like(name: str, value: object, table: type[BaseModel], key: str) -> int:
     """A whole number within the limits of a key of a scenario; see :func:`number_like`.
 

@@ -1,4 +1,4 @@
-"""The scenario of an indentation: a tool comes down on a specimen, one equilibrium after the other."""
+"""The scenario of an indentation: a tool presses on a specimen in a sequence of equilibria."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from explicitfe.scenario.table import MOST_ROWS_OF_A_COURSE, Size, Table, Thread
 
 
 class SpecimenTable(Table):
-    """A cylinder or a block of tissue, base at z = 0, under a tool that comes down the z axis."""
+    """A cylinder or a block of tissue with its base at z = 0, under a tool that moves down along the z axis."""
 
     name: Literal["specimen"] = Field(default="specimen", description="a block or a cylinder of tissue")
     symmetry: Literal["sector", "quarter", "half", "whole"] = Field(
-        default="sector", description="the part that is computed; a sector stands for a body of revolution"
+        default="sector", description="computed part of the specimen; a sector represents a body of revolution"
     )
     radius_mm: float | None = Field(default=None, gt=0.0, description="of a cylinder")
     height_mm: float | None = Field(default=None, gt=0.0, description="of a cylinder")
@@ -37,7 +37,7 @@ class SpecimenTable(Table):
     )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity; it acts before the tool touches")
     edge_size_mm: float | None = Field(
-        default=None, gt=0.0, description="size of the elements at the tool's edge; from the tool if left out"
+        default=None, gt=0.0, description="size of the elements at the edge of the tool; derived from the tool by default"
     )
     refinement: float = Field(
         default=1.0,
@@ -68,7 +68,7 @@ class SpecimenTable(Table):
 
     @property
     def thickness_mm(self) -> float:
-        """Along z."""
+        """Thickness along z."""
         if self.size_mm is not None:
             return self.size_mm[2]
         assert self.height_mm is not None  # _one_shape has checked it
@@ -94,30 +94,30 @@ Friction = Annotated[float | Literal["stick"], BeforeValidator(_coefficient)]
 
 
 class ToolTable(Table):
-    """A rigid tool that comes down the z axis."""
+    """A rigid tool that moves down along the z axis."""
 
     shape: Literal["flat-cylinder", "sphere", "platen", "bonded-disc"] = Field(
-        description="of what presses; a platen is wider than the specimen, a bonded disc is glued to it"
+        description="shape of the tool; a platen is wider than the specimen, a bonded disc is glued to it"
     )
-    radius_mm: float | None = Field(default=None, gt=0.0, description="of all but a platen, which is wider than the specimen")
-    edge_radius_mm: float | None = Field(default=None, gt=0.0, description="of a flat cylinder; 1 if left out")
+    radius_mm: float | None = Field(default=None, gt=0.0, description="radius of the tool; not for a platen")
+    edge_radius_mm: float | None = Field(default=None, gt=0.0, description="radius of the edge of a flat cylinder; 1 by default")
     friction: Friction = Field(default=0.0, description='a coefficient from 0 to 1, or "stick"')
 
     @model_validator(mode="after")
     def _whole(self) -> ToolTable:
         if (self.shape == "platen") != (self.radius_mm is None):
-            raise ValueError("radius_mm goes with every shape but a platen")
+            raise ValueError("radius_mm is required for every shape except a platen, which has none")
         if self.edge_radius_mm is not None and self.shape != "flat-cylinder":
-            raise ValueError('edge_radius_mm goes with shape = "flat-cylinder"')
+            raise ValueError('edge_radius_mm is possible for shape = "flat-cylinder" only')
         if self.shape == "flat-cylinder" and self.rounding_mm > (self.radius_mm or 0.0):
             raise ValueError("edge_radius_mm must not be above radius_mm")
         if self.shape == "bonded-disc" and self.friction != 0.0:
-            raise ValueError("a bonded disc is tied, it knows no friction")
+            raise ValueError("a bonded disc is glued to the specimen and has no friction; remove friction")
         return self
 
     @property
     def outer_radius_mm(self) -> float:
-        """Its radius; infinite for a platen."""
+        """Radius of the tool; infinite for a platen."""
         return math.inf if self.radius_mm is None else self.radius_mm
 
     @property
@@ -140,7 +140,7 @@ class RelaxationTable(Table):
         max_length=MOST_ROWS_OF_A_COURSE,
         description="of the tool into the tissue, instead of forces; negative: away from it",
     )
-    times_s: list[float] | None = Field(default=None, description="when; 1 s a load if left out")
+    times_s: list[float] | None = Field(default=None, description="times of the loads; 1 s for each load by default")
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual")
     threads: Threads = None
 

@@ -118,7 +118,7 @@ class Relaxation(LoadedBody):
     # ---- restart ----
 
     def restart_state(self) -> dict[str, np.ndarray]:
-        """Copies of all that the loads to come depend on, in computing order: to be taken between two loads."""
+        """Copies of the complete state between two loads, in computing order."""
         stations = np.zeros((KNOWN_STATIONS, *self.state.u.shape))
         places = np.full((KNOWN_STATIONS, 2), np.nan)
         for number, known in enumerate(self._known):
@@ -138,9 +138,13 @@ class Relaxation(LoadedBody):
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from a restart state of the same model; the loads to come are bit for bit those of the run that was not stopped.
+        """Continue from a restart state of the same model, bitwise identically to an uninterrupted run.
 
-        With another number of threads they are the same up to rounding.
+        With another number of threads the loads are identical up to rounding.
+
+        Parameters
+        ----------
+        state : of :meth:`restart_state`.
         """
         places = state["station_places"]
         passed = range(int(np.count_nonzero(~np.isnan(places[:, 0]))))

@@ -1,4 +1,4 @@
-"""What a load comes to: an equilibrium, or where it got stuck."""
+"""The outcome of a load: an equilibrium, or the state at which the solver stopped."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """A converged load, for the whole tool and body.
+    """An equilibrium of the whole tool and body.
 
     Attributes
     ----------
     force_N, displacement_m : of the tool, positive into the tissue; the displacement counts from first touch.
-    iterations : that it took, of all its parts.
-    residual : of the nodal forces, relative to those of tool and loads.
+    iterations : number of iterations.
+    residual : norm of the unbalanced nodal forces, relative to those of tool and loads.
     kinetic_ratio : kinetic energy of the last iteration, relative to the work.
-    reaction_N : of the base along +z, less the weight that it carries.
-    penetration_m : deepest point of the surface inside the tool.
+    reaction_N : reaction of the base along +z, without the weight that it carries.
+    penetration_m : largest penetration of the surface into the tool.
     contact_radius_m : largest distance from the axis at which the tool presses.
     internal_J, hourglass_J : strain energy of the law, and energy of hourglass control.
     contact_J : energy of the contact springs.
     dead_work_J : work of the dead loads so far.
-    friction_loss_J : slip so far, times friction.
-    material_loss_J : work of the stress so far, less what is stored.
+    friction_loss_J : energy lost to friction so far.
+    material_loss_J : energy lost in the material so far: work of the stress minus the stored energy.
     smallest_J : smallest volume ratio of any element.
-    folded : elements that are folded somewhere, for certain.
+    folded : number of elements that are certainly inverted somewhere.
     """
 
     force_N: float
@@ -49,16 +49,16 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class Stuck:
-    """A load that was not reached.
+    """A load at which the solver did not converge.
 
     Attributes
     ----------
     reason : "inverted" or "not-converged".
-    goal : the force [N] or displacement [m] aimed at last.
-    reached : the last that converged.
-    residual : where the attempt was given up.
-    force_N : of the tool there.
-    place_m : (3,) where the largest unbalanced force, or the broken element, is.
+    goal : the last force [N] or displacement [m] that was attempted.
+    reached : the last one that converged.
+    residual : relative force residual when the attempt was stopped.
+    force_N : force of the tool at that state.
+    place_m : (3,) reference position of the largest unbalanced force, or of the inverted element.
     """
 
     reason: str

@@ -1,4 +1,4 @@
-"""Model -> compiled kernels and the arrays they work on."""
+"""A model with its state of motion: the compiled kernels and the arrays that they work on."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from explicitfe.compiled.simd import WIDTH
 from explicitfe.compiled.threads import together
 from explicitfe.errors import InputError
 from explicitfe.model.model import Model
-from explicitfe.scenario.argument import count_like, finite_number
+from explicitfe.scenario.argument import count_like, number_from_zero
 from explicitfe.scenario.transient import AnalysisTable
 from explicitfe.solve.body import Body
 from explicitfe.solve.bones import bones_of, ties_of
@@ -106,10 +106,14 @@ class Simulation(Body):
     # ---- the stable step ----
 
     def stable_limit(self, turns: int) -> float:
-        """Largest stable step [s] of the present state, by so many turns of Lanczos; NaN if it cannot be found.
+        """Estimate the largest stable step of the present state by a Lanczos iteration.
 
-        A point that comes to a bone before the next look adds k A / m to the square of the highest frequency at most. Where the
-        share of the limit that a step takes does not leave room for that, the limit is shorter.
+        A point that touches a bone before the next stability check adds at most k A / m to the square of the highest frequency.
+        The limit is reduced if the ratio of step and limit does not cover that. It is NaN if it cannot be determined.
+
+        Parameters
+        ----------
+        turns : number of Lanczos iterations.
         """
         self._evaluate([looker.blocks for looker in self.lookers])
         looks = self._looks._replace(basis=zeros((turns + 1, *self.state.u.shape)))
@@ -121,7 +125,7 @@ class Simulation(Body):
         return float(lookers[0].watch[LIMIT])
 
     def see_elements(self) -> None:
-        """Find how fast each element vibrates by itself at rest, and how that depends on its shape: what looks go by."""
+        """Compute how the highest frequency of each element depends on its shape, for the stability checks."""
         shapes = shape_numbers(self.kernels.forces, self.blocks, self.points[self.hexes], self.density)
         first = 0
         for looker in self.lookers:
@@ -129,17 +133,16 @@ class Simulation(Body):
             first += len(looker.shapes)
 
     def stable_bound(self) -> tuple[float, int]:
-        """A step [s] that the present state bears for certain, and the element (user's number) that sets it.
+        """A lower bound of the stable step [s], and the element that determines it: the one with the highest frequency.
 
-        It is that of the fastest element by itself. Where an element cannot be judged, because it has turned inside out, it is
-        that element and NaN.
+        If an element is inverted, the bound is NaN and the element is that one.
         """
         return self._fastest(np.arange(len(self.hexes)), self.blocks)
 
     def limiting_element(self) -> int:
-        """The element (user's number) whose own highest frequency is highest now.
+        """Number of the element with the highest frequency by itself, which determines the time step.
 
-        In a large mesh it is sought where the fastest vibration of the whole mesh is strongest.
+        In a large mesh only the elements are compared where the fastest vibration of the mesh is strongest.
         """
         if len(self.hexes) <= MANY_ELEMENTS:
             return self.stable_bound()[1]
@@ -151,11 +154,11 @@ class Simulation(Body):
         return self._fastest(lanes, self.blocks.each(lambda array: array[np.sort(places)]))[1]
 
     def node_bounds(self) -> np.ndarray:
-        """Bound of the square of the highest frequency at each node, (n,) 1/s^2, as the last scan found it; see ``look.py``."""
+        """Upper bound of the squared highest frequency at each node at the last scan, (n,), 1/s^2; see ``look.py``."""
         return self._looks.bound[self._place, 0]
 
     def _fastest(self, elements: np.ndarray, blocks: Blocks) -> tuple[float, int]:
-        """Of some elements, in computing order, and their blocks: see ``stable_bound``."""
+        """``stable_bound`` for some elements, in computing order, and their blocks."""
         volumes = self.volumes[elements]
         frequency, element = fastest_element(
             self.kernels.forces,
@@ -169,14 +172,14 @@ class Simulation(Body):
     # ---- loads ----
 
     def external_force(self) -> np.ndarray:
-        """External force (n, 3) N at the present time."""
+        """External force on each node at the present time, (n, 3), N."""
         self.snapshot()
         return self._external[self._place, :3]
 
     # ---- running ----
 
     def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
-        """Make the machine code ready, from the cache on disk where it is there; give the seconds it took.
+        """Load the compiled kernels from the cache, or compile them; return the seconds it took.
 
         ``progress`` is called with the share that is done.
         """
@@ -193,11 +196,9 @@ class Simulation(Body):
     def start(self, dt_s: float) -> None:
         """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0.
 
-        Parameters
-        ----------
-        dt_s : the first time step, s.
+        ``dt_s``: the first time step, s.
         """
-        _check_step("start: dt_s", dt_s)
+        number_from_zero("start: dt_s", dt_s)
         v = self.state.v
         smallest = self._evaluate([part.blocks for part in self.parts])
         nearest = min(part.blocks.corner[CORNER] for part in self.parts)
@@ -227,15 +228,10 @@ class Simulation(Body):
         Returns
         -------
         False if an element has inverted; the loop then ended there.
-
-        Raises
-        ------
-        InputError : a negative or infinite number.
         """
         if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 0:
             raise InputError(f"advance: steps must be a whole number, 0 or more, not {steps!r}.")
-        _check_step("advance: dt_s", dt_s)
-        self.go(steps, dt_s)
+        self.go(steps, number_from_zero("advance: dt_s", dt_s))
         return self.sound
 
     def go(
@@ -248,15 +244,21 @@ class Simulation(Body):
         recording: Recording | None = None,
         instants: np.ndarray = _NOTHING,
     ) -> int:
-        """Advance by up to ``steps`` steps of dt; give how many were done.
+        """Advance by equal steps, with stability checks and samples; :class:`Transient` uses it.
 
-        It ends early where an element turns inside out, and where a look calls for another step.
+        The loop ends early if an element inverts, or if a stability check requires another step.
 
         Parameters
         ----------
-        end_s : the time after all steps, where rounding shall not decide it.
+        steps : largest number of steps.
+        dt_s : time step, s.
+        end_s : the exact time after all steps, s, without rounding error.
         looking : NO_LOOKS, AUTOMATIC_STEP or FIXED_STEP of ``course.py``.
-        recording : receives samples after so many steps, ``instants`` (k,), rising.
+        recording : receives samples after ``instants`` steps, (k,), increasing.
+
+        Returns
+        -------
+        Number of steps done.
         """
         if dt_s != self.dt_s:
             self._origin_s, self._index = self.time_s, 0
@@ -277,7 +279,7 @@ class Simulation(Body):
         return done
 
     def snapshot(self) -> Snapshot:
-        """Energies and fields at the present time."""
+        """Energies and fields at the present time: a sample, as :meth:`Transient.samples` yields it."""
         self._now.clear()
         times = np.array([self.time_s, self.time_s + self.dt_s])
         self._course(times, 0, self.dt_s, NO_LOOKS, self._now.at(np.zeros(1, dtype=np.int64)))
@@ -285,7 +287,7 @@ class Simulation(Body):
         return self._now[0]
 
     def recording(self, room: int) -> Recording:
-        """Room for so many samples of this body."""
+        """Memory for ``room`` samples of this body."""
         lane = np.empty(len(self.hexes), dtype=np.int64)
         lane[self.element_order] = np.arange(len(lane))
         touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
@@ -293,37 +295,37 @@ class Simulation(Body):
 
     @property
     def loop_s(self) -> float:
-        """Wall time of the steps alone [s]."""
+        """Wall time of the steps [s]."""
         return self.course_s - self.look_s - self.sample_s
 
     @property
     def look_s(self) -> float:
-        """Wall time of looks at the stable step [s]."""
+        """Wall time of the stability checks [s]."""
         return self.course_s * self._looks.spent[IN_LOOKS] / max(self._looks.spent[IN_ALL], 1)
 
     @property
     def sample_s(self) -> float:
-        """Wall time of gathering samples [s]."""
+        """Wall time of the samples [s]."""
         return self.course_s * self._looks.spent[IN_SAMPLES] / max(self._looks.spent[IN_ALL], 1)
 
     @property
     def ledger(self) -> np.ndarray:
-        """(LEDGER,) Sums of work [J] of all parts, and the smallest J and corner of any element in any step so far."""
+        """(LEDGER,) Work so far [J], summed over all threads, and the smallest J and corner of any element in any step."""
         total = self._ledgers.sum(axis=0)
         total[SMALLEST_J:] = self._ledgers[:, SMALLEST_J:].min(axis=0)  # NaN if one is
         return total
 
     @property
     def sound(self) -> bool:
-        """Whether no element has turned inside out, and no guarded corner folded."""
+        """Whether no element has inverted, neither as a whole nor at a guarded corner."""
         return bool((self.ledger[SMALLEST_J:] > 0.0).all())
 
     # ---- restart ----
 
     def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
-        """Copies of all that the future depends on, in computing order.
+        """Copies of the complete state, in computing order.
 
-        ``threads``: sums over the parts are stored as so many threads have them; those that compute, if left out.
+        ``threads``: number of threads for which sums are stored; that of this simulation if left out.
         """
         threads = threads or len(self.parts)
         ledgers = _shared(self._ledgers, threads).copy()
@@ -342,9 +344,9 @@ class Simulation(Body):
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Go on from a restart state of the same model; the run then is bit for bit the one that was not stopped.
+        """Continue from a restart state of the same model, bitwise identically to an uninterrupted run.
 
-        With another number of threads it is the same up to rounding.
+        With another number of threads the runs are identical up to rounding.
         """
         self.state.u[:] = state["u"]
         self.state.v[:] = state["v"]
@@ -362,7 +364,7 @@ class Simulation(Body):
             part.blocks.last_length[:] = length
 
     def watch(self, watch: np.ndarray) -> None:
-        """Let all threads know what the last look told, and when the next one is: (WATCH,)."""
+        """Set the result of the last stability check and the time of the next one for all threads, (WATCH,)."""
         for looker in self.lookers:
             looker.watch[:] = watch
 
@@ -433,11 +435,6 @@ class Simulation(Body):
             for part, looker in zip(self.parts, lookers, strict=True)
         ]
         return int(together(tasks, gate)[0])
-
-
-def _check_step(name: str, dt_s: float) -> None:
-    if finite_number(name, dt_s) < 0.0:
-        raise InputError(f"{name} = {dt_s:g} is not possible: it must be 0 or more.")
 
 
 def _shared(values: np.ndarray, parts: int) -> np.ndarray:

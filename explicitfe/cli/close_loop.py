@@ -16,29 +16,34 @@ def close_loop(
     dataset: DatasetArgument,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder of the report; outputs/close-loop-NAME if left out.", show_default=False
-        ),
+        typer.Option("--out", metavar="DIR", help="Output folder (default: outputs/close-loop-NAME).", show_default=False),
     ] = None,
     add: Annotated[
         list[Path] | None,
-        typer.Option("--add", metavar="DATASET", help="Fit the curves of this dataset too, such as of a proposed test; repeat."),
+        typer.Option(
+            "--add", metavar="DATASET", help="Also fit the curves of this dataset, such as a proposed test. Repeat for more."
+        ),
     ] = None,
     holdout: Annotated[
-        list[str] | None, typer.Option("--holdout", metavar="ID", help="Only predict this curve; repeat for more.")
+        list[str] | None,
+        typer.Option("--holdout", metavar="ID", help="Hold out this curve: predict it, do not fit it. Repeat for more."),
     ] = None,
     constants_by: Annotated[
         str | None,
-        typer.Option("--constants-by", metavar="KEY", help="Curves that agree in this condition share their constants."),
+        typer.Option("--constants-by", metavar="KEY", help="Condition by which curves share constants, such as direction."),
     ] = None,
     effects: Annotated[
-        list[str] | None, typer.Option("--effects", metavar="NAME", help="Consider only this effect; repeat for more.")
+        list[str] | None, typer.Option("--effects", metavar="NAME", help="Consider only this effect. Repeat for more.")
     ] = None,
-    max_effects: Annotated[int, typer.Option("--max-effects", help="Add no more effects, or terms of one, than this.")] = 3,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an earlier report.")] = False,
+    max_effects: Annotated[
+        int, typer.Option("--max-effects", help="Largest number of effects to add; several terms of one effect count separately.")
+    ] = 3,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing report.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Say what a model lacks, given measured curves: trace the residual, add the effect, report the error before and after.
+    """Find which effect a model lacks, from measured curves.
+
+    Fit the elastic model, test which effects explain the residual, add them, and report the error on held-out curves.
 
     Example: [bold]explicitfe close-loop my-dataset --out report[/bold]
     """

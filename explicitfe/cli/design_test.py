@@ -17,20 +17,24 @@ def design_test(
     protocol: Annotated[
         Path,
         typer.Argument(
-            help="Protocol file (TOML), or the name of one that `explicitfe list protocols` shows; with --propose a dataset, "
-            "or a report of close-loop.",
+            help="Protocol (TOML file, or a name from `explicitfe list protocols`); with --propose a dataset or a report of "
+            "close-loop.",
             show_default=False,
             autocompletion=complete_protocol,
         ),
     ],
     propose: Annotated[
-        bool, typer.Option("--propose", help="Say which tests would settle best what a dataset or a report leaves open.")
+        bool, typer.Option("--propose", help="Propose the most informative next tests for a dataset or a report.")
     ] = False,
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the numbers and a page of them.")] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier plan wrote.")] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output folder for the results (JSON) and a page (HTML).")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing results.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Say which effects a planned test can find and tell apart, before anything is measured; or which test should come next.
+    """Predict which effects a planned test can detect and distinguish.
+
+    Print the smallest strength that the test detects and the effects that it cannot distinguish.
 
     Example: [bold]explicitfe design-test gerard-2005[/bold]
     """

@@ -14,18 +14,29 @@ from explicitfe.view.progress import following
 
 def predict(
     dataset: DatasetArgument,
-    model: Annotated[Path, typer.Option("--model", metavar="FILE", help="Constants and effects (TOML).", show_default=False)],
-    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for a page and the numbers.")] = None,
+    model: Annotated[
+        Path,
+        typer.Option(
+            "--model",
+            metavar="FILE",
+            help="Model file (TOML) with constants and effects, such as model.toml of close-loop.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Output folder for the predicted curves (CSV, JSON) and a page (HTML)."),
+    ] = None,
     curves: Annotated[
-        list[str] | None, typer.Option("--curve", metavar="ID", help="Predict only this curve; repeat for more.")
+        list[str] | None, typer.Option("--curve", metavar="ID", help="Predict only this curve. Repeat for more.")
     ] = None,
     refinement: Annotated[
-        float | None, typer.Option("--refinement", help="Divides the element sizes; the model file's own if left out.")
+        float | None, typer.Option("--refinement", help="Divide element sizes by this factor (default: from the model file).")
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier prediction wrote.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing results.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Predict measured curves from constants and effects, and say how far off they are.
+    """Predict the curves of a dataset with a model file and report the error of each.
 
     Example: [bold]explicitfe predict my-dataset --model model.toml[/bold]
     """
@@ -42,5 +53,7 @@ def predict(
         as_json,
         lambda: prediction_table(prediction),
         [f"assumed: {text}" for text in prediction.assumed],
-        failure=("simulation", f"not all curves could be predicted. {' '.join(failures)}") if failures else None,
+        failure=("simulation", f"{len(failures)} of {len(prediction.curves)} curves could not be predicted. {' '.join(failures)}")
+        if failures
+        else None,
     )

@@ -46,7 +46,7 @@ SUMMARY = "report.json"
 PART_OF_AN_ERROR = r", part \d+"
 SIDES: tuple[Side, Side] = ("fit", "holdout")
 # Why a parameter is not determined, as the report says it.
-WITHOUT_EFFECT = "its interval includes no effect at all"
+WITHOUT_EFFECT = "its interval includes zero effect"
 WHOLE_RANGE = "its interval is its whole range"
 
 
@@ -302,7 +302,7 @@ def _mean_error(curves: Mapping[str, CurveError], side: Side) -> MeanError | Non
 def bound_warnings(stage: str, fit: BestFit) -> list[str]:
     """A sentence that names the parameters at a bound, if there are any."""
     names = ", ".join(dict.fromkeys(fit.at_bound))
-    return [f"{stage}: {names} ended at a bound: the data want more, or do not care."] if names else []
+    return [f"{stage}: {names} reached a bound; the data favour values beyond it or do not determine it."] if names else []
 
 
 def write(target: Path, documents: LoopDocuments) -> None:

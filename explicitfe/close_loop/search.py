@@ -33,7 +33,7 @@ ASSUMED = "assumed "
 # Shares of the whole search that are done when each stage begins; the rounds take what lies between the last two.
 BASELINE_PROGRESS, FLOORS_PROGRESS, ROUNDS_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.06, 0.1, 0.8
 
-NO_MORE_EFFECTS = "not added: the model has as many effects as may be added (--max-effects)"
+NO_MORE_EFFECTS = "not added: the limit on the number of effects is reached (--max-effects)"
 
 Watch = Callable[[str, float], None]
 
@@ -194,7 +194,7 @@ def search(
         seen, systems = _round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds)
         rounds.append(_without_form(rounds, seen))
         if not fit.converged and len(rounds) == 1:
-            return Outcome("failed", "unexplained", rounds, (), message="the search for the best parameters gave up.")
+            return Outcome("failed", "unexplained", rounds, (), message="the fit of the baseline did not converge.")
         chosen = rounds[-1].chosen
         if chosen is None:
             break
@@ -235,7 +235,7 @@ def _without_form(before: Sequence[Round], seen: Round) -> Round:
     gain = seen.fit.whitened - seen.refits[seen.chosen].whitened
     if gain > THRESHOLDS.form_excess_share * before[0].lack.excess:
         return seen
-    why = {seen.chosen: "not added: so little may be the form of an effect that was found, which remembers too"}
+    why = {seen.chosen: "not added: so small a residual may be a model-form error of the history-dependent effect that was found"}
     return replace(seen, chosen=None, best=None, why_not=seen.why_not | why, is_form=True)
 
 
@@ -322,7 +322,7 @@ def _round(
         # One of the candidates explains something after all: it has to be the best of all of them.
         return _round(system, fit, covariance, seed, last=last, first=first, all_tried=True)
     if seen.at_floor or not significant or last:
-        why = "not added: what is left is no more than noise" if seen.at_floor else NO_MORE_EFFECTS
+        why = "not added: the residual is within the noise" if seen.at_floor else NO_MORE_EFFECTS
         return replace(seen, why_not={s.candidate.effect: why for s in significant}), {}
     promising, near = worth_a_refit(system, fit, significant, scored)
     refits, systems, failures = fits(system, fit, covariance, promising, near)
@@ -342,7 +342,7 @@ def _round(
     usual = {s.candidate.effect: s.candidate.variant_of or s.candidate.effect for s in scored}
     if usual[best] in unsure:
         # Two forms of one mechanism that these data cannot tell apart: the usual one is taken.
-        why_not = why_not | {best: f"not added: these data cannot tell it from {usual[best]}, the usual form of the same"}
+        why_not = why_not | {best: f"not added: not distinguishable from {usual[best]}, the usual form of this mechanism"}
         best = usual[best]
         separations, unsure = _separated(systems, best, refits, covariance)
     # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
@@ -350,8 +350,8 @@ def _round(
     unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.promise > likely_drop]
     unsure = [rival for rival in unsure if usual[rival] != usual[best]]
     if unsure:
-        alike = {rival: f"not added: these data cannot tell it from {best}" for rival in unsure}
-        why_not = why_not | alike | {best: f"not added: these data cannot tell it from {' and '.join(unsure)}"}
+        alike = {rival: f"not added: not distinguishable from {best}" for rival in unsure}
+        why_not = why_not | alike | {best: f"not added: not distinguishable from {' and '.join(unsure)}"}
     judged = replace(
         seen,
         chosen=None if unsure else best,
@@ -372,9 +372,9 @@ def _forgets(system: System, fit: BestFit, covariance: Covariance) -> bool:
 def _why_not_tried(candidate: Candidate, *, quiet: bool, first: bool, forgets: bool) -> str:
     """Why a candidate is not tried on a mesh; "" if it is."""
     if quiet and (candidate.dear or not first):
-        return "not tried: no smooth curve would explain anything of what is left"
+        return "not tried: the residual has no smooth part"
     if forgets and candidate.remembers:
-        return "not tried: what is left is the same at the same load, whatever came before"
+        return "not tried: the residual does not depend on history"
     return ""
 
 

@@ -81,12 +81,12 @@ def why_not_fitted(score: Score, refitted: Sequence[Score]) -> str:
     """Why a significant candidate was not fitted, where others were that explain more."""
     top = max(refitted, key=lambda other: other.promise, default=None)
     if top is None:
-        return "not fitted: no candidate could be"
+        return "not fitted: no candidate could be fitted"
     usual = score.candidate.variant_of
     if usual in {other.candidate.effect for other in refitted}:
-        return f"not fitted: {usual}, the usual form of the same, leaves nothing that it could explain"
+        return f"not fitted: {usual}, the usual form of this mechanism, leaves no residual to explain"
     own, best = _chi2(score.promise), _chi2(top.promise)
-    return f"not fitted: its trial lowers chi2 by {own}, that of {top.candidate.effect} by {best}, too far ahead to be reached"
+    return f"not fitted: its screening fit reduces chi2 by {own}, that of {top.candidate.effect} by {best}"
 
 
 def _of_no_consequence(gain: Gain, fit: BestFit, fitted: BestFit, covariance: Covariance) -> bool:
@@ -106,33 +106,33 @@ def _of_no_consequence(gain: Gain, fit: BestFit, fitted: BestFit, covariance: Co
 
 def _no_consequence(name: str, cv: CrossValidation) -> str:
     """What is said of an effect of no consequence."""
-    missed = f"left-out tests are missed by {_percent(cv[name])} with it, by {_percent(cv[''])} without"
-    return f"significant, and of no consequence: {missed}"
+    errors = f"cross-validated error {_percent(cv[name])} with it, {_percent(cv[''])} without"
+    return f"statistically significant, but the prediction of held-out tests does not improve: {errors}"
 
 
 def _why_another(name: str, best: str, cv: CrossValidation, near: Sequence[str]) -> str:
     """Why the best effect is preferred to another one."""
     if name not in near:
-        return f"not added: left-out tests are missed by {_percent(cv[name])}, with {best} by {_percent(cv[best])}"
-    return f"not added: {best} has the smaller chi2 for its number of parameters (BIC)"
+        return f"not added: cross-validated error {_percent(cv[name])}, with {best} {_percent(cv[best])}"
+    return f"not added: {best} has the smaller BIC"
 
 
 def _against(best: str, fit: BestFit, fitted: BestFit, cv: CrossValidation, size: float, numerical_chi2: float) -> str:
     """What speaks against adding the best effect; "" if nothing does."""
     gain, more = fit.chi2 - fitted.chi2, len(fitted.model.x) - len(fit.model.x)
     if gain <= numerical_chi2:
-        return f"not added: it lowers chi2 by {_chi2(gain)}, and numerics alone may change it by {_chi2(numerical_chi2)}"
+        return f"not added: it reduces chi2 by {_chi2(gain)}, numerical errors may change chi2 by {_chi2(numerical_chi2)}"
     if not cv[""]:
         return ""
     if gain <= size * more:
-        return f"not added: it lowers chi2 by {_chi2(gain)}, and its {more} parameters must by {_chi2(size * more)} (BIC)"
-    missed = f"not added: left-out tests are missed by {_percent(cv[best])} with it, by {_percent(cv[''])} without"
+        return f"not added: it reduces chi2 by {_chi2(gain)}; BIC requires {_chi2(size * more)} for {more} parameters"
+    missed = f"not added: cross-validated error {_percent(cv[best])} with it, {_percent(cv[''])} without"
     if fit.model.terms and len(cv[""]) >= THRESHOLDS.cross_validated_tests:
         # A further effect must not harm the tests that it was not fitted to. Far above the noise, where everything is
         # significant, it must help them.
         gain_share = 0.0 if fit.by_rows is None else THRESHOLDS.cross_validation_gain_share
         if not _mean(cv[best]) < (1.0 - gain_share) * _mean(cv[""]):
-            return missed if not gain_share else f"{missed}, and {100.0 * gain_share:g} % less is asked for"
+            return missed if not gain_share else f"{missed}; a reduction by {100.0 * gain_share:g} % is required"
     return missed if _standard_errors_worse(cv[best], cv[""]) > 1.0 else ""
 
 

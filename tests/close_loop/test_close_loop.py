@@ -220,7 +220,7 @@ def test_a_curve_that_softens_is_no_third_term(tmp_path):
     (folder / "dataset.toml").write_text(text, encoding="utf-8")
     report = close_loop(folder, processes=1)
     assert (report.verdict, report.effects, report.remainder) == ("unexplained", [], "unexplained")
-    assert any("C20_Pa ended at a bound" in note for note in report.warnings)
+    assert any("C20_Pa reached a bound" in note for note in report.warnings)
 
 
 # ---- the command line, and what cannot be used ----

@@ -138,8 +138,8 @@ def write_tensile_test(folder: Path) -> Path:
     header = "time_s,stretch,nominal_stress_Pa"
     np.savetxt(folder / "cycle.csv", table, delimiter=",", header=header, comments="", fmt="%.8g")
     (folder / "dataset.toml").write_text(
-        'format = "explicitfe-dataset/1"\nname = "tensile"\ntitle = "Tensile machine"\ntest = "tension"\n[specimen]\nshape = "point"\n'
-        '[[curve]]\nid = "cycle"\nfile = "cycle.csv"\n',
+        'format = "explicitfe-dataset/1"\nname = "tensile"\ntitle = "Tensile machine"\ntest = "tension"\n'
+        '[specimen]\nshape = "point"\n[[curve]]\nid = "cycle"\nfile = "cycle.csv"\n',
         encoding="utf-8",
     )
     return folder

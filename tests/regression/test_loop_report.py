@@ -507,11 +507,11 @@ def test_an_axis_is_the_imposed_quantity_unless_it_turns_back_or_is_held():
 
 def test_an_effect_whose_strength_is_not_determined_is_named_with_this_remark():
     report, curves = one_effect()
-    report["undetermined"] = {"viscoelastic.g": "its interval includes no effect at all"}
+    report["undetermined"] = {"viscoelastic.g": "its interval includes zero effect"}
     report["strength_undetermined"] = ["viscoelastic"]
     text = words(page_of(report, curves))
     assert "The strength of viscoelastic relaxation is not determined." in text
-    assert "not determined: its interval includes no effect at all" in text
+    assert "not determined: its interval includes zero effect" in text
     assert "not determined" not in words(page_of(*one_effect()))
 
 

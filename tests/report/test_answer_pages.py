@@ -85,7 +85,7 @@ def test_a_plan() -> None:
     page = design_page(plan)
     text = words(page)
     for part in (
-        "1 of 2 effects would show, from 62 independent data.",
+        "1 of 2 effects are detectable with 62 independent rows.",
         "angle (deg) 0.5 2",
         "C10 +10 %",
         "tilt friction layer 3 000",

@@ -183,11 +183,11 @@ class _SpecimenLoop:
     def _leave_out_what_fails(self) -> None:
         """Leave out the curves that the simulator cannot follow, with the reason."""
         why = self.system.failing()
-        reasons = {name: f"the simulator cannot follow it: {reason}" for name, reason in why.items()}
+        reasons = {name: f"simulation failed: {reason}" for name, reason in why.items()}
         self.sides = replace(self.sides, left_out=self.sides.left_out | reasons)
         followed = tuple(c for c in self.system.curves if c.id not in why)
         if not followed:
-            raise RunError(f"the simulator can follow none of the curves: {next(iter(why.values()))}")
+            raise RunError(f"no curve can be simulated: {next(iter(why.values()))}")
         self.system = replace(self.system, curves=followed)
 
     def _tissue_text(self, fit: BestFit, title: str) -> str:
@@ -279,33 +279,33 @@ class _SpecimenLoop:
         for stage, fit in (("before", before), ("after", after)):
             notes += bound_warnings(stage, fit)
             if not fit.converged:
-                notes.append(f"{stage}: the search for the best parameters stopped before it settled.")
+                notes.append(f"{stage}: the fit did not converge.")
         if not self.sides.holdout:
-            notes.append("no curve is held out: errors are those of curves that were fitted.")
+            notes.append("no curve is held out: the errors are those of fitted curves.")
         doubted = [row.curve for row in report.noise.rows if row.curve is not None and not row.stated]
         if doubted:
-            notes.append(f"noise not stated, or rows rougher than stated: estimated from the rows of {', '.join(doubted)}.")
+            notes.append(f"noise not stated or larger than stated: estimated from the rows of {', '.join(doubted)}.")
         if report.n_eff is not None and report.n_eff < THRESHOLDS.few_data:
-            notes.append(f"n_eff is {report.n_eff:.1f}: so few independent rows show only what is very strong.")
+            notes.append(f"only {report.n_eff:.1f} independent rows (n_eff): only strong effects are detectable.")
         if len({c.group for c in self.system.curves}) > 1 and report.noise.scatter_source == "unknown":
             notes.append(
-                "several specimens, no repeats and no repeat_sd_fraction: scatter between them would count as an effect."
+                "several specimens without repeats or repeat_sd_fraction: scatter between specimens may be taken for an effect."
             )
         if len(self.system.tests) == 1:
-            notes.append("one test only: nothing that it shows can be confirmed by another, so no effect is claimed.")
+            notes.append("one test only: no other test can confirm an effect, so the verdict is at most ambiguous.")
         elif len(self.system.tests) < THRESHOLDS.cross_validated_tests:
-            notes.append("two tests only: of these one does not say what the other will be, so nothing could be cross-validated.")
+            notes.append("two tests only: too few for cross-validation.")
         for entry in report.noise.numerical:
             what, share = entry.what or "", entry.share_of_noise or 0.0
             if share > THRESHOLDS.numerical_share_of_noise and ASSUMED.strip() not in what:
-                notes.append(f"with {what} the answer changes by {share:.2g} of the noise, beyond the constants: a floor.")
+                notes.append(f"numerical error: {what} changes the prediction by {share:.2g} times the noise.")
         errors = report.final.error
         if report.verdict in ("effect-found", "no-missing-effect") and errors.fit:
             usual = max(c.nrmse for c in errors.curves.values() if c.split == "fit" and c.nrmse is not None)
             held = {name: c.nrmse for name, c in errors.curves.items() if c.split == "holdout" and c.rmse is not None}
             missed = [name for name, nrmse in held.items() if (nrmse or 0.0) > THRESHOLDS.missed_factor * usual]
             if missed:
-                notes.append(f"held out and missed by more than any fitted curve: {', '.join(missed)}; the verdict stands.")
+                notes.append(f"held-out curves with a larger error than any fitted curve: {', '.join(missed)}.")
         notes += [f"{name}: {curve.message}" for name, curve in errors.curves.items() if curve.message]
         return notes
 

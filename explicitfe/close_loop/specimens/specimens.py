@@ -311,7 +311,7 @@ class Specimens:
         term = replace(term, variant_of=effect.variant_of, remembers=effect.remembers)
         lacking = [need for need in effect.requires if need not in self.features]
         if lacking:
-            reason = f"these data have no {' and no '.join(lacking)}; it needs {effect.about.needs}"
+            reason = f"requires {' and '.join(lacking)}, absent from these data; informative data: {effect.about.needs}"
             return replace(term, trials=(), reason=reason)
         refusal = self._refusal(term, model)
         if refusal:
@@ -333,7 +333,7 @@ class Specimens:
         """Why a model cannot have a term beside those that it has; "" if it can."""
         base = EFFECTS[term.effect].extends
         if base and base not in model.effects:
-            return f"it says how {EFFECTS[base].about.title} goes on, which the model has not"
+            return f"extends {EFFECTS[base].about.title}, which the model does not contain"
         try:
             layout_of(with_leaves(self.tissue(model.plus(term.term, term.trials[0][0])).effects.chosen))
         except InputError as error:

@@ -20,7 +20,7 @@ class StickSlip(Measurement):
     """Largest drag of a guide, and the distance after which it slips."""
 
     about: ClassVar[Description] = Description(
-        title="drive that sticks and slips",
+        title="stick-slip of the drive",
         equation="F_read = F + D s, s = distance since the last slip / w, slipping at |s| = 1",
         source="Bowden & Leben (1939) Proc. R. Soc. A 169:371-391",
         where="measurement",

@@ -19,7 +19,7 @@ class BaseSlip(Effect):
     """Sideways compliance of the base."""
 
     about: ClassVar[Description] = Description(
-        title="base that slips",
+        title="slip of the base",
         equation="t = -u / c, u sideways at the base",
         source="Winkler support",
         where="boundary",

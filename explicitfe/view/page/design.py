@@ -1,4 +1,4 @@
-"""The page of a planned test: from which strength each effect shows, and from which others it can be told."""
+"""The page of a planned test: detectable and distinguishable effects."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ def design_page(planned: PlannedTest) -> str:
     shown = [row for row in planned.effects if row.shows]
     hidden = [row for row in planned.effects if not row.shows]
     constants = [(name.removesuffix("_Pa"), f"{bare(value)} Pa") for name, value in planned.constants.items()]
-    of_all = f"{len(shown)} of {plural(len(planned.effects), 'effect')} would show"
+    of_all = f"{len(shown)} of {plural(len(planned.effects), 'effect')} are detectable"
     return page_text(
         "page/design.html.j2",
         title=planned.protocol,
-        summary=f"{of_all}, from {count(planned.n_eff)} independent data.",
+        summary=f"{of_all} with {count(planned.n_eff)} independent rows.",
         shown=_shown(shown),
         apart=_apart(shown),
-        hidden=table(("effect", "why"), [(row.effect, row.reason) for row in hidden], "tw"),
+        hidden=table(("effect", "reason"), [(row.effect, row.reason) for row in hidden], "tw"),
         constants=table(("constant", "expected"), constants, "tn"),
         command=f"explicitfe design-test {shlex.quote(planned.file)}",
     )
 
 
 def _shown(rows: list[EffectInTest]) -> PageTable | None:
-    """How strong each effect has to be: the bar is that as a share of what is plausible."""
-    head = ("effect", "strength", "shows from", "plausible up to", "as a share of that", "weaker it hides in")
+    """The smallest detectable strength of each effect; the bar is its ratio to the largest plausible one."""
+    head = ("effect", "strength", "detected from", "plausible up to", "ratio", "imitated by constants")
     return table(
         head,
         [
@@ -50,17 +50,17 @@ def _shown(rows: list[EffectInTest]) -> PageTable | None:
 
 
 def _share(row: EffectInTest) -> float | None:
-    """The smallest strength that shows, as a share of the largest plausible one."""
+    """The smallest detectable strength over the largest plausible one."""
     if not finite(row.smallest) or not finite(row.largest_plausible) or not row.largest_plausible:
         return None
     return min(1.0, abs(row.smallest / row.largest_plausible))
 
 
 def _apart(rows: list[EffectInTest]) -> PageTable | None:
-    """What each effect can be taken for at its largest plausible strength."""
+    """Effects that each effect is and is not distinguishable from at its largest plausible strength."""
     cells = []
     for row in rows:
         is_distinct = row.nearest is not None and row.nearest not in row.cannot_tell_from
         nearest = (row.nearest, bare(row.separation)) if is_distinct else ("", "")
         cells.append((row.effect, ", ".join(row.cannot_tell_from), *nearest))
-    return table(("effect", "cannot be told from", "nearest that it is told from", "distance"), cells, "tttn")
+    return table(("effect", "not distinguishable from", "nearest distinguishable effect", "separation"), cells, "tttn")

@@ -1,4 +1,4 @@
-"""How far a prediction is from measured curves, in the terminal."""
+"""Errors of a prediction in the terminal."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from explicitfe.results.prediction import Prediction
 
 
 def prediction_table(prediction: Prediction) -> Table:
-    """How far a model is from measured curves."""
+    """Root mean square error of each curve."""
     effects = ", ".join(prediction.effects) or "elastic"
     table = Table(title=escape(f"{prediction.dataset}: {effects}"), title_justify="left")
     table.add_column("curve", no_wrap=True)
-    for column in ("", "rmse", "of the largest", "time"):
+    for column in ("", "rms error", "of the largest", "time"):
         table.add_column(column, justify="right")
     for name, curve in prediction.curves.items():
         if curve.status != "predicted":

@@ -26,7 +26,13 @@ def measure(
     """
     with following(console, f"measuring {', '.join(map(str, results))}"):
         from explicitfe.measure.measure import measure as measures_of_file
+        from explicitfe.results import open_result
         from explicitfe.view.terminal.measures import measures_table
 
-        measured = [measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants) for path in results]
-    print_answer({"results": [measures.document for measures in measured]}, as_json, lambda: measures_table(measured))
+        measured, notes = [], []
+        for path in results:
+            measured.append(measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants))
+            with open_result(path) as result:
+                notes += [result.note_on_ending] if result.note_on_ending else []
+    document = {"results": [measures.document for measures in measured]}
+    print_answer(document, as_json, lambda: measures_table(measured), notes)

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options shared by several commands."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ TissueGroupOption = Annotated[
         "--tissue-group", metavar="NAME", help="Group of constants in the model file, if it has several.", show_default=False
     ),
 ]
-OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the result.")]
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")]
 PicturesFolderOption = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Output folder [default: folder of the result].", show_default=False)
 ]

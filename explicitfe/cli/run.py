@@ -82,7 +82,7 @@ def show_run(analysis: Analysis[Any, Any], summary: RunSummary, stopped: str | N
     failure: tuple[FailureKind, str] | None = None
     if summary["status"] != "finished":
         kind: FailureKind = "stopped" if summary["status"] == "interrupted" else "simulation"
-        failure = kind, f"{summary['status']}: {summary['message']}"
+        failure = kind, summary["message"] if kind == "stopped" else f"{summary['status']}: {summary['message']}"
     elif stopped:
         failure = "stopped", stopped
     print_answer(summary, as_json, lambda: analysis.table(summary), summary["warnings"], failure)

@@ -36,6 +36,11 @@ def store_compiled_code(dispatcher: Any) -> None:
         dispatcher._cache = _CheckedCache(dispatcher.py_func)
     except RuntimeError:  # neither the package nor the home folder can be written
         folder = temporary_folder()
+        _warn(
+            "neither the package folder nor the home folder can be written, so compiled kernels are "
+            + ("compiled again by each command" if folder is None else f"stored in {folder}")
+            + f"; set {VARIABLE} to a folder that you can write."
+        )
         if folder is not None:
             numba.config.CACHE_DIR = os.environ[VARIABLE] = str(folder)  # the variable is for worker processes
             with suppress(RuntimeError):
@@ -55,15 +60,9 @@ def temporary_folder() -> Path | None:
             folder.mkdir(mode=0o700)
         status = folder.lstat()
         is_own = stat.S_ISDIR(status.st_mode) and (os.name == "nt" or (status.st_uid == user and not status.st_mode & 0o022))
-        folder = folder if is_own else Path(tempfile.mkdtemp(prefix="explicitfe-kernels-"))
+        return folder if is_own else Path(tempfile.mkdtemp(prefix="explicitfe-kernels-"))
     except OSError:
-        folder = None
-    _warn(
-        "neither the package folder nor the home folder can be written, so compiled kernels are "
-        + ("compiled again by each command" if folder is None else f"stored in {folder}")
-        + f"; set {VARIABLE} to a folder that you can write."
-    )
-    return folder
+        return None
 
 
 class _CheckedFiles(IndexDataCacheFile):

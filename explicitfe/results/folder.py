@@ -141,7 +141,8 @@ def whole_file(path: Path, content: str | bytes, *, overwrite: bool = True) -> N
     OSError : the file cannot be written.
     """
     with whole_stream(path, overwrite=overwrite) as file:
-        file.write(content.encode() if isinstance(content, str) else content)
+        # A path that is not UTF-8 is shown with escapes such as \udce9, which JSON in a page reads back as it was.
+        file.write(content.encode(errors="backslashreplace") if isinstance(content, str) else content)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""``explicitfe doctor``: what an installation and its machine can do, and what will be noticed."""
+"""Checks of the installation and the machine for ``explicitfe doctor``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from explicitfe.compiled.cache import VARIABLE, temporary_folder
 from explicitfe.compiled.threads import cores
 from explicitfe.errors import Progress, silent
-from explicitfe.host.code_cache import VARIABLE
 from explicitfe.host.extras import PACKAGES, has_extra, how_to_install
 from explicitfe.host.load import is_busy, load
 from explicitfe.host.memory import available_bytes, in_words
@@ -22,27 +22,28 @@ from explicitfe.results.provenance import provenance
 from explicitfe.view.opengl import tried_renderer
 
 LIBRARIES = ("numpy", "numba", "scipy", "h5py", "meshio", "pydantic", "typer")
-# What an extra is for.
+# Purpose of each optional dependency.
 USES = {
-    "view": "3D, GIF and MP4",
+    "view": "3D views, GIF and MP4",
     "plots": "pictures as PNG, PDF, SVG",
     "parquet": "export to Parquet",
-    "sensitivity": "Sobol and Morris designs of a sweep",
-    "cluster": "a sweep on a Dask cluster",
+    "pandas": "tables as pandas.DataFrame",
+    "sensitivity": "Sobol and Morris designs of sweeps",
+    "cluster": "sweeps on a Dask cluster",
 }
-# A run of the finest tongue needs less memory, and its result less room.
+# A run of the finest tongue mesh needs less memory, and its result less disk space.
 SMALLEST_MEMORY_BYTES = 2e9
 SMALLEST_ROOM_BYTES = 1e9
-# A picture that takes longer is drawn by the processor, which is slow and right.
+# A picture that takes longer is rendered by the processor instead of a graphics card.
 FAST_RENDERER_S = 10.0
 
 
 def examine(folder: Path | str = ".", progress: Progress = silent) -> Examination:
-    """Look at the versions, the machine, the folder for results, the machine code that is kept, and whether 3D can be drawn.
+    """Check versions, machine, output folder, compiled kernels and 3D graphics.
 
     Parameters
     ----------
-    folder : where results would go.
+    folder : output folder to check.
     progress : called with the stage and the share of it that is done.
     """
     progress("draw", 0.0)
@@ -75,40 +76,49 @@ def _machine() -> Iterator[Finding]:
     yield _finding("system", f"{where['platform']}, {where['processor']}")
     usable, present = cores(), os.cpu_count() or 1
     stated = " (EXPLICITFE_CORES)" if os.environ.get("EXPLICITFE_CORES") else ""
-    yield _finding("cores", f"{usable} of {present} may be used{stated}")
+    yield _finding("cores", f"{usable} of {present} are used{stated}")
     processes = load()
     if processes is not None:
-        advice = "the machine is busy: runs take longer, and times of `explicitfe bench` say nothing; wait until it is idle."
+        advice = "the machine is busy, so runs take longer and `explicitfe bench` is not reliable; wait until it is idle."
         yield _finding("load", f"{processes:.2f} in the last minute", *(("attention", advice) if is_busy(processes) else ()))
     memory = available_bytes()
     little = memory < SMALLEST_MEMORY_BYTES
-    advice = "close other programs before you run a fine mesh."
-    yield _finding("memory", f"{in_words(memory)} are free", *(("attention", advice) if little else ()))
+    advice = "close other programs before a run with a fine mesh."
+    yield _finding("memory", f"{in_words(memory)} free", *(("attention", advice) if little else ()))
     encoding = getattr(sys.stdout, "encoding", None) or "unknown"
     if encoding.lower().replace("-", "") != "utf8":
-        advice = "letters such as ² and χ are written as escapes; set PYTHONUTF8=1."
+        advice = "characters such as ² and χ are printed as escape sequences; set PYTHONUTF8=1."
         yield _finding("terminal", f"encoding {encoding}", "attention", advice)
 
 
 def _places(folder: Path) -> Iterator[Finding]:
     room = shutil.disk_usage(folder).free
     if not _can_write(folder):
-        yield _finding("results", f"{folder.resolve()} cannot be written", "attention", "give another folder with --out.")
+        yield _finding("results", f"{folder.resolve()} cannot be written", "attention", "choose another folder with --out.")
     elif room < SMALLEST_ROOM_BYTES:
-        advice = "results may not fit; give a folder on another disk with --out."
-        yield _finding("results", f"{in_words(room)} are free in {folder.resolve()}", "attention", advice)
+        advice = "large results may not fit; choose a folder on another disk with --out."
+        yield _finding("results", f"{in_words(room)} free in {folder.resolve()}", "attention", advice)
     else:
-        yield _finding("results", f"{in_words(room)} are free in {folder.resolve()}")
-    kept, size = _kept_code()
-    if kept is None:
-        advice = f"machine code is compiled anew for each run, about a minute; name a folder that you can write by {VARIABLE}."
-        yield _finding("machine code", "no folder can be written", "attention", advice)
-    elif not size:
-        yield _finding(
-            "machine code", f"none is kept yet in {kept}", "absent", "`explicitfe warmup` compiles it now, in a minute."
+        yield _finding("results", f"{in_words(room)} free in {folder.resolve()}")
+    yield _kernels()
+
+
+def _kernels() -> Finding:
+    """Where compiled kernels are stored."""
+    name, folder, temporary = "compiled kernels", _kernel_folder(), temporary_folder()
+    if folder is None and temporary is None:
+        advice = f"kernels are compiled again by each run, about a minute; set {VARIABLE} to a folder that you can write."
+        return _finding(name, "no folder can be written", "attention", advice)
+    if folder is None:
+        advice = (
+            "the package folder and the home folder cannot be written, and the system may delete a temporary folder; set "
+            f"{VARIABLE} to a folder that you can write."
         )
-    else:
-        yield _finding("machine code", f"{in_words(size)} are kept in {kept}")
+        return _finding(name, f"stored in the temporary folder {temporary}", "attention", advice)
+    size = sum(file.stat().st_size for file in folder.rglob("*.nb[ic]")) if folder.is_dir() else 0
+    if not size:
+        return _finding(name, f"none in {folder}", "absent", "`explicitfe warmup` compiles the usual ones in a few minutes.")
+    return _finding(name, f"{in_words(size)} in {folder}")
 
 
 def _can_write(folder: Path) -> bool:
@@ -119,21 +129,17 @@ def _can_write(folder: Path) -> bool:
         return False
 
 
-def _kept_code() -> tuple[Path | None, int]:
-    """The folder in which Numba keeps machine code of this package, and how many bytes of it there are; None if it cannot."""
+def _kernel_folder() -> Path | None:
+    """The folder in which Numba stores compiled kernels of this package; None if neither package nor home can be written."""
     stated = os.environ.get(VARIABLE)
     package = Path(__file__).resolve().parents[1]
     caches = {"Windows": "AppData/Local", "Darwin": "Library/Caches"}
     user = Path.home() / caches.get(platform.system(), ".cache")
     if stated:
-        folder = Path(stated)
-    elif _can_write(package / "compiled"):
-        folder = package
-    elif _can_write(user):
-        folder = user / "numba"
-    else:
-        return None, 0
-    return folder, sum(file.stat().st_size for file in folder.rglob("*.nb[ic]")) if folder.is_dir() else 0
+        return Path(stated)
+    if _can_write(package / "compiled"):
+        return package
+    return user / "numba" if _can_write(user) else None
 
 
 def _extras() -> Iterator[Finding]:
@@ -146,14 +152,14 @@ def _extras() -> Iterator[Finding]:
 
 def _drawing() -> Finding:
     if not has_extra("view"):
-        return _finding("3D", "was not tried", "absent", f"drawing in 3D needs {how_to_install('view')}.")
+        return _finding("3D", "not checked", "absent", f"3D graphics need {how_to_install('view')}.")
     renderer = tried_renderer()
     if not renderer.name:
-        advice = "pictures in 3D are left out; on Linux without a screen, install libegl1 or libosmesa6, or run under xvfb-run."
-        return _finding("3D", f"cannot be drawn: {renderer.why_not}", "attention", advice)
+        advice = "3D pictures are omitted; on Linux without a display, install libegl1 or libosmesa6, or use xvfb-run."
+        return _finding("3D", f"not available: {renderer.why_not}", "attention", advice)
     screen = sys.platform in ("win32", "darwin") or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
-    where = "" if screen else "; there is no screen, so pictures go to files"
+    where = "" if screen else "; no display, so pictures are written to files"
     slow = renderer.seconds > FAST_RENDERER_S
-    advice = "the processor draws, not a graphics card: pictures take their time."
+    advice = "the processor renders instead of a graphics card, so pictures are slow."
     value = f"{renderer.name}, first picture after {renderer.seconds:.1f} s{where}"
     return _finding("3D", value, *(("attention", advice) if slow else ()))

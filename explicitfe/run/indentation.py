@@ -12,6 +12,7 @@ import numpy as np
 
 from explicitfe.errors import InputError, Progress, Share, counted
 from explicitfe.host import stopping
+from explicitfe.host.digits import distinct
 from explicitfe.model.specimen import specimen_model
 from explicitfe.results import Quantity, ResultInMemory, ResultWriter, provenance
 from explicitfe.results.recorded import Declared
@@ -31,7 +32,7 @@ from explicitfe.run.notes import equilibrium_notes
 from explicitfe.run.outlook import check_room, warn_of_long_run
 from explicitfe.run.work import balance_of, external_work
 from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.solve.contact_points import PENETRATION_SHARE
+from explicitfe.solve.contact_points import MISSED_SHARE_OF_LOAD, PENETRATION_SHARE
 from explicitfe.solve.equilibrium import LEAST_SHARE_OF_LARGEST_LOAD, Relaxation
 from explicitfe.solve.load_outcome import Equilibrium, Stuck
 from explicitfe.solve.transient import FINISHED, INTERRUPTED
@@ -40,6 +41,10 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 DEPTH_WARNING_SHARE = 0.4  # of the thickness: a deeper indentation depends on how high the specimen is and how it is held
+ADVICE_ON_STIFFNESS = (
+    "Relaxation converges slowly for nearly incompressible tissue, layers of very different stiffness and very small loads: "
+    "reduce model.material.poisson or the ratio of the layers, or increase analysis.tolerance."
+)
 ITERATIONS_PER_LOAD = 3000  # at a residual of 1e-4 and Poisson's ratio 0.499, as seen on the default specimen
 
 INDENTATION_HISTORY = {
@@ -59,7 +64,7 @@ INDENTATION_HISTORY = {
     "friction_loss": Quantity("J", 1, "energy lost to friction"),
     "material_loss": Quantity("J", 1, "energy lost in the material: work of its stress, less what is stored"),
     "smallest_J": Quantity("1", 1, "smallest J of any element"),
-    "folded_elements": Quantity("1", 1, "elements that are folded somewhere"),
+    "folded_elements": Quantity("1", 1, "number of inverted elements"),
 }
 # Number of an equilibrium -> column of the history.
 EQUILIBRIUM_COLUMNS = {name: column for column, name in (CURVE_COLUMNS | LOAD_COLUMNS).items()}
@@ -147,7 +152,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
                 if not curve:
                     raise
                 status = INTERRUPTED
-                message = f"{stopped} after load {len(curve) - 1} of {len(loads)}; {how_to_go_on(writer.place(status))}"
+                message = f"{stopped} after load {len(curve) - 1} of {len(loads)}; {how_to_resume(writer.place(status))}"
             summary = self._summary(writer.place(status), status, message, curve, compile_s, time.perf_counter() - started)
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
             writer.finish(status, message, summary)
@@ -221,30 +226,31 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         writer.restart(self.body.restart_state() | restart_extras(len(curve), time.perf_counter() - started))
 
     def _stuck(self, stuck: Stuck, load: str) -> str:
-        """What stopped the run, where, and what to do, in one sentence."""
+        """Why a load was not reached, where, and what to do."""
         x, y, z = 1e3 * stuck.place_m
         place = f"near ({x:.1f}, {y:.1f}, {z:.1f}) mm"
         by_force = self.scenario.analysis.forces_N is not None
         reached = f"{stuck.reached:.4g} N" if by_force else f"{1e3 * stuck.reached:.4g} mm"
         advice = (
-            "The tissue may be too soft for this load, or the elements at the tool's edge too large: lower the load, or give a "
-            "larger edge_radius_mm or a smaller edge_size_mm."
+            "The tissue may be too soft for this load, or the elements at the edge of the tool too large: reduce the load, "
+            "increase edge_radius_mm or reduce edge_size_mm."
         )
         if stuck.reason == "inverted":
-            why = f"an element {place} turns inside out"
-        elif stuck.residual <= self.body.tolerance:
-            why = f"the tool presses with {stuck.force_N:.3g} N and not with {stuck.goal:.3g} N"
+            why = f"an element {place} is inverted"
+        elif by_force and abs(stuck.force_N - stuck.goal) > MISSED_SHARE_OF_LOAD * stuck.goal:
+            force, goal = distinct(stuck.force_N, stuck.goal)
+            why = f"the contact force is {force} N instead of {goal} N"
             advice = (
-                "The way that such a load goes into so stiff a body is lost in the rounding of numbers: give a larger load or a "
-                "softer material, and look at their units."
+                "The displacement under such a load is below the rounding error of so stiff a body: check the units of the "
+                "material and the load, and increase the load or soften the material."
             )
+        elif stuck.residual <= self.body.tolerance:
+            why = f"the kinetic energy does not decay, although the relative residual is only {stuck.residual:.2g}"
+            advice = f"The slowest mode converges too slowly. {ADVICE_ON_STIFFNESS}"
         else:
-            why = f"the forces do not settle (relative residual {stuck.residual:.2g}, largest {place})"
-            advice += (
-                " What is all but incompressible, has layers of very unlike stiffness or is hardly loaded may never settle: "
-                "lower poisson or the ratio, or give a larger analysis.tolerance."
-            )
-        return f"{load} was not reached: {why}; {reached} is as far as it went. {advice}"
+            why = f"the nodal forces do not converge (relative residual {stuck.residual:.2g}, largest {place})"
+            advice = f"{advice} {ADVICE_ON_STIFFNESS}"
+        return f"{load} was not reached: {why}. The last converged load is {reached}. {advice}"
 
     def _summary(
         self, target: Path, state: str, message: str, curve: list[Equilibrium], compile_s: float, wall_s: float
@@ -289,32 +295,32 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         }
 
     def _warnings(self, curve: list[Equilibrium], hourglass: float, folded: FoldedElements) -> list[str]:
-        """What a user should know before believing the result."""
+        """Warnings on the quality of the result."""
         warnings = [*self.notes]
         if hourglass > HOURGLASS_WARNING_SHARE:
             warnings.append(
                 f"hourglass energy reaches {100 * hourglass:.0f} % of the elastic energy: the mesh is coarse for this "
-                "deformation; compare with model.refinement = 2 before quoting numbers."
+                "deformation; compare with model.refinement = 2."
             )
         most = max((point.folded for point in curve), default=0)
         if folded["elements"] or most:
-            when = "at the end" if folded["elements"] else "at one of the loads, though none at the end"
+            when = "at the end" if folded["elements"] else "at one of the loads, but none at the end"
             warnings.append(
-                f"{folded['elements'] or most} of {self.model.mesh.element_count} elements are folded {when}, which one "
-                'integration point does not resist: compare with model.refinement = 2 and with element = "hex8-full".'
+                f"{folded['elements'] or most} of {self.model.mesh.element_count} elements are inverted {when}, because one "
+                'integration point does not resist it: compare with model.refinement = 2 and with element = "hex8-full".'
             )
         depth = max((point.displacement_m for point in curve), default=0.0)
         thickness = 1e-3 * self.scenario.model.thickness_mm
         if depth > DEPTH_WARNING_SHARE * thickness:
             warnings.append(
-                f"the tool goes {1e3 * depth:.1f} mm into {1e3 * thickness:.1f} mm of tissue: its height and base decide "
-                "the answer."
+                f"the indentation of {1e3 * depth:.1f} mm is large for a thickness of {1e3 * thickness:.1f} mm: the result "
+                "depends on the thickness and the support of the specimen."
             )
         if self.scenario.tool.shape == "sphere" and depth > 1e-3 * self.scenario.tool.outer_radius_mm:
-            warnings.append("the ball has sunk in by more than its radius: a real one has a shaft, which is not modelled.")
+            warnings.append("the indentation exceeds the radius of the ball; the shaft of a real tool is not modelled.")
         ratio = max((p.penetration_m / p.displacement_m for p in curve if p.displacement_m > 0.0), default=0.0)
         if ratio > PENETRATION_SHARE and self.scenario.tool.shape != "bonded-disc":
-            warnings.append(f"the surface is up to {100 * ratio:.2f} % of the indentation inside the tool.")
+            warnings.append(f"the surface penetrates the tool by up to {100 * ratio:.2f} % of the indentation.")
         # where the answer depends on the path, a force need not rise all along
         by_path = self.scenario.tool.friction != 0.0 or any(effect.depends_on_path for effect in self.scenario.effects.chosen)
         return [*warnings, *equilibrium_notes(curve, elastic=not by_path)]

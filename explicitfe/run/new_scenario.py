@@ -140,7 +140,7 @@ def _copied(like: str, title: str) -> str:
     names = shipped.scenarios()
     if like not in names:
         raise InputError(f"--like {shortened(like)}: no scenario of that name comes with the program; {nearest(like, names)}")
-    text = text_of(names[like], "install the program anew")
+    text = text_of(names[like], "install the program again")
     bare = _SCHEMA_LINE.sub("", _OWN_WORDS.sub("", text)).lstrip("\n")
     return f"# A copy of {like}, which comes with the program.\ntitle = {toml_value(title)}\n\n{bare}"
 

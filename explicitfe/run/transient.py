@@ -55,7 +55,7 @@ from explicitfe.run.analysis import (
     restart_extras,
 )
 from explicitfe.run.machine_code import kernels_of, make_ready
-from explicitfe.run.notes import balance_notes
+from explicitfe.run.notes import balance_notes, contact_notes
 from explicitfe.run.outlook import check_room, check_steps, warn_of_long_run
 from explicitfe.run.quantities import cell_fields, history_columns, point_fields
 from explicitfe.scenario.transient import MuscleTable, TransientScenario
@@ -308,7 +308,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         writer.samples(times_s, rows, points, {name: value for name, value in cells.items() if name in wanted})
 
     def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements) -> list[str]:
-        """What a user should know before believing the result."""
+        """Warnings on the quality of the result."""
         mesh, spread = self.model.mesh, how_to_spread(self.scenario.muscle)
         warnings = [*self.notes]
         if ledger.hourglass_share > (BENDING_WARNING_SHARE if self.model.element == "hex8" else HOURGLASS_WARNING_SHARE):
@@ -318,27 +318,29 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 f"hourglass energy reaches {100 * ledger.hourglass_share:.0f} % of the elastic energy "
                 f"({100 * ledger.hourglass_share_at_end:.0f} % at the end, most of it in element {worst} near "
                 f"({x:.0f}, {y:.0f}, {z:.0f}) mm): the mesh is coarse for this deformation, or a force acts on too few nodes; "
-                f"compare with a finer resolution{f', or {spread},' if spread else ''} before quoting numbers."
+                f"compare with a finer resolution{f', or {spread}' if spread else ''}."
             )
         if folded["elements"]:
             warnings.append(
-                f"{folded['elements']} of {mesh.element_count} elements are folded at the end, which one integration point does "
-                f'not resist: {f"{spread}, or " if spread else ""}lower the forces, and compare with element = "hex8-full".'
+                f"{folded['elements']} of {mesh.element_count} elements are inverted at the end, because one integration point "
+                f"does not resist it: {f'{spread}, or ' if spread else ''}reduce the forces, and compare with "
+                'element = "hex8-full".'
             )
         through = self_penetration(mesh, last.displacement)
         if through.where_m is not None:
             x, y, z = 1e3 * through.where_m
             warnings.append(
-                f"the body passes through itself at the end: {through.count} nodes of its surface lie in other elements, the "
-                f"deepest by {1e3 * through.deepest_m:.1f} mm near ({x:.0f}, {y:.0f}, {z:.0f}) mm, and nothing stops them there; "
-                "lower the forces, or read nothing off that place."
+                f"the body passes through itself at the end: {through.count} nodes of its surface are inside other elements, up "
+                f"to {1e3 * through.deepest_m:.1f} mm deep near ({x:.0f}, {y:.0f}, {z:.0f}) mm, because self-contact is not "
+                "modelled; reduce the forces, or ignore the result at this place."
             )
+        warnings += contact_notes(self.model, last)
         moved = float(np.linalg.norm(last.displacement, axis=1).max())
         extent = float(np.ptp(mesh.points, axis=0).max())
         if moved > DISPLACEMENT_WARNING_SHARE * extent:
             warnings.append(
-                f"a node has moved by {1e3 * moved:.0f} mm, more than half the model's largest extent ({1e3 * extent:.0f} mm): "
-                "the forces are large for this tissue."
+                f"a node has moved by {1e3 * moved:.0f} mm, more than half the largest extent of the model "
+                f"({1e3 * extent:.0f} mm): the forces are too large for this tissue; check their values and units."
             )
         energies = np.array(ledger.energies)
         elastic = energies[:, INTERNAL] + energies[:, HOURGLASS]
@@ -395,11 +397,11 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
 
 
 def how_to_spread(muscles: Sequence[MuscleTable]) -> str:
-    """What spreads the forces of muscles that act on nodes over more of the tissue; "" where no muscle does so."""
+    """Advice to distribute the forces of muscles that act on nodes; empty if there is no such muscle."""
     names = list(dict.fromkeys(m.name for m in muscles if m.force_N > 0.0 and m.distribution != "stress"))
     if not names:
         return ""
-    return f'spread the force{"s" * (len(names) > 1)} of {" and ".join(names)} (distribution = "stress")'
+    return f'distribute the force{"s" * (len(names) > 1)} of {" and ".join(names)} (distribution = "stress")'
 
 
 def _energies(rows: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -421,6 +423,6 @@ def _largest_stored(begun: Begun) -> float:
 def _diverged(time_s: float, error: float) -> Status:
     return Status(
         DIVERGED,
-        f"at {1e3 * time_s:.3f} ms the energy balance is off by {100 * error:.3g} %: energy comes from nowhere, "
-        "as it does when the step is too long for a fast change; give a smaller analysis.step_us and report this.",
+        f"at {1e3 * time_s:.3f} ms the error of the energy balance is {100 * error:.3g} %, because the time step is too long "
+        "for a fast change; reduce analysis.step_us, and please report this.",
     )

@@ -1,4 +1,4 @@
-"""The tables of a scenario that tell which bones there are, and how jaw and hyoid move."""
+"""Tables of a scenario for bones and for the motion of jaw and hyoid."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ class BoneTable(Table):
         description="length of the hard palate, from the edge of the incisors along the midline",
     )
     with_jaw: bool | None = Field(
-        default=None, description='whether it moves with the jaw; if left out, only the one called "jaw"'
+        default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
     )
 
     @model_validator(mode="after")
     def _keys_that_go_together(self) -> BoneTable:
         if (self.file is None) != (self.length_unit is None):
-            raise ValueError("file and length_unit go together: a surface file does not tell its unit")
+            raise ValueError("give both file and length_unit, because a surface file has no unit of length")
         if "/" in self.name or not self.name.strip(" ."):
             raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
         if self.hard_palate_mm is not None and self.name != "palate":
@@ -52,13 +52,13 @@ class JawTable(Table):
     """How the jaw opens: it turns about the axis through the condyles, and shifts along with it."""
 
     opening_deg: float | None = Field(
-        default=None, ge=-20.0, le=40.0, description="turn about the condyles; positive opens the mouth; 0 if left out"
+        default=None, ge=-20.0, le=40.0, description="turn about the condyles; positive opens the mouth; 0 by default"
     )
     opening_mm: float | None = Field(
         default=None, ge=-10.0, le=40.0, description="the same, as how far the turn lowers the edge of the incisors"
     )
     forward_mm: float | None = Field(
-        default=None, ge=-30.0, le=30.0, description="shift of the condyles; if left out, 0.5 mm for each degree of the turn"
+        default=None, ge=-30.0, le=30.0, description="shift of the condyles; 0.5 mm for each degree of rotation by default"
     )
     down_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
     start_ms: float = Field(default=0.0, ge=0.0)
@@ -67,10 +67,10 @@ class JawTable(Table):
         default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, share] pairs instead, linear in between"
     )
     axis_mm: Vector | None = Field(
-        default=None, description="a point of the axis, which runs along y; of the built-in tongue if left out"
+        default=None, description="a point of the axis, which runs along y; that of the built-in tongue by default"
     )
     incisor_mm: Vector | None = Field(
-        default=None, description="the edge of the lower incisors, with opening_mm; of the built-in tongue if left out"
+        default=None, description="the edge of the lower incisors, with opening_mm; that of the built-in tongue by default"
     )
 
     @model_validator(mode="after")
@@ -83,9 +83,9 @@ class JawTable(Table):
     def _table_begins_at_rest(self) -> JawTable:
         times = [time for time, _ in self.table]
         if times != sorted(set(times)) or any(time < 0.0 for time in times):
-            raise ValueError("the times of table must rise, from 0 on: a jaw does not jump")
+            raise ValueError("the times of table must increase and not be negative")
         if self.table and self.table[0][1] != 0.0:
-            raise ValueError("table must begin with a share of 0: the tongue is at rest with the jaw where it is")
+            raise ValueError("table must begin with a share of 0, because the tongue is at rest at time 0")
         return self
 
 

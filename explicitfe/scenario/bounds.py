@@ -1,7 +1,7 @@
-"""How large and how small a number can be that a user states, by the unit that ends its key.
+"""Bounds on the numbers in text files, by the unit at the end of their key.
 
-The bounds are those of any body that fits on a bench: nobody who means what he writes meets them. Beyond them a unit is
-mistaken or a digit slipped, and the arithmetic of a simulation would overflow, or begin a run that no machine ends.
+They contain every specimen or organ on a bench. A number outside them has most probably a wrong unit or digit, and would lead to
+an overflow or to an endless run.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ BOUNDS = {
     "_Pa": Bounds(1e-2, 1e9, "moduli and stresses lie between 0.01 Pa, softer than any gel, and 1 GPa, stiffer than tendon"),
     "_deg": Bounds(1e-6, 360.0, "angles end at a full turn"),
     "_ratio": Bounds(1e-4, 1e4, "ratios of stiffness lie between 1 : 10 000 and 10 000 : 1"),
-    "": Bounds(1e-9, 1e12, "numbers without a unit lie between a billionth and a million millions"),
+    "": Bounds(1e-9, 1e12, "the allowed range is 1e-9 to 1e12"),
 }
 
 

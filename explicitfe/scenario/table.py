@@ -1,4 +1,4 @@
-"""What all tables of text files have in common: strictness, bounds of their numbers, and rows of numbers."""
+"""Base class and common types of the tables in text files."""
 
 from __future__ import annotations
 
@@ -82,20 +82,18 @@ def row_of(length: int, what: str) -> BeforeValidator:
 
 def _one_line(title: str) -> str:
     if "\n" in title or "\t" in title:
-        raise ValueError("must be one line, without tabs: it heads tables and pictures")
+        raise ValueError("must be one line without tabs, because it is the heading of tables and pictures")
     return title
 
 
 Title = Annotated[
     str,
-    Field(max_length=LONGEST_TITLE_CHARACTERS, description="one line, which heads tables and pictures"),
+    Field(max_length=LONGEST_TITLE_CHARACTERS, description="one line, the heading of tables and pictures"),
     AfterValidator(_one_line),
 ]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME_CHARACTERS)]
 Vector = Annotated[tuple[float, float, float], row_of(3, "three numbers [x, y, z]")]
 Cells = Annotated[tuple[int, int, int], row_of(3, "three whole numbers, such as [16, 8, 10]")]
 Pair = Annotated[tuple[float, float], row_of(2, "a pair [time_ms, scale]")]
-Threads = Annotated[
-    int | None, Field(ge=1, le=256, description="that share a step; as many as pay for a mesh of this size if left out")
-]
+Threads = Annotated[int | None, Field(ge=1, le=256, description="number of threads; chosen for the size of the mesh by default")]
 Size = Annotated[tuple[float, float, float], row_of(3, "three lengths [x, y, z] in mm")]

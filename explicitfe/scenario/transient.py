@@ -47,8 +47,8 @@ class ModelTable(Table):
     """What is computed: a built-in model by name, or a mesh of one's own by its model file."""
 
     name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
-    file: str | None = Field(default=None, description="model file of a mesh of one's own, relative to this file")
-    resolution: str | None = Field(default=None, description="coarse | medium | fine; medium if left out")
+    file: str | None = Field(default=None, description="model file of your own mesh, relative to this file")
+    resolution: str | None = Field(default=None, description="coarse | medium | fine; medium by default")
     cells: Cells | None = Field(
         default=None, description="numbers of elements along the tongue, through its thickness and across it"
     )
@@ -61,7 +61,7 @@ class ModelTable(Table):
         default=True, description='whether a barrier keeps the corners of elements from folding; "hex8" alone has one'
     )
     damping: Damping = Damping()
-    fixed: list[Name] | None = Field(default=None, description="node sets that are held; the model's own if left out")
+    fixed: list[Name] | None = Field(default=None, description="node sets that are held; those of the model by default")
     attachment: Literal["nodes", "area"] = Field(
         default="nodes",
         description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches of these '
@@ -97,7 +97,7 @@ class MuscleTable(Table):
     )
     start_ms: float = Field(default=0.0, ge=0.0, description="time at which a step or a ramp begins [ms]")
     rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
-    end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; never if left out")
+    end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; none by default")
     table: list[Pair] = Field(
         default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, scale] pairs, linear in between"
     )
@@ -110,7 +110,7 @@ class MuscleTable(Table):
     )
     side: Literal["both", "left", "right"] = Field(default="both", description="which fibres pull")
     fibres: list[Annotated[int, Field(ge=1)]] | None = Field(
-        default=None, min_length=1, description="numbers of the fibres that pull, counted from 1 on each side; all if left out"
+        default=None, min_length=1, description="numbers of the fibres that pull, counted from 1 on each side; all by default"
     )
 
     @model_validator(mode="after")
@@ -131,17 +131,17 @@ class MuscleTable(Table):
         if times != sorted(times) or any(time < 0.0 for time in times):
             raise ValueError("the times of table must not be negative and must not decrease")
         if any(scale < 0.0 for _, scale in self.table):
-            raise ValueError("the scales of table must not be negative: a muscle pulls, it does not push")
+            raise ValueError("the scales of table must not be negative: a muscle cannot push")
         return self
 
 
 class AnalysisTable(Table):
     """How it is computed."""
 
-    type: Literal["transient"] = Field(default="transient", description="a run in time")
+    type: Literal["transient"] = Field(default="transient", description="a transient run")
     duration_ms: float = Field(gt=0.0, description="simulated time [ms]")
     step_us: float | None = Field(
-        default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable one if left out"
+        default=None, gt=0.0, description="fixed time step [microseconds]; the largest stable step by default"
     )
     threads: Threads = None
 
@@ -149,33 +149,33 @@ class AnalysisTable(Table):
 class RecordTable(Table):
     """What is stored."""
 
-    every_ms: float = Field(default=1.0, gt=0.0, description="time between two samples [ms]; a run has at most a million samples")
-    fields: list[FieldName] = Field(default=list(FIELDS), description="what is stored of every node or element at each sample")
-    probes: list[Name] | None = Field(default=None, description="named points; all of the model if left out")
+    every_ms: float = Field(default=1.0, gt=0.0, description="time between two samples [ms]; at most a million samples")
+    fields: list[FieldName] = Field(default=list(FIELDS), description="fields of nodes and elements stored at each sample")
+    probes: list[Name] | None = Field(default=None, description="named points with a history; all of the model by default")
 
 
 class TransientScenario(Table):
     """One run, as its file states it."""
 
     title: Title
-    question: str = Field(default="", description="what the run is to answer")
-    expect: str = Field(default="", description="what the run should show, with the number to expect")
+    question: str = Field(default="", description="question that the run answers")
+    expect: str = Field(default="", description="expected result, with numbers")
     model: ModelTable
     muscle: list[MuscleTable] = Field(
         default=[],
         max_length=MOST_TABLES_OF_A_KIND,
-        description="pulls; a muscle may stand here several times, and its pulls add up",
+        description="muscle forces; a muscle may be listed several times, and its forces add up",
     )
     bone: list[BoneTable] = Field(
-        default=[], max_length=MOST_TABLES_OF_A_KIND, description="rigid surfaces that the body can rest on"
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="rigid surfaces that the body can touch"
     )
     jaw: JawTable | None = None
     hyoid: HyoidTable | None = None
-    resection: list[ResectionTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is taken out")
+    resection: list[ResectionTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="tissue that is removed")
     graft: list[GraftTable] = Field(
         default=[], max_length=MOST_TABLES_OF_A_KIND, description="flaps of other tissue, without muscle"
     )
-    scar: ScarTable | None = Field(default=None, description="stiffer tissue beside cuts and grafts")
+    scar: ScarTable | None = Field(default=None, description="stiffer tissue next to cuts and grafts")
     lips: LipsTable | None = None
     effects: EffectsTable = EffectsTable()
     analysis: AnalysisTable
@@ -202,7 +202,7 @@ class TransientScenario(Table):
     @model_validator(mode="after")
     def _scars_have_a_cause(self) -> TransientScenario:
         if self.scar is not None and not (self.resection or self.graft):
-            raise ValueError("[scar] needs a [[resection]] or a [[graft]] beside which the tissue is a scar")
+            raise ValueError("[scar] needs a [[resection]] or a [[graft]], next to which the tissue is a scar")
         return self
 
     @property

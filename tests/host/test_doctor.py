@@ -29,7 +29,7 @@ def test_its_answer_fits_its_schema(renders: None, capsys: pytest.CaptureFixture
     answer = check_answer("doctor", capsys.readouterr().out)
     names = [one["name"] for one in answer["findings"]]
     assert names[:5] == ["explicitfe", "python", "libraries", "system", "cores"]
-    assert {"memory", "results", "machine code", "[view]", "[plots]", "[parquet]", "3D"} <= set(names)
+    assert {"memory", "results", "compiled kernels", "[view]", "[plots]", "[parquet]", "3D"} <= set(names)
     assert command(["doctor"]) == 0
     assert "a card" in capsys.readouterr().out
 
@@ -50,16 +50,20 @@ def test_what_is_missing_is_said_with_what_to_do(renders: None, tmp_path: Path, 
     findings = named(tmp_path)
     assert 'pip install "explicitfe[view]"' in findings["[view]"]["advice"]
     assert findings["3D"]["state"] == "absent"
-    assert {name for name, one in findings.items() if one["state"] == "attention"} >= {"memory", "results", "machine code"}
+    assert {name for name, one in findings.items() if one["state"] == "attention"} >= {"memory", "results", "compiled kernels"}
+    assert "temporary folder" in findings["compiled kernels"]["value"]
+    assert "NUMBA_CACHE_DIR" in findings["compiled kernels"]["advice"]
+    monkeypatch.setattr(doctor, "temporary_folder", lambda: None)
+    assert named(tmp_path)["compiled kernels"]["value"] == "no folder can be written"
 
 
 def test_the_folder_of_machine_code_is_that_of_the_environment(
     renders: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert "warmup" in named()["machine code"]["advice"]
+    assert "warmup" in named()["compiled kernels"]["advice"]
     (tmp_path / "kernel.nbi").write_bytes(b"x" * 2_000_000)
-    assert named()["machine code"]["value"] == f"2 MB are kept in {tmp_path}"
+    assert named()["compiled kernels"]["value"] == f"2 MB in {tmp_path}"
 
 
 @pytest.mark.parametrize(

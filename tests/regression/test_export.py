@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -207,3 +209,34 @@ def test_the_probe_of_a_result_agrees_with_its_table(result: Path, tmp_path: Pat
     columns = table(exported(result, tmp_path, "csv"))
     with open_result(result) as opened:
         np.testing.assert_allclose(columns["tip_up_mm"], 1e3 * opened.probe("tip")[:, 2], rtol=1e-8)
+
+
+@pytest.mark.parametrize("refused", [0, 1])
+def test_a_full_disk_leaves_no_exported_file(
+    refused: int, result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The disk is full when the first, or only when the second file is written: exit code 3, a sentence, and no file."""
+    real, opened = os.fdopen, []
+
+    class Full(io.FileIO):
+        def write(self, data: object) -> int:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def open_number(number: int, *more: object, **options: object) -> object:
+        opened.append(number)
+        return Full(number, "wb") if len(opened) == refused + 1 else real(number, *more, **options)
+
+    monkeypatch.setattr("explicitfe.results.folder.os.fdopen", open_number)
+    assert command(["export", str(result), "--to", "csv", "--to", "npz", "--out", str(tmp_path / "new")]) == 3
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    assert sentence.startswith("failed: cannot write ") and "(No space left on device); free disk space" in sentence
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_is_no_folder_for_exports(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Not even with --overwrite, and the advice is not to add --overwrite."""
+    (tmp_path / "table.csv").write_text("mine", encoding="utf-8")
+    words = ["export", str(result), "--to", "csv", "--out", str(tmp_path / "table.csv"), "--overwrite"]
+    assert command(words) == 2
+    assert "table.csv is a file; give a folder" in capsys.readouterr().err.splitlines()[-1]
+    assert (tmp_path / "table.csv").read_text(encoding="utf-8") == "mine"

@@ -199,3 +199,59 @@ def test_a_restart_state_of_anything_is_passed_over(tmp_path):
             change(file)
     with open_result(path) as result:
         assert result.restart_state() is None
+
+
+def link(name, target):
+    """Replace a part by a link: to another name, or to the same name in another file."""
+
+    def edit(file, other):
+        del file[name]
+        file[name] = h5py.SoftLink(target) if target else h5py.ExternalLink(str(other), name)
+
+    return edit
+
+
+def external_dataset(name):
+    """Replace a dataset by one whose numbers are in a file of their own."""
+
+    def edit(file, other):
+        shape, kind = file[name].shape, file[name].dtype
+        del file[name]
+        file.create_dataset(name, shape=shape, dtype=kind, external=[(str(other), 0, h5py.h5f.UNLIMITED)])
+
+    return edit
+
+
+def virtual_dataset(name):
+    """Replace a dataset by a virtual one of another file."""
+
+    def edit(file, other):
+        layout = h5py.VirtualLayout(shape=file[name].shape, dtype=file[name].dtype)
+        layout[...] = h5py.VirtualSource(str(other), name, shape=file[name].shape)
+        del file[name]
+        file.create_virtual_dataset(name, layout)
+
+    return edit
+
+
+LINKS = {
+    "external link": link("VTKHDF/Points", None),
+    "external group": link("explicitfe/history", None),
+    "external root group": link("explicitfe", None),
+    "soft link": link("explicitfe/node_sets/jaw", "/explicitfe/node_sets/hyoid"),
+    "dangling soft link": link("explicitfe/scenario", "/nothing"),
+    "external dataset": external_dataset("VTKHDF/Points"),
+    "virtual dataset": virtual_dataset("VTKHDF/Points"),
+}
+
+
+@pytest.mark.parametrize("kind", LINKS)
+def test_other_files_are_never_read(tmp_path, kind):
+    """Whoever sends a result could otherwise make its reader open any file; the other file is a whole result here."""
+    path, other = write(tmp_path / "a.vtkhdf", 2), write(tmp_path / "other.vtkhdf", 2)
+    calls = readings(path)
+    with h5py.File(path, "r+") as file:
+        LINKS[kind](file, other)
+    sentences = {str(value) for value in read_all(path, calls).values() if isinstance(value, InputError)}
+    assert len(sentences) >= 1
+    assert all("is a link to another place" in text or "are in another file" in text for text in sentences), sentences

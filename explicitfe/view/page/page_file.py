@@ -44,4 +44,4 @@ def write_page(target: Path, text: str) -> float:
     with writing(target, "name another file with --out"):
         target.parent.mkdir(parents=True, exist_ok=True)
         whole_file(target, text)
-    return len(text.encode()) / 1e6
+    return target.stat().st_size / 1e6

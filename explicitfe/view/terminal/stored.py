@@ -51,7 +51,8 @@ def result_table(held: Mapping[str, Any], measures: Measures | None = None) -> G
     state = held["status"]
     if state == "running":
         state += " (in progress)" if held["live"] else " (killed)"
-    table.add_row("status", escape(f"{state}: {held['message']}" if held["message"] else state))
+    message = held["message"] or state
+    table.add_row("status", escape(message if message.startswith(state) else f"{state}: {message}"))
     if held["restart"] is not None:
         restart = held["restart"]
         moment = f", stored at {restart['stored_utc']}" if restart["stored_utc"] else ""

@@ -20,7 +20,7 @@ def check(
         Path,
         typer.Argument(
             metavar="SCENARIO|DATASET",
-            help="Scenario file (TOML), folder of a dataset, or the name of one that `explicitfe list` shows.",
+            help="Scenario file (TOML), folder of a dataset, or a name from `explicitfe list`.",
             show_default=False,
             autocompletion=complete_scenario_or_dataset,
         ),
@@ -30,16 +30,16 @@ def check(
     tissue_group: TissueGroupOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Look at a scenario or a dataset before it is computed.
+    """Validate a scenario or a dataset without computing it.
 
-    A scenario is validated and built: mesh quality, stable step, steps, wall time, memory. A dataset is read: its curves, which
-    of them are fitted and which held out, and which effects they could show.
+    For a scenario, the model is built; mesh quality, stable time step, number of steps, wall time and memory are reported. For a
+    dataset, the curves, the fitted and the held-out ones, and the effects that they can show are reported.
 
     Example: [bold]explicitfe check vowel-i --set model.resolution=fine[/bold]
     """
     if is_dataset(file):
         if settings or tissue is not None or tissue_group is not None:
-            raise InputError(f"{file}: this is a dataset; --set, --tissue and --tissue-group are for scenarios.")
+            raise InputError(f"{file}: --set, --tissue and --tissue-group are for scenarios, and this is a dataset; omit them.")
         with following(console, f"reading {file}"):
             from explicitfe.close_loop.outlook import check_dataset
             from explicitfe.view.terminal.dataset import dataset_check_tables

@@ -1,4 +1,4 @@
-"""How two results differ: scenarios, fields at points of the material, named points, histories, measures."""
+"""Compare two results: scenarios, fields at material points, named points, histories and measures."""
 
 from __future__ import annotations
 
@@ -33,39 +33,37 @@ from explicitfe.results import Result, open_result
 from explicitfe.results.differing_keys import differing_keys
 from explicitfe.results.run_summary import kind_of
 
-# Times that are as near to each other as this share of the longer run are one.
+# Times that differ by less than this share of the longer run are equal.
 SAME_TIME_SHARE = 1e-9
-# Where fewer of the nodes lie in the other mesh, the two are not the same body at rest.
+# If fewer of the nodes lie in the other mesh, the two are not the same body at rest.
 SMALLEST_COMMON_SHARE = 0.5
 NOT_COMPARED_PROVENANCE = ("started_utc",)
 NOT_COMPARED_MEASURES = ("result", "title", "status", "time_ms")
 
 
 def compare(path_a: Path | str, path_b: Path | str, tolerance: float | None = None, progress: Progress = silent) -> Comparison:
-    """Compare two results: the second less the first.
+    """Compare two results; differences are the second minus the first.
 
-    Results on different meshes are compared at points of the material: what the second has there is interpolated at the nodes and
-    the centres of elements of the first. They are compared at the times that the first stores; between two samples of the second
-    it is interpolated linearly.
+    Results on different meshes are compared at material points: the second is interpolated at the nodes and the element centres
+    of the first. They are compared at the stored times of the first; the second is interpolated linearly in time.
 
     Parameters
     ----------
-    tolerance : the largest difference of displacements, as a share of the largest displacement, with which
-        ``within_tolerance`` is true.
-    progress : called with the stage and the share of it that is done.
+    tolerance : largest difference of displacements, relative to the largest displacement, for which ``within_tolerance`` is true.
+    progress : called with the name of the stage and the fraction done.
 
     Raises
     ------
     InputError : a file cannot be read, the two are of different kinds or bodies, or have no stored time in common.
     """
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
-        raise InputError(f"--tolerance {tolerance:g}: give a share of the largest displacement, 0 or more, such as 0.01.")
+        raise InputError(f"--tolerance {tolerance:g}: give a fraction of the largest displacement, 0 or more, such as 0.01.")
     with open_result(path_a) as a, open_result(path_b) as b:
         if kind_of(a.model) != kind_of(b.model):
-            raise InputError(f"{a.path} and {b.path}: one is a run in time and one an indentation; compare two of a kind.")
+            raise InputError(f"{a.path} and {b.path}: one is a transient run, one an indentation; compare two of a kind.")
         steps = _instants(a.times, b.times)
         if not len(steps.rows):
-            raise InputError(f"{a.path} and {b.path} have no time in common: one holds nothing of the times of the other.")
+            raise InputError(f"{a.path} and {b.path}: no stored time of the first lies between stored times of the second.")
         pairing = _pairing(a, b)
         fields = _fields(a, b, steps, pairing, progress)
         rows = _instants(a.history("time"), b.history("time"))
@@ -102,17 +100,17 @@ def compare(path_a: Path | str, path_b: Path | str, tolerance: float | None = No
         )
 
 
-# ---- what is compared with what ----
+# ---- pairs of points and times ----
 
 
 @dataclass(frozen=True)
 class Pairing:
-    """Which nodes and elements of the first result are compared, and what the second has there.
+    """Compared nodes and elements of the first result, and the interpolation of the second there.
 
     Attributes
     ----------
-    same_mesh : whether the second is read node by node.
-    bitwise : whether the two meshes are the same to the last bit.
+    same_mesh : whether the second is read at its nodes, without interpolation.
+    bitwise : whether the two meshes are bitwise identical.
     nodes, elements : (k,), (l,) of the first.
     of_nodes, of_elements : values of the nodes, or elements, of the second -> those at the nodes, elements of the first.
     """
@@ -136,7 +134,7 @@ def _pairing(a: Result, b: Result) -> Pairing:
     if inside.mean() < SMALLEST_COMMON_SHARE:
         raise InputError(
             f"{a.path} and {b.path} are not of the same body: {100.0 * (1.0 - inside.mean()):.0f} % of the nodes of the first "
-            "lie outside the mesh of the second at rest."
+            "lie outside the mesh of the second at rest; compare results of the same model."
         )
     at_centres, within = points_of_mesh(mesh_b, _centres(mesh_a))
     kept = MaterialPoints(at_nodes.element[inside], at_nodes.natural[inside], at_nodes.position[inside])
@@ -155,12 +153,12 @@ def _centres(mesh: HexMesh) -> np.ndarray:
 
 
 class Instants(NamedTuple):
-    """Times of the first result, and between which rows of the second they lie.
+    """Compared times of the first result, and the rows of the second to interpolate between.
 
     Attributes
     ----------
-    rows : (t,) of the first.
-    before, share : (t,) of the second, and the weight of the row after that one; 0 where the times are the same.
+    rows : (t,) rows of the first.
+    before, share : (t,) row of the second before the time, and weight of the next row; 0 if the times are equal.
     """
 
     rows: np.ndarray
@@ -168,13 +166,13 @@ class Instants(NamedTuple):
     share: np.ndarray
 
     def at(self, number: int, row: Callable[[int], np.ndarray]) -> np.ndarray:
-        """What the second has at one of these times, given what it has in a row: interpolated linearly."""
+        """Interpolate the second linearly to one of these times; ``row`` returns its values in a row."""
         before, share = int(self.before[number]), self.share[number]
         return row(before) if share == 0.0 else (1.0 - share) * row(before) + share * row(before + 1)
 
 
 def _instants(times_a: np.ndarray, times_b: np.ndarray) -> Instants:
-    """The times of the first, rising, that lie within those of the second."""
+    """Times of the first that are within those of the second."""
     if not len(times_a) or not len(times_b):
         return Instants(np.empty(0, dtype=int), np.empty(0, dtype=int), np.empty(0))
     rounding = SAME_TIME_SHARE * max(np.abs(times_a).max(), np.abs(times_b).max())
@@ -186,7 +184,7 @@ def _instants(times_a: np.ndarray, times_b: np.ndarray) -> Instants:
     return Instants(rows, before, np.where(after > before, share, 0.0))
 
 
-# ---- how far they are apart ----
+# ---- differences ----
 
 
 @dataclass
@@ -232,7 +230,7 @@ def _lengths(values: np.ndarray) -> np.ndarray:
 
 
 def _fields(a: Result, b: Result, steps: Instants, pairing: Pairing, progress: Progress) -> list[ComparedField]:
-    """The fields that both have, with the same unit and number of components."""
+    """Compare the fields that both have, with the same number of components."""
     common = [name for name in a.fields if name in b.fields and a.fields[name].kind == b.fields[name].kind]
     common = [name for name in common if a.fields[name].quantity.components == b.fields[name].quantity.components]
     parts = []
@@ -266,7 +264,7 @@ def _place(position_m: np.ndarray) -> MaterialPlace:
 
 
 def _named_points(a: Result, b: Result, steps: Instants) -> dict[str, ComparedPoint]:
-    """The points that both recorded; of runs that recorded none, all named points of the meshes."""
+    """Compare the points that both recorded, or all named points if none were recorded."""
     names = [name for name in a.model.get("probes", a.mesh.named_points) if name in b.model.get("probes", b.mesh.named_points)]
     parts = {}
     for name in names:
@@ -284,7 +282,7 @@ def _named_points(a: Result, b: Result, steps: Instants) -> dict[str, ComparedPo
 
 
 def _apart(course_a: np.ndarray, course_b: np.ndarray, rows: Instants) -> tuple[Apart, np.ndarray]:
-    """How far two courses (rows,) or (rows, components) are apart, and the last difference."""
+    """Difference of two histories (rows,) or (rows, components), and the last difference."""
     apart, last = Apart(), np.zeros(course_a.shape[1:])
     for number, row in enumerate(rows.rows):
         one, other = course_a[row], rows.at(number, course_b.__getitem__)
@@ -302,7 +300,7 @@ def path_of_point(result: Result, name: str) -> np.ndarray:
 
 
 def _common_columns(a: Result, b: Result) -> list[str]:
-    """Columns of the history that both have, of as many components; the time is what they are compared at."""
+    """Columns of the history that both have, with the same number of components, except time."""
     both = [name for name in a.history_names if name in b.history_names and name != "time"]
     return [name for name in both if a.history_names[name].components == b.history_names[name].components]
 
@@ -319,7 +317,7 @@ def _history(a: Result, b: Result, name: str, rows: Instants) -> ComparedHistory
 
 
 def _measures(a: Result, b: Result, steps: Instants) -> list[DifferingMeasure]:
-    """The measures at the last common time whose displacements are finite, those that differ."""
+    """Measures that differ at the last common time with finite displacements."""
     if kind_of(a.model) != "transient":
         return []
     for number in reversed(range(len(steps.rows))):
@@ -333,13 +331,13 @@ def _measures(a: Result, b: Result, steps: Instants) -> list[DifferingMeasure]:
 
 
 def _measured(result: Result, step: int) -> dict[str, JsonValue]:
-    """The single numbers of the measures at a step, each with its keys."""
+    """Single values of the measures at a step, by their keys."""
     document = measures_of(result, step).document
     return dict(_leaves({key: value for key, value in document.items() if key not in NOT_COMPARED_MEASURES}))
 
 
 def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """The values of nested tables and lists, each with its keys."""
+    """Values of nested tables and lists, by their keys."""
     inner: Sequence[tuple[Any, Any]]
     if isinstance(value, dict):
         inner = list(value.items())

@@ -1,7 +1,7 @@
-"""What ``explicitfe compare`` answers: how two results differ.
+"""Answer of ``explicitfe compare`` for two results.
 
-A difference is that of the second result less the first. Shares are of the largest magnitude that either result has of the same
-quantity, where and when both were compared.
+Differences are the second result minus the first. Shares are relative to the largest magnitude of the quantity in either
+result, over all compared points and times.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from explicitfe.results.document import Computed, Document
 
 
 class ComparedResult(MeasuredPart):
-    """One of the two: its file, how it ended, and what it holds."""
+    """One of the results: file, title, status and size."""
 
     result: str
     title: str
@@ -24,7 +24,7 @@ class ComparedResult(MeasuredPart):
 
 
 class DifferingKey(MeasuredPart):
-    """A key that has not the same value in both; None where it is not given."""
+    """A key whose values differ; None if it is absent. A table that only one scenario has is one key."""
 
     key: str
     a: JsonValue
@@ -32,10 +32,10 @@ class DifferingKey(MeasuredPart):
 
 
 class ComparedTimes(MeasuredPart):
-    """The times that were compared: those that the first result stores and that lie within those of the second.
+    """The compared times: stored times of the first result that are within the time of the second.
 
-    ``interpolated``: at how many of them the second was taken between two of its samples; ``left_out``: samples of the first
-    outside them.
+    ``interpolated``: number of times at which the second was interpolated; ``left_out``: number of samples of the first outside
+    the time of the second.
     """
 
     compared: int
@@ -46,14 +46,14 @@ class ComparedTimes(MeasuredPart):
 
 
 class ComparedPoints(MeasuredPart):
-    """Where fields were compared.
+    """The points at which fields were compared.
 
     Attributes
     ----------
-    same_mesh : node by node and element by element; if not, the second result is interpolated at the nodes and the centres of
-        the elements of the first, as points of the material.
-    nodes, elements : of the first result that were compared.
-    left_out : nodes of the first result that lie outside the second one's mesh at rest.
+    same_mesh : whether the meshes are equal; if not, the second result is interpolated at the nodes and the element centres of
+        the first, that is, at the same material points.
+    nodes, elements : number of compared nodes and elements of the first result.
+    left_out : number of nodes of the first result outside the mesh of the second at rest.
     """
 
     same_mesh: bool
@@ -63,15 +63,14 @@ class ComparedPoints(MeasuredPart):
 
 
 class ComparedField(MeasuredPart):
-    """A field that both store.
+    """A field that both results store.
 
     Attributes
     ----------
     kind : "point" or "cell".
-    largest, rms : the largest difference, of vectors the length of the difference, and its root mean square over all points and
-        times, in ``unit``.
-    share : ``largest`` as a share; None where both fields are 0.
-    at_ms, place : when and where, in the reference shape, the difference is largest; None where there is none.
+    largest, rms : largest difference (for vectors, its length) and its root mean square over all points and times, in ``unit``.
+    share : ``largest`` relative to the largest value; None if both fields are 0.
+    at_ms, place : time and reference position of the largest difference; None if there is no difference.
     """
 
     name: str
@@ -85,11 +84,11 @@ class ComparedField(MeasuredPart):
 
 
 class ComparedPoint(MeasuredPart):
-    """A named point that both have: its path.
+    """The path of a named point that both results have.
 
     Attributes
     ----------
-    largest_mm, share, at_ms : as of a field.
+    largest_mm, share, at_ms : as for a field.
     forward_mm, up_mm, right_mm : the difference at the last time.
     """
 
@@ -102,7 +101,7 @@ class ComparedPoint(MeasuredPart):
 
 
 class ComparedHistory(MeasuredPart):
-    """A column of the history that both have; as :class:`ComparedField`."""
+    """A column of the history that both results have; attributes as for :class:`ComparedField`."""
 
     name: str
     unit: str
@@ -112,7 +111,7 @@ class ComparedHistory(MeasuredPart):
 
 
 class DifferingMeasure(MeasuredPart):
-    """A measure at the last time that is not the same, by its keys in ``explicitfe measure --json``."""
+    """A measure that differs at the last time, by its key in ``explicitfe measure --json``."""
 
     measure: str
     a: JsonValue
@@ -120,15 +119,15 @@ class DifferingMeasure(MeasuredPart):
 
 
 class Comparison(Document, MeasuredPart):
-    """How two results differ.
+    """Differences between two results.
 
     Attributes
     ----------
-    identical : whether meshes, times, fields and histories are the same to the last bit.
-    tolerance : as it was given; None: none was. ``within_tolerance`` says whether no displacement differs by a larger share.
-    differing_keys : of the scenarios, words such as the title left out.
+    identical : whether meshes, times, fields and histories are bitwise identical.
+    tolerance : as given, or None; ``within_tolerance`` is whether no displacement differs by more, relative to the largest one.
+    differing_keys : of the scenarios, except texts such as the title.
     differing_provenance : versions, commit and machine; not the start time.
-    measures : empty for indentations, whose curve stands in ``history``.
+    measures : empty for indentations, whose curve is in ``history``.
     """
 
     a: ComparedResult

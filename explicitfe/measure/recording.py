@@ -1,4 +1,4 @@
-"""What ``explicitfe compare RESULT RECORDING`` answers: how a result differs from recorded sensors."""
+"""Answer of ``explicitfe compare`` for a result and a recording of sensors."""
 
 from __future__ import annotations
 

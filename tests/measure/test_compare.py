@@ -128,9 +128,9 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"not of the same body: 9\d % of the nodes of the first lie outside"):
         compare(other, a)
     punch = write(tmp_path / "c.vtkhdf", scenario={"analysis": {"type": "relaxation"}})
-    with pytest.raises(InputError, match="one is a run in time and one an indentation"):
+    with pytest.raises(InputError, match="one is a transient run, one an indentation"):
         compare(a, punch)
-    with pytest.raises(InputError, match="no time in common"):
+    with pytest.raises(InputError, match="no stored time of the first"):
         compare(a, write(tmp_path / "d.vtkhdf", times_s=(1.0, 2.0)))
     for share in (-0.1, np.nan, np.inf):
         with pytest.raises(InputError, match="--tolerance"):

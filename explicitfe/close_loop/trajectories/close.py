@@ -1,4 +1,4 @@
-"""The loop closed on sensors of a moving tongue; what is found is written back as a scenario."""
+"""close-loop for trajectories of sensors; the resulting model is written as a scenario."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def close_trajectories(
     InputError : no scenario to compare with, or one that cannot be used.
     """
     if dataset.scenario is None:
-        raise InputError(f"{dataset.path}: without a scenario there is nothing to compare with; add the key scenario.")
+        raise InputError(f"{dataset.path}: the dataset has no scenario to compare with; add the key scenario.")
     system = trajectory_system(dataset, sides.fit, processes or 1, only=tuple(effects))
     progress("trace", 0.0)
     report = _new_report(dataset, sides, system.considered, max_effects)
@@ -102,7 +102,7 @@ def _add_errors(report: LoopReport, system: Trajectories, sides: Split, before: 
     split |= dict.fromkeys((c.id for c in sides.fit), "fit")
     first, final = every.answers([before.model, after.model])
     if first is None or final is None:
-        raise RunError("a curve cannot be computed with the model that was found.")
+        raise RunError("a curve cannot be computed with the final model.")
     noise = {one.id: float(row.sd.mean()) for one, row in zip(every.series, every.rows, strict=True)}
     for model, answer in ((report.baseline, first), (report.final, final)):
         model.error = errors_of_model({name: _error_of(name, side, every, answer, noise) for name, side in split.items()})
@@ -150,7 +150,7 @@ def _warnings(sides: Split, before: BestFit, after: BestFit) -> list[str]:
     """What a reader should know, in sentences."""
     notes = [*bound_warnings("before", before), *bound_warnings("after", after)]
     if not sides.holdout:
-        notes.append("no curve is held out: errors are those of curves that were fitted.")
+        notes.append("no curve is held out; the errors are those of fitted curves.")
     if len(sides.fit) == 1:
-        notes.append("one curve only: nothing that it shows can be confirmed by another, so no effect is claimed.")
+        notes.append("only one curve is fitted; no effect is claimed, because no other curve can confirm it.")
     return notes

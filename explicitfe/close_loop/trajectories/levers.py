@@ -1,4 +1,4 @@
-"""What may be wrong in the scenario of a moving tongue: each candidate is a few --set settings."""
+"""Candidate effects of trajectories: quantities of a scenario that may be wrong, as --set settings."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from explicitfe.model import catalogue
 from explicitfe.model.effects import check_effects
 from explicitfe.scenario.transient import MuscleTable, TransientScenario
 
-# How a common factor, the weight [m/s^2], and the two dampings [1/s, s] are looked for.
+# Search ranges of a common factor, the weight [m/s^2], and the two damping coefficients [1/s, s].
 FACTOR = Sought((0.5, 0.8, 1.25, 2.0), 0.1, 10.0, kind="log", none=1.0)
 GRAVITY = Sought((0.0, 3.0, 9.81), 0.0, 12.0)
 DAMPING = Sought((0.0, 20.0, 80.0, 240.0), 0.0, 1000.0)
 VISCOSITY = Sought((0.0, 0.02, 0.05, 0.1), 0.0, 0.3)
-# A bone that is not in the scenario is sought from 20 mm off its place, beyond the reach of a tongue, to 3 mm nearer than its
-# place: it is known to 2 mm how the bones lie to the tongue (models/tongue/SOURCES.md).
+# A bone that is not in the scenario is searched from 20 mm away, beyond the reach of the tongue, to 3 mm closer than in the
+# model: the position of the bones relative to the tongue is known within 2 mm (models/tongue/SOURCES.md).
 CLEARANCE_MM = Sought((4.0, 1.5, 0.0, -1.5), -3.0, 20.0, none=20.0)
-# Where the bones of the built-in tongue lie, seen from it.
+# Side of the bones, as seen from the built-in tongue.
 SIDE_OF_BONE = {"jaw": -1.0, "palate": 1.0}  # along z
-# The force of a muscle that the scenario lacks, as a share of that of the muscle whose course it has.
+# Force of a muscle that the scenario lacks, relative to that of the muscle with the same activation profile.
 MUSCLE_SHARE = Sought((0.1, 0.4, 1.0), 0.0, 4.0)
-# Muscles that a scenario may well lack, with the listed one whose course they have; others are tried where they are asked for.
+# Muscles that scenarios often lack, and the muscle whose activation profile they get; others are tried with --effects.
 # GGh: authors before Calka et al. (2025) count it among GGp. MH: it braces most postures with GGp (Liu et al. 2022).
 OFTEN_MISSING = {"GGh": "GGp", "MH": "GGp"}
 MISSING = "missing-"
@@ -41,11 +41,11 @@ class Lever:
 
     Attributes
     ----------
-    title : in words, with the unit of the strength.
-    parameter : the name of the strength.
-    sought : how it is looked for, given what the scenario says, or why it cannot be.
-    settings : ``key=value`` pairs that give the scenario a strength.
-    usual : whether it is tried without being asked for by its name.
+    title : description, with the unit of the strength.
+    parameter : name of the strength.
+    sought : search range for a scenario, or the reason why the lever does not apply.
+    settings : ``key=value`` pairs that set a strength in the scenario.
+    usual : whether it is tried without ``--effects``.
     """
 
     title: str
@@ -58,7 +58,7 @@ class Lever:
 def _lag(scenario: TransientScenario) -> Sought | str:
     """The lag about that of the scenario."""
     if not _pulls(scenario):
-        return "no muscle of the scenario pulls"
+        return "no muscle of the scenario is active"
     lag = EFFECTS["activation-lag"]
     present = [effect.strength for effect in scenario.effects.chosen if isinstance(effect, lag)]
     return replace(lag.sought["tau_ms"], none=present[0] if present else 0.0)
@@ -121,7 +121,7 @@ def _viscosity(scenario: TransientScenario) -> Sought | str:
     except InputError as error:
         return str(error)
     if any(type(effect) is type(branch) for effect in chosen):
-        return "effects.viscoelastic of the scenario is a viscosity itself"
+        return "effects.viscoelastic of the scenario already is a viscosity"
     return _about(VISCOSITY, now.beta_s)
 
 
@@ -132,13 +132,13 @@ def _bone(name: str) -> Lever:
         if any(table.name == name for table in scenario.bone):
             return f"the scenario has the bone {name}"
         model = scenario.model.name
-        return CLEARANCE_MM if model and name in catalogue.bones(model) else f"the model brings no bone {name}"
+        return CLEARANCE_MM if model and name in catalogue.bones(model) else f"the model has no bone {name}"
 
     def settings(scenario: TransientScenario, clearance_mm: float) -> list[str]:
         shift_mm = [0.0, 0.0, SIDE_OF_BONE[name] * clearance_mm]
         return [f"bone.+={toml_value({'name': name, 'shift_mm': shift_mm})}"]
 
-    title = f"contact with the {name}, by how much further off the tongue it lies than in the model [mm]"
+    title = f"contact with the {name}; additional distance from the tongue compared with the model [mm]"
     return Lever(title, "clearance_mm", sought, settings)
 
 
@@ -154,13 +154,13 @@ def _missing(name: str) -> Lever:
     def sought(scenario: TransientScenario) -> Sought | str:
         if any(muscle.name == name for muscle in scenario.muscle):
             return f"the scenario lists {name}"
-        return MUSCLE_SHARE if _pulls(scenario) else "no muscle of the scenario pulls"
+        return MUSCLE_SHARE if _pulls(scenario) else "no muscle of the scenario is active"
 
     def settings(scenario: TransientScenario, share: float) -> list[str]:
         partner = leader(scenario)
         return [f"muscle.+={toml_value(_pull_of(name, share, muscle))}" for muscle in scenario.muscle if muscle.name == partner]
 
-    title = f"pull of {name}, which the scenario does not list, as a share of the force of the muscle whose course it has"
+    title = f"activation of {name}, which the scenario does not list; force relative to the muscle with the same profile"
     return Lever(title, "share", sought, settings, usual=name in OFTEN_MISSING)
 
 
@@ -172,7 +172,7 @@ def _pull_of(name: str, share: float, partner: MuscleTable) -> dict[str, object]
 
 LEVERS: dict[str, Lever] = {
     "activation-lag": Lever(
-        "lag of the muscles' forces behind their commands [ms]",
+        "lag of muscle forces behind their commands [ms]",
         "tau_ms",
         _lag,
         lambda scenario, tau: [f"effects.activation-lag.tau_ms={tau!r}"],
@@ -198,12 +198,12 @@ LEVERS: dict[str, Lever] = {
     "force-scale": Lever(
         "common factor of all muscle forces",
         "factor",
-        lambda scenario: FACTOR if _pulls(scenario) else "no muscle of the scenario pulls",
+        lambda scenario: FACTOR if _pulls(scenario) else "no muscle of the scenario is active",
         _forces,
     ),
-    "stiffness": Lever("common factor of the material's moduli", "factor", lambda scenario: FACTOR, _moduli),
+    "stiffness": Lever("common factor of the moduli of the material", "factor", lambda scenario: FACTOR, _moduli),
     "graft-stiffness": Lever(
-        "common factor of the grafts' moduli",
+        "common factor of the moduli of the grafts",
         "factor",
         lambda scenario: FACTOR if scenario.graft else "the scenario has no [[graft]]",
         _grafts,

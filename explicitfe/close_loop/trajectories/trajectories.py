@@ -362,10 +362,14 @@ def trajectory_system(
     RunError : the scenario does not come to the end of a curve.
     """
     if dataset.scenario is None or not dataset.sensors:
-        raise InputError(f"{dataset.path}: there is nothing to compare with; add a scenario, and a [[sensor]] for each sensor.")
+        raise InputError(
+            f"{dataset.path}: scenario or sensors are missing; add the key scenario and a [[sensor]] for each."
+        )
     scenario, _ = read_scenario(dataset.scenario)
     if not isinstance(scenario, TransientScenario):
-        raise InputError(f"{dataset.scenario}: sensors need a transient scenario, not an indentation.")
+        raise InputError(
+            f"{dataset.scenario}: trajectories need a transient scenario, not an indentation; give another."
+        )
     anatomy = anatomy_of(scenario.model, dataset.scenario.parent)
     levers, mesh = levers_of(anatomy.muscles), anatomy.mesh
     for name in only:
@@ -374,7 +378,7 @@ def trajectory_system(
     for sensor, point in dataset.sensors.items():
         if point not in mesh.named_points:
             hint = nearest(point, mesh.named_points)
-            raise InputError(f'{dataset.path}: sensor "{sensor}" sits on "{point}", which the model does not have; {hint}')
+            raise InputError(f'{dataset.path}: sensor "{sensor}" is mapped to "{point}", which the model does not have; {hint}')
     undeformed = np.concatenate([mesh.named_points[point].position for point in dataset.sensors.values()])
     runs = Runs(dataset.scenario, undeformed, processes)
     modelled, seen = [], []

@@ -1,1 +1,1 @@
-"""Sound in a tube of varying section: chain matrices, losses, formants. It knows no geometry and no results."""
+"""Sound in a tube of varying section: chain matrices, losses, formants; independent of geometry and results."""

@@ -35,7 +35,7 @@ PARTS_OF_LOSS = 4
 
 
 class Formant(NamedTuple):
-    """A free vibration: its frequency, and the width of its peak, 3 dB below the top, Hz."""
+    """A free vibration: its frequency and its bandwidth at -3 dB, Hz."""
 
     frequency_hz: float
     bandwidth_hz: float

@@ -1,4 +1,4 @@
-"""The air, and what a tube of it loses: at its walls, into its walls, and out of its mouth.
+"""Air, and the losses of a tube: friction and heat at its walls, yielding walls, radiation at its mouth.
 
 All are functions of the complex frequency s in rad/s: s = i omega for a steady tone, and a free vibration goes as exp(s t).
 """
@@ -31,7 +31,7 @@ CLOSED_TRACT_FREQUENCY_RAD_S = 406.0 * np.pi
 
 @dataclass(frozen=True)
 class Losses:
-    """Which losses a tube has; all of them unless one is left out.
+    """Losses of a tube; all by default.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def series_impedance(s: Frequency, area: float, losses: Losses) -> Frequency:
 
 
 def shunt_admittance(s: Frequency, area: float, losses: Losses) -> Frequency:
-    """Flow lost over pressure per metre of a tube, m2/(Pa s): its compliance, heat conduction, and walls that give way.
+    """Flow lost over pressure per metre of a tube, m2/(Pa s): its compliance, heat conduction, and yielding walls.
 
     Heat: perimeter (gamma - 1) / (rho c^2) sqrt(s lambda / (c_p rho)) (Flanagan 1972, section 3.2). Walls: those of Sondhi and
     Schroeter (1987), whose compliance goes with the volume of the air beside them.

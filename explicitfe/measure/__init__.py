@@ -1,1 +1,1 @@
-"""What a tongue did, as numbers from its result file: docs/reference/measures.md defines them."""
+"""Measures of a run in time from its result file; docs/reference/measures.md defines them."""

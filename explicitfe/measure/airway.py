@@ -35,7 +35,7 @@ WALL_ROW_M = 2.5e-3
 
 
 class Surroundings(NamedTuple):
-    """What bounds the air.
+    """Surfaces that bound the air.
 
     Attributes
     ----------
@@ -68,27 +68,27 @@ class CutSection(NamedTuple):
 
 
 def airway_table(result: Recorded) -> AirwayTable:
-    """The airway's table that the run stored.
+    """The table of the airway that a run has stored.
 
     Raises
     ------
-    InputError : it stored none.
+    InputError : the run has stored none.
     """
     stored = result.model.get("airway")
     if stored is None:
-        raise InputError(f"{result.path} has no airway: it needs a run of the built-in tongue; run the scenario again.")
+        raise InputError(f"{result.path} has no airway: it requires the built-in tongue in this version; run the scenario again.")
     return AirwayTable.model_validate(stored)
 
 
 def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surroundings:
-    """What bounds the air at a stored step.
+    """Surfaces that bound the air at a stored sample.
 
     Raises
     ------
     InputError : the run had no bone called "palate".
     """
     if PALATE_BONE not in result.bones:
-        raise InputError(f'{result.path} has no airway: it needs a [[bone]] called "{PALATE_BONE}".')
+        raise InputError(f'{result.path} has no airway: it requires a [[bone]] named "{PALATE_BONE}"; add it to the scenario.')
     mesh, bones = result.mesh, result.placed_bones(step)
     plane = middle(mesh)
     palate = corners_of(*bones[PALATE_BONE])
@@ -98,7 +98,7 @@ def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surrounding
     wall, wall_line = wall_surface(table.wall)
     front = palate_midline(palate, plane)
     if front is None:
-        raise InputError(f'{result.path} has no airway: its "{PALATE_BONE}" does not pass the midsagittal plane.')
+        raise InputError(f'{result.path} has no airway, because its "{PALATE_BONE}" does not cross the midsagittal plane.')
     velum = front.points[::-1]
     wall_line = wall_line + shift[[X, Z]]
     inner = np.concatenate([tongue, jaw])

@@ -1,4 +1,4 @@
-"""Constriction and formants over time: what is measured at one time, at many."""
+"""Constriction and formants over time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from explicitfe.results import Recorded
 
 
 class ConstrictionCourse(NamedTuple):
-    """Where tongue and palate are nearest in the midsagittal plane: ``time`` (k,) s, ``width`` and ``place`` (k,) m.
+    """The constriction in the midsagittal plane over time: ``time`` (k,) s, ``width`` and ``place`` (k,) m.
 
     Width 0: they touch. The place is along the palate from the edge of the incisors.
     """
@@ -33,7 +33,7 @@ class FormantCourse(NamedTuple):
 
 
 def constriction_course(result: Recorded, every: int = 1) -> ConstrictionCourse:
-    """The constriction at every so-manieth sample, and at the last one; some 15 ms each.
+    """The constriction at every ``every``-th sample and at the last one; about 15 ms each.
 
     Raises
     ------
@@ -43,12 +43,12 @@ def constriction_course(result: Recorded, every: int = 1) -> ConstrictionCourse:
     nearest = [nearest_of(result, step) for step in steps]
     met = [each for each in nearest if each is not None]
     if len(met) < len(nearest):
-        raise InputError(f'{result.path} has no constriction: tongue and a bone called "palate" must meet the midsagittal plane.')
+        raise InputError(f'{result.path} has no constriction: tongue and bone "palate" must cross the midsagittal plane.')
     return ConstrictionCourse(result.times[steps], np.array([each.width for each in met]), np.array([each.place for each in met]))
 
 
 def formant_course(result: Recorded, every: int = 1) -> FormantCourse:
-    """The formants at every so-manieth sample, and at the last one; some 0.4 s each.
+    """The formants at every ``every``-th sample and at the last one; about 0.4 s each.
 
     Raises
     ------

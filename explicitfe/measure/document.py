@@ -1,7 +1,7 @@
-"""What ``explicitfe measure`` answers; docs/reference/measures.md defines each number.
+"""Output of ``explicitfe measure``; docs/reference/measures.md defines each number.
 
 Lengths in mm, areas in mm2, times in ms, speeds in mm/s, pressures in kPa, forces in N, frequencies in Hz. Forward is towards the
-lips, up towards the palate, right that of the speaker. All keys are always there; None: there is nothing to measure.
+lips, up towards the palate, right that of the speaker. All keys are always present; None: the quantity does not exist.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class PointMotion(MeasuredPart):
 
 
 class Groove(MeasuredPart):
-    """A coronal section: by how much its midline has sunk below its sides since rest, and how deep the groove was at rest."""
+    """Groove of a coronal section: its depth relative to rest, its depth at rest, and its place behind the tip."""
 
     depth_mm: float
     at_rest_mm: float
@@ -52,7 +52,7 @@ class Groove(MeasuredPart):
 
 
 class HighestPoint(MeasuredPart):
-    """The highest point of the midsagittal outline, against that at rest, and where it is behind and above the tip at rest."""
+    """The highest point of the midsagittal outline, relative to that at rest, and relative to the tip at rest."""
 
     forward_mm: float
     up_mm: float
@@ -69,7 +69,7 @@ class MaterialPlace(MeasuredPart):
 
 
 class SelfPenetrationFigures(MeasuredPart):
-    """Nodes of the surface inside another part of the body, and the deepest of them."""
+    """Self-penetration: surface nodes inside another part of the body, and the deepest of them."""
 
     nodes: int
     deepest_mm: float
@@ -118,7 +118,7 @@ class TractSection(MeasuredPart):
 
 
 class Constriction(MeasuredPart):
-    """Where the tongue comes nearest to the palate.
+    """The constriction between tongue and palate.
 
     Attributes
     ----------
@@ -177,16 +177,16 @@ class BoneContact(ContactPart):
 
 
 class PalatogramPattern(MeasuredPart):
-    """Which electrodes of the palate are touched at one time, and the indices of that pattern.
+    """Electrodes of the palate in contact at one time, and the indices of that pattern.
 
     Attributes
     ----------
     electrodes : eight rows from the front, each from the speaker's left to the right; None where there is no electrode.
-    contacts : how many are on, of 62.
-    anteriority, centrality : 0 to 1, how far in front the contact reaches, and how near to the midline.
-    dorsopalatal : share of rows 6 to 8 that is on.
+    contacts : number of electrodes in contact, of 62.
+    anteriority, centrality : 0 to 1, extent of the contact towards the front, and towards the midline.
+    dorsopalatal : share of the electrodes of rows 6 to 8 in contact.
     centre_of_gravity : 0.5 in the last row to 7.5 in the first; None without contact.
-    closed_rows : numbers, from 1 in front, of the rows that are all on.
+    closed_rows : numbers, from 1 in front, of the rows of which all electrodes are in contact.
     """
 
     time_ms: float
@@ -209,13 +209,13 @@ class ContactCourse(MeasuredPart):
 
 
 class Palatogram(MeasuredPart):
-    """Contact of tongue and palate as electropalatography shows it.
+    """Contact of tongue and palate as in electropalatography.
 
     Attributes
     ----------
-    now, most : the pattern at the time that is measured, and the first with the most contacts up to then.
-    pressure_kPa : on each electrode at the time that is measured; 0 where it is off.
-    first_contact_ms, duration_ms : when each electrode was first on, None: never; and for how long.
+    now, most : the pattern at the measured time, and the first one with the largest number of contacts so far.
+    pressure_kPa : on each electrode at the measured time; 0 without contact.
+    first_contact_ms, duration_ms : time of the first contact of each electrode, None: never; and duration of its contact.
     row_places_mm : of the rows, along the midline of the palate from the edge of the incisors.
     """
 
@@ -229,7 +229,7 @@ class Palatogram(MeasuredPart):
 
 
 class AirwaySection(MeasuredPart):
-    """A piece of the airway, taken as a cylinder.
+    """A piece of the airway, approximated by a cylinder.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ class FormantFigures(MeasuredPart):
 
 
 class FormantShifts(MeasuredPart):
-    """F1, F2 and F3, Hz, were one thing that is assumed another."""
+    """F1, F2 and F3, Hz, with one assumption changed at a time."""
 
     lips_area_times_half: list[float]
     lips_area_times_one_and_a_half: list[float]

@@ -45,7 +45,7 @@ AROUND_ELECTRODES_M = 15e-3
 
 
 class Underside:
-    """What of a palate faces down near its electrodes, as points on its triangles with the normals of these."""
+    """The underside of a palate near its electrodes: sample points on its triangles, with their normals."""
 
     def __init__(self, palate: np.ndarray, box: np.ndarray) -> None:
         a, b, c = np.moveaxis(palate, 1, 0)

@@ -1,4 +1,4 @@
-"""The formants of a result: its airway from the glottis to the lips as a tube, and what the assumed ends do to them."""
+"""Formants of a result: its airway from the glottis to the lips as a tube, and the sensitivity to the assumed ends."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LARYNX_CHANGES_MM = (-5.0, 5.0)
 
 
 class Piece(NamedTuple):
-    """A piece of the airway, taken as a cylinder."""
+    """A piece of the airway, approximated by a cylinder."""
 
     region: AirwayRegion
     source: AreaSource
@@ -39,7 +39,7 @@ class Piece(NamedTuple):
 
 
 def airway(path: Path, time_s: float | None = None) -> Airway:
-    """The airway of a result and its formants, at the sample nearest to a time, the last one if left out.
+    """The airway of a result and its formants, at the sample nearest to a time; at the last one by default.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def lips_at(result: Recorded, time_s: float, table: AirwayTable) -> tuple[float,
 
 
 def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
-    """From the lowest section to the incisors: what is cut out of the surfaces, and what neighbours say where nothing is met."""
+    """Pieces from the lowest section to the incisors, cut out of the surfaces, or interpolated where a surface is not met."""
     around = surroundings(result, step, table)
     line = airway_midline(around)
     if len(line) < FEWEST_POINTS:

@@ -1,4 +1,4 @@
-"""The contact of tongue and palate as electropalatography shows it: which of 62 electrodes are touched, and when.
+"""Contact of tongue and palate as in electropalatography: which of 62 electrodes are in contact over time.
 
 An electrode is on where the tongue's surface under it presses on the palate. Nodes stand further apart than electrodes, so what
 they know is interpolated on the faces between them: the pressure, and how far the surface is from the palate.
@@ -40,7 +40,7 @@ class ContactSample(NamedTuple):
     ----------
     on : (62,) whether the electrodes are touched.
     pressure : (62,) Pa. On each; 0 where it is off.
-    area_m2, force_N : area of the nodes that touch any part of the palate, and the force across it.
+    area_m2, force_N : contact area with the whole palate, and its normal force sum.
     """
 
     on: np.ndarray
@@ -50,7 +50,7 @@ class ContactSample(NamedTuple):
 
 
 class TongueOnPalate:
-    """The tongue's surface and the electrodes of a result, for looking at one time after another."""
+    """The surface of the tongue and the electrodes of a result, evaluated at one time after another."""
 
     def __init__(self, result: Recorded, at: Electrodes) -> None:
         self.result, self.at = result, at
@@ -95,7 +95,7 @@ class TongueOnPalate:
 
 
 def electrodes_of(result: Recorded) -> Electrodes | None:
-    """The electrodes on the bone called "palate"; None without one, where its pressure is not stored, or where it has no room."""
+    """The electrodes on the bone called "palate"; None without a palate, without its pressure, or if it is too short."""
     if PALATE not in result.bones or f"contact_pressure_{PALATE}" not in result.fields:
         return None
     bone, plane = result.bones[PALATE], middle(result.mesh)
@@ -124,12 +124,12 @@ class ContactHistory:
 
     @property
     def most(self) -> int:
-        """The first step with the most contacts."""
+        """The first sample with the largest number of contacts."""
         return int(self.on.sum(axis=1).argmax())
 
     @property
     def course(self) -> ContactCourse:
-        """Contacts, area and force over time."""
+        """Number of contacts, contact area and normal force sum over time."""
         return ContactCourse(
             time_ms=(1e3 * self.times_s).tolist(),
             contacts=self.on.sum(axis=1).tolist(),

@@ -1,4 +1,4 @@
-"""Plane cuts of the reference shape that move with the material, and what is measured on them.
+"""Plane cuts of the reference shape that move with the material, and measures on them.
 
 A section is cut where the tissue is at rest. Later it shows where the tissue of that section went, not what else came into its
 plane. The axes are x backwards, y to the speaker's right, z up.
@@ -109,7 +109,7 @@ def midline(reference: np.ndarray) -> np.ndarray:
 
 
 def groove_depth(reference: np.ndarray, now: np.ndarray) -> float:
-    """How far the midline of a coronal outline lies below the lower of the two sides' highest points, m; 0: no groove.
+    """Depth of the midline of a coronal outline below the lower of the highest points of its sides, m; 0: no groove.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The shape of a tongue at one time, against that at rest: grooves, and the highest point."""
+"""Shape of a tongue relative to rest: grooves and the highest point."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def grooves(mesh: HexMesh, displacement: np.ndarray) -> dict[str, Groove]:
 
 
 def highest_point(mesh: HexMesh, displacement: np.ndarray) -> HighestPoint | None:
-    """The highest point of the midsagittal outline; None where the plane cuts nothing."""
+    """The highest point of the midsagittal outline; None where the plane does not cut the body."""
     cut = midsagittal(mesh)
     if not cut.loops:
         return None
@@ -48,7 +48,7 @@ def highest_point(mesh: HexMesh, displacement: np.ndarray) -> HighestPoint | Non
 
 
 def tip_at_rest(mesh: HexMesh) -> np.ndarray:
-    """The point named "tip" at rest, (3,) m; of a mesh without one the node furthest in front."""
+    """The point named "tip" at rest, (3,) m; in a mesh without one the foremost node."""
     if "tip" in mesh.named_points:
         return mesh.named_points["tip"].position[0]
     return mesh.points[np.argmin(mesh.points[:, X])]

@@ -1,4 +1,4 @@
-"""The strokes of a point that moves: how far, how long and how fast each of its single movements is.
+"""Opening and closing movements (strokes) of a point: distance, duration and speed of each.
 
 A stroke lasts from one local minimum of the point's speed to the next.
 
@@ -21,12 +21,12 @@ SMALLEST_DISTANCE_M = 1e-3
 
 
 class Stroke(NamedTuple):
-    """One movement.
+    """One opening or closing movement.
 
     Attributes
     ----------
-    start_s, peak_s, end_s : s. When it begins, is fastest, and ends.
-    distance_m : m. From the place at the start straight to that at the end.
+    start_s, peak_s, end_s : s. Times of the start, the peak speed and the end.
+    distance_m : m. Straight distance from start to end.
     peak_speed_m_s : m/s.
     """
 
@@ -38,12 +38,12 @@ class Stroke(NamedTuple):
 
     @property
     def duration_s(self) -> float:
-        """How long it lasts, s."""
+        """Duration, s."""
         return self.end_s - self.start_s
 
     @property
     def peak_share(self) -> float:
-        """When it is fastest, as a share of its duration: 0.5 where it slows down as it has sped up."""
+        """Time of the peak speed as a share of the duration: 0.5 if acceleration and deceleration are symmetric."""
         return (self.peak_s - self.start_s) / self.duration_s
 
     @property
@@ -64,7 +64,7 @@ def strokes(
     ----------
     times_s : (t,) s, rising at equal intervals.
     positions_m : (t, k) m.
-    cutoff_hz : Hz. What is faster is filtered out; None: the positions are taken as they are.
+    cutoff_hz : Hz. Cut-off frequency of the low-pass filter; None: no filter.
     edge_share : a stroke begins and ends where its speed is this share of its peak, or at a minimum before that. 0: at the
         minima, or where the point stands still.
     """

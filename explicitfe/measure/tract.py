@@ -1,4 +1,4 @@
-"""The air between tongue and palate: the narrowest place, and cross-sections along the palate.
+"""Air between tongue and palate: the constriction, and cross-sections along the palate.
 
 The palate's midline is its underside in the midsagittal plane, from the edge of the incisors backwards.
 """
@@ -51,7 +51,7 @@ class MidlineCurve(NamedTuple):
 
 
 class Nearest(NamedTuple):
-    """Where tongue and palate are nearest in the midsagittal plane.
+    """The smallest distance of tongue and palate in the midsagittal plane.
 
     ``width`` m, 0 where they touch; ``place`` m along the palate; the points (2,), x and z in m, on both.
     """
@@ -90,7 +90,7 @@ class Column(NamedTuple):
 
 
 def constriction(mesh: HexMesh, displacement: np.ndarray, palate_rest: np.ndarray, palate_now: np.ndarray) -> Constriction | None:
-    """Where the tongue comes nearest to the palate, now and at rest; None where the midsagittal plane misses either.
+    """The constriction now and at rest; None where the midsagittal plane misses tongue or palate.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Picture of the airway: its midline and sections, the areas along it, and the formants that follow from them."""
+"""Picture of the airway: its midline and sections, area function, transfer function and formants."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ SAMPLES_OVER_TIME = 20
 
 
 def airway_figure(result: Result, step: int, over_time: bool = False) -> Figure | None:
-    """The airway at a step, its areas and its transfer function; None where the run had no airway, or no palate.
+    """The airway at a step, its areas and its transfer function; None if the run has no airway or no palate.
 
     Parameters
     ----------
-    over_time : whether formants and constriction over the whole run are drawn too, which takes seconds.
+    over_time : draw formants and constriction over the whole run too, which takes some seconds.
     """
     if result.model.get("airway") is None or PALATE_BONE not in result.bones:
         return None

@@ -1,4 +1,4 @@
-"""The hourglass energy of a run: its share over time, and where it is in the body."""
+"""Hourglass energy of a run: its share over time, and its distribution in the body."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ OUTSIDE_VIEWS = {
 
 @dataclass(frozen=True)
 class HourglassMap:
-    """Where the hourglass energy of one step is.
+    """Distribution of the hourglass energy at one sample.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class HourglassMap:
 
 
 def hourglass_map(result: Result, step: int) -> HourglassMap | None:
-    """The numbers of the hourglass map; None if the result has no such field, or it is zero at that step."""
+    """The numbers of the hourglass map; None if the result has no such field, or the field is zero at that sample."""
     if "hourglass_energy" not in result.fields:
         return None
     energy = result.field("hourglass_energy", step)
@@ -78,7 +78,7 @@ def outside_view(points: np.ndarray, hexes: np.ndarray, values: np.ndarray) -> s
 
 
 def hourglass_share(result: Result) -> np.ndarray:
-    """Share of hourglass energy in the elastic energy over the history; NaN where that is next to nothing."""
+    """Share of hourglass energy in the elastic energy over the history; NaN where the elastic energy is negligible."""
     hourglass = result.history("hourglass_energy")
     elastic = result.history("internal_energy") + hourglass
     other = np.abs([result.history("external_work"), result.history("kinetic_energy")])

@@ -1,4 +1,4 @@
-"""The map of the hourglass energy in three dimensions; drawn in a process of its own, see ``rendering.py``."""
+"""The map of the hourglass energy in three dimensions; drawn in a separate process, see ``rendering.py``."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def hourglass_figure(result: Result, step: int) -> Figure | None:
     what = f"Hourglass energy at {time}, {rounded(energy.share, 2)} % of the elastic energy"
     folded = int(energy.folded.sum())
     if folded:
-        what += f"; {folded} of {mesh.element_count} elements folded (red edges)"
+        what += f"; {folded} of {mesh.element_count} elements inverted (red edges)"
     height, foot = 0.47 * WIDTH_IN * (bottom - above) / (right - left), 1.2
     figure = result_figure(result, 1.15 + height + foot, what)
     panels = figure.subplot_mosaic([["cut", "outside"], ["scale", "list"]], height_ratios=[height, foot])
@@ -92,10 +92,10 @@ def hourglass_figure(result: Result, step: int) -> Figure | None:
     )
     bar.ax.xaxis.set_major_formatter("{x:g}")
     bar.set_label("hourglass energy per volume\n(% of the body's mean elastic energy per volume)")
-    lines = [f"The {len(energy.worst)} largest, where they are at rest:"]
+    lines = [f"The {len(energy.worst)} largest, with their places at rest:"]
     for number, element in enumerate(energy.worst, start=1):
         place = ", ".join(f"{1e3 * value:.0f}" for value in mesh.points[mesh.hexes[element]].mean(axis=0))
-        note = ", folded" if energy.folded[element] else ""
+        note = ", inverted" if energy.folded[element] else ""
         note += "" if any(number in places for _, places in views.values()) else ", hidden"
         lines.append(f"{number}  element {element}: {rounded(energy.percent[element])} % at ({place}) mm{note}")
     listing = panels["list"].text(0.12, 0.98, "\n".join(lines), va="top", fontsize=9.5, linespacing=1.4)

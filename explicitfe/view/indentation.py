@@ -30,7 +30,7 @@ class StatedTool(TypedDict, total=False):
 
 
 def step_of_largest_force(result: Result, last: int) -> int:
-    """The step up to ``last`` at which the tool presses hardest: that is drawn."""
+    """The load step up to ``last`` with the largest force."""
     return int(np.argmax(result.history("force")[: last + 1]))
 
 
@@ -115,10 +115,10 @@ def curve_figure(result: Result, step: int) -> Figure:
     axes.plot(displacement[:turn], force[:turn], "o-", color=COLOURS[0], lw=1.6, ms=5, label="loading")
     if turn < len(displacement):
         axes.plot(
-            displacement[turn - 1 :], force[turn - 1 :], "s--", color=COLOURS[1], lw=1.4, ms=4.5, mfc="none", label="afterwards"
+            displacement[turn - 1 :], force[turn - 1 :], "s--", color=COLOURS[1], lw=1.4, ms=4.5, mfc="none", label="unloading"
         )
         axes.legend(frameon=False, loc="upper left")
-    axes.set_xlabel("displacement of the tool since first touch (mm)")
+    axes.set_xlabel("displacement of the tool after first contact (mm)")
     axes.set_ylabel("force of the whole tool (N)")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
@@ -150,6 +150,6 @@ def section_figure(result: Result, step: int) -> Figure:
 
 
 def _title(result: Result) -> str:
-    """The title of the scenario, and how the run ended where it did not finish."""
+    """The title of the scenario, with the status of a run that did not finish."""
     title = result.model.get("scenario", {}).get("title", "")
     return title if result.status == "finished" else f"{title} (status: {result.status})"

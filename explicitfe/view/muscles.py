@@ -1,4 +1,4 @@
-"""The muscles of a run, as its result file states them: their names, and their pulls over time."""
+"""Muscles of a run from its result file: names, and activation over time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def muscles_of(result: Result) -> list[StatedMuscle]:
 
 
 def pull_in_words(muscle: StatedMuscle) -> str:
-    """Such as "GGp 2 N (ends)": which muscle, its whole force, and where along it the force acts."""
+    """Such as "GGp 2 N (ends)": the muscle, its full force, and the distribution of the force."""
     return f"{muscle_name(muscle)} {muscle['force_N']:g} N ({muscle.get('distribution', 'ends')})"
 
 

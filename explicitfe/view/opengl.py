@@ -1,4 +1,4 @@
-"""Whether this machine can draw in three dimensions: tried in a process of its own, for without OpenGL, VTK crashes.
+"""Test whether this machine can render, in a separate process, because VTK crashes without OpenGL.
 
 The process is this module, started as ``python -m explicitfe.view.opengl``; it prints the renderer, or ends in an error.
 """

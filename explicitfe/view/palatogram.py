@@ -1,4 +1,4 @@
-"""Picture of the contact of tongue and palate as electropalatography draws it: patterns, with area and force over time."""
+"""Picture of the contact of tongue and palate as in electropalatography: patterns, contact area and force over time."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ HALF_SQUARE = 0.44
 
 
 def palatogram_figure(result: Result, step: int, steps: Sequence[int] | None = None) -> Figure | None:
-    """The pattern of most contact, patterns over time, contact area and force; None where there are no electrodes.
+    """The pattern of most contact, patterns over time, contact area and force; None without electrodes.
 
-    ``steps`` have a pattern each; some from the first contact to the last if left out.
+    ``steps`` have a pattern each; by default some from the first contact to the last.
     """
     history = contact_history(result, step)
     if history is None:
         return None
-    figure = result_figure(result, 7.6, "Contact with the palate, as electropalatography shows it")
+    figure = result_figure(result, 7.6, "Contact with the palate as in electropalatography")
     upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=[1.15, 1.0])[:, 0]
     large, series = upper.subfigures(1, 2, squeeze=False, width_ratios=[1.0, 1.35])[0]
     most = history.most
@@ -42,7 +42,7 @@ def palatogram_figure(result: Result, step: int, steps: Sequence[int] | None = N
     time = milliseconds(result.times[[most]], result.times[step])[0]
     count = history.course.contacts[most]
     axes.set_title(
-        f"most contact: {count} of 62 electrodes, first at {time}" if count else "no electrode is touched", fontsize=10
+        f"most contact: {count} of 62 electrodes in contact, first at {time}" if count else "no electrode in contact", fontsize=10
     )
 
     steps = _drawn_steps(history) if steps is None else steps
@@ -87,16 +87,16 @@ def _name_sides(axes: Axes, history: ContactHistory) -> None:
         range(ROWS), [f"{row + 1}   {1e3 * place:.0f} mm" for row, place in enumerate(history.at.row_places)], fontsize=8
     )
     axes.tick_params(length=0)
-    axes.set_ylabel("row, and its place along the palate's midline", fontsize=9)
+    axes.set_ylabel("row, and its distance behind the incisors", fontsize=9)
     axes.set_xlabel("left  ←   speaker   →  right\n(top: behind the incisors; bottom: end of the hard palate)", fontsize=9)
 
 
 def _draw_course(panels: np.ndarray, course: ContactCourse) -> None:
     """Draw contacts, area and force over time."""
     lines = (
-        (np.array(course.contacts), "electrodes\ntouched"),
-        (np.array(course.area_mm2), "area (mm²)"),
-        (np.array(course.force_N), "force (N)"),
+        (np.array(course.contacts), "electrodes\nin contact"),
+        (np.array(course.area_mm2), "contact\narea (mm²)"),
+        (np.array(course.force_N), "normal force\nsum (N)"),
     )
     for axes, (values, label), colour in zip(panels, lines, COLOURS, strict=False):
         plain(axes)
@@ -105,7 +105,5 @@ def _draw_course(panels: np.ndarray, course: ContactCourse) -> None:
         axes.set_ylabel(label, fontsize=9)
         axes.set_xlim(0.0, course.time_ms[-1])
         axes.set_ylim(0.0, 1.1 * values.max() if values.any() else 1.0)
-    panels[0].set_title(
-        "area and force are those of the whole palate, its teeth and velum too; area of the nodes that touch", fontsize=10
-    )
+    panels[0].set_title("contact area and normal force sum of the whole palate, including teeth and velum", fontsize=10)
     panels[-1].set_xlabel("time (ms)")

@@ -1,4 +1,4 @@
-"""The colours and sizes of all pictures, and the one way to open a figure and to write it as a file."""
+"""Colours and sizes of all pictures; opening a figure and writing it to a file."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def _write(figure: Figure, buffer: io.BytesIO, file_format: str) -> None:
 
 
 def drawable(line: str) -> str:
-    """A line as pictures can show it: without control characters, and cut where it is too long."""
+    """A line for pictures: without control characters, and cut if it is too long."""
     line = NOT_DRAWABLE.sub("\N{REPLACEMENT CHARACTER}", line)
     return line if len(line) <= LONGEST_LINE_CHARACTERS else f"{line[: LONGEST_LINE_CHARACTERS - 1]}…"
 

@@ -1,4 +1,4 @@
-"""Which stored steps of a run are drawn, and their times in words."""
+"""Selection of the stored samples that are drawn, and their times in words."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-# Times drawn besides the shape at rest. The outlines of more times would lie on each other.
+# Number of times drawn in addition to the shape at rest; more outlines would overlap.
 DRAWN_TIMES = 6
 
 
@@ -18,6 +18,6 @@ def drawn_steps(times: np.ndarray, last: int, count: int = DRAWN_TIMES) -> list[
 
 
 def milliseconds(times_s: np.ndarray, span_s: float) -> list[str]:
-    """Times in words, with as many digits as tell the drawn times of a run of ``span_s`` apart."""
+    """Times in words, with enough digits to distinguish the drawn times of a run of ``span_s``."""
     apart = 1e3 * max(span_s, 1e-9) / DRAWN_TIMES
     return [f"{1e3 * time:.{max(0, -math.floor(math.log10(apart)))}f} ms" for time in times_s]

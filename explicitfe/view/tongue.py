@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def attachments(result: Result, step: int) -> dict[str, np.ndarray]:
-    """The node sets that are held: those whose nodes have not moved by one bit, while others have."""
+    """The node sets that are fixed: those whose displacement is exactly 0, while other nodes have moved."""
     still = np.all(result.displacement(step) == 0.0, axis=1)
     if still.all():
         return {}
@@ -32,9 +32,9 @@ def attachments(result: Result, step: int) -> dict[str, np.ndarray]:
 
 
 def contour_figure(result: Result, step: int, steps: Sequence[int] | None = None) -> Figure | None:
-    """The midsagittal outline at several times, with the paths of the named points; None where the plane cuts nothing.
+    """The midsagittal outline at several times, with the paths of the named points; None where the plane does not cut the body.
 
-    ``steps`` are drawn besides the shape at rest; some up to ``step`` if left out.
+    ``steps`` are drawn in addition to the shape at rest; by default some up to ``step``.
     """
     from matplotlib.patheffects import withStroke
 
@@ -54,13 +54,13 @@ def contour_figure(result: Result, step: int, steps: Sequence[int] | None = None
         held[nodes] = 1.0
         at = 1e3 * cut.at(mesh.points)[cut.at(held) == 1.0]
         if len(at):
-            axes.plot(at[:, X], at[:, Z], marker, color=HELD, ms=5.5, label=f"held: {name}", zorder=4)
+            axes.plot(at[:, X], at[:, Z], marker, color=HELD, ms=5.5, label=f"fixed: {name}", zorder=4)
 
     in_plane = _points_in_plane(mesh)
     centre = np.nanmean(1e3 * cut.outline(mesh.points), axis=0)
     for name, point in in_plane.items():
         path = 1e3 * (point.position + result.probe(name)[: step + 1])
-        label = "named point,\nfrom rest ○ to end ●" if name == next(iter(in_plane)) else None
+        label = "named point\nat rest ○, at end ●" if name == next(iter(in_plane)) else None
         axes.plot(path[:, X], path[:, Z], color="black", lw=1.0, zorder=5, label=label)
         axes.plot(*path[0, [X, Z]], "o", mfc="white", mec="black", ms=5.5, zorder=6)
         axes.plot(*path[-1, [X, Z]], "o", mfc="black", mec="black", ms=5.5, zorder=6)
@@ -88,7 +88,7 @@ def contour_figure(result: Result, step: int, steps: Sequence[int] | None = None
 
 
 def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None) -> Figure | None:
-    """A coronal section of the front, at rest and later, and where it is; None where the plane cuts nothing.
+    """A coronal section of the front, at rest and later, and where it is; None where the plane does not cut the body.
 
     ``steps`` as in :func:`contour_figure`.
     """
@@ -97,7 +97,7 @@ def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None
     if not cut.loops:
         return None
     steps = _drawn(result, step, steps)
-    figure = result_figure(result, 6.0, "Coronal section of the front, following the tissue")
+    figure = result_figure(result, 6.0, "Coronal section of the front, moving with the tissue")
     where, axes = figure.subplots(1, 2, width_ratios=[1.0, 1.6])
     now = mesh.points + result.displacement(step)
     loop = max(cut.loops, key=len)
@@ -109,7 +109,7 @@ def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None
         line, inside = 1e3 * side.outline(points), 1e3 * outline[middle_points]
         where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
         where.plot(inside[:, X], inside[:, Z], color=colour, lw=2.5, solid_capstyle="round")
-    where.set_title("where the section is (thick)", fontsize=10)
+    where.set_title("place of the section (thick)", fontsize=10)
     if result.bones:
         fill_bones(where, result, step, *_midsagittal_plane(mesh), X, label=None)
         keep_to_tongue(where, _span(result, steps, side, X))
@@ -134,14 +134,16 @@ def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None
         # The tissue of the section has moved on from where it was cut: bones are cut by the plane through its midline now.
         top, bottom = at_end[middle_points[[-1, 0]]]
         across_it = np.array([top[Z] - bottom[Z], 0.0, bottom[X] - top[X]])
-        fill_bones(axes, result, step, top, across_it / np.linalg.norm(across_it), Y, label="bone, where the\nsection is now")
+        fill_bones(
+            axes, result, step, top, across_it / np.linalg.norm(across_it), Y, label="bone at the current\nplace of the section"
+        )
         keep_to_tongue(axes, _span(result, steps, cut, Y))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     return figure
 
 
 def _drawn(result: Result, step: int, steps: Sequence[int] | None) -> list[int]:
-    """The steps that are drawn besides the shape at rest: those that were chosen, or some up to ``step``."""
+    """The samples that are drawn in addition to the shape at rest: the chosen ones, or some up to ``step``."""
     return drawn_steps(result.times, step) if steps is None else list(steps)
 
 

@@ -269,7 +269,7 @@ def test_the_wall_goes_with_a_palate_that_is_shifted(tmp_path):
 def test_what_has_no_airway_is_refused(tmp_path, capsys):
     with pytest.raises(InputError, match="run the scenario again"):
         airway(tongue(tmp_path / "a.vtkhdf", stored=None))
-    with pytest.raises(InputError, match='called "palate"'):
+    with pytest.raises(InputError, match='named "palate"'):
         airway(tongue(tmp_path / "b.vtkhdf", bones=("jaw",)))
     assert command(["measure", str(tmp_path / "a.vtkhdf"), "--formants"]) == 2
     assert "has no airway" in capsys.readouterr().err

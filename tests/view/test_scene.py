@@ -90,7 +90,7 @@ def test_the_front_is_at_the_left(result_path):
         if name != "top":
             assert along @ up > 0.8
     assert VIEWPOINTS["front"].axes[0] @ [0.0, 1.0, 0.0] == -1.0  # who is faced has the right at the viewer's left
-    with pytest.raises(InputError, match='no view from "sides"; did you mean "side"'):
+    with pytest.raises(InputError, match='"sides" is not a viewpoint; did you mean "side"'):
         viewpoint("sides")
 
 

@@ -1,4 +1,4 @@
-"""Charts of a page, as data: the template draws them as SVG, which needs no drawing library, no script and no network.
+"""Charts of a page as data; the template draws them as SVG, without a drawing library, script or network.
 
 Lines are drawn in a square of 1000 by 1000 that the page stretches to the room it has, while letters and widths of lines keep
 their size: a chart can be read on a telephone and on paper.
@@ -16,14 +16,14 @@ import numpy as np
 from explicitfe.view.report.words import SUPERSCRIPTS
 
 CHART_SIDE = 1000.0
-# More points than this cannot be told apart on a screen; of longer lines the extremes are kept.
+# More points are not distinguishable on a screen; longer lines are reduced to their extremes.
 MOST_POINTS_OF_A_LINE = 600
 # Lines stay this share of the height away from the frame.
 MARGIN_SHARE = 0.06
 # Dots need room at the sides, or half of the first and the last one is cut off.
 DOT_MARGIN_SHARE = 0.02
 TICKS_WANTED = 6
-# A logarithmic axis over more decades than this leaves marks out.
+# A logarithmic axis over more decades has fewer marks.
 MOST_DECADES_MARKED = 6
 DECADE_FACTOR = 10.0
 # A span below this share of the numbers themselves is rounding.
@@ -59,7 +59,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Tick:
-    """A mark of an axis: where, as a percentage from the left or from the bottom, and what stands there."""
+    """A mark of an axis: its place as a percentage from the left or from the bottom, and its label."""
 
     percent: str
     label: str
@@ -82,11 +82,11 @@ class Chart:
 
     Attributes
     ----------
-    title, x_label, y_label : words with units; empty: none.
-    x_range, y_range : what the left and right, and the bottom and top edge stand for.
+    title, x_label, y_label : with units; may be empty.
+    x_range, y_range : values at the left and right, and at the bottom and top edge.
     x_ticks, y_ticks : marks; ``zero`` is where y = 0 lies, %; None where it is not within the chart.
-    spans : where something acts, from and to, % from the left.
-    follows : what x is, "time" or "indentation", if the player of a page is to mark where it is; else empty.
+    spans : shaded ranges, for example of muscle activity, % from the left.
+    follows : quantity of x, "time" or "indentation", if the player of the page marks the current value; otherwise empty.
     """
 
     title: str
@@ -120,7 +120,7 @@ def chart(
 
     Parameters
     ----------
-    x_range, y_range : what is to be seen at least; by the numbers if left out.
+    x_range, y_range : smallest ranges of the axes; by default those of the data.
     logarithmic : whether y is drawn by its logarithm; numbers that are not positive are left out.
     spans : parts of the x axis that are shaded, from and to.
     x_words : what stands at x = 0, 1, 2 and so on, in the place of numbers.
@@ -166,7 +166,7 @@ def chart(
 
 
 def round_ticks(low: float, high: float, wanted: int = TICKS_WANTED) -> tuple[list[float], list[str]]:
-    """Round numbers from ``low`` to ``high``, about as many as wanted, and how they are written."""
+    """Round numbers from ``low`` to ``high``, about as many as wanted, and their labels."""
     step = 10.0 ** math.floor(math.log10((high - low) / wanted))
     factor = next(f for f in (1.0, 2.0, 5.0, 10.0) if (high - low) / (f * step) <= wanted)
     step *= factor
@@ -200,7 +200,7 @@ def _percent(value: float, low: float, high: float) -> str:
 
 
 def _span(columns: Sequence[np.ndarray], margin: float) -> tuple[float, float]:
-    """The smallest and the largest finite number, with a margin; never the same twice."""
+    """The smallest and the largest finite number, with a margin; always different numbers."""
     numbers = np.concatenate([np.ravel(column) for column in columns])
     numbers = numbers[np.isfinite(numbers)]
     low, high = float(numbers.min()), float(numbers.max())

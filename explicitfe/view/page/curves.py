@@ -1,4 +1,4 @@
-"""Charts of measured curves beside what a model answers."""
+"""Charts of measured curves and model curves."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from explicitfe.view.report.axis import goes_one_way
 
 # Data are black as the letters of the page, and the model has its first colour.
 DATA_COLOUR, MODEL_COLOUR = COLOUR_COUNT - 1, 0
-# More charts than this are not looked at; those with the largest errors are.
+# Only so many charts are drawn: those with the largest errors.
 MOST_CURVES = 24
 # A curve with more rows is drawn as a line: dots would lie on each other.
 MOST_DOTS = 80
@@ -50,7 +50,7 @@ def charts_of_curves(curves: Sequence[CurveToDraw]) -> list[Chart]:
 
 
 def axis_of(time_s: np.ndarray, imposed: np.ndarray, label: str) -> tuple[np.ndarray, str]:
-    """What a curve is drawn over, with its label: what was imposed, or time, where that turns back or is held."""
+    """Abscissa of a curve with its label: the imposed quantity, or time where that quantity is not monotonic."""
     return (imposed, label) if goes_one_way(time_s, imposed) else (time_s, "time (s)")
 
 

@@ -1,4 +1,4 @@
-"""The frame of a page: templates in which every text is escaped, one style, and only scripts that the page names by their digest.
+"""The frame of a page: templates that escape all text, one style, and only scripts that the page lists by their digest.
 
 A page is one file: no picture, style, letter or script comes from a network, and its content security policy lets none come.
 """

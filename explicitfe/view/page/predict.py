@@ -1,4 +1,4 @@
-"""The page of a prediction: measured curves beside what a model predicts, and how far it is off."""
+"""The page of a prediction: measured and predicted curves, and their errors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def predict_page(prediction: Prediction, dataset: str) -> str:
                 ("refinement", number(prediction.refinement)),
                 ("density", number(prediction.density)),
                 ("tolerance", number(prediction.tolerance, 2)),
-                ("computed in", f"{number(prediction.wall_s, 2)} s"),
+                ("wall time", f"{number(prediction.wall_s, 2)} s"),
             ],
             "tt",
         ),

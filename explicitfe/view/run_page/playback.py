@@ -1,4 +1,4 @@
-"""What a page plays of a result: its surface, how that moves, bones, named points and fields, as one compact binary block.
+"""Data of the animation of a page: surface, displacements, bones, named points and fields, as one compact binary block.
 
 Displacements are whole numbers of a step of 5 µm or of 1/32000 of the largest one, each stored as its change since the frame
 before, and the whole is deflated: a second of a tongue is some hundred kilobytes.
@@ -32,7 +32,7 @@ AROUND_OUTLINE_SHARE = 0.12
 
 
 def playback(result: Result, last: int, share: float = 1.0) -> str:
-    """What a page plays of a result up to a step.
+    """The data of the animation of a result up to a sample.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def playback(result: Result, last: int, share: float = 1.0) -> str:
 
 
 def frame_count(result: Result, last: int, share: float = 1.0) -> int:
-    """How many frames of a result :func:`playback` holds."""
+    """Number of frames of a result in :func:`playback`."""
     return len(
         _steps(last, len(_surface(result.mesh, _plane(result))[0]) * (BYTES_OF_A_NODE + len(_scalar_fields(result))), share)
     )
@@ -135,7 +135,7 @@ def _scalar_fields(result: Result) -> list[str]:
 
 
 def _pack_field(packed: Packed, result: Result, name: str, steps: np.ndarray, nodes: np.ndarray) -> dict[str, object] | None:
-    """Add a field at the nodes; None where it is nowhere different from anything."""
+    """Add a field at the nodes; None for a constant field."""
     kind, quantity = result.fields[name]
     values = np.stack([_at_nodes(result, name, kind, step, nodes) for step in steps])
     finite = values[np.isfinite(values)]
@@ -163,7 +163,7 @@ def _at_nodes(result: Result, name: str, kind: str, step: int, nodes: np.ndarray
 
 
 def _loads(result: Result, steps: np.ndarray) -> list[str]:
-    """What a tool does in each frame, in words."""
+    """Force and displacement of a tool in each frame, in words."""
     force, depth = result.history("force")[steps], 1e3 * result.history("indentation")[steps]
     return [f"{f:.3g} N at {u:.3g} mm" for f, u in zip(force, depth, strict=True)]
 

@@ -1,4 +1,4 @@
-"""Points that a mesh carries with it, such as those of a cut face: where they are, and what a field is there."""
+"""Points that move with a mesh, such as those of a cut face: their places, and values of fields at them."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class CarriedPoints:
         return np.einsum("ka,ka...->k...", self.weights, field[self.nodes])
 
     def places(self, displacement: np.ndarray) -> np.ndarray:
-        """Where the points are, (k, 3) m, at displacements (n, 3) m of the nodes."""
+        """Places of the points, (k, 3) m, for displacements (n, 3) m of the nodes."""
         return self.reference + self.values(displacement)
 
 

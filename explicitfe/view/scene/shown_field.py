@@ -1,4 +1,4 @@
-"""The field that colours a body: which numbers, in which unit, on which scale."""
+"""The field that colours a body: its values, unit and colour scale."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from explicitfe.errors import InputError, nearest
 from explicitfe.results import Result
 
-# What a picture without a field is asked for by.
+# Name that selects a picture without a field.
 NO_FIELD = "none"
 # Unit in a result -> unit in a picture and the factor between them.
 SHOWN_UNITS = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "Pa": ("kPa", 1e-3), "J": ("µJ", 1e6), "1": ("", 1.0)}
@@ -20,7 +20,7 @@ NEUTRAL_VALUES = {"J": 1.0}
 NEUTRAL_COLOURS, RISING_COLOURS = "coolwarm", "viridis"
 ON_MARK_SHARE = 1e-9
 # What fields are called whose names say too little.
-NAMES = {"J": "volume over volume at rest", "velocity": "speed"}
+NAMES = {"J": "volume ratio J", "velocity": "speed"}
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ShownField:
     colours: str
 
     def values(self, result: Result, step: int) -> np.ndarray:
-        """The numbers at a step, one a node or an element, in the drawn unit; of a vector its length."""
+        """Values at a sample, one per node or element, in the drawn unit; the length of a vector."""
         return self.factor * _lengths(result.field(self.name, step))
 
 

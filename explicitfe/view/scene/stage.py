@@ -1,4 +1,4 @@
-"""A scene with its words: title, time, muscles, the scale of its colours, and which way is front."""
+"""A scene with its annotations: title, time, muscles, colour scale and orientation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ WORDS_AT_REST = "#737373"
 
 
 class Stage:
-    """A plotter with a scene and its words.
+    """A plotter with a scene and its annotations.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Stage:
         self._add_orientation()
 
     def show(self, step: int) -> None:
-        """Show a step, with its time and how hard each muscle pulls."""
+        """Show a sample, with its time and the activation of the muscles."""
         self.scene.show(step)
         self._time.input = moment_in_words(self.result, step)
         for number, share in enumerate(self.scene.pulls(step)):
@@ -97,14 +97,14 @@ class Stage:
                 self._muscles[number].prop.color = mixed(WORDS_AT_REST, FIBRE_PULLING, share)
 
     def picture(self) -> np.ndarray:
-        """What is shown now, (height, width, 3) uint8."""
+        """The current picture, (height, width, 3) uint8."""
         self.plotter.render()
         image = self.plotter.screenshot(return_img=True)
         assert image is not None
         return image
 
     def add_keys(self, text: str) -> None:
-        """Say below the scene what keys do."""
+        """Write the keys below the scene."""
         self._words(text, (0.34, 0.005), 0.7 * LETTER_SHARE, WORDS_AT_REST)
 
     def _words(
@@ -181,7 +181,7 @@ def font_file(bold: bool = False) -> str:
 
 
 def moment_in_words(result: Result, step: int) -> str:
-    """When a step is: a time, or the load of an indentation."""
+    """Time of a sample, or load of an indentation, in words."""
     if kind_of(result.model) == "relaxation":
         force_N = float(result.history("force")[step])
         return f"load {step} of {len(result.times) - 1}: {force_N:.3g} N"

@@ -1,4 +1,4 @@
-"""From where a scene is seen: named views, and the camera that holds all of it."""
+"""Viewpoints of a scene: named views, and the placement of the camera."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Viewpoint:
 
     Attributes
     ----------
-    words : what it shows, for a caption.
+    words : caption.
     towards_eye : (3,) direction from the body to the eye; x points backwards, y to the speaker's right, z up.
     up : (3,) what is above in the picture.
     cut : whether the half of the body before the midsagittal plane is cut away.
@@ -56,7 +56,7 @@ def viewpoint(name: str) -> Viewpoint:
     InputError : there is none.
     """
     if name not in VIEWPOINTS:
-        raise InputError(f'there is no view from "{name}"; {nearest(name, VIEWPOINTS)}')
+        raise InputError(f'"{name}" is not a viewpoint; {nearest(name, VIEWPOINTS)}')
     return VIEWPOINTS[name]
 
 

@@ -1,4 +1,4 @@
-"""A window in which a scene plays, can be turned, and be seen from the named views."""
+"""A window with a scene that can be played, rotated, and seen from the named viewpoints."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SLIDER_SHARE = 0.897  # how high the course of time stands in the window
 # Key -> the view that it changes to, and the part of a look that it turns on or off.
 VIEW_KEYS = {"m": "midsagittal", "s": "side", "f": "front", "t": "top", "o": "oblique"}
 PART_KEYS = {"b": "bones", "x": "fibres", "r": "at_rest"}
-KEYS_IN_WORDS = "space plays, left and right go a step; m s f t o: view; b bones, x fibres, r at rest; q ends"
+KEYS_IN_WORDS = "space: play; left, right: one sample; m s f t o: viewpoint; b bones, x fibres, r rest; q: close"
 
 
 class Window:
-    """A scene in a window: what keys do, and which frame is shown.
+    """A scene in a window: its keys, and the frame that is shown.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class Window:
         self.playing = not self.playing
 
     def tick(self, tick: int = 0) -> None:
-        """What a clock calls: the next frame, while it plays."""
+        """Show the next frame while it plays; called by a timer."""
         if self.playing:
             self.go(1)
 
     def change(self, **look: object) -> None:
-        """Show the same moment with another look."""
+        """Show the same sample with another look."""
         self.look = replace(self.look, **look)  # type: ignore[arg-type]
         self.plotter.suppress_rendering = True  # nobody is to see half a scene
         for slider in self._slider:
@@ -75,7 +75,7 @@ class Window:
         self.plotter.render()
 
     def keys(self) -> dict[str, Callable[[], None]]:
-        """What each key does."""
+        """The function of each key."""
         actions: dict[str, Callable[[], None]] = {
             "space": self.play,
             "Left": lambda: self.go(-1),

@@ -124,7 +124,7 @@ def _pattern(pattern: PalatogramPattern) -> str:
             f"centre of gravity {pattern.centre_of_gravity:.2f}"
         )
         closed = ", ".join(str(row) for row in pattern.closed_rows)
-        line += f"; complete closure in row {closed}" if closed else "; no complete closure"
+        line += f"; closed rows: {closed}" if closed else "; no closed row"
     return "\n".join([line, *rows])
 
 

@@ -118,16 +118,16 @@ def _laws(group: IdentifiedGroup) -> Table:
 
 
 def _curves(group: IdentifiedGroup) -> Table:
-    table = Table(title="curves", title_justify="left")
+    table = Table(title="curves", title_justify="left", caption="relative: rmse over the largest value", caption_justify="left")
     table.add_column("curve", no_wrap=True)
-    for head in ("", "rows", "rmse", "of the largest value", "largest error"):
-        table.add_column(head, justify="right" if head else "left")
+    for head in ("", "rows", "not used", "rmse", "relative", "max. error"):
+        table.add_column(head, justify="right" if head else "left", no_wrap=True)
     for name, row in group["curves"].items():
-        left = f" (+{row['rows_left_out']} not used)" if row["rows_left_out"] else ""
         table.add_row(
             escape(name),
             "fitted" if row["split"] == "fit" else "held out",
-            f"{row['rows']}{left}",
+            str(row["rows"]),
+            str(row["rows_left_out"]),
             f"{row['rmse']:.3g} {row['unit']}",
             f"{100.0 * row['nrmse']:.2f} %",
             f"{row['largest_error']:.3g} {row['unit']}",

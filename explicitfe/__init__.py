@@ -39,7 +39,7 @@ _PLACES = {
     "view": "explicitfe.api.view",
     "compare": "explicitfe.api.compare",
     "compare_recording": "explicitfe.measured.compare_recording",
-    "export": "explicitfe.results.export.export",
+    "export": "explicitfe.api.export",
     # meshes and models
     "HexMesh": "explicitfe.mesh.hexmesh",
     "box": "explicitfe.mesh.box",
@@ -70,6 +70,7 @@ __all__ = ["__version__", *_PLACES]
 
 if TYPE_CHECKING:  # the same names for type checkers and editors; a test compares the two lists
     from explicitfe.api.compare import compare as compare
+    from explicitfe.api.export import export as export
     from explicitfe.api.measure import measure as measure
     from explicitfe.api.open_result import open_result as open_result
     from explicitfe.api.plot import plot as plot
@@ -87,9 +88,9 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.materials.neo_hooke import NeoHooke as NeoHooke
     from explicitfe.materials.ogden import Ogden as Ogden
     from explicitfe.materials.yeoh import Yeoh as Yeoh
+    from explicitfe.measured.compare_recording import compare_recording as compare_recording
     from explicitfe.mesh.box import box as box
     from explicitfe.mesh.hexmesh import HexMesh as HexMesh
-    from explicitfe.measured.compare_recording import compare_recording as compare_recording
     from explicitfe.model.face_load import face_load as face_load
     from explicitfe.model.gravity import gravity_load as gravity_load
     from explicitfe.model.model import Inclusion as Inclusion
@@ -99,7 +100,6 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.model.specimen import specimen_model as specimen_model
     from explicitfe.model.tongue import tongue_model as tongue_model
     from explicitfe.predict.predict import predict as predict
-    from explicitfe.results.export.export import export as export
     from explicitfe.run.check import check as check
     from explicitfe.scenario.indentation import SpecimenTable as SpecimenTable
     from explicitfe.scenario.indentation import ToolTable as ToolTable

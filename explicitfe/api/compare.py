@@ -6,6 +6,7 @@ from explicitfe.api.source import Source, path_of
 from explicitfe.errors import Progress, silent
 from explicitfe.measure.compare import compare as compare_files
 from explicitfe.measure.comparison import Comparison
+from explicitfe.scenario.argument import finite_number
 
 
 def compare(a: Source, b: Source, tolerance: float | None = None, progress: Progress = silent) -> Comparison:
@@ -30,4 +31,6 @@ def compare(a: Source, b: Source, tolerance: float | None = None, progress: Prog
     ------
     InputError : no such result, results of different kinds or bodies, or without a common time.
     """
+    if tolerance is not None:
+        tolerance = finite_number("compare: tolerance", tolerance)
     return compare_files(path_of(a, "a"), path_of(b, "b"), tolerance, progress)

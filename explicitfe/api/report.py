@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from explicitfe.api.source import Source, is_sweep, path_of
+from explicitfe.api.source import Source, folder_of, is_sweep, path_of
 from explicitfe.errors import InputError, Progress, silent
 from explicitfe.view.run_page.write import write_report
 
@@ -31,7 +31,7 @@ def report(*results: Source, out: Path | str | None = None, overwrite: bool = Fa
     if not results:
         raise InputError("report: results is empty; give at least one result.")
     paths = [path_of(result, "results") for result in results]
-    target = None if out is None else Path(out)
+    target = None if out is None else folder_of(out, "report: out")
     if any(map(is_sweep, paths)):
         if len(paths) > 1:
             raise InputError("report: results contains a sweep, which has a page of its own; give it alone.")

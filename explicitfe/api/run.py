@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from explicitfe.api.open_result import NotebookResult, open_result
-from explicitfe.api.source import path_of
+from explicitfe.api.source import folder_of, path_of
 from explicitfe.errors import InputError, Progress, shortened, silent
 from explicitfe.results import FINISHED
 from explicitfe.run.resume import resume as resume_run
@@ -85,10 +85,11 @@ def run(
     ------
     InputError : nothing was run and nothing was written.
     """
+    if name is not None and not isinstance(name, str):
+        raise InputError(f"run: name must be a text, not {shortened(repr(name))}.")
+    folder, texts = folder_of(out, "run: out"), _settings(settings)
     return RunResult(
-        run_scenario(
-            scenario, out, name=name, settings=_settings(settings), overwrite=overwrite, resume=resume, progress=progress
-        )
+        run_scenario(scenario, folder, name=name, settings=texts, overwrite=overwrite, resume=resume, progress=progress)
     )
 
 
@@ -116,7 +117,12 @@ def resume(result: Path | str, *, overwrite: bool = False, threads: int | None =
 def _settings(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
     """Settings as ``key=value`` texts; JSON numbers, texts and lists are TOML too."""
     if isinstance(settings, Mapping):
-        return [f"{key}={json.dumps(value)}" for key, value in settings.items()]
-    if isinstance(settings, str) or not all(isinstance(text, str) for text in settings):
-        raise InputError(f'run: settings must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')
-    return list(settings)
+        try:
+            return [f"{key}={json.dumps(value, allow_nan=False)}" for key, value in settings.items()]
+        except (TypeError, ValueError):
+            raise InputError(
+                f"run: settings need finite numbers, texts or lists, not {shortened(repr(settings))}."
+            ) from None
+    if isinstance(settings, list | tuple) and all(isinstance(text, str) for text in settings):
+        return list(settings)
+    raise InputError(f'run: settings must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')

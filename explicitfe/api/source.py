@@ -36,6 +36,18 @@ def path_of(source: Source, name: str = "result") -> Path:
     return find_result(Path(given))
 
 
+def folder_of(value: Path | str, name: str) -> Path:
+    """A path that a parameter names, which need not exist.
+
+    Raises
+    ------
+    InputError : it is no path.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise InputError(f"{name} must be a path, not {shortened(repr(value))}.")
+    return Path(value)
+
+
 def is_sweep(path: Path) -> bool:
     """Whether a path is the folder of a sweep."""
     return (path / SWEEP_FILE).is_file()

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from explicitfe.api.source import Source, path_of
+from explicitfe.api.source import Source, folder_of, path_of
 from explicitfe.errors import InputError, Progress, shortened, silent
 from explicitfe.scenario.argument import finite_number
 from explicitfe.view.scene.plotter import plotter_of
-from explicitfe.view.scene.show import FILM_S, SIZE_PX, FileKind, show
+from explicitfe.view.scene.show import FILM_S, SIZE_PX, FileKind, check_sizes, show
 
 if TYPE_CHECKING:
     import pyvista
@@ -58,6 +58,7 @@ def view(
     """
     path = path_of(result)
     time_s = None if time_s is None else finite_number("view: time_s", time_s)
+    check_sizes(size_px, finite_number("view: film_s", film_s))
     if file is None:
         return plotter_of(
             path, viewpoint, field=field, bones=bones, fibres=fibres, at_rest=at_rest, time_s=time_s, size_px=size_px
@@ -72,7 +73,7 @@ def view(
         fibres=fibres,
         at_rest=at_rest,
         files=[file],
-        folder=None if folder is None else Path(folder),
+        folder=None if folder is None else folder_of(folder, "view: folder"),
         time_s=time_s,
         size_px=size_px,
         film_s=film_s,

@@ -6,6 +6,7 @@ Where a file of a user has the name as well, it is the user's.
 from __future__ import annotations
 
 from contextlib import suppress
+from os import PathLike
 from pathlib import Path
 from typing import Literal
 
@@ -88,6 +89,8 @@ def _by_stem(folder: Path) -> dict[str, Path]:
 
 
 def _named(given: Path | str, what: str, shipped: dict[str, Path], suffix: str) -> Path:
+    if not isinstance(given, str | PathLike):
+        raise InputError(f"{what} must be a path or a name, not {shortened(repr(given))}.")
     path = Path(given)
     with suppress(OSError, ValueError):  # The name may be none that a file can have; opening it says so.
         if path.exists() and (path.is_file() or path.name not in shipped or (path / DATASET_FILE).is_file()):

@@ -65,6 +65,8 @@ def specimen_model(specimen: SpecimenTable, tool: ToolTable, effects: Sequence[E
         if not isinstance(table, kind):
             raise InputError(f"specimen_model: {name} must be a {kind.__name__}, not {shortened(repr(table))}.")
     for effect in effects:
+        if not isinstance(effect, Effect):
+            raise InputError(f"specimen_model: effects must be a list of effects, not of {shortened(repr(effect))}.")
         if effect.acts_on == "muscle":
             raise InputError(f"effects: {effect.about.title} is an effect of muscles, and a specimen has no muscles; remove it.")
         specimen, tool = effect.prepare(specimen, tool)

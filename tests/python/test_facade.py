@@ -128,6 +128,16 @@ WRONG = {
     "no such field": (lambda: fe.view("vowel-i", field="stress"), "stress"),
     "no such file format": (lambda: fe.view("vowel-i", file="jpg"), "file"),
     "settings in one text": (lambda: fe.run("vowel-i", settings="model.resolution=coarse"), "settings"),
+    "a number as scenario": (lambda: fe.run(3), "scenario"),
+    "a number as folder": (lambda: fe.run("vowel-i", out=3), "out"),
+    "a number as name": (lambda: fe.run("vowel-i", name=3), "name"),
+    "no settings": (lambda: fe.run("vowel-i", settings=None), "settings"),
+    "a setting that is no number": (lambda: fe.run("vowel-i", settings={"model.resolution": float("nan")}), "settings"),
+    "a number as dataset": (lambda: fe.identify(3), "dataset"),
+    "a tolerance of text": (lambda: fe.compare("vowel-i", "vowel-i", "x"), "tolerance"),
+    "a number as page": (lambda: fe.report("vowel-i", out=3), "out"),
+    "a size in words": (lambda: fe.view("vowel-i", size_px="large"), "size_px"),
+    "no such format": (lambda: fe.export("vowel-i", "xls"), "xls"),
     "no such scenario": (lambda: fe.run("vowel-x"), "vowel-x"),
 }
 

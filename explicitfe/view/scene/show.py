@@ -10,7 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
-from explicitfe.errors import InputError, Progress, silent
+from explicitfe.errors import InputError, Progress, shortened, silent
 from explicitfe.host.extras import require
 from explicitfe.measure.steps import common_steps
 from explicitfe.results import Result, open_result
@@ -73,7 +73,7 @@ def show(
     MachineError : this machine cannot render, or the disk is full.
     """
     require("view", "a view in three dimensions")
-    _check_sizes(size_px, film_s)
+    check_sizes(size_px, film_s)
     paths = [Path(results)] if isinstance(results, str | Path) else [Path(path) for path in results]
     check_count(paths, MOST_SIDE_BY_SIDE)
     notes: list[str] = []
@@ -118,7 +118,15 @@ def has_screen() -> bool:
     return not sys.platform.startswith("linux") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _check_sizes(size_px: tuple[int, int], film_s: float) -> None:
+def check_sizes(size_px: tuple[int, int], film_s: float) -> None:
+    """Refuse a size of a picture or a duration of a film that is out of range.
+
+    Raises
+    ------
+    InputError : it is.
+    """
+    if not isinstance(size_px, list | tuple) or len(size_px) != 2 or not all(isinstance(dots, int) for dots in size_px):
+        raise InputError(f"size_px must be width and height in pixels, such as (960, 720), not {shortened(repr(size_px))}.")
     if not all(SMALLEST_PX <= dots <= LARGEST_PX for dots in size_px):
         raise InputError(
             f"a picture of {size_px[0]}x{size_px[1]} pixels is not possible; give {SMALLEST_PX} to {LARGEST_PX} pixels each way."

@@ -46,7 +46,7 @@ def text_of(path: Path | str, advice: str, *, largest_bytes: int = LARGEST_TABLE
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except OSError as error:
         raise InputError(f"{path}: this cannot be read ({error.strerror}); {advice}.") from None
-    except ValueError:  # A NUL in the name.
+    except (ValueError, TypeError):  # a NUL in the name, or no name at all
         raise InputError(f"{str(path)!r}: this cannot be the name of a file; {advice}.") from None
     try:
         # Whether it is a regular file is asked of what was opened: the name may be given to something else meanwhile.

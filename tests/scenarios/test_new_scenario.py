@@ -47,7 +47,7 @@ def test_a_copy_says_nothing_of_the_result_of_another_scenario(like: str, tmp_pa
         (["new.toml", "--muscle", "GGp=1", "--duration-ms", "0"], "analysis.duration_ms"),
         (["new.json", "--muscle", "GGp=1"], 'let its name end in ".toml"'),
         (["new.toml", "--like", "vowel-y"], "did you mean"),
-        (["new.toml", "--like", "vowel-i", "--muscle", "GGp=1"], "not both"),
+        (["new.toml", "--like", "vowel-i", "--muscle", "GGp=1"], "exclude each other"),
         (["there.toml", "--muscle", "GGp=1"], "this exists already"),
     ],
 )

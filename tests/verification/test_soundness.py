@@ -64,7 +64,7 @@ def test_nodes_that_are_not_merged():
 def test_a_part_that_nothing_holds():
     notes = notes_of(joined(BLOCK, moved(box((1, 1, 1), (0.01, 0.01, 0.01)), 0.05, 0.0, 0.0)))
     assert "2 parts that have no node in common, the smallest of 1 element around (55.0, 5.0, 5.0) mm" in notes
-    assert "nothing holds 1 of the 2 parts" in notes and "1 element around (55.0, 5.0, 5.0) mm: what pulls there" in notes
+    assert "nothing holds 1 of the 2 parts" in notes and "1 element around (55.0, 5.0, 5.0) mm: any force moves them" in notes
     assert "at the place of another" not in notes
 
 

@@ -26,7 +26,7 @@ def loop_tables(report: LoopReport) -> Group:
     if report.verdict == "failed":
         return Group(head)
     if report.sure is not None:
-        head.add_row("probability", escape(how_sure(report)))
+        head.add_row("posterior", escape(how_sure(report)))
     before, after = report.baseline.error, report.final.error
     for words, errors in (("held-out curves", (before.holdout, after.holdout)), ("fitted curves", (before.fit, after.fit))):
         shares = [100.0 * error.nrmse for error in errors if error is not None and error.nrmse is not None]

@@ -102,6 +102,8 @@ class _CheckedFiles(IndexDataCacheFile):
 class _CheckedCache(FunctionCache):
     """Numba's cache of a function, with checked files."""
 
+    _cache_file: Any
+
     def __init__(self, function: Any) -> None:
         super().__init__(function)
         plain = self._cache_file

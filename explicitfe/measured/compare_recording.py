@@ -22,6 +22,7 @@ from explicitfe.measured.files import SMALLEST_CURVE_ROWS
 from explicitfe.measured.registration import Registration, determine_a_rotation, procrustes, rotation_between
 from explicitfe.measured.tables import RegistrationTable
 from explicitfe.results import Result, open_result
+from explicitfe.results.run_summary import kind_of
 
 # Without --reference-s a speaker is taken to rest for this time from the start of the comparison.
 REST_S = 0.02
@@ -32,6 +33,7 @@ MOST_OFFSETS = 2000
 MM_PER_M, MS_PER_S = 1e3, 1e3
 MIDSAGITTAL = np.array([1.0, 0.0, 1.0])  # planar recordings have no lateral coordinate
 STILL_M = 1e-9  # a coordinate that changes by less does not move
+SAME_TIME_S = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +155,8 @@ def compare_recording(
 
 def _model_paths(result: Result, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Positions of named points in the first sample (s, 3) and at all stored times (t, s, 3) [m]."""
+    if kind_of(result.model) != "transient":
+        raise InputError(f"{result.path}: this is an indentation; compare the result of a transient run with a recording.")
     known = result.mesh.named_points
     for name in names:
         if name not in known:
@@ -178,14 +182,13 @@ def _align(
     reference_s: tuple[float, float] | None,
 ) -> _Aligned:
     """Register the recording, and interpolate the model to its times, for one offset."""
-    shifted_s = coils.time_s - shift_s
-    inside = (shifted_s >= times_s[0] - STILL_M) & (shifted_s <= times_s[-1] + STILL_M)
-    if inside.sum() < SMALLEST_CURVE_ROWS:
+    inside = _rows_between(coils.time_s, shift_s + times_s[0], shift_s + times_s[-1])
+    now_s = np.clip(coils.time_s[inside] - shift_s, times_s[0], times_s[-1])  # rounding may lead slightly outside
+    if len(now_s) < SMALLEST_CURVE_ROWS:
         raise InputError(
-            f"{coils.path}: {inside.sum()} rows lie within the simulation ({times_s[-1]:g} s) if it starts at {shift_s:g} s "
+            f"{coils.path}: {len(now_s)} rows lie within the simulation ({times_s[-1]:g} s) if it starts at {shift_s:g} s "
             f"of the recording ({coils.time_s[0]:g} to {coils.time_s[-1]:g} s); change --offset-s."
         )
-    now_s = np.clip(shifted_s[inside], times_s[0], times_s[-1])  # rounding may lead slightly outside
     model = interp1d(times_s, paths, axis=0)(now_s)
     compared = recorded[inside]
     identity = Registration(np.eye(3), np.zeros(3))
@@ -193,15 +196,24 @@ def _align(
         return _Aligned(shift_s, now_s, model, compared, identity, None)
     if register == "rest":
         start_s, end_s = reference_s or (shift_s, shift_s + REST_S)
-        rows = (coils.time_s >= start_s - STILL_M) & (coils.time_s <= end_s + STILL_M)
-        if not rows.any():
-            raise InputError(f"{coils.path}: no row lies between {start_s:g} and {end_s:g} s; give another --reference-s.")
-        target, seen = rest_m, recorded[rows].mean(axis=0)
+        target, seen = rest_m, recorded[_reference_rows(coils, start_s, end_s)].mean(axis=0)
     else:
         target, seen = model.reshape(-1, 3), compared.reshape(-1, 3)
     registration = procrustes(_fitted_parts(recorded), target, seen)
     residual_m = _rms(registration.to_model(seen) - target)
     return _Aligned(shift_s, now_s, model, registration.to_model(compared), registration, residual_m)
+
+
+def _rows_between(time_s: np.ndarray, start_s: float, end_s: float) -> slice:
+    """Rows of an interval, up to rounding."""
+    return slice(*np.searchsorted(time_s, [start_s - SAME_TIME_S, end_s + SAME_TIME_S]))
+
+
+def _reference_rows(coils: Coils, start_s: float, end_s: float) -> slice:
+    rows = _rows_between(coils.time_s, start_s, end_s)
+    if rows.start == rows.stop:
+        raise InputError(f"{coils.path}: no row lies between {start_s:g} and {end_s:g} s; give another --reference-s.")
+    return rows
 
 
 def _fitted_parts(recorded: np.ndarray) -> RegistrationTable:
@@ -236,10 +248,7 @@ def _without_head_motion(coils: Coils, head: Sequence[str], reference_s: tuple[f
         return coils
     places = np.stack([coils.positions[name] for name in head], axis=1)
     start_s, end_s = reference_s or (coils.time_s[0], coils.time_s[0] + REST_S)
-    rows = (coils.time_s >= start_s) & (coils.time_s <= end_s)
-    if not rows.any():
-        raise InputError(f"{coils.path}: no row lies between {start_s:g} and {end_s:g} s; give another --reference-s.")
-    target = places[rows].mean(axis=0)
+    target = places[_reference_rows(coils, start_s, end_s)].mean(axis=0)
     centre, now = target.mean(axis=0), places.mean(axis=1)
     if determine_a_rotation(target):
         turns = rotation_between(places - now[:, None], np.broadcast_to(target - centre, places.shape))

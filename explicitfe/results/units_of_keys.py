@@ -21,6 +21,7 @@ _UNITS = {
     "m": "m",
     "ms": "ms",
     "s": "s",
+    "rad": "rad",
     "deg": "°",
     "hz": "Hz",
     "percent": "%",

@@ -213,6 +213,16 @@ def test_bad_options_get_one_sentence(
     assert set(tmp_path.iterdir()) == before
 
 
+def test_an_indentation_is_refused(tmp_path: Path) -> None:
+    model = {"scenario": {"analysis": {"type": "relaxation"}}}
+    with tiny_result.start(tmp_path / "punch.vtkhdf", history={}, model=model, point_fields={}, cell_fields={}) as writer:
+        for load in range(3):
+            writer.sample(float(load), {}, {"displacement": tiny_result.displacement(load)}, {})
+        punch = writer.finish(FINISHED, "", {})
+    with pytest.raises(InputError, match="this is an indentation; compare the result of a transient run"):
+        compare_recording(punch, write_csv(tmp_path / "a.csv", *places()), {"tip": "T1"})
+
+
 @pytest.mark.parametrize(
     ("head", "sentence"),
     [

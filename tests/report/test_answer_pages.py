@@ -71,7 +71,7 @@ def test_what_turns_back_is_drawn_over_time() -> None:
 def test_of_many_curves_the_worst_are_drawn() -> None:
     curves = {f"c{number}": predicted(nrmse=0.01 * number) for number in range(MOST_CURVES + 5)}
     page = predict_page(prediction(curves), "data")
-    assert page.count('<figure class="chart"') == MOST_CURVES and "5 more are in the table" in words(page)
+    assert page.count('<figure class="chart"') == MOST_CURVES and "the table below has 5 more" in words(page)
     assert "c28, held out" in words(page) and "c4, held out" not in words(page)
 
 
@@ -101,7 +101,7 @@ def test_the_commands_write_their_pages(tmp_path: Path, capsys: pytest.CaptureFi
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     (tmp_path / "model.toml").write_text(MODEL, encoding="utf-8")
     for words_of_command, page, expected in (
-        (["identify", str(data)], "identify.html", ["C10 500.0 Pa", "How well C20 is determined", "one, fitted, error"]),
+        (["identify", str(data)], "identify.html", ["C10 500.0 Pa", "Profile likelihood of C20", "one, fitted, error"]),
         (["predict", str(data), "--model", str(tmp_path / "model.toml")], "predict.html", ["by the elastic model", "< 0.01 %"]),
     ):
         out = tmp_path / words_of_command[0]

@@ -84,9 +84,8 @@ def _time_charts(result: Result) -> list[PlannedChart]:
     add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
     for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
         add(title, unit, _lines(times, lines))
-    if lines_and_unit := energy_lines(result):
-        lines, unit = lines_and_unit
-        add(BALANCE_TITLE, unit, lines)
+    if stack := energy_lines(result):
+        add(BALANCE_TITLE, stack[1], stack[0])
         error = 100.0 * result.history("balance_error")
         add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True)
         if {"internal_energy", "hourglass_energy"} <= set(result.history_names):

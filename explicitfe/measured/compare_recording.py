@@ -28,8 +28,8 @@ from explicitfe.results.run_summary import kind_of
 REST_S = 0.02
 # A fitted offset keeps at least this share of the shorter of the two records in the comparison.
 LEAST_OVERLAP_SHARE = 0.5
-# Offsets are searched in steps of the sampling interval, but in no more than this many.
-MOST_OFFSETS = 2000
+# Offsets are searched in steps of the sampling interval, but of at least this length, and at most this many.
+SMALLEST_OFFSET_STEP_S, MOST_OFFSETS = 2e-3, 5000
 MM_PER_M, MS_PER_S = 1e3, 1e3
 MIDSAGITTAL = np.array([1.0, 0.0, 1.0])  # planar recordings have no lateral coordinate
 STILL_M = 1e-9  # a coordinate that changes by less does not move
@@ -115,7 +115,7 @@ def compare_recording(
         return _align(steady, recorded, times_s, rest_m, paths, shift_s, register, reference_s)
 
     fitted = offset_s == "fit"
-    best = _best_offset(align, steady.time_s, times_s) if fitted else align(_start_of(steady, offset_s))
+    best = _best_offset(coils.path, align, steady.time_s, times_s) if fitted else align(_start_of(steady, offset_s))
     movement = best.recorded - best.recorded.mean(axis=0)
     model_movement = best.model - best.model.mean(axis=0)
     sentence, can_rotate = _registration_sentence(register, reference_s, recorded)
@@ -222,12 +222,17 @@ def _fitted_parts(recorded: np.ndarray) -> RegistrationTable:
     return RegistrationTable(translation="fit", **({"rotation": "fit"} if turns else {}))
 
 
-def _best_offset(align: Callable[[float], _Aligned], recorded_s: np.ndarray, times_s: np.ndarray) -> _Aligned:
-    """The offset with the least distance: the best of a grid, refined between its neighbours."""
+def _best_offset(path: Path, align: Callable[[float], _Aligned], recorded_s: np.ndarray, times_s: np.ndarray) -> _Aligned:
+    """The offset with the smallest distance: the best of a grid, refined between its neighbours."""
     shorter_s = min(np.ptp(recorded_s), np.ptp(times_s))
     low = recorded_s[0] - times_s[-1] + LEAST_OVERLAP_SHARE * shorter_s
     high = recorded_s[-1] - times_s[0] - LEAST_OVERLAP_SHARE * shorter_s
-    step = max(float(np.median(np.diff(recorded_s))), (high - low) / MOST_OFFSETS)
+    step = max(float(np.median(np.diff(recorded_s))), SMALLEST_OFFSET_STEP_S)
+    if high - low > MOST_OFFSETS * step:
+        raise InputError(
+            f"{path}: the recording lasts {np.ptp(recorded_s):.4g} s, and --offset-s fit searches at most "
+            f"{MOST_OFFSETS * step:.4g} s; give an offset, or a part of the recording."
+        )
     grid = np.arange(low, high + 0.5 * step, step)
 
     def distance(shift_s: float) -> float:

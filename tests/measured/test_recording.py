@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -111,6 +112,10 @@ def test_a_delay_is_recovered(result: Path, tmp_path: Path) -> None:
     assert comparison.rms_mm < 0.02
     wrong, _ = compare_recording(result, coils, MAPPING, offset_s=0.0)
     assert wrong.rms_mm > 1.0
+    still = {name: np.repeat(place[:1], 10_000, axis=0) for name, place in coils.positions.items()}
+    long = replace(coils, time_s=0.002 * np.arange(10_000), positions=still)
+    with pytest.raises(InputError, match="the recording lasts 20 s, and --offset-s fit searches at most 10 s; give an offset"):
+        compare_recording(result, long, MAPPING, offset_s="fit")
 
 
 @pytest.mark.parametrize("count", [1, 4])

@@ -58,7 +58,7 @@ def test_every_command_exists_with_its_options(page, monkeypatch):
     group = typer.main.get_command(app)
     for block in blocks_of(page):
         for line in commands_of(block) if block.language == "bash" else ():
-            for part in re.split(r"\||&&|;", line):
+            for part in re.split(r"\||&&?|;", line):
                 words = shlex.split(part.partition(">")[0], comments=True)
                 if "explicitfe" in words:
                     place, arguments = group, words[words.index("explicitfe") + 1 :]

@@ -11,6 +11,7 @@ import pytest
 import tiny_result
 from answers import check_answer
 from command import command
+from outside_data import SHARED_DATA, needs
 from scipy.spatial.transform import Rotation
 from support import ROOT
 
@@ -321,3 +322,30 @@ def test_a_recording_without_times_or_scenario(tmp_path: Path, monkeypatch: pyte
     np.testing.assert_allclose(dataset.curves[0].time_s, [0.0, 0.005, 0.01])
     np.testing.assert_allclose(dataset.curves[0].sensors["T1"][:, 0], [0.01, 0.02, 0.03])
     assert dataset.scenario is None and dataset.registration is None
+
+
+MEASURED = SHARED_DATA / "measured"
+
+
+@pytest.mark.parametrize(
+    ("file", "mapping", "planar"),
+    [
+        ("tongue-ema-haskins/f01-b01-s01-r01-n.csv", ["tip=TT", "front=TB", "back=TR"], False),
+        ("tongue-ema-mandarin/utterance-041.csv", ["tip=TT", "blade=TBL", "front=TM", "dorsum=TB"], True),
+        ("tongue-ema-palate-sound/sentence.csv", ["tip=TT", "front=TB", "dorsum=TD"], False),
+    ],
+    ids=["haskins", "mandarin", "palate-sound"],
+)
+@needs(MEASURED / "tongue-ema-haskins")
+def test_real_recordings_become_datasets(
+    file: str, mapping: list[str], planar: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three laboratories: x, y, z; two directions; three directions."""
+    monkeypatch.chdir(tmp_path)
+    words = [word for pair in mapping for word in ("--map", pair)]
+    options = ["--test", "trajectory", "--scenario", "vowel-i", "--interval-s", "0.5:0.7", "--out", "speaker"]
+    assert command(["new", "dataset", str(MEASURED / file), *words, *options]) == 0
+    (curve,) = read_dataset("speaker").curves
+    moved_mm = 1e3 * np.ptp(curve.sensors["TT"], axis=0)
+    assert 0.19 <= curve.time_s[-1] <= 0.2 and 0.1 < moved_mm[[0, 2]].max() < 30.0
+    assert (moved_mm[1] == 0.0) == planar

@@ -343,7 +343,7 @@ def test_real_recordings_become_datasets(
     """Three laboratories: x, y, z; two directions; three directions."""
     monkeypatch.chdir(tmp_path)
     words = [word for pair in mapping for word in ("--map", pair)]
-    options = ["--test", "trajectory", "--scenario", "vowel-i", "--interval-s", "0.5:0.7", "--out", "speaker"]
+    options = ["--test", "trajectory", "--scenario", "vowel-i", "--interval-s", "1.2:1.4", "--out", "speaker"]
     assert command(["new", "dataset", str(MEASURED / file), *words, *options]) == 0
     (curve,) = read_dataset("speaker").curves
     moved_mm = 1e3 * np.ptp(curve.sensors["TT"], axis=0)

@@ -31,7 +31,9 @@ DEATHS_ALONE = 2  # of a process, with this run as the only one in flight: then 
 DEATHS_BEFORE_A_ROW = 3  # of processes that have never given a row: then none can live here
 MOST_LOST_IN_A_ROW = 50  # runs, one after another: then it is the machine, and no run
 CONNECT_WITHIN_S = 15.0
-BETWEEN_COUNTS_S = 5.0  # of the workers of a cluster: they come and go
+CLOSE_WITHIN_S = 5.0
+BETWEEN_COUNTS_S = 5.0  # the number of workers of a cluster changes
+COUNT_WITHIN_S = 2.0  # without a scheduler the call would block until the client has given up to reconnect
 LARGEST_SHARE_OF_THE_NEWEST = 0.3  # in the mean time of a run
 GUARD = 'worker processes import the script again, so put the call under  if __name__ == "__main__":'
 
@@ -196,13 +198,21 @@ class Cluster(Engine):
         """Number of threads of its workers at present."""
         if not self._counted or time.monotonic() > self._counted_at + BETWEEN_COUNTS_S:
             with suppress(OSError, RuntimeError):  # the futures report a failure of the scheduler
-                self._counted = sum(self._client.nthreads().values())
+                counts = self._client.sync(self._client.scheduler.ncores, workers=None, callback_timeout=COUNT_WITHIN_S)
+                self._counted = sum(counts.values())
             self._counted_at = time.monotonic()
         return self._counted
 
     def submit(self, task: Task, members: Sequence[Member]) -> Future[list[WrittenRow]]:
         """Send a bundle."""
         return self._executor.submit(written_rows_of, task, members)
+
+    def wait(self, futures: Iterable[Future[list[WrittenRow]]]) -> set[Future[list[WrittenRow]]]:
+        """The futures that are done; MachineError if the connection is lost, as the client has cancelled all futures then."""
+        done = super().wait(futures)
+        if not done and self._client.status != "running":
+            raise self.explained(CancelledError())
+        return done
 
     def is_death(self, error: BaseException) -> bool:
         """The scheduler itself sends a bundle to another worker, and gives up after several deaths."""
@@ -227,7 +237,7 @@ class Cluster(Engine):
     def close(self) -> None:
         """Disconnect; the cluster keeps running."""
         self._executor.shutdown(wait=False)
-        self._client.close(timeout=CONNECT_WITHIN_S)
+        self._client.close(timeout=CLOSE_WITHIN_S)
 
 
 class Bundles:

@@ -16,6 +16,8 @@ from explicitfe.close_loop.next_test import reported_programme
 from explicitfe.close_loop.proposals import ProposedCurve
 from explicitfe.measured.read import read_dataset
 
+pytestmark = pytest.mark.slow
+
 SILENT_NOISE = 1e-7
 DRAWS = {"homogeneous": (homogeneous, homogeneous.draw), "foreign": (homogeneous_cases, homogeneous_cases.draw_homogeneous)}
 

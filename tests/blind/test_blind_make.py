@@ -27,6 +27,8 @@ from explicitfe.predict.experiment import experiments
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import Tissue
 
+pytestmark = pytest.mark.slow
+
 C10, C20 = 400.0, 300.0
 AREA_M2, HEIGHT_M = 7e-4, 0.02
 RELAXING = {"viscoelastic": {"g": [0.3], "tau_s": [5.0]}}

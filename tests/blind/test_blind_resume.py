@@ -20,6 +20,8 @@ from explicitfe.blind.make import make
 from explicitfe.blind.score import score
 from explicitfe.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 KINDS = {"control": 2}
 STUDY = f"""
 from pathlib import Path

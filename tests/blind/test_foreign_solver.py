@@ -10,6 +10,8 @@ from explicitfe.blind.foreign.contact import RigidTool
 from explicitfe.blind.foreign.law import HiddenTissue
 from explicitfe.blind.foreign.tool_tests import RigReading, ToolTest, answers
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("skfem")
 SPECIMEN = RoundSpecimen(10.0, 8.0)
 FLAT = RigidTool("sphere", 1e5)  # over a specimen of 10 mm it is flat up to half a micrometre

@@ -6,6 +6,8 @@ import pytest
 
 from explicitfe.blind.reliability import is_right, reliability, reliability_lines, reliability_picture
 
+pytestmark = pytest.mark.slow
+
 
 def scored(sure: float | None, outcome: str, kind: str = "single", **more) -> dict:
     separation = {"baseline": 100.0, "rivals": {"viscoelastic": 3.0}, "nearest": "viscoelastic"} | more

@@ -26,6 +26,8 @@ from explicitfe.solve import point
 from explicitfe.solve.transient import Ledger
 from explicitfe.view.json_text import json_text
 
+pytestmark = pytest.mark.slow
+
 TONGUE = [str(ROOT / "scenarios/vowel-i.toml"), "--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=2"]
 PUNCH = [str(ROOT / "scenarios/indentation-rear.toml"), "--set", "model.edge_size_mm=3", "--set", "analysis.forces_N=[0.05]"]
 

@@ -20,6 +20,8 @@ from support import ROOT
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.solve import point
 
+pytestmark = pytest.mark.slow
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 # Each would leave a mark on the page if it ran.
 MARK = "document.documentElement.dataset.owned=1"

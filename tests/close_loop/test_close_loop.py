@@ -20,6 +20,8 @@ from explicitfe.measured.read import read_dataset
 from explicitfe.predict.predict import predict
 from explicitfe.results.loop_report import LoopReport
 
+pytestmark = pytest.mark.slow
+
 C10, C20, G, TAU_S = 300.0, 150.0, 0.4, 1.0
 STRAIN, RATES, ROWS, SHARE = 0.3, (0.02, 0.1, 0.5), 30, 0.01
 FILES = {"report.json", "report.html", "model.toml", "baseline.toml"}

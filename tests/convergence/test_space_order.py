@@ -18,6 +18,8 @@ from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions
 from explicitfe.model.model import Model
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 ELEMENTS = ("hex8", "hex8-stiffness", "hex8-full")
 SIZE = 0.02  # edge of the block [m]
 DISTORTIONS = (0.0, 0.2)

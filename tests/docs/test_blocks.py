@@ -31,6 +31,8 @@ from support import ROOT
 
 import explicitfe
 
+pytestmark = pytest.mark.slow
+
 # These pages have tests of their own: test_python_page.py, and test_extending.py, which works on a copy of the package.
 ELSEWHERE = ("docs/tutorials/python.md", "docs/reference/extending.md")
 RUN = [

@@ -22,6 +22,8 @@ from docs_blocks import blocks_of
 from energies import derivative, series_energy
 from support import ROOT
 
+pytestmark = pytest.mark.slow
+
 PAGE = (ROOT / "docs" / "reference" / "extending.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 PLACE = re.compile(r"`(explicitfe/[\w/]+\.py)`")

@@ -15,6 +15,8 @@ from support import ROOT
 
 import explicitfe
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = [(code, printed) for code, printed in pairwise(blocks_of("tutorials/python.md")) if code.language == "python"]
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 

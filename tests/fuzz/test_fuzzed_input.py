@@ -11,6 +11,8 @@ from fuzz_inputs import KINDS, FuzzInput
 from fuzz_verdict import judged
 from hypothesis import HealthCheck, given, settings
 
+pytestmark = pytest.mark.slow
+
 # So many inputs take about a second of each kind. Damaged result files could end the process; they have a study of their own.
 EXAMPLES = 25
 IN_PROCESS = [kind for kind in KINDS if kind != "result files"]

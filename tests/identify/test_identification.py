@@ -32,6 +32,8 @@ from explicitfe.view.fit import ConstantProfile
 from explicitfe.view.json_text import json_text
 from explicitfe.view.terminal.identify import identification_notes, identification_tables
 
+pytestmark = pytest.mark.slow
+
 MORE_LOADS_N = np.array([0.1, 0.2, 0.35, 0.5, 0.7])
 
 

@@ -24,6 +24,8 @@ from explicitfe.predict.correction import (
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
 
+pytestmark = pytest.mark.slow
+
 COARSE = Numerics(refinement=0.4, density=1.0, tolerance=5e-4, finer=0.9)
 FINE = Numerics(refinement=1.3, density=1.0, tolerance=2e-4)
 RADIUS_MM, DEPTH_MM = 8.0, 2.4

@@ -24,6 +24,8 @@ from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_
 from explicitfe.results.prediction import Prediction
 from explicitfe.solve import point
 
+pytestmark = pytest.mark.slow
+
 COARSE = 0.7
 YEOH = {"C10_Pa": 300.0, "C20_Pa": 150.0}
 PRONY = Viscoelastic(g=(0.4, 0.2), tau_s=(0.5, 20.0))

@@ -19,6 +19,8 @@ from explicitfe.solve import point
 from explicitfe.view import fit, over_time, palatogram, palette, tongue
 from explicitfe.view.draw import draw
 
+pytestmark = pytest.mark.slow
+
 # A formula that is none, marks of rich and of HTML, a bell, a NUL, half a character, letters that the font lacks.
 TEXTS = ["costs 1 $x_{$ to \\frac $ 2 $", "[/red] [bold] <script>", "a\x07\x00\x1b[31mb\udcff", "舌の動き", "word " * 2000]
 TINY = """

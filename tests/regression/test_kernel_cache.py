@@ -37,6 +37,8 @@ from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.kernels import kernels
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 law = None  # placeholder of the template below
 
 LEAF = "from explicitfe.compiled.jit import leaf\n\n"

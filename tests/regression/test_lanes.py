@@ -16,6 +16,8 @@ import numpy as np
 import pytest
 from support import ROOT
 
+pytestmark = pytest.mark.slow
+
 LANES = (2, 4, 8)
 
 # Nine elements, so that the last block of lanes is part empty whatever their number, with an inclusion and effects with a memory;

@@ -24,6 +24,8 @@ from explicitfe.run.run import run
 from explicitfe.scenario.bounds import BOUNDS, bounds_of
 from explicitfe.scenario.read import json_schema, read_scenario
 
+pytestmark = pytest.mark.slow
+
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
 LONGEST_ANSWER_S = 10.0  # far above what a refusal takes on a busy machine, far below what nobody waits for
 LONGEST_SENTENCE_CHARACTERS = 700

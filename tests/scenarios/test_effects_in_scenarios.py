@@ -13,6 +13,8 @@ import explicitfe
 from explicitfe.effects import EFFECTS, Measurement
 from explicitfe.scenario.effects_table import EffectsTable
 
+pytestmark = pytest.mark.slow
+
 REAR, VOWEL = ROOT / "scenarios" / "indentation-rear.toml", ROOT / "scenarios" / "vowel-i.toml"
 ELASTIC_VOWEL = ROOT / "scenarios" / "vowel-i-gerard-2005.toml"
 QUICK = ("model.symmetry=sector", "model.edge_size_mm=1.5", "analysis.forces_N=[0.1, 0.3, 0.1]")

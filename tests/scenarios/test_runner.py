@@ -27,6 +27,8 @@ from explicitfe.scenario.read import json_schema
 from explicitfe.solve.transient import Transient
 from explicitfe.view.hourglass import hourglass_share
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
 FORCES_ON_NODES = ROOT / "scenarios" / "vowel-i-gerard-2005.toml"

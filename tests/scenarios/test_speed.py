@@ -13,6 +13,8 @@ from explicitfe.model.model import Model
 from explicitfe.run import speed
 from explicitfe.solve.simulation import MANY_ELEMENTS, Simulation
 
+pytestmark = pytest.mark.slow
+
 
 def test_bench_says_what_a_step_costs(capsys):
     assert command(["bench", "--elements", "1000", "--json"]) == 0

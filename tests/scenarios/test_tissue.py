@@ -14,6 +14,8 @@ from explicitfe.predict.tissue import parse_tissue
 from explicitfe.predict.tissue_in_scenario import tissue_settings
 from explicitfe.scenario.read import read_scenario
 
+pytestmark = pytest.mark.slow
+
 REAR, BALL, VOWEL = (ROOT / "scenarios" / f"{name}.toml" for name in ("indentation-rear", "indentation-ball", "vowel-i"))
 MUSCLE = """format = "explicitfe-model/1"
 poisson = 0.49

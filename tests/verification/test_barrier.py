@@ -22,6 +22,8 @@ from explicitfe.model.profile import Profile
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import Ledger, Transient
 
+pytestmark = pytest.mark.slow
+
 EVERY_LAW = pytest.mark.parametrize("law", list(LAWS))
 EDGE = 0.01  # m
 STATES = 4000

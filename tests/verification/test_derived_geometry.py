@@ -10,6 +10,8 @@ from explicitfe.elements import hex8, hourglass_stiffness, hourglass_strain
 from explicitfe.solve import body as bodies
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 TREATMENTS = {"hex8": hourglass_strain, "hex8-stiffness": hourglass_stiffness}
 
 

@@ -48,6 +48,8 @@ from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 C10, C20, K = YEOH.constants()
 G = 2.0 * C10
 

@@ -25,6 +25,8 @@ from explicitfe.model.profile import Profile
 from explicitfe.solve.kernels import Kernels, kernels_of
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 EDGE = 0.01  # m; the block is 30 x 20 x 20 mm
 SIZE = 0.03
 ALLOWED = 1e-3  # of the initial energy

@@ -23,6 +23,8 @@ from explicitfe.model.model import FibreStress
 from explicitfe.model.own_mesh import read_model_file
 from explicitfe.model.profile import Profile
 
+pytestmark = pytest.mark.slow
+
 ON = Profile.constant()
 WIDTH_M = 3e-3
 MUSCLES = list(catalogue.built_in("tongue", "coarse").muscles)

@@ -37,6 +37,8 @@ from explicitfe.model.muscles import directed, line_pull
 from explicitfe.scenario.transient import MuscleTable
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 BODIES = pytest.mark.parametrize("shape", ["block", "tongue"])
 EVERY_LAW = pytest.mark.parametrize("law", list(LAWS))
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)

@@ -26,6 +26,8 @@ from explicitfe.model.profile import Profile
 from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.transient import balance
 
+pytestmark = pytest.mark.slow
+
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)
 MESH = block_mesh((3, 2, 3), seed=3)
 ON = Profile.constant()

@@ -21,6 +21,8 @@ from explicitfe.solve.boundary import turn, turn_back
 from explicitfe.solve.equilibrium import RESIDUAL_TOLERANCE, Relaxation
 from explicitfe.solve.load_outcome import Equilibrium, Stuck
 
+pytestmark = pytest.mark.slow
+
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 RADIUS, HEIGHT = 0.020, 0.010  # m, of the cylinder
 PUNCH = {"shape": "flat-cylinder", "radius_mm": 8.0}

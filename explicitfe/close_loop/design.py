@@ -283,9 +283,9 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
             ]
             t, x = np.array(curve.programme).T
             if np.any(np.diff(t) <= 0.0) or t[0] != 0.0:
-                raise InputError(f'{path}: the programme of curve "{curve.id}" must begin at 0 s with increasing times.')
+                raise InputError(f'{path}: `programme` of curve "{curve.id}" must begin at 0 s with increasing times.')
             if np.ptp(x) == 0.0 and x[0] == (1.0 if kind == "uniaxial" else 0.0):
-                raise InputError(f'{path}: the programme of curve "{curve.id}" is constant at rest; give it a load.')
+                raise InputError(f'{path}: `programme` of curve "{curve.id}" is constant at rest; add a load.')
             rows = t if curve.rows is None else np.linspace(0.0, t[-1], curve.rows)
             imposed = np.interp(rows, t, x)
             guess = _guess(protocol, curve, kind, imposed, by_force)

@@ -49,7 +49,7 @@ ERROR_SHARE_OF_EDGE = 0.3
 REMEMBERED_SHARE = 0.3
 # Where an answer is a smaller share of the largest one, its ratio to another says nothing.
 LEAST_COMPARED_SHARE = 0.02
-RIPPLE_IN_MEMORY = "ripple that a tissue remembers"
+RIPPLE_IN_MEMORY = "ripple in history-dependent stress"
 # Ripple may add to the answer any smooth curve up to this degree of the depth.
 RIPPLE_DEGREE = 3
 

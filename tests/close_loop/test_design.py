@@ -201,7 +201,7 @@ BAD = [
     (change('shape = "point"', 'shape = "cone"'), ["cone"]),
     (change("[specimen]", "[sample]"), ["sample"]),
     (change("stress_sd_Pa", "stress_Pa"), ["stress_Pa"]),
-    (change("[0.5, 0.7]", "[0.0, 0.7]"), ['"fast"', "time must increase"]),
+    (change("[0.5, 0.7]", "[0.0, 0.7]"), ['"fast"', "increasing times"]),
     (change("[[0.0, 1.0], [0.5", "[[0.1, 1.0], [0.5"), ['"fast"', "begin at 0 s"]),
     (change("[0.5, 0.7]", "[0.5, 0.7, 1.0]"), ["programme"]),
     (change("rows = 31", "rows = 2"), ["rows"]),

@@ -539,7 +539,7 @@ def test_the_terminal_and_the_page_say_the_same_of_a_candidate():
     row.update(chi2_drop=4714.53, chi2_drop_refitted=5021.6, p_holm=0.0003, p_is_bound=True, status="significant", reason=why)
     page = unescape(words(page_of(report, curves))).replace("\u00a0", " ")
     terminal = printed(loop_tables(LoopReport.model_validate(report)))
-    for text in ("χ² drop, best trial", "χ² drop, fitted", "4 710", "5 020", "< 0.00030", why):
+    for text in ("Δχ², screening fit", "Δχ², fitted", "4 710", "5 020", "< 0.00030", why):
         assert text in page and text in terminal.replace("\u00a0", " ")
 
 
@@ -560,5 +560,5 @@ def test_effects_are_told_apart_from_the_separation_of_the_report():
     pair = [{"a": "friction", "b": "tilt", "separation": 20.0}]
     report = {"separations": pair, "thresholds": {"told_apart_separation": {"value": 30.0, "unit": "chi2"}}}
     text = words(page_of(report, []))
-    assert "Told apart from a separation of 30 on" in text and "20.0 not told apart" in text.replace("  ", " ")
-    assert "20.0 told apart" in words(page_of({"separations": pair}, [])).replace("  ", " ")
+    assert "if χ² differs by more than 30 after refitting" in text and "20.0 not distinguishable" in text.replace("  ", " ")
+    assert "20.0 distinguishable" in words(page_of({"separations": pair}, [])).replace("  ", " ")

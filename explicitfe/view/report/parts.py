@@ -50,7 +50,7 @@ from explicitfe.view.report.words import (
 LONG_HEADLINE_LETTERS = 62
 # Lines beside the first picture: more would push it off the screen.
 MOST_FACTS = 8
-# Reports that do not state from which separation on two effects were told apart are of a time when it was this.
+# Smallest separation of distinguishable effects in reports of earlier versions, which do not state it.
 TOLD_APART_SEPARATION = 16.0
 
 
@@ -115,7 +115,7 @@ class SearchRound:
 
 @dataclass(frozen=True)
 class Separability:
-    """Which effects can be told apart, from which separation on, and what to measure next."""
+    """Separations of pairs of effects, the smallest one that distinguishes them, and the next test."""
 
     told_apart_from: str
     pairs: PageTable | None
@@ -302,14 +302,14 @@ def _candidates(report: LoopReport, one: ReportedRound) -> PageTable | None:
 
 
 def separability(report: LoopReport) -> Separability | None:
-    """Which effects can be told apart, and what to measure next; None where there is nothing to say."""
+    """Separations of pairs of effects and the next test; None without either."""
     stated = report.thresholds.get("told_apart_separation")
     least = stated.value if stated and stated.value is not None else TOLD_APART_SEPARATION
     pairs = [
         (
             f"{effect_title(report, row.a)} and {effect_title(report, row.b)}",
             number(row.separation),
-            ("told apart" if row.separation >= least else "not told apart") if finite(row.separation) else None,
+            ("distinguishable" if row.separation >= least else "not distinguishable") if finite(row.separation) else None,
         )
         for row in report.separations
     ]
@@ -317,7 +317,7 @@ def separability(report: LoopReport) -> Separability | None:
     protocol = following.protocol if following else None
     if not pairs and not protocol:
         return None
-    would_tell = f" This {worth_of(following)}." if following and protocol and following.separates else ""
+    would_tell = f" This test {worth_of(following)}." if following and protocol and following.separates else ""
     return Separability(f"{least:.0f}", table(("effects", "separation", ""), pairs, "tnt"), sentence(protocol), would_tell)
 
 

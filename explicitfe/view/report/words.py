@@ -29,7 +29,7 @@ VERDICTS = {
     "effect-found": "found",
 }
 # How far an effect lowers chi squared: by the best of a few trials, and with all parameters fitted.
-TRIAL_DROP, FITTED_DROP = "χ² drop, best trial", "χ² drop, fitted"
+TRIAL_DROP, FITTED_DROP = "Δχ², screening fit", "Δχ², fitted"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Below this p-value only its smallness is said: no data tell one smaller chance from another.
 SMALLEST_SAID_P = 1e-4

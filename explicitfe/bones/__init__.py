@@ -1,1 +1,1 @@
-"""Rigid surfaces that the tongue rests on: triangle surfaces, how far a point is from them, and how a bone moves."""
+"""Rigid surfaces in contact with the tongue: triangle surfaces, signed distances, and rigid motion."""

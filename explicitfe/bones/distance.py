@@ -1,4 +1,4 @@
-"""How far a point is from a bone: signed distances on a grid, interpolated."""
+"""Signed distance to a bone, interpolated on a grid."""
 
 from __future__ import annotations
 

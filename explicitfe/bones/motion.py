@@ -1,4 +1,4 @@
-"""How a bone moves: it turns about an axis fixed in space and shifts along with it, by a course in time."""
+"""Rigid motion of a bone over time: rotation about a fixed axis, and translation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's own surface: STL, OBJ, PLY or VTP."""
+"""Reading of surface files: STL, OBJ, PLY or VTP."""
 
 from __future__ import annotations
 

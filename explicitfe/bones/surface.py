@@ -1,4 +1,4 @@
-"""A closed surface of triangles, and what can be wrong with one."""
+"""Closed triangle surfaces, and their checks."""
 
 from __future__ import annotations
 

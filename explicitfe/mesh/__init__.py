@@ -1,1 +1,1 @@
-"""Meshes of 8-node hexahedra: what a mesh is, what makes one, and how good it is."""
+"""Meshes of 8-node hexahedra: data structure, generators, and quality."""

@@ -1,4 +1,4 @@
-"""Hex meshes of cylinders that a tool presses: a sector, or a quarter, half or whole.
+"""Hexahedral meshes of cylindrical specimens: a sector, a quarter, a half or the whole.
 
 The base lies at z = 0, the tool comes down the z axis. A plane section is made of quads and extruded. Round sections
 are butterfly grids: a rounded square of quads around the axis, a few layers that lead over to a circle, then rings.

@@ -1,4 +1,4 @@
-"""Muscle fibres as lines of material points, and where any position lies in a mesh."""
+"""Muscle fibres as polylines of material points, and location of positions in a mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The order in which nodes and elements are computed: neighbours in space become neighbours in memory."""
+"""Computing order of nodes and elements: neighbours in space become neighbours in memory."""
 
 from __future__ import annotations
 

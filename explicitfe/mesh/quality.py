@@ -1,4 +1,4 @@
-"""Whether a mesh can be computed on, and how good its elements are.
+"""Validity of a mesh, and quality of its elements.
 
 The Jacobian at a corner of a hex is the determinant of the three edges that leave it, in the order of the natural axes:
 the volume of the parallelepiped that they span. The scaled Jacobian is the same with the edges normalised: 1 for a

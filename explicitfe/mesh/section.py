@@ -1,4 +1,4 @@
-"""Plane sections of quads, and the specimens over them: mirrored across planes of symmetry, extruded from the base upwards."""
+"""Plane sections of quadrilaterals, and specimens extruded from them and mirrored across planes of symmetry."""
 
 from __future__ import annotations
 

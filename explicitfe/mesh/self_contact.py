@@ -1,4 +1,4 @@
-"""Whether a body passes through itself: nothing in the mechanics keeps two places of its surface apart."""
+"""Detection of self-penetration, which the mechanics does not prevent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the elements of a mesh are one body: parts, joints, nodes at one place, and elements in the same place.
+"""Connectivity of a mesh: parts, joints, coincident nodes, and overlapping elements.
 
 A mesh can be fit for computing (``quality.check``) and still not be the body that its maker meant: nodes that were not merged, a
 part that floats beside the others, lengths in another unit. Nothing here is an error of itself; who runs a mesh tells its user.

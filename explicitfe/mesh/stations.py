@@ -1,4 +1,4 @@
-"""Where a length is cut into cells: small ones in zones, growing away from them."""
+"""Division of a length into cells: small cells in zones, growing away from them."""
 
 from __future__ import annotations
 

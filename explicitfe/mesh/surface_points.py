@@ -1,4 +1,4 @@
-"""Points on the surface of a mesh, each with the area that it stands for: what springs, pressures and ties act on.
+"""Points on the surface of a mesh with their tributary areas, for springs, pressures and ties.
 
 Two by two Gauss points on every piece of a face: the held area is then that of the mesh's own surface, and a force per
 area on it is shared among the nodes as the shape functions ask.

@@ -1,4 +1,4 @@
-"""Triangles in space: how far a point is from one, and where a plane cuts them."""
+"""Triangles in space: distance of points, and intersection with a plane."""
 
 from __future__ import annotations
 

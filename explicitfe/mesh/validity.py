@@ -1,4 +1,4 @@
-"""Whether a trilinear hex is nowhere folded: a certificate, not a sample.
+"""Certificate that a trilinear hexahedron is nowhere inverted, instead of a check at sample points.
 
 The Jacobian determinant of a hex over its unit cube is a polynomial of degree two in each natural coordinate. In Bernstein's
 basis it has 27 coefficients and lies between the smallest and the largest of them; the eight at the corners are its values there.

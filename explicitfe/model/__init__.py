@@ -1,1 +1,1 @@
-"""What is to be computed: scenario text, checked, becomes a frozen model of physics. Nothing here is compiled."""
+"""Models: from a scenario, or Python objects, to a frozen description of the mechanics. Nothing here is compiled."""

@@ -1,4 +1,4 @@
-"""A mesh with its muscles and attachments, from a built-in model or from a model file: what a scenario picks from."""
+"""A mesh with its muscles and attachments, from a built-in model or a model file."""
 
 from __future__ import annotations
 

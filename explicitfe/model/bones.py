@@ -1,4 +1,4 @@
-"""From a scenario's tables to the bones of a model: what the body may rest on, and what holds it."""
+"""Bones of a model from the tables of a scenario: contact surfaces and attachments."""
 
 from __future__ import annotations
 

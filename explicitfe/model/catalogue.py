@@ -1,4 +1,4 @@
-"""The built-in models and materials: data folders, read here.
+"""The built-in models and materials, read from data folders.
 
 Laws and result files are imported where they are needed: whoever asks for the names of models waits for no compiler.
 """

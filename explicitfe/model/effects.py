@@ -1,4 +1,4 @@
-"""Which effects a body cannot have, as sentences."""
+"""Refusal of effects that a simulation or an element does not support."""
 
 from __future__ import annotations
 

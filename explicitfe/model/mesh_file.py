@@ -1,4 +1,4 @@
-"""A mesh file of any format that meshio knows."""
+"""Reading of mesh files in any format that meshio supports."""
 
 from __future__ import annotations
 

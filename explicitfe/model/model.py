@@ -61,14 +61,14 @@ class NodalLoad:
 
 @dataclass(frozen=True)
 class FibrePull:
-    """Tense fibres whose direction follows the deformation.
+    """Fibres under tension whose direction follows the deformation.
 
     Attributes
     ----------
-    name : the muscle.
-    points : one MaterialPoints per fibre, the vertices of its polyline.
-    tension_N : one (k - 1,) array per fibre, the tension of each segment at profile value 1.
-    profile : its course in time.
+    name : of the muscle.
+    points : the vertices of the polyline of each fibre.
+    tension_N : for each fibre (k - 1,), the tension of its segments at profile value 1, N.
+    profile : activation profile.
     """
 
     name: str
@@ -86,12 +86,12 @@ class FibreStress:
     Attributes
     ----------
     name : the muscle.
-    elements : (k,) the elements that it acts in, each once.
-    direction : (k, 3) a0 of each, unit vectors in the reference state.
-    stress_Pa : (k,) sigma of each at profile value 1.
-    profile : its course in time.
-    force_length : whether the stress falls off in a shortened fibre, phi = 1 - ((lambda - 1) / 0.5)^2 below 1; else phi = 1.
-    of_muscle : the muscle's own dynamics shape the course.
+    elements : (k,) elements in which it acts, each once.
+    direction : (k, 3) a0 of each element, unit vectors in the reference state.
+    stress_Pa : (k,) sigma of each element at profile value 1, Pa.
+    profile : activation profile.
+    force_length : whether the stress decreases in a shortened fibre, phi = 1 - ((lambda - 1) / 0.5)^2 below 1; else phi = 1.
+    of_muscle : whether effects of muscles, such as an activation lag, act on the profile.
     """
 
     name: str
@@ -127,15 +127,15 @@ class Inclusion:
 
 @dataclass(frozen=True)
 class Bone:
-    """A rigid surface that the body can rest on.
+    """A rigid surface that the body may touch.
 
     Attributes
     ----------
-    name : what a user calls it.
-    field : signed distance of the surface at rest.
+    name : of the bone, for messages and results.
+    field : signed distance to the surface at rest.
     surface : its triangles at rest, for pictures and measures.
-    motion : how it moves; not at all if left out.
-    friction : Coulomb's coefficient.
+    motion : rigid motion over time; fixed if left out.
+    friction : coefficient of Coulomb friction.
     """
 
     name: str
@@ -147,16 +147,16 @@ class Bone:
 
 @dataclass(frozen=True)
 class Attachment:
-    """A patch of the surface that springs tie to a bone, in proportion to its area: so it does not depend on the mesh.
+    """A patch of the surface that springs attach to a bone, in proportion to its area and so independently of the mesh.
 
     Attributes
     ----------
-    name : the bone.
+    name : of the bone.
     points : (k) material points on the surface.
-    areas_m2 : (k,) that each stands for.
-    stiffness_Pa_m : of the tie, a force per area and per length [Pa/m].
-    bone_stiffness_N_m : of the springs that hold the bone itself, which then moves without turning; inf: it is fixed.
-    motion : how the bone moves.
+    areas_m2 : (k,) their tributary areas, m^2.
+    stiffness_Pa_m : of the springs, force per area and length, Pa/m.
+    bone_stiffness_N_m : of the springs that support the bone, which then moves without rotation, N/m; inf: the bone is fixed.
+    motion : rigid motion of the bone over time.
     """
 
     name: str
@@ -169,12 +169,12 @@ class Attachment:
 
 @dataclass(frozen=True)
 class PrescribedMotion:
-    """Nodes that follow a given course in all three components.
+    """Nodes with a prescribed displacement in all three components.
 
     Attributes
     ----------
     nodes : (k,) node numbers.
-    displacement : function of times (t,) s that gives displacements (t, k, 3) m; zero at time 0.
+    displacement : function of times (t,), s, that returns displacements (t, k, 3), m; zero at time 0.
     """
 
     nodes: np.ndarray
@@ -183,25 +183,24 @@ class PrescribedMotion:
 
 @dataclass(frozen=True)
 class Tool:
-    """A rigid tool of revolution about the z axis that comes down on the body.
+    """A rigid tool of revolution about the z axis that moves down onto the body.
 
     Attributes
     ----------
     flat_radius_m : radius of its flat face; 0 for a ball, inf for a platen.
-    edge_radius_m : radius of the rounding that begins there.
-    wall : whether a vertical wall stands above the rounding; without, the rounding goes on as a ball.
+    edge_radius_m : radius of the rounding at the edge of the face.
+    wall : whether the tool has a vertical wall above the rounding; otherwise the rounding continues as a sphere.
     height_m : z of its lowest point at displacement 0.
-    friction : Coulomb's coefficient.
-    nodes, weights : (k, 4), (k, 4). Points of the surface that it may touch: the nodes of the face that each lies in, and their
-        shape functions there.
-    areas_m2 : (k,) that each point stands for.
-    facing_m2 : (k,) the same areas where the surface faces the tool and can stick to it, else 0.
-    face_size_m : size of the faces at its edge, where it presses hardest.
-    tied : whether the points are bonded to it.
-    tilt_rad : how far it leans about the y axis.
-    adhesion_Pa, reach_m : the stress with which it holds what touches it, falling to nothing within the reach.
-    compliance_m_N : how far the rig gives way under a force of 1 N.
-    preload_N : the force at which displacements begin to count.
+    friction : coefficient of Coulomb friction.
+    nodes, weights : (k, 4), (k, 4). Contact points of the surface: nodes of the face of each point, and their shape functions.
+    areas_m2 : (k,) tributary areas of the points.
+    facing_m2 : (k,) the same areas where the surface faces the tool and can adhere to it, else 0.
+    face_size_m : size of the faces at the edge of the tool, where the pressure is highest.
+    tied : whether the points are bonded to the tool.
+    tilt_rad : rotation about the y axis.
+    adhesion_Pa, reach_m : adhesive stress at contact, and the distance over which it decreases to zero.
+    compliance_m_N : compliance of the test rig.
+    preload_N : force at which the displacement is set to zero.
     """
 
     flat_radius_m: float
@@ -224,12 +223,12 @@ class Tool:
 
 @dataclass(frozen=True)
 class RotationalSymmetry:
-    """A sector of a body of revolution about the z axis: nodes on its far side move as their partners on the near one, turned.
+    """A sector of a body of revolution about the z axis: nodes of the far side move like their partners, rotated.
 
     Attributes
     ----------
     nodes, partners : (k,) node numbers.
-    angle_rad : of the sector.
+    angle_rad : angle of the sector.
     """
 
     nodes: np.ndarray

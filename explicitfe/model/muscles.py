@@ -1,4 +1,4 @@
-"""From a muscle and its force to what pulls on the mesh.
+"""Loads on the mesh from a muscle and its force.
 
 The force is shared equally over the fibres of the sides named. Along a fibre the tension T of its segments is
 

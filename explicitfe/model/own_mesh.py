@@ -1,4 +1,4 @@
-"""A mesh of one's own: any hex mesh that meshio reads, with a model file beside it that says what is what."""
+"""User-defined models: a hexahedral mesh that meshio reads, and a model file that describes it."""
 
 from __future__ import annotations
 

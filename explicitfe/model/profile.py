@@ -1,4 +1,4 @@
-"""How a load changes with time: piecewise linear, with jumps."""
+"""Activation profiles of loads: piecewise linear in time, with jumps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the tables of a specimen and its tool to the model of an indentation.
+"""The model of an indentation from the tables of a specimen and its tool.
 
 The mesh is fine where the tool's edge is and below it, and grows away from there. The surface is sampled at points of its faces
 for contact: Gauss points, and in a sector those of the line that turns into the surface.

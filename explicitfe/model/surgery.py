@@ -1,4 +1,4 @@
-"""What a surgeon does to a body: tissue is taken out, other tissue put in, and what lies beside it becomes a scar.
+"""Surgery on a model: resection, grafts, and scars next to them.
 
 Call::
 

@@ -1,4 +1,4 @@
-"""From a transient scenario to its model: names are looked up, muscles become loads."""
+"""The model of a transient scenario: names are resolved, muscles become loads."""
 
 from __future__ import annotations
 

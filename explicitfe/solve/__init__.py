@@ -1,1 +1,1 @@
-"""From a model to its answer: steps of central differences, equilibria, single points."""
+"""Solvers: central differences in time, static equilibria, single material points."""

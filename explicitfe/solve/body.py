@@ -1,4 +1,4 @@
-"""A body: elements, masses and kernels of a model, with the arrays they work on."""
+"""Elements, masses and kernels of a model, with their arrays."""
 
 from __future__ import annotations
 

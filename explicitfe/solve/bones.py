@@ -1,4 +1,4 @@
-"""The bones of a model as the arrays that kernels read: where they are, what may touch them, and what they hold."""
+"""The bones of a model as arrays for the kernels: positions, contact nodes and attachments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The points of a body's surface that a tool may touch, the springs that keep them out of it, and where the tool is."""
+"""Contact of a tool: the contact points of the surface, their penalty springs, and the position of the tool."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a simulation is observed with: the arrays of looks at the stable step, and those that samples are gathered in."""
+"""Arrays for stability checks, and memory for samples."""
 
 from __future__ import annotations
 

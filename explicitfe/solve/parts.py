@@ -1,4 +1,4 @@
-"""How the blocks of elements are shared between threads."""
+"""Distribution of the blocks of elements over threads."""
 
 from __future__ import annotations
 

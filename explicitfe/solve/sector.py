@@ -1,4 +1,4 @@
-"""A sector of a body of revolution: its far side moves as its near one, turned about the axis."""
+"""A sector of a body of revolution: the far side moves like the near side, rotated about the axis."""
 
 from __future__ import annotations
 

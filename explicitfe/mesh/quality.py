@@ -3,7 +3,7 @@
 The Jacobian at a corner of a hex is the determinant of the three edges that leave it, in the order of the natural axes:
 the volume of the parallelepiped that they span. The scaled Jacobian is the same with the edges normalised: 1 for a
 brick, 0 for a flat corner, negative for an inverted one (Knupp 2000, Int. J. Numer. Meth. Engng 48:1165-1185).
-A hex can be folded between its corners and at none of them: ``mesh/validity.py`` says whether it is.
+A hexahedron can be inverted between its corners only; ``mesh/validity.py`` certifies that it is not.
 """
 
 from __future__ import annotations

@@ -184,7 +184,7 @@ from explicitfe.effects.material.fourth_yeoh import FourthYeoh
 from explicitfe.effects.material.third_yeoh import ThirdYeoh
 from explicitfe.solve import point
 
-C10, C20, K = YEOH.constants()
+C10, C20, _, K = YEOH.constants()
 rng = np.random.default_rng(15)
 states = np.array([random_gradient(rng, 0.35) for _ in range(8)])
 wanted = np.array([derivative(F, series_energy(C10, C20, C30=50.0, C40=20.0), volume_energy(K)) for F in states])

@@ -50,7 +50,7 @@ from explicitfe.solve.simulation import Simulation
 
 pytestmark = pytest.mark.slow
 
-C10, C20, K = YEOH.constants()
+C10, C20, _, K = YEOH.constants()
 G = 2.0 * C10
 
 # One order, that of scenarios, and one number of terms everywhere: each further combination costs a compilation. ``only`` sets

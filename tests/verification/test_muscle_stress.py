@@ -292,7 +292,7 @@ def shortened(falls_off: bool, sigma: float, long_term: float) -> np.ndarray:
     The isochoric stress is ``long_term`` of the elastic one. With J = l t^2, I = J^(-2/3) (l^2 + 2 t^2), w = C10 + 2 C20 (I - 3)
     and p = K/2 (J - 1/J): P_along = 2 w J^(-2/3) (l - (l^2 + 2 t^2) / (3 l)) + p t^2 + sigma phi, and across likewise.
     """
-    C10, C20, K = YEOH.constants()
+    C10, C20, _, K = YEOH.constants()
 
     def residual(x):
         along, across = x

@@ -29,7 +29,7 @@ from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
 
 AT = MEMORY = 0
-C10, C20, K = YEOH.constants()
+C10, C20, _, K = YEOH.constants()
 TOLERANCE = 1e-12  # some 100 roundings of the largest stress, K |J - 1|
 
 

@@ -236,7 +236,7 @@ def test_a_mesh_with_a_fold_between_sound_corners_is_refused():
     with pytest.raises(InputError) as caught:
         check(HexMesh(corners, np.arange(16).reshape(2, 8)), "mesh.vtu")
     message = str(caught.value)
-    assert message.startswith("mesh.vtu: element 1 is folded between its corners") and message.endswith("move its nodes.")
+    assert message.startswith("mesh.vtu: element 1 is inverted between its corners") and message.endswith("move its nodes.")
     check(HexMesh(corners[:8], ONE), "mesh.vtu")
 
 

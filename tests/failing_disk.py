@@ -82,9 +82,10 @@ def run_on(full: FullDisk, folder: Path, *, room_at_the_end: bool = False, expec
     done, kept = 0, 0
     with pytest.MonkeyPatch.context() as patch:
         full.install(patch)
-        ended, sentence = "finished", ""
+        ended, sentence, begun = "finished", "", False
         try:
             with start(path, expected_samples=expected) as run:
+                begun = True
                 try:
                     for done in range(SAMPLES):
                         add(run, done)
@@ -94,10 +95,8 @@ def run_on(full: FullDisk, folder: Path, *, room_at_the_end: bool = False, expec
                         raise
                     full.left = None
                 run.finish(FINISHED if not sentence else "failed", sentence, {})
-        except InputError as error:
-            ended, sentence = "refused", str(error)
-        except RunError as error:
-            ended, sentence = "stopped", str(error)
+        except (InputError, RunError) as error:
+            ended, sentence = "stopped" if begun and isinstance(error, RunError) else "refused", str(error)
     assert "\n" not in sentence
     if ended == "refused":
         assert [*folder.iterdir()] == [], f"{ended}: {sentence}"

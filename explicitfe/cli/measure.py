@@ -27,12 +27,13 @@ def measure(
     with following(console, f"measuring {', '.join(map(str, results))}"):
         from explicitfe.measure.measure import measure as measures_of_file
         from explicitfe.results import open_result
+        from explicitfe.results.ending import note_on_ending
         from explicitfe.view.terminal.measures import measures_table
 
         measured, notes = [], []
         for path in results:
             measured.append(measures_of_file(path, None if at_ms is None else 1e-3 * at_ms, formants))
             with open_result(path) as result:
-                notes += [result.note_on_ending] if result.note_on_ending else []
+                notes += [note] if (note := note_on_ending(result)) else []
     document = {"results": [measures.document for measures in measured]}
     print_answer(document, as_json, lambda: measures_table(measured), notes)

@@ -115,17 +115,6 @@ class Result(Recorded):
         return self._ending[0]
 
     @property
-    def note_on_ending(self) -> str:
-        """A sentence that the run was interrupted or killed, has failed or is in progress; empty if it is finished."""
-        if self.status == layout.FINISHED:
-            return ""
-        if self.status == layout.RUNNING:
-            reached = f"{1e3 * self.times[-1]:.6g} ms" if len(self.times) else "its first sample"
-            state = "is in progress, and has reached" if self.live else "was killed after"
-            return f"{self.path} is not finished: its run {state} {reached}."
-        return f"{self.path} is not finished: {self.message or self.status}"
-
-    @property
     def summary(self) -> Mapping[str, Any]:
         """Summary of the run, with the keys of ``explicitfe run --json``; empty until it ends."""
         return self._ending[1]

@@ -195,10 +195,10 @@ class StoredFile:
                 raise KeyError(name)
             if group.id.links.get_info(last.encode()).type != h5py.h5l.TYPE_HARD:
                 raise self.damaged(f"{name} is a link to another place, which a result never has")
-            found = group[last]
-            if isinstance(found, h5py.Dataset) and (found.external or found.is_virtual):
+            member = group[last]
+            if isinstance(member, h5py.Dataset) and (member.external or member.is_virtual):
                 raise self.damaged(f"the numbers of {name} are in another file, which a result never has")
-            self._objects[name] = found
+            self._objects[name] = member
         return self._objects[name]
 
     @contextmanager

@@ -16,6 +16,7 @@ from explicitfe.cli.completion import complete_result, complete_unfinished_resul
 from explicitfe.errors import InputError
 from explicitfe.host.result_files import find_result
 from explicitfe.results import open_result
+from explicitfe.results.ending import note_on_ending
 
 SMALL = ["--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=4", "--set", "record.every_ms=2"]
 READERS = (["inspect"], ["measure"], ["report"], ["view", "--png"], ["plot", "--only", "contour"], ["export", "--to", "csv"])
@@ -81,9 +82,9 @@ def test_an_interrupted_result_never_looks_finished(outputs: Path, capsys: pytes
     """It keeps its running name, and its ending is a sentence."""
     assert sorted(path.name for path in outputs.iterdir()) == ["a.vtkhdf", "b.running.vtkhdf"]
     with open_result("outputs/b.running.vtkhdf") as result:
-        assert "not finished: interrupted by Ctrl-C at 0.000 ms of 9 ms" in result.note_on_ending
+        assert "not finished: interrupted by Ctrl-C at 0.000 ms of 9 ms" in note_on_ending(result)
     with open_result("outputs/a.vtkhdf") as result:
-        assert result.note_on_ending == ""
+        assert note_on_ending(result) == ""
 
 
 def test_a_muscle_that_is_not_listed_is_added(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,9 +31,9 @@ def test_a_disk_that_is_full_from_some_write_on(tmp_path, torn, room_at_the_end)
         ended.add(attempt.ended)
         assert attempt.sentence or attempt.kept == SAMPLES
         if attempt.ended == "refused":
-            assert attempt.sentence.endswith("choose another --out folder")
+            assert attempt.sentence.endswith("free disk space or use another disk.")
         elif attempt.sentence:
-            assert "free space" in attempt.sentence or "cannot be renamed" in attempt.sentence
+            assert "free disk space" in attempt.sentence or "cannot rename" in attempt.sentence
     assert ended >= {"refused", "finished"}
 
 
@@ -44,13 +44,13 @@ import resource, sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from pathlib import Path
 from tiny_result import add, start
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import RunError
 from explicitfe.results import FAILED
 resource.setrlimit(resource.RLIMIT_FSIZE, (900_000, 900_000))
 folder = Path({str(tmp_path)!r})
 try:
     start(folder / "large.vtkhdf", expected_samples=10_000)
-except InputError as error:
+except RunError as error:
     print(error)
 run = start(folder / "a.vtkhdf")
 step = 0
@@ -64,8 +64,8 @@ run.finish(FAILED, "disk full", {{}})
 print(step)
 """
     at_start, later, samples = python(code).stdout.splitlines()
-    assert at_start.startswith(f"cannot write results in {tmp_path} (File too large)")
-    assert f"its {samples} samples so far stay readable" in later
+    assert at_start.startswith(f"cannot write results to {tmp_path} (File too large)")
+    assert f"The {samples} samples stored so far are readable" in later
     assert [*tmp_path.iterdir()] == [tmp_path / "a.vtkhdf"]
     with open_result(tmp_path / "a.vtkhdf") as result:
         assert result.status == "failed"
@@ -88,7 +88,10 @@ def small_disk(tmp_path: Path):
 def test_a_small_file_system_fills_up(small_disk):
     path, filler = small_disk / "a.vtkhdf", small_disk / "filler"
     done = 0
-    with pytest.raises(MachineError, match=r"No space left.*free space, then go on with explicitfe resume"), start(path) as run:
+    with (
+        pytest.raises(MachineError, match=r"No space left.*free disk space, then resume the run with"),
+        start(path) as run,
+    ):
         for done in range(10_000):
             add(run, done)
     running = small_disk / "a.running.vtkhdf"

@@ -104,7 +104,7 @@ def test_the_file_is_readable_after_every_single_write(tmp_path, monkeypatch, ex
                 run.finish(stop, "", {"steps": 3})
             else:
                 run.close()
-            run = ResultWriter.reopen(tmp_path / ("a.vtkhdf" if stop == "interrupted" else "a.running.vtkhdf"))
+            run = ResultWriter.reopen(tmp_path / "a.running.vtkhdf")
             done += [step] * (len(recorder) - len(done))
         add(run, step)
         done += [step] * (len(recorder) - len(done))

@@ -10,6 +10,7 @@ from explicitfe.close_loop.search import Outcome, Round, conclude
 from explicitfe.close_loop.statistics.system import System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
+from explicitfe.results.loop_report import Remainder
 
 NONE: Causes = frozenset()
 # A form of a mechanism that the search named stands for all its forms unless another one is more probable by this factor.
@@ -75,7 +76,7 @@ def follow_posterior(outcome: Outcome, posterior: Posterior, conclude_with: Conc
         return replace(outcome, verdict="ambiguous", nearest=())
     rivals = tuple(name for name in (*outcome.effects, *outcome.nearest) if name not in top)
     rounds = [_with_choice(rounds[0], top, posterior), *rounds[1:-1], replace(rounds[-1], ambiguous_with=rivals)]
-    remainder = "at-floor" if rounds[-1].at_floor else "unexplained"
+    remainder: Remainder = "at-floor" if rounds[-1].at_floor else "unexplained"
     return Outcome("ambiguous", remainder, rounds, rounds[-1].fit.model.effects)
 
 

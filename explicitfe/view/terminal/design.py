@@ -23,7 +23,7 @@ def design_tables(planned: PlannedTest) -> Group:
     hidden = [row for row in planned.effects if not row.shows]
     tables: list[RenderableType] = [_shown(planned.protocol, shown), _apart(shown)] if shown else []
     if hidden:
-        table = pairs("not detectable at any plausible strength" if shown else planned.protocol)
+        table = pairs("not detectable with this test" if shown else planned.protocol)
         for row in hidden:
             table.add_row(escape(row.effect), escape(row.reason))
         tables.append(table)

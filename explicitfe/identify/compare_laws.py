@@ -1,7 +1,7 @@
 """Comparison of material laws: information criteria, held-out error, stability, and the model-form error of a fitted law.
 
 AICc (Hurvich & Tsai 1989) and BIC (Schwarz 1978) are computed for normal errors of unknown variance, which is at least the stated
-noise. Rows with correlated errors count as fewer: the number is that of the law with the smallest residual.
+noise. Rows with correlated errors count as fewer: the number is that of the law with the smallest residual, and at least 30.
 
 The model-form error of the initial shear modulus has two parts. The first is the spread between laws: the interval holds 95 % of
 the model-averaged distribution, a sum of the normal distributions of all laws weighted by AICc (Burnham & Anderson 2002,
@@ -32,6 +32,8 @@ SIGNIFICANT_SDS = 2.576  # a probability of 1 %
 NORMAL_QUANTILE = float(norm.ppf(0.5 + 0.5 * CONFIDENCE_LEVEL))
 # Differences of the shear modulus below this share are numerical.
 NEGLIGIBLE_SHARE = 1e-3
+# A smooth misfit of the best law also counts as correlation: fewer effective rows than these are not used in the criteria.
+LEAST_EFFECTIVE_ROWS = 30
 SMALLEST_MEAN_SQUARE = 1e-18  # of the residual over the largest value, where the noise is unknown
 
 
@@ -93,7 +95,7 @@ def compared(fits: Sequence[LawFit]) -> list[LawFit]:
     if not done:
         return list(fits)
     best = min(done, key=lambda fit: fit.mean_square)
-    rows = best.widening.effective
+    rows = min(max(best.widening.effective, LEAST_EFFECTIVE_ROWS), best.count)
     criteria = []
     for row in fits:
         if row.fit is None:

@@ -26,7 +26,7 @@ from explicitfe.errors import InputError
 from explicitfe.forces.response import layout_of
 from explicitfe.solve import point
 
-C10, C20, _ = YEOH.constants()
+C10, C20, *_ = YEOH.constants()
 
 
 def sheared(effects: tuple[Effect, ...], time_s: np.ndarray, amount: np.ndarray) -> np.ndarray:

@@ -253,7 +253,7 @@ def test_selection(tmp_path):
         (["sample"], "write KEY=VALUE"),
         (["sampel=A"], 'no curve has the condition "sampel"; did you mean "sample"'),
         (["sample=Q"], 'no curve has sample = "Q"'),
-        (["sample=B"], 'no curve is left to fit the constants "all"'),
+        (["sample=B"], 'no curve remains to fit the constants "all"'),
     ],
 )
 def test_selection_that_cannot_be(tmp_path, fit_where, sentence):

@@ -15,7 +15,9 @@ LARGEST_LENGTH_M = 10.0  # as for lengths in scenarios
 FARTHEST_POINT_M = 100.0  # from the origin, along each axis
 
 
-def number_array(name: str, values: object, shape: tuple[int | str, ...], *, largest: float = np.inf) -> np.ndarray:
+def number_array(
+    name: str, values: object, shape: tuple[int | str, ...], *, largest: float = np.inf, rows: str = ""
+) -> np.ndarray:
     """A read-only float64 copy of finite numbers.
 
     Parameters
@@ -24,6 +26,7 @@ def number_array(name: str, values: object, shape: tuple[int | str, ...], *, lar
     values : what the caller gave: an array, or nested sequences.
     shape : the length of each axis; a letter stands for any length.
     largest : the largest magnitude that is accepted.
+    rows : what a row is, such as "node", for the message.
 
     Raises
     ------
@@ -42,7 +45,8 @@ def number_array(name: str, values: object, shape: tuple[int | str, ...], *, lar
             copy = _locked(np.array(array, dtype=np.float64, order="C"))
     if not np.isfinite(copy).all():
         place = np.argwhere(~np.isfinite(copy))[0].tolist()
-        raise InputError(f"{name}{place} is not finite: {copy[tuple(place)]}.")
+        where = f"{name}: {rows} {place[0]}" if rows else f"{name}{place}"
+        raise InputError(f"{where} is not finite: {copy[place[0]].tolist()}.")
     if np.abs(copy).max(initial=0.0) > largest:
         place = np.argwhere(np.abs(copy) > largest)[0].tolist()
         raise InputError(f"{name}{place} = {copy[tuple(place)]:g} is out of range: the largest magnitude is {largest:g}.")

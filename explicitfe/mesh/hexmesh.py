@@ -66,7 +66,7 @@ class HexMesh:
     named_points: dict[str, MaterialPoints] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        points = number_array("HexMesh: points", self.points, ("n", 3), largest=FARTHEST_POINT_M)
+        points = number_array("HexMesh: points", self.points, ("n", 3), largest=FARTHEST_POINT_M, rows="node")
         object.__setattr__(self, "points", points)
         hexes = index_array(_HEXES, self.hexes, None, "node", columns=8)
         _check_elements(hexes, len(points))

@@ -263,7 +263,7 @@ def test_what_is_not_there_is_answered_with_what_is(tmp_path):
             result.probe("tipp")
         with pytest.raises(InputError, match="no step 3; its steps are 0 to 2"):
             result.displacement(3)
-        with pytest.raises(InputError, match=r"no time 0\.1 s; it has 0\.0 s to 0\.002 s"):
+        with pytest.raises(InputError, match=r"no time 0\.1 s; its times are 0 s to 0\.002 s"):
             result.mesh_at(time_s=0.1)
 
 

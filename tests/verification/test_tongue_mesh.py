@@ -132,7 +132,7 @@ def _spoil(what: str) -> HexMesh:
 @pytest.mark.parametrize(
     ("what", "words"),
     [
-        ("not finite", ["points[5, 1]", "not finite"]),
+        ("not finite", ["node 5", "not finite"]),
         ("out of range", ["corner 6", "element 1", "node 12", "0 to 11"]),
         ("negative number", ["corner 6", "element 1", "node -1", "0 to 11"]),
         ("repeated node", ["element 1", "node 7", "corners 6 and 7"]),

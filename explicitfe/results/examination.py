@@ -1,4 +1,4 @@
-"""What ``explicitfe doctor`` says of an installation and its machine."""
+"""The answer of ``explicitfe doctor`` on an installation and its machine."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Literal
 from typing_extensions import TypedDict
 
 State = Literal["good", "attention", "absent"]
-"""Absent is what only some commands need; attention is what will be noticed."""
+"""Absent: needed by some commands only; attention: limits some runs."""
 
 
 class Finding(TypedDict):
-    """One thing that was looked at: its state, what it is, and what to do, empty where there is nothing to do."""
+    """One check: its state, its value, and advice, which may be empty."""
 
     name: str
     state: State
@@ -20,7 +20,7 @@ class Finding(TypedDict):
 
 
 class Examination(TypedDict):
-    """All that was looked at, and how many things ask for attention."""
+    """All checks, and the number of those that need attention."""
 
     findings: list[Finding]
     attention: int

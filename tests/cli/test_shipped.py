@@ -55,7 +55,7 @@ def test_a_file_of_the_user_comes_first(tmp_path: Path, monkeypatch: pytest.Monk
         (["identify", "ecoflex"], 'did you mean "ecoflex-compression"?'),
         (["design-test", "gerard-2006"], 'no protocol of that name comes with the program; did you mean "gerard-2005"?'),
         (["schema", "datasets"], 'there is no schema of "datasets"; did you mean "dataset"?'),
-        (["schema", "dataset", "--answer", "run"], "not both"),
+        (["schema", "dataset", "--answer", "run"], "cannot be combined"),
     ],
 )
 def test_a_name_that_is_none(

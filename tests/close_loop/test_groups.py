@@ -89,4 +89,4 @@ def test_the_loop_fits_each_spot_and_gives_mean_and_spread(tmp_path):
 
 def test_two_tests_cannot_check_each_other(tmp_path):
     dataset(tmp_path, {"a": 1.0}, THREE_TESTS[:2])
-    assert any("nothing could be cross-validated" in note for note in close_loop(tmp_path, processes=1).warnings)
+    assert any("too few for cross-validation" in note for note in close_loop(tmp_path, processes=1).warnings)

@@ -13,6 +13,7 @@ from typing import Any
 from explicitfe.errors import InputError, MachineError, nearest, shortened
 from explicitfe.host.files import WITHOUT_ROOM, reason
 from explicitfe.host.text import text_of
+from explicitfe.model.tongue import assemble
 from explicitfe.results.folder import whole_file
 from explicitfe.results.provenance import version_of
 from explicitfe.run.inputs import sums_of
@@ -120,6 +121,8 @@ def define(
     for number in range(min(len(members), READ_BEFORE_THE_FIRST)):
         try:
             scenario, _ = scenario_in(text, path, (*settings, *members.settings(number)))
+            if isinstance(scenario, TransientScenario):
+                assemble(scenario, path.parent)  # refuses unknown muscles and materials
         except InputError as error:
             refusals.append(error)
             continue

@@ -198,8 +198,7 @@ class Cluster(Engine):
         """Number of threads of its workers at present."""
         if not self._counted or time.monotonic() > self._counted_at + BETWEEN_COUNTS_S:
             with suppress(OSError, RuntimeError):  # the futures report a failure of the scheduler
-                counts = self._client.sync(self._client.scheduler.ncores, workers=None, callback_timeout=COUNT_WITHIN_S)
-                self._counted = sum(counts.values())
+                self._counted = sum(self._client.nthreads(callback_timeout=COUNT_WITHIN_S).values())
             self._counted_at = time.monotonic()
         return self._counted
 

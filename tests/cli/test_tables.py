@@ -59,3 +59,19 @@ def test_times_of_a_busy_machine_are_not_taken_for_its_speed(
     assert command(["bench"]) == 0
     assert ("the machine was busy: load average 100.0" in capsys.readouterr().err) == told
     assert load.is_busy(processes) == told
+
+
+@pytest.mark.parametrize("what", ["effects", "scenarios", "muscles", "materials", "datasets"])
+def test_a_list_can_be_read_in_80_columns(what: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """At most a few lines per entry, and no word is split: `list effects` had seven lines of twelve letters each."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert command(["list", what, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)[what]
+    assert command(["list", what]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 8 * len(rows) + 6
+    shown = {word for line in lines for word in line.replace("\u2502", " ").split()}
+    names = [next(iter(row.values())) for row in rows]
+    words = {word for row in rows for key in ("title", "needs") for word in str(row.get(key, "")).split() if word.isalpha()}
+    assert words | set(names) <= shown

@@ -29,6 +29,7 @@ from explicitfe.sweep.rows import Member, Task, counted_causes, flat, row_of, wr
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
 SMALL = ["model.cells=[8,4,4]", "analysis.duration_ms=4"]
+TETRAHEDRON = "v 0 0 90\nv 9 0 90\nv 0 9 90\nv 0 0 99\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 FORCES = ["muscle.GGp.force_N=0:4:5"]
 # A step of force at the ends of fibres folds elements if it is as large as this; the other force no scenario can have.
 STEP = [f"muscle.GGp.{key}" for key in ("profile=step", "rise_ms=0", "distribution=ends")]
@@ -206,7 +207,7 @@ def test_a_disk_that_is_full_loses_nothing(whole, executor, tmp_path, monkeypatc
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--vary", "muscle.XX.force_N=1,2"], 'muscle has no entry "XX"'),
+        (["--vary", "muscle.XX.force_N=1,2"], 'unknown muscle "XX"'),
         (["--vary", "analysis.duratoin_ms=1,2"], "duratoin_ms"),
         (["--vary", "muscle.GGp.force_N=4:1:3"], "the range is empty"),
         (["--table", "nowhere.csv"], "nowhere.csv"),
@@ -290,7 +291,7 @@ def test_the_later_row_counts_whatever_its_journal_is_called(tmp_path):
 
 def test_files_that_only_later_members_name_belong_to_the_sweep(tmp_path):
     for name in ("a", "b"):
-        shutil.copy(ROOT / "models/tongue/materials.toml", tmp_path / f"{name}.obj")
+        (tmp_path / f"{name}.obj").write_text(TETRAHEDRON)
     scenario = tmp_path / "s.toml"
     scenario.write_text(SCENARIO.read_text().replace('name = "palate"', 'name = "roof"\nlength_unit = "mm"\nfile = "a.obj"'))
     sums = define(scenario, (), from_levels("bone.roof.file", "a.obj", "b.obj"), design="grid", measures=("points",)).file_sums

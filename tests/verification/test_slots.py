@@ -28,6 +28,8 @@ from explicitfe.forces.response import SLOTS, layout_of
 from explicitfe.solve import point
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 AT = MEMORY = 0
 C10, C20, _, K = YEOH.constants()
 TOLERANCE = 1e-12  # some 100 roundings of the largest stress, K |J - 1|

@@ -121,6 +121,9 @@ def test_the_page_has_the_command_as_it_is_typed(stop: Path, page: str, tmp_path
     assert str(ROOT) not in page.split("<h2>Commands and scenario")[1].split("<details>")[0].split("inspect")[0]
     text = STOP.read_text(encoding="utf-8")
     assert scenario_words(Path("/elsewhere/scenarios/alveolar-t.toml"), f"# --set x=1\n{text}") == "alveolar-t"
+    reworded = text.replace('expect = """', 'expect = """In other words: ')
+    assert reworded != text and scenario_words(Path("/elsewhere/alveolar-t.toml"), reworded) == "alveolar-t"
+    assert scenario_words(STOP, "title = 'of an earlier version'\n") == "alveolar-t"
     assert scenario_words(tmp_path / "alveolar-t.toml", "title = 'my own'\n") == str(tmp_path / "alveolar-t.toml")
     monkeypatch.chdir(tmp_path)
     assert scenario_words(tmp_path / "mine.toml", text) == "mine.toml"

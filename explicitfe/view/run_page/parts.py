@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shlex
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import dropwhile, takewhile
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from explicitfe.results import Result
 from explicitfe.results.differing_keys import differing_keys, table_in_words
 from explicitfe.results.run_summary import kind_of
 from explicitfe.results.units_of_keys import words_and_unit
-from explicitfe.view.heading import title_of
+from explicitfe.view.heading import NOT_PHYSICS, title_of
 from explicitfe.view.muscles import muscles_of, pull_in_words
 from explicitfe.view.page.chart import Chart
 from explicitfe.view.report.tables import PageTable, table
@@ -223,13 +224,17 @@ def scenario_words(file: Path, text: str) -> str:
     text : the text of that scenario, which may begin with the settings of the run.
     """
     own = shipped.scenarios().get(file.stem)
-    if own is not None and own.read_text(encoding="utf-8").strip() == _without_settings(text).strip():
+    if own is not None and (file == own or _without_words(own.read_text(encoding="utf-8")) == _without_words(text)):
         return file.stem
     return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
 
 
-def _without_settings(text: str) -> str:
-    return "".join(dropwhile(lambda line: line.startswith(SETTING), text.splitlines(keepends=True)))
+def _without_words(text: str) -> dict[str, Any] | None:
+    """The keys of a scenario that a run depends on; None for a text that cannot be read."""
+    try:
+        return {key: value for key, value in tomllib.loads(text).items() if key not in NOT_PHYSICS}
+    except tomllib.TOMLDecodeError:
+        return None
 
 
 def _settings(result: Result) -> list[str]:

@@ -17,7 +17,7 @@ from support import ROOT
 
 from explicitfe.errors import InputError, MachineError
 from explicitfe.host import memory, stopping
-from explicitfe.model import size
+from explicitfe.mesh import size
 from explicitfe.run import outlook
 from explicitfe.run.prepare import prepare
 from explicitfe.run.run import run
@@ -290,7 +290,7 @@ def test_meshes_that_no_machine_holds_are_refused_before_they_are_built(scenario
 def test_memory_and_disk_are_asked_for_before_they_are_needed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(size, "available_bytes", lambda: 1e6)
     sentence = refusal(VOWEL, prepare, ["model.cells=[20, 10, 10]"])
-    assert sentence and "2e+03 elements, which need 10 MB of memory, and 1 MB are free here; take fewer cells" in sentence
+    assert sentence and "2e+03 elements and need 10 MB of memory, but only 1 MB are free; use fewer cells" in sentence
     monkeypatch.undo()
     monkeypatch.setattr(outlook.shutil, "disk_usage", lambda folder: SimpleNamespace(free=1e3))
     for scenario, settings in [(VOWEL, ["model.cells=[8, 4, 4]"]), (BALL, [])]:

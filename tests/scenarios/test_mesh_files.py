@@ -133,7 +133,7 @@ def test_nodes_are_chosen_by_arrays_of_one_number_a_node(tmp_path: Path) -> None
     for name, words in [("wall", None), ("pairs", 'did you mean "'), ("x" * 150, "(150 characters)")]:
         model.write_text(f'mesh = "block.vtu"\nlength_unit = "m"\n[node_sets]\na = {{ point_data = "{name}", value = 3.0 }}\n')
         sentence = refusal(read_model_file, model)
-        assert sentence is None if words is None else (sentence and "of one number a node" in sentence), sentence
+        assert sentence is None if words is None else (sentence and "with one number per node" in sentence), sentence
         if words is None:
             assert read_model_file(model).mesh.node_sets["a"].tolist() == [3]
 

@@ -353,7 +353,7 @@ def test_fibres_outside_the_mesh():
     # 1.6 widths outside still count: there a twentieth of a Gaussian is inside.
     assert np.trace(whole(mesh, stress)) == pytest.approx(0.050 + 1.645 * WIDTH_M, abs=1e-3)
     for mm, share in ((70.0, "56 %"), (500.0, "100 %")):
-        with pytest.raises(InputError, match=rf"^{share} of muscle STRAY lies outside the mesh: check the units") as caught:
+        with pytest.raises(InputError, match=rf"^{share} of muscle STRAY lies outside the mesh; check unit") as caught:
             fibre_stress(mesh, shifted(mm), 1.0, "both", ON)
         assert str(caught.value).count(". ") == 0
 

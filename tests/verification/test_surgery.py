@@ -209,7 +209,7 @@ def test_points_and_ties_go_with_their_tissue():
     whole = assemble(read_scenario(VOWEL, COARSE)[0], VOWEL.parent).model
     for before, after in zip(whole.attachments, half.attachments, strict=True):
         assert after.areas_m2.sum() == pytest.approx(0.5 * before.areas_m2.sum(), rel=1e-12)
-    assert sum("are left" in note for note in report["notes"]) == 2
+    assert sum(" of the attachment " in note for note in report["notes"]) == 2
 
     settings = [*COARSE, "resection=[{plane={point_mm=[64, 0, 0], normal=[-1, 0, 0]}}]"]
     model, _, report = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)

@@ -182,4 +182,4 @@ def _added_muscle(listed: list[object], name: str) -> dict[str, object]:
 
 
 def _is_number(key: str) -> bool:
-    return key.removeprefix("-").isdecimal()
+    return key.removeprefix("-").isdigit()

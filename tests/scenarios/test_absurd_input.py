@@ -162,11 +162,11 @@ def numbers_of(part: object) -> Iterator[dict]:
 
 LONG = "x" * 6000
 SETTINGS = {
-    "nested lists": ("title=" + "[" * 1000 + "]" * 1000, "too deep"),
-    "nested tables": ("title=" + "{a=" * 1000 + "1" + "}" * 1000, "too deep"),
+    "nested lists": ("title=" + "[" * 1000 + "]" * 1000, "too many nested"),
+    "nested tables": ("title=" + "{a=" * 1000 + "1" + "}" * 1000, "too many nested"),
     "levels that can be read": ("title=" + "[" * 60 + "]" * 60, "levels deep"),
-    "many keys": (".".join("a" * 1000) + "=1", "too long"),
-    "a value of 1e5 characters": ("title=" + "y" * 100_000, "too long"),
+    "many keys": (".".join("a" * 1000) + "=1", "is longer than"),
+    "a value of 1e5 characters": ("title=" + "y" * 100_000, "is longer than"),
     "a long unknown key": (f"model.{LONG}=1", "too long"),
     "a long unknown table": (f"{LONG}=1", "too long"),
     "a long name": (f"muscle.{LONG}.force_N=1", "too long"),
@@ -179,14 +179,14 @@ SETTINGS = {
     "a control character in a key": ("title\x07=1", "title"),
     "a date": ("title=1979-05-27", "in quotes"),
     "a time": ("title=07:32:00", "in quotes"),
-    "digits of other alphabets": ("muscle.².force_N=1", '"²"'),
-    "a negative entry": ("muscle.-1.force_N=1", '"-1"'),
+    "digits of other alphabets": ("muscle.².force_N=1", "no entry ²"),
+    "a negative entry": ("muscle.-1.force_N=1", "no entry -1"),
     "an entry far behind": ("muscle.99999999999999999999.force_N=1", "no entry"),
     "a number of 5000 digits": ("analysis.threads=" + "9" * 5000, "cannot be read"),
     "more than 64 bits": ("analysis.threads=" + "9" * 30, "64 bits"),
     "cells of 400 digits": ("model.cells=[" + "9" * 400 + ",4,4]", "64 bits"),
     "two lines": ("title='a'\nquestion='b'", "more than one line"),
-    "a key of a value": ("title.a=1", "title is a value"),
+    "a key of a value": ("title.a=1", "title is a single value"),
     "a name of 150 characters": (f"muscle.{LONG[:150]}.force_N=1", "(150 characters)"),
     "the wrong law": ("model.material={law=[1]}", "law"),
     "text for a table": ("model=1", "must be a table"),
@@ -209,7 +209,7 @@ def test_absurd_settings(setting: str, words: str) -> None:
 FILES = {
     "nested lists": (b"title = " + b"[" * 1000 + b"]" * 1000, "more than"),
     "a long key": (b"a" * 6000 + b" = 1", "a" * 60 + "..."),
-    "a list of nothing": (b"title = 1\nmuscle = [" + b"0.0, " * 5000 + b"]", "more after this one"),
+    "a list of nothing": (b"title = 1\nmuscle = [" + b"0.0, " * 5000 + b"]", "more errors"),
     "empty": (b"", '"title" is missing'),
     "UTF-16": ('title = "a"'.encode("utf-16"), "UTF-8"),
     "half a character": (b'title = "\xe4"', "UTF-8"),
@@ -263,7 +263,7 @@ def test_settings_of_several_lines_stay_comments_in_the_stored_text() -> None:
 def test_the_number_of_problems_is_right(tmp_path: Path) -> None:
     path = tmp_path / "two.toml"
     path.write_text('title = 1\nquestion = 2\n[model]\nname = "tongue"\n[analysis]\nduration_ms = 1.0\n')
-    assert "(1 more after this one)" in (refusal(path) or "")
+    assert "(1 more error)" in (refusal(path) or "")
 
 
 # ---- sizes ----

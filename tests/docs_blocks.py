@@ -37,7 +37,7 @@ _NOT_RUN = re.compile(r"<!-- not run: ([^\n]+) -->\s*$")
 ALLOWED_REASONS = ("installation", "cluster")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _BOX_DRAWING = re.compile(r"[\u2500-\u257f]")
-_FILE = re.compile(r"`([\w.-]+\.(?:toml|py|csv|m))`[^`\n]*:\s*$")
+_FILE = re.compile(r"`([\w.-]+\.(?:toml|py|csv|m|sh))`[^`\n]*:\s*$")
 _VOWEL = re.compile(r"explicitfe run vowel-i( --set \S+)*( --out outputs)?")
 _SHELL = re.compile(r"[|&;<>$`()]")
 # Environment in which blocks are run: pictures need no screen.
@@ -186,9 +186,9 @@ def _unquoted(line: str) -> str:
 
 
 def write_programs(folder: Path) -> Path:
-    """Write the programs ``explicitfe`` and ``python`` of this installation into a folder for the ``PATH`` of a shell."""
+    """Write the programs of this installation that pages call into a folder for the ``PATH`` of a shell."""
     folder.mkdir()
-    for name, words in (("explicitfe", "-m explicitfe"), ("python", "")):
+    for name, words in (("explicitfe", "-m explicitfe"), ("python", ""), ("dask", "-m dask")):
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n', encoding="utf-8")
         program.chmod(0o755)

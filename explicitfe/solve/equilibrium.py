@@ -112,6 +112,7 @@ class Relaxation(LoadedBody):
         self.parts = parts_of(self.state, self.blocks, count)
         self._sums = zeros((len(self.parts), SUMS))
         self._largest_load = self._largest_work = self._deepest = 0.0
+        self._height_m = float(np.ptp(self.model.mesh.points[:, 2]))
         self._known: list[_Station] = []
         self._commit(0.0)
 
@@ -342,6 +343,8 @@ class Relaxation(LoadedBody):
             failure = self._settle_down(progress, slowly)
             if failure is None and not self.contact.presses(self.state.u):
                 return "not-converged"
+            if failure is None and self.contact.depth_m - self.touch_m >= self._height_m:
+                failure = "inverted"  # less than nothing is between the tool and the base: forces may balance, the body cannot exist
             if failure != "inverted":
                 return failure
             if extrapolated:

@@ -61,7 +61,8 @@ def follow_posterior(outcome: Outcome, posterior: Posterior, conclude_with: Conc
     top = max((c for c in {*posterior.closed, *posterior.open} if c), key=posterior.of, default=NONE)
     other_is_top = posterior.open.get(NONE, 0.0) > posterior.of(top)
     if outcome.verdict == "unexplained":
-        if other_is_top or something_else >= least:
+        # Without effects that help, the search was not allowed to add any (--max-effects 0), or none explained more than chance.
+        if other_is_top or something_else >= least or not outcome.nearest:
             return outcome
     elif not effects:
         return outcome  # the sentence lists the causes by their probability

@@ -16,7 +16,7 @@ def close_loop(
     dataset: DatasetArgument,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Output folder (default: outputs/close-loop-NAME).", show_default=False),
+        typer.Option("--out", metavar="DIR", help="Output folder.", show_default="outputs/close-loop-NAME"),
     ] = None,
     add: Annotated[
         list[Path] | None,

@@ -43,8 +43,8 @@ def compare(
         typer.Option(
             "--register",
             metavar="METHOD",
-            help="Rigid registration fitted to: rest (positions at rest) | movement (all positions) | none; default: rest.",
-            show_default=False,
+            help="Rigid registration fitted to: rest (positions at rest) | movement (all positions) | none.",
+            show_default="rest",
             autocompletion=complete_words(REGISTRATIONS),
         ),
     ] = None,
@@ -53,8 +53,8 @@ def compare(
         typer.Option(
             "--reference-s",
             metavar="START:END",
-            help="Interval of the recording in which the speaker rests, in s; default: its first 20 ms.",
-            show_default=False,
+            help="Interval of the recording in which the speaker rests, in s.",
+            show_default="its first 20 ms",
         ),
     ] = None,
     offset_s: Annotated[
@@ -62,8 +62,8 @@ def compare(
         typer.Option(
             "--offset-s",
             metavar="S|fit",
-            help="Time of the recording at which the simulation starts; fit minimizes the distance; default: first row.",
-            show_default=False,
+            help="Time of the recording at which the simulation starts; fit minimizes the distance.",
+            show_default="first row",
         ),
     ] = None,
     head: Annotated[

@@ -22,10 +22,10 @@ def export(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Output folder [default: folder of the result].", show_default=False),
+        typer.Option("--out", metavar="DIR", help="Output folder.", show_default="folder of the result"),
     ] = None,
     at_ms: Annotated[
-        float | None, typer.Option("--at-ms", metavar="T", help="Time for vtu and stl [default: last sample].")
+        float | None, typer.Option("--at-ms", metavar="T", help="Time for vtu and stl.", show_default="last sample")
     ] = None,
     positions: Annotated[bool, typer.Option("--positions", help="In tables: write positions instead of displacements.")] = False,
     history: Annotated[bool, typer.Option("--history", help="In tables: add energies and all other histories.")] = False,

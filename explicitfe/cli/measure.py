@@ -14,9 +14,7 @@ from explicitfe.view.progress import following
 
 def measure(
     results: Annotated[list[Path], result_argument("Result files (.vtkhdf), or their names in outputs/.")],
-    at_ms: Annotated[
-        float | None, typer.Option("--at-ms", metavar="T", help="Time in ms. [default: the last time]", show_default=False)
-    ] = None,
+    at_ms: Annotated[float | None, typer.Option("--at-ms", metavar="T", help="Time in ms.", show_default="the last time")] = None,
     formants: Annotated[bool, typer.Option("--formants", help="Also measure the airway and the formants F1 to F3.")] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -53,7 +53,7 @@ def new_dataset(
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset; default: named after the files.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset.", show_default="named after the files")
     ] = None,
     test: Annotated[str | None, typer.Option("--test", help=" | ".join(TESTS), autocompletion=complete_words(TESTS))] = None,
     time: Annotated[str | None, _column("time")] = None,
@@ -80,7 +80,8 @@ def new_dataset(
         typer.Option("--rate", metavar="PER_S", help="Loading rate in mm/s or N/s, if there is no time column."),
     ] = None,
     force_sd_N: Annotated[
-        float | None, typer.Option("--force-sd-N", metavar="N", help="Standard deviation of the force noise; default: estimated.")
+        float | None,
+        typer.Option("--force-sd-N", metavar="N", help="Standard deviation of the force noise.", show_default="estimated"),
     ] = None,
     contact_force_N: Annotated[
         float | None,

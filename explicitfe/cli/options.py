@@ -48,7 +48,7 @@ TissueGroupOption = Annotated[
 ]
 OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")]
 PicturesFolderOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Output folder [default: folder of the result].", show_default=False)
+    Path | None, typer.Option("--out", metavar="DIR", help="Output folder.", show_default="folder of the result")
 ]
 OverwriteFilesOption = Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else.")]

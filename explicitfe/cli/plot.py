@@ -24,8 +24,8 @@ def plot(
             "--only",
             metavar="NAMES",
             help="Pictures to draw, separated by commas. Run: contour, coronal, probes, energies, palatogram, airway, 3d, "
-            "hourglass. Indentation: curve, section. Sweep: outlines, effects, indices, or two columns as A:B. [default: all]",
-            show_default=False,
+            "hourglass. Indentation: curve, section. Sweep: outlines, effects, indices, or two columns as A:B.",
+            show_default="all",
         ),
     ] = None,
     file_format: Annotated[str, typer.Option("--format", metavar="FORMAT", help="File format: png, pdf or svg.")] = "png",

@@ -31,7 +31,8 @@ def predict(
         list[str] | None, typer.Option("--curve", metavar="ID", help="Predict only this curve. Repeat for more.")
     ] = None,
     refinement: Annotated[
-        float | None, typer.Option("--refinement", help="Divide element sizes by this factor (default: from the model file).")
+        float | None,
+        typer.Option("--refinement", help="Divide element sizes by this factor.", show_default="from the model file"),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing results.")] = False,
     as_json: JsonOption = False,

@@ -24,8 +24,8 @@ def report(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="HTML file. [default: RESULT-report.html; sweep: report.html in its folder]",
-            show_default=False,
+            help="HTML file.",
+            show_default="RESULT-report.html; sweep: report.html in its folder",
         ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing page.")] = False,

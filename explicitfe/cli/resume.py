@@ -27,7 +27,7 @@ def resume(
     ],
     threads: Annotated[
         int | None,
-        typer.Option("--threads", metavar="N", help="Number of threads [default: as before].", show_default=False),
+        typer.Option("--threads", metavar="N", help="Number of threads.", show_default="as before"),
     ] = None,
     plots: PlotsOption = False,
     overwrite: OverwriteOption = False,

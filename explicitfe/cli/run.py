@@ -46,7 +46,7 @@ def run(
     plots: PlotsOption = False,
     name: Annotated[
         str | None,
-        typer.Option("--name", metavar="NAME", help="Name of the result [default: name of the scenario].", show_default=False),
+        typer.Option("--name", metavar="NAME", help="Name of the result.", show_default="name of the scenario"),
     ] = None,
     overwrite: OverwriteOption = False,
     resume: Annotated[

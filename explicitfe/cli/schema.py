@@ -19,8 +19,8 @@ def schema(
         typer.Argument(
             metavar="[FILE]",
             help="Kind of file: scenario | dataset | protocol (of a planned test) | model (of a custom mesh) | "
-            "tissue (constants and effects) [default: scenario].",
-            show_default=False,
+            "tissue (constants and effects).",
+            show_default="scenario",
             autocompletion=complete_words(list(FILES)),
         ),
     ] = None,

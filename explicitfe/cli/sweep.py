@@ -63,7 +63,7 @@ def sweep(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder of the sweep [default: outputs/sweep-NAME].", show_default=False),
+        typer.Option("--out", metavar="DIR", help="Folder of the sweep.", show_default="outputs/sweep-NAME"),
     ] = None,
     keep: Annotated[
         str, typer.Option("--keep", metavar="WHICH", help="Result files to keep: none, all, failed or every:N.")
@@ -78,9 +78,7 @@ def sweep(
     list_runs: Annotated[bool, typer.Option("--list", help="List the runs without a stored row; compute none.")] = False,
     processes: Annotated[
         int | None,
-        typer.Option(
-            "--processes", metavar="P", help="Number of local worker processes [default: number of cores].", show_default=False
-        ),
+        typer.Option("--processes", metavar="P", help="Number of local worker processes.", show_default="number of cores"),
     ] = None,
     scheduler: Annotated[
         str | None,

@@ -25,8 +25,8 @@ def view(
         typer.Option(
             "--from",
             metavar="VIEW",
-            help="Viewpoint: midsagittal (cut in half), side, front, top or oblique. [default: midsagittal; specimen: oblique]",
-            show_default=False,
+            help="Viewpoint: midsagittal (cut in half), side, front, top or oblique.",
+            show_default="midsagittal; specimen: oblique",
         ),
     ] = None,
     field: Annotated[
@@ -34,9 +34,7 @@ def view(
     ] = "displacement",
     at_ms: Annotated[
         float | None,
-        typer.Option(
-            "--at-ms", metavar="T", help="Time of a picture, end of a film, in ms. [default: the last time]", show_default=False
-        ),
+        typer.Option("--at-ms", metavar="T", help="Time of a picture, end of a film, in ms.", show_default="the last time"),
     ] = None,
     png: Annotated[bool, typer.Option("--png", help="Write a picture instead of opening a window.")] = False,
     gif: Annotated[bool, typer.Option("--gif", help="Write a film as GIF.")] = False,

@@ -172,6 +172,7 @@ def test_help():
     texts = list(help_texts())
     check(iter(texts))
     assert [place for place, words in texts if NOT_A_BEGINNING.match(words)] == []
+    assert [place for place, words in texts if "default:" in words] == [], "rich drops [default: ...]; use show_default"
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

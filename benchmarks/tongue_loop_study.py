@@ -29,9 +29,9 @@ from scipy.stats import beta as beta_distribution
 
 from explicitfe.close_loop.close import close_loop
 from explicitfe.close_loop.trajectories.levers import levers_of
-from explicitfe.close_loop.trajectories.registration import procrustes
 from explicitfe.close_loop.trajectories.runs import displacements_of
 from explicitfe.errors import RunError
+from explicitfe.measured.registration import procrustes
 from explicitfe.measured.tables import RegistrationTable
 from explicitfe.run.prepare import prepare
 from explicitfe.scenario.read import read_scenario

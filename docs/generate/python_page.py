@@ -11,8 +11,9 @@ from pydantic.fields import FieldInfo
 
 HEAD = """# Python reference
 
-All public names of `explicitfe`. Positions are in m, forces in N, times in s; other units are part of the name. For examples see the
-[Python tutorial](../tutorials/python.md). Every function raises an `InputError` that names the parameter if an argument is invalid.
+All public names of `explicitfe`. Positions are in m, forces in N, times in s; other units are part of the name. For examples see
+the [Python tutorial](../tutorials/python.md). Every function raises an `InputError` that names the parameter if an argument is
+invalid.
 
 """
 GROUPS = {

@@ -120,9 +120,7 @@ def _settings(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
         try:
             return [f"{key}={json.dumps(value, allow_nan=False)}" for key, value in settings.items()]
         except (TypeError, ValueError):
-            raise InputError(
-                f"run: settings need finite numbers, texts or lists, not {shortened(repr(settings))}."
-            ) from None
+            raise InputError(f"run: settings need finite numbers, texts or lists, not {shortened(repr(settings))}.") from None
     if isinstance(settings, list | tuple) and all(isinstance(text, str) for text in settings):
         return list(settings)
     raise InputError(f'run: settings must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')

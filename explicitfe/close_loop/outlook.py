@@ -132,9 +132,7 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
         values = curve.columns[curve.predicted] - (curve.predicted == "stretch")
         if abs(values[0]) > FAR_FROM_ZERO_SHARE * np.abs(values).max():
             percent = 100.0 * abs(values[0]) / np.abs(values).max()
-            notes.append(
-                f"{curve.id} begins at {percent:.0f} % of its largest value; check that it was zeroed before contact."
-            )
+            notes.append(f"{curve.id} begins at {percent:.0f} % of its largest value; check that it was zeroed before contact.")
     return notes
 
 

@@ -134,7 +134,7 @@ class Recorded(ABC):
         return np.einsum("a,tai->ti", shares[corners], np.array(moved).reshape(-1, len(corners), 3))
 
     def placement(self, bone: str, step: int = -1, *, time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Position of a bone at one step, given as in :meth:`field`: R (3, 3) and s (3,) m move its point X at rest to R X + s."""
+        """Position of a bone at one step (see :meth:`field`): R (3, 3) and s (3,) m move its point X at rest to R X + s."""
         if f"bone_{bone}_placement" not in self.history_names:
             return np.eye(3), np.zeros(3)
         row = int(np.argmin(np.abs(self.history("time") - self.times[self._step(step, time_s)])))

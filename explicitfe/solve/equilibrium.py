@@ -344,7 +344,9 @@ class Relaxation(LoadedBody):
             if failure is None and not self.contact.presses(self.state.u):
                 return "not-converged"
             if failure is None and self.contact.depth_m - self.touch_m >= self._height_m:
-                failure = "inverted"  # less than nothing is between the tool and the base: forces may balance, the body cannot exist
+                failure = (
+                    "inverted"  # less than nothing is between the tool and the base: forces may balance, the body cannot exist
+                )
             if failure != "inverted":
                 return failure
             if extrapolated:

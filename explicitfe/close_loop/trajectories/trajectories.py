@@ -362,14 +362,10 @@ def trajectory_system(
     RunError : the scenario does not come to the end of a curve.
     """
     if dataset.scenario is None or not dataset.sensors:
-        raise InputError(
-            f"{dataset.path}: scenario or sensors are missing; add the key scenario and a [[sensor]] for each."
-        )
+        raise InputError(f"{dataset.path}: scenario or sensors are missing; add the key scenario and a [[sensor]] for each.")
     scenario, _ = read_scenario(dataset.scenario)
     if not isinstance(scenario, TransientScenario):
-        raise InputError(
-            f"{dataset.scenario}: trajectories need a transient scenario, not an indentation; give another."
-        )
+        raise InputError(f"{dataset.scenario}: trajectories need a transient scenario, not an indentation; give another.")
     anatomy = anatomy_of(scenario.model, dataset.scenario.parent)
     levers, mesh = levers_of(anatomy.muscles), anatomy.mesh
     for name in only:

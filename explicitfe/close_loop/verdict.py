@@ -81,12 +81,12 @@ def follow_posterior(outcome: Outcome, posterior: Posterior, conclude_with: Conc
     return Outcome("ambiguous", remainder, rounds, rounds[-1].fit.model.effects)
 
 
-def concluding(system: System, outcome: Outcome, evidence: Sequence[Evidence]) -> Conclude:
-    """How to compute the rounds of another model than that of an outcome, from the evidence of all models."""
+def concluding(system: System, outcome: Outcome, evidence: Sequence[Evidence], max_effects: int) -> Conclude:
+    """How to compute the rounds of another model of at most ``max_effects``, from the evidence of all models."""
 
     def conclude_with(causes: Causes) -> list[Round] | None:
         models = [one for one in evidence if one.causes == causes]
-        if not models:
+        if not models or len(causes) > max_effects:
             return None
         try:
             return conclude(system, outcome, max(models, key=lambda one: (one.fitted, one.log)).model)

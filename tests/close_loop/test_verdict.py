@@ -73,11 +73,11 @@ def found():
     return system, outcome
 
 
-def follow(found, closed: dict, other: float = 0.05, single: bool = False) -> Outcome:
+def follow(found, closed: dict, other: float = 0.05, single: bool = False, max_effects: int = 2) -> Outcome:
     system, outcome = found
     outcome = replace(outcome, verdict="ambiguous") if single else outcome
     posterior = Posterior(closed, {NONE: other})
-    return follow_posterior(outcome, posterior, concluding(system, outcome, evidence_of(outcome, system)))
+    return follow_posterior(outcome, posterior, concluding(system, outcome, evidence_of(outcome, system), max_effects))
 
 
 def test_a_posterior_that_agrees_changes_nothing(found):
@@ -92,6 +92,11 @@ def test_the_model_becomes_that_of_the_most_probable_cause(found, single):
     assert outcome.keeps_effects and outcome.rounds[-1].fit.model.effects == ("rate",)
     assert outcome.rounds[0].chosen == "rate" and "its probability is 0.03" in outcome.rounds[0].why_not["wave"]
     assert outcome.rounds[-1].ambiguous_with == ("wave",)
+
+
+def test_a_model_of_more_effects_than_permitted_is_not_fitted(found):
+    outcome = follow(found, {NONE: 0.02, WAVE | RATE: 0.90, WAVE: 0.03}, max_effects=1)
+    assert len(outcome.rounds[-1].fit.model.effects) <= 1
 
 
 def test_no_cause_dominates(found):

@@ -154,7 +154,7 @@ class _SpecimenLoop:
             return LoopDocuments(report)
         evidence = evidence_of(outcome, self.system)
         posterior = by_named_forms(posterior_of(evidence, count_of_testable(outcome)), outcome)
-        outcome = follow_posterior(outcome, posterior, concluding(self.system, outcome, evidence))
+        outcome = follow_posterior(outcome, posterior, concluding(self.system, outcome, evidence, self.max_effects))
         self._enter("trace", 1.0, 1.0)
         changed = outcome.keeps_effects
         last = outcome.rounds[-1] if changed else outcome.rounds[0]

@@ -196,10 +196,13 @@ INLINE vec inverse_cube_root(vec value) {  // a guess from the exponent bits, an
 }
 
 struct Law {
-    double C10, C20, K;
+    double C10, C20, C30, K;
 };
 
-INLINE vec slope_of(const Law& law, vec I1) { return law.C10 + 2.0 * law.C20 * (I1 - 3.0); }
+INLINE vec slope_of(const Law& law, vec I1) {
+    const vec x = I1 - 3.0;
+    return law.C10 + (2.0 * law.C20 + 3.0 * law.C30 * x) * x;
+}
 
 // r_k = V W' d delta / d q_k and the part of the stress that comes with it, V W' d delta / dF (hex8: elements/hourglass_strain.py)
 INLINE vec assumed_strain(const Law& law, vec I1, const vec F[9], const vec q[3][4], const Element& g, vec r[3][4], vec Q[9]) {

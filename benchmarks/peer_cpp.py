@@ -63,7 +63,10 @@ class CppBody(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_int64) for name in ("blocks", "entries")),
         *((name, ctypes.c_void_p) for name in ("u", "v", "force", "weight", "position", "numbers", "nodes")),
-        *((name, ctypes.c_double) for name in ("C10", "C20", "K", "keep", "gain", "dt", "alpha", "damping_loss", "smallest_J")),
+        *(
+            (name, ctypes.c_double)
+            for name in ("C10", "C20", "C30", "K", "keep", "gain", "dt", "alpha", "damping_loss", "smallest_J")
+        ),
     )
 
 

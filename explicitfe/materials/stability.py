@@ -64,9 +64,11 @@ def check_stability(law: Law) -> None:
     """
     loss = loss_of_stability(law)
     if loss is not None:
+        negative = ", ".join(f"{key} = {value:g}" for key in law.reads if (value := getattr(law, key)) < 0.0)
         raise ValueError(
-            f"the law loses stability at a stretch of {loss.stretch:.3g} in {loss.load}: the stress stops increasing there. "
-            f"Laws must be stable for stretches from {STRETCHES_IN_USE[0]:g} to {STRETCHES_IN_USE[1]:g}; "
+            f"with {negative or 'these constants'} the law loses stability at a stretch of {loss.stretch:.3g} in {loss.load}: "
+            "the stress stops increasing there. Laws must be stable for stretches "
+            f"from {STRETCHES_IN_USE[0]:g} to {STRETCHES_IN_USE[1]:g}; "
             "increase the negative constants or add a positive third term."
         )
 

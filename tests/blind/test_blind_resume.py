@@ -161,9 +161,9 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
 
 
 OPTIONS = [
-    (["--seed", "-1"], "seed = -1 is not possible"),
+    (["--seed", "-1"], "seed = -1 is out of range"),
     (["--seed", "9" * 30], "seed = 9"),
-    (["--seed", "1", "--count", "0"], "count = 0 is not possible"),
+    (["--seed", "1", "--count", "0"], "count = 0 is out of range"),
     (["--seed", "1", "--count", "1000000000"], "from 1 to 9999"),
     (["--seed", "1", "--family", "homogenous"], 'did you mean "homogeneous"?'),
 ]
@@ -182,7 +182,7 @@ def test_folders_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for folder, words in (
         (tmp_path / "file", "is a file"),
         (tmp_path / "file" / "in", "Not a directory"),
-        (tmp_path, "else"),
+        (tmp_path, "contains other files"),
         (long, "too long"),
     ):
         assert command(["blind", "make", str(folder), "--seed", "1"]) == 2

@@ -90,7 +90,7 @@ def test_a_run_that_is_stopped_and_goes_on(
     assert stopped["status"] == "interrupted"
     assert stopped["failure"] == {
         "kind": "stopped",
-        "message": f"interrupted: {stopped['message']}",
+        "message": stopped["message"],
         "exit_code": 143,
     }
     monkeypatch.undo()

@@ -260,7 +260,7 @@ def test_a_report_that_fails_halfway_leaves_nothing(closed, tmp_path, monkeypatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(loopreport, "write", fails)
-    assert command(["close-loop", str(closed[0]), "--out", str(tmp_path / "out"), "--max-effects", "0"]) == 2
+    assert command(["close-loop", str(closed[0]), "--out", str(tmp_path / "out"), "--max-effects", "0"]) == 3
     assert list(tmp_path.iterdir()) == []
 
 
@@ -315,7 +315,10 @@ BAD = {
         lambda folder: (folder / ZERO).write_text("time_s,stretch,nominal_stress_Pa\n0,1,0\n1,0.9,-90\n", encoding="utf-8"),
         [ZERO, "line 3", "at least 3"],
     ),
-    "a file that is not listed": (lambda folder: (folder / "more.csv").write_text("", encoding="utf-8"), ["more.csv", "list it"]),
+    "a file that is not listed": (
+        lambda folder: (folder / "more.csv").write_text("", encoding="utf-8"),
+        ["more.csv", "no curve of"],
+    ),
     "a file that is missing": (lambda folder: (folder / ZERO).unlink(), [T, ZERO, "missing"]),
     "stress in kPa and below": (with_stress_times(1e-6), [ZERO, "line ", "nominal_stress_Pa", "too small"]),
     "stress in uPa": (with_stress_times(1e9), [ZERO, "line ", "nominal_stress_Pa", "too large"]),

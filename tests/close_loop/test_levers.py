@@ -98,5 +98,5 @@ def test_what_these_scenarios_cannot_have(path: Path) -> None:
 def test_a_table_that_is_added_is_checked(path: Path) -> None:
     with pytest.raises(InputError, match="force_N"):
         read_scenario(path, ['muscle.+={name="GGh"}'])
-    with pytest.raises(InputError, match="title is a value"):
+    with pytest.raises(InputError, match="title is a single value"):
         read_scenario(path, ["title.+=1"])

@@ -253,7 +253,7 @@ def test_in_parallel_as_one_by_one(tmp_path, soft):
         predict(data, path, refinement=COARSE, out=tmp_path / "out")
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "mine.txt").touch()
-    with pytest.raises(InputError, match="something else"):
+    with pytest.raises(InputError, match="other files"):
         predict(data, path, out=tmp_path / "other")
 
 

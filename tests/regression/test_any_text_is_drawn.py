@@ -68,7 +68,7 @@ def test_any_title_and_id_of_a_fit_is_drawn(text: str, tmp_path: Path) -> None:
     x = np.linspace(0.0, 1.0, 5)
     labels = {"split": "fit", "x_label": "x", "y_label": "y"}
     columns = {name: x for name in ("x", "measured", "line_x", "line_y", "sd", "predicted")}
-    fit.fit(tmp_path / "fit.png", text, [{"id": text, **labels, **columns}], [100.0, 50.0])  # type: ignore[typeddict-item]
+    fit.fit(tmp_path / "fit.png", text, [{"id": text, **labels, **columns}], {"C10_Pa": 100.0, "C20_Pa": 50.0})  # type: ignore[typeddict-item]
     fit.materials(tmp_path / "materials.png", {text: [{**labels, **columns}]}, {text: text})  # type: ignore[typeddict-item]
     assert len(list(tmp_path.glob("*.png"))) == 2
 

@@ -138,7 +138,7 @@ displacements_mm = [0.1, 0.0, -0.2, -0.3, -0.4, -0.5, -0.8, -1.5]
         (REAR, "effects.softening={inverse_r=0.5}", ["m_Pa", "missing"]),
         (REAR, "effects.fibres={k1_Pa=1.0, direction=[0.0, 0.0, 0.0]}", ["direction must not be zero"]),
         (REAR, "effects.activation-lag={tau_ms=5.0}", ["activation lag", "muscles"]),
-        (REAR, "effects.force-offset={offset_N=0.1}", ["load cell", "prediction"]),
+        (REAR, "effects.force-offset={offset_N=0.1}", ["load cell", "predict"]),
         (VOWEL, "effects.friction={coefficient=0.1}", ["friction", "transient"]),
     ],
 )

@@ -56,7 +56,7 @@ def test_muscle_in_the_tongue(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     with explicitfe.open_result(summary["result"]) as result:
         stated, text = result.model["scenario"], result.scenario_text
     assert stated["model"]["material"] == {
-        "law": "yeoh", "C10_Pa": 226.1, "C20_Pa": 1869.3, "poisson": 0.49, "density_kg_m3": 1040.0, "source": "",
+        "law": "yeoh", "C10_Pa": 226.1, "C20_Pa": 1869.3, "C30_Pa": 0.0, "poisson": 0.49, "density_kg_m3": 1040.0, "source": "",
     }  # fmt: skip
     assert stated["effects"] == {"viscoelastic": {"g": [0.58, 0.22], "tau_s": [0.01, 62.0]}}
     assert stated["model"]["damping"]["beta_s"] == 0.0  # the tissue relaxes by itself
@@ -114,7 +114,7 @@ def test_settings_come_after_the_tissue(tmp_path: Path, capsys: pytest.CaptureFi
             ["for all"],
         ),
         (MUSCLE, ["--tissue", "none.toml"], ["none.toml", "cannot be read"]),
-        (MUSCLE, ["--tissue-group", "fibre"], ["give it with --tissue"]),
+        (MUSCLE, ["--tissue-group", "fibre"], ["add --tissue FILE"]),
     ],
 )
 def test_what_cannot_be_used(

@@ -372,7 +372,7 @@ def test_files_that_hold_no_surface(tmp_path):
     for name, text, unit, sentence in (
         ("a.stl", "hello", "mm", "contains no triangles; check that it is a surface in the format STL"),
         ("a.vtp", "hello", "mm", "contains no triangles|cannot be read as VTP"),
-        ("a.txt", "hello", "mm", "give a file that ends in"),
+        ("a.txt", "hello", "mm", "use a file that ends in"),
         ("a.obj", "v 0 0 0\n", "mm", "contains no triangles"),
         ("b.stl", None, "mm", "No such file"),
         ("a.ply", "hello", "inch", 'unknown length_unit "inch"'),

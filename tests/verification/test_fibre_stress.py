@@ -258,8 +258,8 @@ def test_a_mesh_without_order_gives_the_same_field():
 
 def test_tension_and_origin_of_a_muscle_in_a_model_file(tmp_path):
     """Tension at the points of a fibre; what runs from an anchor carries the mean."""
-    mesh = box((6, 3, 3), (60.0, 30.0, 30.0))
-    meshio.write(tmp_path / "bar.vtu", meshio.Mesh(mesh.points, [("hexahedron", mesh.hexes)]))
+    mesh = box((6, 3, 3), (0.06, 0.03, 0.03))
+    meshio.write(tmp_path / "bar.vtu", meshio.Mesh(1e3 * mesh.points, [("hexahedron", mesh.hexes)]))
     (tmp_path / "bar.toml").write_text(
         """
         mesh = "bar.vtu"

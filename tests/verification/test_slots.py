@@ -186,7 +186,7 @@ def test_an_unknown_slot_is_refused():
 
 def test_a_memory_is_declared():
     """What remembers has to say so: else its past would not be computed where only the present counts."""
-    with pytest.raises(TypeError, match=r"Forgetful: .*remembers = True"):
+    with pytest.raises(TypeError, match=r"Forgetful: .*must set ``remembers``"):
 
         class Forgetful(FourthYeoh):
             @property

@@ -23,6 +23,7 @@ from explicitfe.effects.material.permanent_set import PermanentSet
 from explicitfe.effects.material.power_law import PowerLaw
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.effects.specimen.inclusion import InclusionBelowTool
+from explicitfe.errors import InputError
 from explicitfe.mesh.hexmesh import HexMesh
 from explicitfe.model.model import Model, PrescribedMotion
 from explicitfe.model.specimen import specimen_model
@@ -241,9 +242,12 @@ def test_the_number_of_cores_can_be_stated(monkeypatch):
     assert threads.cores() == 3
     monkeypatch.setenv("EXPLICITFE_CORES", "5")
     assert threads.cores() == 5
-    for nonsense in ("0", "many", ""):
+    monkeypatch.setenv("EXPLICITFE_CORES", "")
+    assert threads.cores() == 3
+    for nonsense in ("0", "many", "-1", "2.5"):
         monkeypatch.setenv("EXPLICITFE_CORES", nonsense)
-        assert threads.cores() == 3
+        with pytest.raises(InputError, match="EXPLICITFE_CORES is"):
+            threads.cores()
 
 
 def test_a_body_has_no_more_threads_than_cores_unless_told_so(monkeypatch):

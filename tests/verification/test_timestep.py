@@ -312,7 +312,7 @@ def test_fixed_step_above_the_limit_is_refused():
     simulation = Simulation(model, velocity=velocity)
     limit = true_limit(simulation, np.zeros_like(velocity))
     for share in (1.03, 2.0, 100.0):
-        with pytest.raises(InputError, match=r"step_us .* unstable: .* microseconds \(set by element \d+\)"):
+        with pytest.raises(InputError, match=r"step_us .* unstable: .* microseconds \(determined by element \d+\)"):
             Transient(Simulation(model, velocity=velocity), 0.01, step_s=share * limit)
     driver = Transient(simulation, 0.01, step_s=0.97 * limit)
     assert driver.advance_to(0.01) is None

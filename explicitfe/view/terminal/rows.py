@@ -142,7 +142,9 @@ def text_of(value: object) -> str:
         return f"{value:.4g}"
     if isinstance(value, dict):
         own_first = sorted(value, key=lambda key: key in ("poisson", "density_kg_m3"))
-        return ", ".join(_quantity(key, value[key]) for key in own_first)
+        # A term of a law whose constant is zero is omitted.
+        terms = [key for key in own_first if value[key] != 0.0 or not key.endswith("_Pa")]
+        return ", ".join(_quantity(key, value[key]) for key in terms)
     if isinstance(value, list | tuple):
         return ", ".join(text_of(inner) for inner in value)
     return escape(str(value))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from typing import Any
 
 # A compound unit comes before the unit that it ends with.
 _UNITS = {
@@ -36,3 +38,8 @@ def words_and_unit(key: str) -> tuple[str, str]:
         return key.replace("_", " "), ""
     unit = _UNITS[match["unit"]] if match["unit"] else f"{match['over'] or 1}/{match['under']}"
     return key[: match.start()].replace("_", " "), unit
+
+
+def terms_of(constants: Mapping[str, Any]) -> list[str]:
+    """Keys of a table of constants to be shown: a term whose constant [Pa] is zero, such as C30_Pa, is omitted."""
+    return [key for key, value in constants.items() if value != 0.0 or not key.endswith("_Pa")]

@@ -19,7 +19,7 @@ from explicitfe.measure.measure import measures_of
 from explicitfe.results import Result
 from explicitfe.results.differing_keys import differing_keys, table_in_words
 from explicitfe.results.run_summary import kind_of
-from explicitfe.results.units_of_keys import words_and_unit
+from explicitfe.results.units_of_keys import terms_of, words_and_unit
 from explicitfe.view.heading import NOT_PHYSICS, title_of
 from explicitfe.view.muscles import muscles_of, pull_in_words
 from explicitfe.view.page.chart import Chart
@@ -129,7 +129,7 @@ def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str
     yield "mesh", f"{model['name']}, {size}" if model.get("name") else size
     if material := dict(model.get("material") or {}):
         source = material.pop("source", "")
-        yield "material", ", ".join(_constant(key, value) for key, value in material.items())
+        yield "material", ", ".join(_constant(key, material[key]) for key in terms_of(material))
         yield "source of the material", str(source)
     if muscles := muscles_of(result):
         yield "muscles", "; ".join(pull_in_words(muscle) for muscle in muscles)

@@ -9,6 +9,7 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.results.units_of_keys import terms_of
 from explicitfe.view.terminal.files import file_lines
 
 if TYPE_CHECKING:
@@ -141,10 +142,8 @@ def text_of(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, dict):
-        own_first = sorted(value, key=lambda key: key in ("poisson", "density_kg_m3"))
-        # A term of a law whose constant is zero is omitted.
-        terms = [key for key in own_first if value[key] != 0.0 or not key.endswith("_Pa")]
-        return ", ".join(_quantity(key, value[key]) for key in terms)
+        own_first = sorted(terms_of(value), key=lambda key: key in ("poisson", "density_kg_m3"))
+        return ", ".join(_quantity(key, value[key]) for key in own_first)
     if isinstance(value, list | tuple):
         return ", ".join(text_of(inner) for inner in value)
     return escape(str(value))

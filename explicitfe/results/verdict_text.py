@@ -39,6 +39,8 @@ def headline(report: LoopReport) -> str:
             return "No missing effect is detected"
         case "limited-by-numerics":
             return "The residual is within the discretization error"
+        case "unexplained" if _names_a_cause(report):
+            return f"{_causes(report)}; a residual remains that no candidate explains"
         case "unexplained":
             return "An effect is missing that no candidate explains"
         case "effect-found" if report.effects and _includes_most_probable(report):
@@ -65,8 +67,7 @@ def details(report: LoopReport) -> str:
         case "limited-by-numerics":
             return "This error is too large to decide whether an effect is missing."
         case "unexplained" if report.nearest:
-            reduces, leaves = ("reduce", "leave") if len(report.nearest) > 1 else ("reduces", "leaves")
-            return f"{_capital(joined(_titles(report, report.nearest)))} {reduces} the residual but {leaves} too much of it."
+            return f"The model with {joined(_titles(report, report.nearest))} leaves a significant residual."
         case "effect-found" if _includes_most_probable(report):
             return " ".join(filter(None, (_undetermined(report), REMAINDERS.get(report.remainder or "", ""))))
         case "effect-found" | "ambiguous" if len(report.split.fit) == 1:
@@ -124,6 +125,12 @@ def _includes_most_probable(report: LoopReport) -> bool:
         return True
     top = max(report.posterior, key=report.posterior.__getitem__)
     return set(report.effects) <= set(top.split(JOINED_BY))
+
+
+def _names_a_cause(report: LoopReport) -> bool:
+    """Whether a named cause is more probable than an effect outside the library alone."""
+    top = max(report.posterior, key=report.posterior.__getitem__, default=OTHER)
+    return top not in (NOTHING, OTHER)
 
 
 def _residual_is_significant(report: LoopReport) -> bool:

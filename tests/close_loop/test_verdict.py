@@ -17,7 +17,7 @@ from explicitfe.close_loop.posterior import Posterior, evidence_of
 from explicitfe.close_loop.search import Outcome, search
 from explicitfe.close_loop.verdict import by_named_forms, concluding, follow_posterior
 from explicitfe.results.loop_report import LoopReport
-from explicitfe.results.verdict_text import headline, sentence
+from explicitfe.results.verdict_text import details, headline, sentence
 from explicitfe.view.terminal.close_loop import loop_tables
 
 NONE = frozenset()
@@ -38,6 +38,16 @@ def test_the_headline_names_the_most_probable_cause(verdict):
     report = document(verdict, effects=["softening"], posterior={"power-law": 0.70, "other": 0.05, "softening": 0.03})
     assert headline(report) == "Most probable cause: power-law relaxation (probability 0.70)"
     assert "softening" not in sentence(report)
+
+
+def test_an_unexplained_residual_names_the_most_probable_cause():
+    """It said "no candidate explains" above "softening 0.70, other 0.05"."""
+    probabilities = {"softening": 0.70, "other": 0.05}
+    report = document("unexplained", nearest=["softening"], posterior=probabilities)
+    assert headline(report).startswith("Most probable cause: softening (probability 0.70); a residual remains")
+    assert details(report) == "The model with softening leaves a significant residual."
+    alone = document("unexplained", posterior={"other": 0.6, "softening": 0.3})
+    assert headline(alone) == "An effect is missing that no candidate explains"
 
 
 def test_no_dominant_cause_is_ambiguous():

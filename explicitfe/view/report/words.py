@@ -184,6 +184,9 @@ def how_sure(report: LoopReport, most: int = 4) -> str:
     causes = ", ".join(f"{name} {p:.2f}" for name, p in list(report.posterior.items())[:most])
     if report.verdict == "ambiguous":
         return f"Probabilities of the causes: {causes}."
+    if report.verdict == "unexplained":
+        outside = f"Probability of an effect outside the library, alone or with others: {report.sure:.2f}."
+        return f"{outside} Probabilities of the causes: {causes}."
     return f"Probability of the verdict: {report.sure:.2f}. Probabilities of the causes: {causes}."
 
 

@@ -16,6 +16,8 @@ from explicitfe.blind.make import make
 from explicitfe.blind.score import score
 from explicitfe.view.json_text import json_text
 
+pytestmark = pytest.mark.slow
+
 SEED = 12
 
 

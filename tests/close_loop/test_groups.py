@@ -12,6 +12,8 @@ from explicitfe.close_loop.specimens.groups import grouping_of
 from explicitfe.measured.curve import Dataset
 from explicitfe.measured.read import read_dataset
 
+pytestmark = pytest.mark.slow
+
 C10, C20, NOISE_PA = 900.0, 300.0, 2.0
 
 

@@ -19,6 +19,8 @@ from explicitfe.measured.curve import programme_of
 from explicitfe.measured.read import read_dataset
 from explicitfe.measured.rig import RigLimits
 
+pytestmark = pytest.mark.slow
+
 FEW = ("viscoelastic", "third-yeoh", "softening")
 
 

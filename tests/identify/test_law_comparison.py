@@ -19,6 +19,8 @@ from explicitfe.materials.ogden import Ogden
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.results.identification import Identification
 
+pytestmark = pytest.mark.slow
+
 MU_PA, ALPHA = 25e3, 4.0
 SPECIMEN = ["--tool", "clamps", "--length-mm", "30", "--area-mm2", "40", "--one-specimen"]
 YEOH_3 = Yeoh(C10_Pa=574.0, C20_Pa=-74.7, C30_Pa=11.3)

@@ -16,6 +16,8 @@ from explicitfe.errors import InputError
 from explicitfe.results import open_result
 from explicitfe.results.layout import RESTART_SLOTS
 
+pytestmark = pytest.mark.slow
+
 needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="each reading is a process of its own")
 
 

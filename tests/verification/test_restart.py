@@ -16,6 +16,8 @@ from explicitfe.solve.course import AUTOMATIC_STEP, UNDAMPED_STEP
 from explicitfe.solve.load_outcome import Equilibrium
 from explicitfe.solve.transient import INTERRUPTED, Transient
 
+pytestmark = pytest.mark.slow
+
 REAR = ROOT / "scenarios/indentation-rear.toml"
 TONGUE = ROOT / "scenarios/vowel-i.toml"
 COARSE = ("model.refinement=0.4", "analysis.threads=1")

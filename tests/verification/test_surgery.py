@@ -28,6 +28,8 @@ from explicitfe.scenario.read import read_scenario
 from explicitfe.solve.body import Body
 from explicitfe.solve.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
 COARSE = ["model.resolution=coarse", "bone=[]"]
 EDGE_M = 0.005

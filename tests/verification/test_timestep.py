@@ -23,6 +23,8 @@ from explicitfe.solve.simulation import Simulation
 from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.solve.transient import INVERTED, TURNS_AT_THE_START, UNSTABLE, Ledger, Transient
 
+pytestmark = pytest.mark.slow
+
 BOTH_LAWS = pytest.mark.parametrize("law", list(LAWS))
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)
 EDGE = 0.01  # m

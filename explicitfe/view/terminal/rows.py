@@ -9,7 +9,6 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.results.units_of_keys import terms_of
 from explicitfe.view.terminal.files import file_lines
 
 if TYPE_CHECKING:
@@ -142,6 +141,8 @@ def text_of(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, dict):
+        from explicitfe.results.units_of_keys import terms_of  # here: lists of names do not wait for h5py
+
         own_first = sorted(terms_of(value), key=lambda key: key in ("poisson", "density_kg_m3"))
         return ", ".join(_quantity(key, value[key]) for key in own_first)
     if isinstance(value, list | tuple):

@@ -48,9 +48,11 @@ class StoredFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._file, self.live = _open_file(path)
-        self._objects: dict[str, h5py.Group | h5py.Dataset] = {"": self._file["/"]}
+        self._objects: dict[str, h5py.Group | h5py.Dataset] = {}
         self._datasets: dict[tuple[str, str, tuple[int, ...]], h5py.Dataset] = {}
         try:
+            with self._reading("its root group"):
+                self._objects[""] = self._file["/"]
             self._size = self._file.id.get_filesize()
             if not self.has("explicitfe") or not self.has("VTKHDF"):
                 raise NoResultError(f"{self.path} is an HDF5 file but not a result of explicitfe")

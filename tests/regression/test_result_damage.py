@@ -82,6 +82,15 @@ def test_what_hdf5_arranges_is_checked_by_hdf5(tmp_path):
         assert unchecked not in structure
 
 
+def test_a_damaged_root_group_is_a_sentence(tmp_path):
+    """Its checksum is wrong: HDF5 opens the file and fails at the first group, which was a KeyError."""
+    data = bytearray(write(tmp_path / "a.vtkhdf", 1).read_bytes())
+    data[data.index(b"OHDR") + 8] ^= 1  # the header of the root group is the first one
+    (tmp_path / "b.vtkhdf").write_bytes(data)
+    with pytest.raises(InputError, match="b.vtkhdf is damaged"):
+        open_result(tmp_path / "b.vtkhdf")
+
+
 @pytest.mark.parametrize("number", [1, 2])
 def test_old_formats_are_read(tmp_path, number):
     with open_result(write_old(tmp_path / "old.vtkhdf", 3, number=number)) as result:

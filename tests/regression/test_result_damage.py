@@ -87,7 +87,7 @@ def test_a_damaged_root_group_is_a_sentence(tmp_path):
     data = bytearray(write(tmp_path / "a.vtkhdf", 1).read_bytes())
     data[data.index(b"OHDR") + 8] ^= 1  # the header of the root group is the first one
     (tmp_path / "b.vtkhdf").write_bytes(data)
-    with pytest.raises(InputError, match="b.vtkhdf is damaged"):
+    with pytest.raises(InputError, match=r"b\.vtkhdf is damaged"):
         open_result(tmp_path / "b.vtkhdf")
 
 

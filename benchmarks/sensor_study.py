@@ -21,12 +21,13 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.search import Outcome, search
+from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.statistics.intervals import intervals
 from explicitfe.close_loop.statistics.system import Hypothesis
-from explicitfe.close_loop.trajectories.levers import LEVERS
+from explicitfe.close_loop.trajectories.levers import levers_of, total_force_N
 from explicitfe.close_loop.trajectories.runs import displacements_of
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.close_loop.verdict import Outcome, conclude
 from explicitfe.measured.curve import Dataset
 from explicitfe.measured.read import read_dataset
 from explicitfe.run.prepare import prepare
@@ -71,6 +72,8 @@ HIDDEN: dict[str, tuple[str, float] | None] = {
     "gravity": ("gravity", 9.81),
     "force x 0.8": ("force-scale", 0.8),
     "stiffness x 1.3": ("stiffness", 1.3),
+    "MH 2.67 N": ("missing-MH", 2.67),
+    "MH, 1.2 of all forces": ("missing-MH-share", 1.2),
 }
 FITTED, HELD, DURATION_MS = ("strong", "weak"), "body", 120.0
 COARSE = 'resolution = "coarse"'
@@ -150,12 +153,14 @@ def settings_of(hidden: tuple[str, float] | None, folder: Path) -> Mapping[str, 
         return {}
     path = folder / "plain.toml"
     path.write_text(SCENARIO.format(duration_ms=DURATION_MS, mesh=COARSE), encoding="utf-8")
-    settings = {}
+    scenarios = {}
     for name, own in GESTURES.items():
         scenario, _ = read_scenario(path, own)
         assert isinstance(scenario, TransientScenario)
-        settings[name] = LEVERS[hidden[0]].settings(scenario, hidden[1])
-    return settings
+        scenarios[name] = scenario
+    lever = levers_of(scenario, ["MH"], totals_N=[total_force_N(one) for one in scenarios.values()])[hidden[0]]
+    (parameter,) = lever.sought
+    return {name: lever.settings(scenario, {parameter: hidden[1]}) for name, scenario in scenarios.items()}
 
 
 def rms_mm(system: Trajectories, model: Hypothesis) -> float:
@@ -167,20 +172,20 @@ def rms_mm(system: Trajectories, model: Hypothesis) -> float:
 
 def row(name: str, noise_mm: float, system: Trajectories, outcome: Outcome, seconds: float) -> str:
     """One line of the table."""
-    fit = outcome.rounds[-1].fit
+    first, final = outcome.comparison.baseline, outcome.final
+    assert first.fit is not None and final.fit is not None and final.covariance is not None
     ranges = [
         f"{p.name} {value:.4g} [{low:.4g}, {high:.4g}]"
         for p, value, (low, high) in zip(
-            fit.model.parameters, fit.model.values, intervals(fit, outcome.rounds[-1].covariance), strict=True
+            final.model.parameters, final.model.values, intervals(final.fit, final.covariance), strict=True
         )
         if "." in p.name
     ]
-    first = outcome.rounds[0]
-    named = outcome.effects or ((first.best, *first.ambiguous_with) if first.best else ())
+    named = (*outcome.present, *(f"{name}?" for name in outcome.undecided))
     held = system.for_curves(c for c in system.dataset.curves if c.split == "holdout")
-    before, after = (rms_mm(held, step.fit.model) for step in (outcome.rounds[0], outcome.rounds[-1]))
-    cells = [name, f"{noise_mm:g}", outcome.verdict, outcome.remainder, ", ".join(named), "; ".join(ranges)]
-    return f"| {' | '.join(cells)} | {before:.2f} -> {after:.2f} | {seconds:.0f} |"
+    before, after = (rms_mm(held, one.model) for one in (first, final))
+    cells = [name, f"{noise_mm:g}", outcome.verdict, f"{outcome.sure:.2f}", ", ".join(named), "; ".join(ranges)]
+    return f"| {' | '.join(cells)} | {before:.2f} -> {after:.2f} | {system.runs.count} | {seconds:.0f} |"
 
 
 def main() -> None:
@@ -189,8 +194,8 @@ def main() -> None:
     parser.add_argument("--hidden", nargs="+", choices=HIDDEN, default=list(HIDDEN))
     parser.add_argument("--processes", type=int, default=1)
     chosen = parser.parse_args()
-    print("| hidden | noise mm | verdict | remainder | named | found, 95 % | rms on the held-out gesture, mm | s |")
-    print("|---|---|---|---|---|---|---|---|", flush=True)
+    print("| hidden | noise mm | verdict | probability | causes | found, 95 % | rms on the held-out gesture, mm | runs | s |")
+    print("|---|---|---|---|---|---|---|---|---|", flush=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for hidden in chosen.hidden:
@@ -208,7 +213,7 @@ def main() -> None:
                 )
                 fitted = [c for c in dataset.curves if c.split == "fit"]
                 system = trajectory_system(dataset, fitted, chosen.processes)
-                outcome = search(system, max_effects=2, rows=system.rows)
+                outcome = conclude(compare(system, max_effects=2, rows=system.rows))
                 print(row(hidden, noise_mm, system, outcome, time.perf_counter() - begin), flush=True)
                 system.runs.close()
 

@@ -48,14 +48,17 @@ REGISTERED = RegistrationTable(rotation="fit", translation="fit")
 BETA_S = 0.03
 # Range of the force of each muscle in a gesture [N], both sides; GGp is always listed, and two of the others.
 FORCES_N = {"GGp": (0.5, 2.5), "GGa": (0.05, 0.5), "SL": (0.05, 0.6), "STY": (0.1, 0.8), "MH": (0.2, 1.5)}
-# Hidden effect -> range of its strength: clearance [mm], share of the force of GGp, and beta [s], two to four times the stated.
+# Hidden effect -> range of its strength: clearance [mm], share of the force of all listed muscles, and beta [s], twice to four
+# times the stated one.
 STRENGTHS = {
     "jaw-contact": (-1.0, 2.0),
     "palate-contact": (-2.0, 0.0),
-    "missing-GGh": (0.5, 2.0),
+    "missing-GGh-share": (0.3, 1.2),
     "viscosity": (2.0 * BETA_S, 4.0 * BETA_S),
 }
 CONTROL = "none"
+# Effect -> the cause of which it is a form.
+CAUSES = {"viscosity": "damping", "missing-GGh-share": "missing-GGh"}
 RIGHT_SHARE = 0.85
 
 
@@ -144,7 +147,9 @@ def added(path: Path, own: Sequence[str], hidden: str, strength: float) -> list[
         return []
     scenario, _ = read_scenario(path, own)
     assert isinstance(scenario, TransientScenario)
-    return levers_of(["GGh"])[hidden].settings(scenario, strength)
+    lever = levers_of(scenario, ["GGh"], totals_N=(1.0, 2.0))[hidden]
+    (parameter,) = lever.sought
+    return lever.settings(scenario, {parameter: strength})
 
 
 def sensors(path: Path, settings: Sequence[str]) -> np.ndarray:
@@ -209,7 +214,7 @@ def close(folder: Path, max_effects: int) -> None:
             "strengths": strengths,
             "held_mm": held,
             "message": report.message,
-            "candidates": [{c.effect: [c.status, c.chi2_drop, c.p_holm] for c in step.candidates} for step in report.steps],
+            "causes": report.posterior,
             "wall_s": round(time.perf_counter() - begin, 1),
             "cpu_s": round(time.process_time() - cpu, 1),
         }
@@ -222,16 +227,22 @@ def close(folder: Path, max_effects: int) -> None:
 
 def outcome_of(hidden: str, verdict: dict[str, Any]) -> str:
     """named | ambiguous, with the true one among those named | silent | and what is wrong otherwise."""
-    named = [*verdict["effects"], *verdict["ambiguous_with"]]
+    found = {cause_of(name) for name in verdict["effects"]}
+    named = found | {cause_of(name) for name in verdict["ambiguous_with"]}
     if hidden == CONTROL:
         return "silent" if verdict["verdict"] == "no-missing-effect" else "false alarm"
     if verdict["verdict"] == "effect-found":
-        if verdict["effects"] == [hidden]:
+        if found == {cause_of(hidden)}:
             return "named"
-        return "named with another" if hidden in verdict["effects"] else "another named"
+        return "named with another" if cause_of(hidden) in found else "another named"
     if verdict["verdict"] == "ambiguous":
-        return "ambiguous with it" if hidden in named else "ambiguous without it"
+        return "ambiguous with it" if cause_of(hidden) in named else "ambiguous without it"
     return "missed" if verdict["verdict"] == "no-missing-effect" else str(verdict["verdict"])
+
+
+def cause_of(effect: str) -> str:
+    """The cause of which an effect is a form."""
+    return CAUSES.get(effect, effect.removesuffix("-shifted").removesuffix("-rough"))
 
 
 RIGHT = ("named", "ambiguous with it", "silent")

@@ -17,7 +17,6 @@ Stage = Literal[
     "identify",
     "predict",
     "trace",
-    "decide",
     "design",
     "close-loop",
     "make",

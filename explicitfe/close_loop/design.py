@@ -13,15 +13,15 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
+from explicitfe.close_loop.compared import needed_decrease
 from explicitfe.close_loop.search import covariance_of
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, Specimens
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
-from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerprints
 from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
+from explicitfe.close_loop.statistics.signatures import Signature, signatures
 from explicitfe.close_loop.statistics.system import Hypothesis
-from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import InputError, Progress, RunError, Share, silent
 from explicitfe.host.shipped import protocol_file
 from explicitfe.host.text import text_of, toml_of
@@ -39,7 +39,7 @@ from explicitfe.view.page.design import design_page
 
 FORMAT = "explicitfe-protocol/1"
 SUMMARY_FILE, PAGE_FILE = "design-test.json", "design-test.html"
-# Share of the progress until the fingerprints begin, and their runs of each test, by which the progress goes on.
+# Share of the progress until the signatures begin, and their runs of each test, by which the progress goes on.
 SYSTEM_PROGRESS, RUNS_OF_A_TEST = 0.1, 30.0
 # Guesses of what is not measured yet: a size [mm] where no table states one, and under a force the depth as a share of the size.
 USUAL_SIZE_MM, GUESSED_DEPTH_SHARE = 20.0, 0.2
@@ -123,20 +123,20 @@ def design_test(
         simulator.watch = lambda words: progress(
             "design", Share(SYSTEM_PROGRESS + left * float(-np.expm1(-simulator.runs / usual)), words)
         )
-        prints = fingerprints(system, fit, covariance, candidates)
+        known = signatures(system, fit, covariance, candidates)
         progress("design", 1.0)
     finally:
         simulator.close()
     effects = []
     for candidate in candidates:
-        fingerprint = next((p for p in prints if p.candidate is candidate), None)
-        if fingerprint is None or not fingerprint.values:
+        signature = next((p for p in known if p.candidate is candidate), None)
+        if signature is None or not signature.values:
             reason = candidate.reason or "the simulation with this effect failed"
             strength = candidate.term.parameters[0].name
             _, unit = words_and_unit(strength)
             effects.append(EffectInTest(effect=candidate.effect, strength=strength, unit=unit, shows=False, reason=reason))
         else:
-            effects.append(_effect_in_test(fingerprint, prints, fit, system, covariance))
+            effects.append(_effect_in_test(signature, known, fit, system, covariance))
     planned = PlannedTest(
         protocol=protocol.title,
         file=str(path),
@@ -158,31 +158,33 @@ def _write(target: Path, planned: PlannedTest) -> PlannedTest:
 
 
 def _effect_in_test(
-    fingerprint: Fingerprint, prints: list[Fingerprint], fit: BestFit, system: Specimens, covariance: Covariance
+    signature: Signature, known: list[Signature], fit: BestFit, system: Specimens, covariance: Covariance
 ) -> EffectInTest:
     """How strong an effect has to be to show, what it hides in until then, and what it is mistaken for."""
-    size = (fingerprint.secants**2).sum(axis=0)
-    best = int(np.argmax(size * fingerprint.plausible**2))
-    strength = fingerprint.candidate.term.parameters[0].sought
+    size = (signature.secants**2).sum(axis=0)
+    best = int(np.argmax(size * signature.plausible**2))
+    strength = signature.candidate.term.parameters[0].sought
     none = strength.coordinate(strength.none)
-    tried = strength.coordinate(fingerprint.values[best][0]) - none
-    plausible = float(fingerprint.plausible[best])
-    needed = float(np.sqrt(THRESHOLDS.visible_separation / max(size[best], 1e-300)))
-    shows = fingerprint.visible >= THRESHOLDS.visible_separation
-    visible = f"{fingerprint.visible:.2g}, {THRESHOLDS.visible_separation:g} is required"
-    apart = _separations(fingerprint, prints)
-    distinct = {name: gap for name, gap in apart.items() if gap >= THRESHOLDS.visible_separation}
+    tried = strength.coordinate(signature.values[best][0]) - none
+    plausible = float(signature.plausible[best])
+    causes = {one.candidate.cause for one in known}
+    least = needed_decrease(covariance, len(causes), 1, signature)
+    needed = float(np.sqrt(least / max(size[best], 1e-300)))
+    shows = signature.visible >= least
+    visible = f"{signature.visible:.2g}, {least:.3g} is required"
+    apart = _separations(signature, known)
+    distinct = {name: gap for name, gap in apart.items() if gap >= least}
     nearest = min(distinct or apart, key=apart.__getitem__, default=None)
-    name = fingerprint.candidate.term.parameters[0].name
+    name = signature.candidate.term.parameters[0].name
     return EffectInTest(
-        effect=fingerprint.candidate.effect,
+        effect=signature.candidate.effect,
         strength=name,
         unit=words_and_unit(name)[1],
         shows=shows,
-        visible=fingerprint.visible,
+        visible=signature.visible,
         largest_plausible=strength.value(none + plausible * tried),
-        smallest=strength.value(none + needed * tried) if needed <= fingerprint.limits[best] else None,
-        hides_in=_hides_in(fingerprint, best, min(needed, plausible), fit, system, covariance),
+        smallest=strength.value(none + needed * tried) if needed <= signature.limits[best] else None,
+        hides_in=_hides_in(signature, best, min(needed, plausible), fit, system, covariance),
         reason="" if shows else f"not detectable: the strongest plausible effect changes chi2 by {visible}",
         nearest=nearest,
         separation=None if nearest is None else apart[nearest],
@@ -191,10 +193,10 @@ def _effect_in_test(
 
 
 def _hides_in(
-    fingerprint: Fingerprint, trial: int, times: float, fit: BestFit, system: Specimens, covariance: Covariance
+    signature: Signature, trial: int, times: float, fit: BestFit, system: Specimens, covariance: Covariance
 ) -> dict[str, float]:
     """Constant -> its relative change (over the other one, where it is 0) that best imitates so many times a trial."""
-    (answer,) = system.answers([fit.model.plus(fingerprint.candidate.term, fingerprint.values[trial])])
+    (answer,) = system.answers([fit.model.plus(signature.candidate.term, signature.values[trial])])
     hides: dict[str, float] = {}
     if answer is not None:
         moved = np.linalg.lstsq(fit.jacobian, covariance.whiten(stack(answer) - fit.answer), rcond=None)[0]
@@ -206,13 +208,13 @@ def _hides_in(
     return hides
 
 
-def _separations(fingerprint: Fingerprint, prints: list[Fingerprint]) -> dict[str, float]:
+def _separations(signature: Signature, known: list[Signature]) -> dict[str, float]:
     """Other effect -> how far it stays off this one at its largest plausible strength."""
-    best = int(np.argmax((fingerprint.secants**2).sum(axis=0) * fingerprint.plausible**2))
-    target = fingerprint.secants[:, best] * fingerprint.plausible[best]
+    best = int(np.argmax((signature.secants**2).sum(axis=0) * signature.plausible**2))
+    target = signature.secants[:, best] * signature.plausible[best]
     apart: dict[str, float] = {}
-    for other in prints:
-        if other is fingerprint or not other.values:
+    for other in known:
+        if other is signature or not other.values:
             continue
         along, size = other.secants.T @ target, (other.secants**2).sum(axis=0)
         amplitude = np.clip(along / np.maximum(size, 1e-300), 0.0, other.limits)

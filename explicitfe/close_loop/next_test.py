@@ -8,34 +8,19 @@ the scatter of tests then count with as much less noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from explicitfe.close_loop.compared import ComparedCauses, Entry
 from explicitfe.close_loop.information import Foretold, entropy_bits, expected_bits, separation
-from explicitfe.close_loop.posterior import (
-    Causes,
-    Evidence,
-    Posterior,
-    by_mechanism,
-    count_of_testable,
-    in_usual_forms,
-    prior_precision,
-    usual_forms,
-)
 from explicitfe.close_loop.proposals import ProposedCurve, proposals
-from explicitfe.close_loop.search import Outcome
 from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
-from explicitfe.close_loop.statistics.fingerprints import NOT_TESTABLE
-from explicitfe.close_loop.statistics.refit import derivatives, refit
-from explicitfe.close_loop.statistics.system import Candidate, Hypothesis
-from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.errors import RunError
+from explicitfe.close_loop.statistics.refit import derivatives
+from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, Parameter
 from explicitfe.measured.curve import COLUMNS, programme_of
 from explicitfe.measured.rig import RigLimits
-from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
 from explicitfe.results.loop_report import NextExperiment
 
 # Causes that compete: where each answer is the run of a mesh, fewer.
@@ -46,6 +31,14 @@ TRIED_REPEATS = (1, 2, 3, 5)
 MOST_LISTED = 3
 # Precision that keeps a parameter finite which the data do not determine, as a share of the largest.
 SMALLEST_PRECISION_SHARE = 1e-10
+# The prior's standard deviations in the largest plausible strength; a uniform prior over a range has the variance of its square
+# over the second number.
+PLAUSIBLE_SDS, UNIFORM_VARIANCE_DIVISOR = 2.0, 12.0
+# Causes that are less probable do not compete.
+LEAST_PROBABILITY = 0.005
+# Of tests that are expected to yield at least this share of the largest information the quickest is proposed, if it yields this
+# share of the entropy of the causes.
+ENOUGH_SHARE, WORTHWHILE_SHARE = 0.7, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,41 +59,35 @@ class Survivor:
     precision: np.ndarray
 
 
-def survivors(system: Specimens, outcome: Outcome, evidence: Sequence[Evidence], posterior: Posterior) -> list[Survivor]:
+def survivors(system: Specimens, comparison: ComparedCauses) -> list[Survivor]:
     """Causes that the data leave, the most probable first."""
-    costly = system.costly(outcome.rounds[0].fit.model)
-    usual = usual_forms(outcome)
-    posterior = by_mechanism(posterior, usual)
-    best: dict[Causes, Evidence] = {}
-    for one in evidence:
-        causes = in_usual_forms(one.causes, usual)  # two forms of one mechanism are no rivals
-        if causes not in best or one.log > best[causes].log:
-            best[causes] = one
-    ranked = sorted(best, key=lambda causes: -posterior.of(causes))[: MOST_CAUSES_ON_A_MESH if costly else MOST_CAUSES]
-    left = [
-        _survivor(system, outcome, best[causes], posterior.of(causes))
-        for causes in ranked
-        if posterior.of(causes) >= THRESHOLDS.surviving_probability
-    ]
+    costly = system.costly(comparison.baseline.model)
+    left = []
+    for causes, p in list(comparison.posterior.sets.items())[: MOST_CAUSES_ON_A_MESH if costly else MOST_CAUSES]:
+        entry = comparison.best_of(causes)
+        if entry is not None and p >= LEAST_PROBABILITY:
+            left.append(_survivor(entry, p))
     if not left:
         return []
-    return [*left, *_unseen(system, outcome, left[0], MOST_UNSEEN_ON_A_MESH if costly else MOST_UNSEEN)]
+    return [*left, *_unseen(system, comparison, left[0], MOST_UNSEEN_ON_A_MESH if costly else MOST_UNSEEN)]
 
 
-def _survivor(system: Specimens, outcome: Outcome, one: Evidence, probability: float) -> Survivor:
-    """A cause with its parameters: one that was only tried is fitted where that needs no mesh."""
-    covariance, model, J = outcome.rounds[0].covariance, one.model, one.jacobian
-    if not one.fitted and system.exact(model):
-        with suppress(RunError):  # else its trial stands for it
-            fit = refit(system, model, covariance)
-            model, J = fit.model, fit.jacobian
-    count = sum(len(term.parameters) for term in model.terms)
-    precision = J.T @ J
-    for k, term in zip(_starts(model), model.terms, strict=True):
+def _survivor(entry: Entry, probability: float) -> Survivor:
+    """A set of causes with the parameters of its best form."""
+    assert entry.fit is not None
+    precision = entry.fit.jacobian.T @ entry.fit.jacobian
+    for k, term in zip(_starts(entry.model), entry.model.terms, strict=True):
         precision[k : k + len(term.parameters), k : k + len(term.parameters)] += np.diag(prior_precision(term.parameters))
-    assert len(precision) == len(model.base) + count
-    name = " + ".join(sorted(one.causes)) or "nothing"
-    return Survivor(name, probability, model, precision)
+    return Survivor(" + ".join(sorted(entry.causes)) or "nothing", probability, entry.model, precision)
+
+
+def prior_precision(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Precision (q,) of a term's parameters before the data, in their coordinates: a plausible strength, a range of shapes."""
+    strength, *shapes = parameters
+    none = strength.sought.coordinate(strength.sought.none)
+    sd = max(abs(strength.sought.coordinate(v) - none) for v in strength.sought.values) / PLAUSIBLE_SDS
+    widths = [max(shape.high - shape.low, 1e-300) for shape in shapes]
+    return np.array([sd**-2.0, *(UNIFORM_VARIANCE_DIVISOR / width**2 for width in widths)])
 
 
 def _starts(model: Hypothesis) -> list[int]:
@@ -109,18 +96,17 @@ def _starts(model: Hypothesis) -> list[int]:
     return [len(model.base) + sum(sizes[:k]) for k in range(len(sizes))]
 
 
-def _unseen(system: Specimens, outcome: Outcome, best: Survivor, most: int) -> list[Survivor]:
+def _unseen(system: Specimens, comparison: ComparedCauses, best: Survivor, most: int) -> list[Survivor]:
     """The most probable model with each effect that these data cannot show but another test of the kind might.
 
-    The data say nothing of it, so it is as probable as before, and as strong as is usual.
+    The data do not change its probability, and it is as strong as is usual.
     """
-    hidden = {s.candidate.effect for s in outcome.rounds[0].scores if s.status == NOT_TESTABLE}
-    candidates = [c for c in system.possible(best.model) if c.effect in hidden]
+    candidates = [c for c in system.possible(best.model) if c.effect in comparison.not_testable]
     models = [best.model.plus(c.term, usual_values(c)) for c in candidates[:most]]
-    odds = 1.0 / max(count_of_testable(outcome) + len(candidates) - 1, 1)
+    odds = 1.0 / max(comparison.prior.causes + len(candidates) - 1, 1)
     unseen: list[Survivor] = []
     for candidate, model, answer in zip(candidates, models, system.answers(models), strict=False):
-        if answer is None:  # it cannot be at work alone, or not here
+        if answer is None:  # it cannot be present alone, or not here
             continue
         size = len(best.precision)
         precision = np.zeros((len(model.x), len(model.x)))
@@ -161,8 +147,8 @@ def next_tests(system: Specimens, causes: Sequence[Survivor], covariance: Covari
     chosen: dict[str, NextExperiment] = {}
     # A cheap test that settles little is cheap for every bit, and leaves the question open.
     enough = max(
-        THRESHOLDS.worthwhile_information * entropy_bits([c.probability for c in causes]),
-        THRESHOLDS.settling_share * max((bits for _, bits, *_ in ranked), default=0.0),
+        WORTHWHILE_SHARE * entropy_bits([c.probability for c in causes]),
+        ENOUGH_SHARE * max((bits for _, bits, *_ in ranked), default=0.0),
     )
     for _, bits, minutes, repeats, proposal, again in ranked:
         if proposal.words in chosen or bits < enough or len(chosen) == MOST_LISTED:
@@ -225,13 +211,6 @@ def _slopes(test: Specimens, causes: Sequence[Survivor], means: Sequence[np.ndar
     return slopes
 
 
-def _without(model: Hypothesis, place: int) -> Hypothesis:
-    """The model with one strength at none."""
-    x = model.x.copy()
-    x[place] = _none(model, place)
-    return model.at(x)
-
-
 def _none(model: Hypothesis, place: int) -> float:
     """The coordinate of a strength without its effect."""
     sought = model.parameters[place].sought
@@ -274,8 +253,3 @@ def reported_programme(proposal: ProposedCurve, repeats: int) -> NextExperiment:
         tool=None if curve.tool is None else curve.tool.model_dump(mode="json", exclude_none=True, exclude_defaults=True),
         conditions=dict(curve.conditions),
     )
-
-
-def _stated(table: MeasuredSpecimen | MeasuredTool | None) -> dict[str, object] | None:
-    """A table as a dataset states it."""
-    return None if table is None else table.model_dump(mode="json", exclude_none=True, exclude_defaults=True)

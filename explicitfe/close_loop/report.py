@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from explicitfe.close_loop import words
-from explicitfe.close_loop.posterior import Posterior, sureness
-from explicitfe.close_loop.search import Outcome, Round, numerical_shares
+from explicitfe.close_loop.compared import ComparedCauses, Entry
 from explicitfe.close_loop.split import Split
-from explicitfe.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit
+from explicitfe.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit, widened
 from explicitfe.close_loop.statistics.refit import BOUND_SHARE, BestFit
-from explicitfe.close_loop.thresholds import THRESHOLDS, entries
+from explicitfe.close_loop.statistics.signatures import Signature
+from explicitfe.close_loop.thresholds import entries
+from explicitfe.close_loop.verdict import Outcome, decision_on, numerical_shares
 from explicitfe.effects import EFFECTS
 from explicitfe.measured.curve import Dataset
 from explicitfe.results.folder import drawing, whole_folder
@@ -29,17 +30,16 @@ from explicitfe.results.loop_report import (
     NumericalFloor,
     Parameters,
     ReportCurve,
-    ReportedCandidate,
+    ReportedCause,
+    ReportedHypothesis,
     ReportedLackOfFit,
     ReportedModel,
     ReportedNoise,
-    ReportedRound,
-    ReportedSeparation,
     ReportedSplit,
     ReportedThreshold,
     Side,
 )
-from explicitfe.results.verdict_text import JOINED_BY, NOTHING, OTHER, sentence
+from explicitfe.results.verdict_text import sentence
 
 SUMMARY = "report.json"
 # An error with several independent parts has a column for each, whose names differ in this.
@@ -48,6 +48,12 @@ SIDES: tuple[Side, Side] = ("fit", "holdout")
 # Why a parameter is not determined, as the report says it.
 WITHOUT_EFFECT = "its interval includes zero effect"
 WHOLE_RANGE = "its interval is its whole range"
+# The report lists at most so many hypotheses.
+MOST_HYPOTHESES = 40
+# Intervals of constants hold those of all models whose probability is at least this share of that of the final one.
+ALIKE_SHARE = 0.05
+# A residual with a smaller p-value is no noise, and widens the intervals.
+SIGNIFICANT_P = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,19 +93,44 @@ def new_report(dataset: Dataset, sides: Split, unit: str) -> LoopReport:
     )
 
 
-def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: BestFit, last: Round) -> None:
-    """Put into a report where the search ended; errors are still to come.
-
-    Parameters
-    ----------
-    before, after : the baseline and the final model.
-    last : the round of the final model.
-    """
-    covariance, first = last.covariance, outcome.rounds[0]
-    add_verdict(report, outcome)
-    report.remainder_where = words.where(last)
+def add_outcome(report: LoopReport, outcome: Outcome) -> None:
+    """Put into a report what was compared, the verdict and the models; errors are still to come."""
+    comparison, final = outcome.comparison, outcome.final
+    fit, covariance = final.fit, final.covariance
+    assert fit is not None and covariance is not None and comparison.baseline.fit is not None
+    named = outcome.verdict in ("effect-found", "ambiguous")
+    report.verdict, report.remainder, report.sure = outcome.verdict, outcome.remainder, outcome.sure
+    report.effects = list(outcome.effects) if named else []
+    report.nearest = list(outcome.effects) if outcome.verdict == "unexplained" else []
+    report.ambiguous_with = list(outcome.undecided)
+    report.credible = [words.set_in_words(causes) for causes in outcome.credible] if outcome.verdict == "ambiguous" else []
+    report.posterior = comparison.posterior.by_words
+    report.something_else = comparison.posterior.something_else
+    report.causes = _causes(comparison)
+    report.hypotheses = _hypotheses(comparison)
+    report.compared = len(comparison.entries)
+    report.fitted = sum(one.fit is not None for one in comparison.entries)
+    effects = {name for one in report.hypotheses for name in one.effects} | set(report.causes) | set(comparison.not_testable)
+    report.effect_titles = {name: words.title(name) for name in sorted(effects)}
+    lack = final.evidence.lack
+    report.lack_of_fit = ReportedLackOfFit(chi2=lack.chi2, free=lack.free, p=lack.p)
+    report.discrepancy = float(np.sqrt(max(lack.chi2 - lack.free, 0.0) / max(covariance.effective, 1.0)))
+    report.remainder_where = words.where(fit, covariance) if outcome.remainder == "unexplained" else ""
     report.n_eff = covariance.effective
-    report.noise = NoiseAndFloors(
+    report.noise = _noise(final)
+    report.baseline = ReportedModel(parameters=parameters(comparison.baseline, []))
+    report.final = ReportedModel(parameters=parameters(final, _as_probable(outcome)))
+    report.undetermined = undetermined(fit, report.final.parameters)
+    unsure = {name.partition(".")[0] for name, why in report.undetermined.items() if why == WITHOUT_EFFECT}
+    report.strength_undetermined = [effect for effect in report.effects if effect in unsure]
+    report.sentence = sentence(report)
+
+
+def _noise(final: Entry) -> NoiseAndFloors:
+    """Noise of the rows, scatter of the tests and systematic errors of a model."""
+    assert final.fit is not None and final.covariance is not None
+    covariance = final.covariance
+    return NoiseAndFloors(
         rows=[
             ReportedNoise(
                 curve=one.id,
@@ -116,34 +147,80 @@ def add_outcome(report: LoopReport, outcome: Outcome, before: BestFit, after: Be
         scatter_source=covariance.scatter.source,
         numerical=[
             NumericalFloor(what=name, share_of_noise=share)
-            for name, share in _in_whole(numerical_shares(covariance, last.fit, list(covariance.floors))).items()
+            for name, share in _in_whole(numerical_shares(covariance, final.fit, list(covariance.floors))).items()
         ],
     )
-    report.baseline = ReportedModel(parameters=parameters(before, first))
-    report.final = ReportedModel(parameters=parameters(after, last))
-    report.undetermined = undetermined(after, report.final.parameters)
-    unsure = {name.partition(".")[0] for name, why in report.undetermined.items() if why == WITHOUT_EFFECT}
-    report.strength_undetermined = [effect for effect in report.effects if effect in unsure]
-    report.separations = [
-        ReportedSeparation(a=a, b=b, separation=apart) for one in outcome.rounds for a, b, apart in one.separations
+
+
+def _causes(comparison: ComparedCauses) -> dict[str, ReportedCause]:
+    """Each cause with the decision on it, the most probable first, then those that are not testable."""
+    posterior = comparison.posterior
+    inclusion = posterior.inclusion
+    by_effect = {one.candidate.effect: one for one in comparison.signatures if one.values}
+    reported: dict[str, ReportedCause] = {}
+    for cause, p in inclusion.items():
+        forms = comparison.forms_of(cause)
+        strengths = {
+            name: comparison.detectable(by_effect[name]) for name in by_effect if comparison.cause_of.get(name, name) == cause
+        }
+        usual = min(strengths, key=lambda name: (name != cause, name), default=None)
+        reported[cause] = ReportedCause(
+            title=words.title_of_cause(cause),
+            decision=decision_on(p),
+            probability=p,
+            forms=forms,
+            parameter=None if usual is None else by_effect[usual].candidate.term.parameters[0].name,
+            detectable=None if usual is None else strengths[usual],
+            detectable_share=None if usual is None else _share_of_largest(by_effect[usual], strengths[usual]),
+        )
+    for effect, reason in comparison.not_testable.items():
+        cause = comparison.cause_of.get(effect, effect)
+        if cause not in reported:
+            reported[cause] = ReportedCause(title=words.title_of_cause(cause), decision="not-testable", reason=reason)
+    return reported
+
+
+def _share_of_largest(signature: Signature, strength: float) -> float:
+    """A strength as a share of the largest plausible one of the same sign."""
+    sought = signature.candidate.term.parameters[0].sought
+    end = sought.high if strength > sought.none else sought.low
+    x, none, largest = (sought.coordinate(v) for v in (strength, sought.none, end))
+    return (x - none) / (largest - none) if largest != none else 1.0
+
+
+def _hypotheses(comparison: ComparedCauses) -> list[ReportedHypothesis]:
+    """The most probable hypotheses, and those that could not be computed."""
+    base = comparison.baseline.fit
+    assert base is not None
+    reported = []
+    for one, p in comparison.probabilities()[:MOST_HYPOTHESES]:
+        chi2 = None if one.fit is None else one.fit.whitened
+        names = [p.name for p in one.model.parameters[len(one.model.base) :]]
+        reported.append(
+            ReportedHypothesis(
+                causes=sorted(one.causes),
+                effects=list(one.key),
+                probability=p,
+                fitted=one.fit is not None,
+                chi2=chi2,
+                decrease=None if chi2 is None else base.whitened - chi2,
+                bound=None if one.fit is not None else one.bound,
+                parameters=dict(zip(names, one.model.values[len(one.model.base) :], strict=True)),
+            )
+        )
+    return reported + [
+        ReportedHypothesis(
+            causes=sorted({comparison.cause_of.get(name, name) for name in key}), effects=list(key), fitted=False, reason=reason
+        )
+        for key, reason in comparison.failed.items()
     ]
 
 
-def add_verdict(report: LoopReport, outcome: Outcome) -> None:
-    """Put verdict, effects and rounds of an outcome into a report."""
-    best = outcome.rounds[-1].best
-    ambiguous = outcome.rounds[-1].ambiguous_with if outcome.verdict in ("ambiguous", "effect-found") else ()
-    effects = list(outcome.effects) or ([outcome.rounds[0].best] if ambiguous and outcome.rounds[0].best else [])
-    named = [*effects, *ambiguous, *outcome.nearest, *outcome.no_consequence, *([best] if best else [])]
-    report.verdict = outcome.verdict
-    report.remainder = outcome.remainder
-    report.message = outcome.message
-    report.effects = effects
-    report.effect_titles = {name: words.title(name) for name in named}
-    report.nearest = list(outcome.nearest)
-    report.no_consequence = list(outcome.no_consequence)
-    report.ambiguous_with = list(ambiguous)
-    report.steps = [_reported(one) for one in outcome.rounds]
+def _as_probable(outcome: Outcome) -> list[BestFit]:
+    """Fits of other hypotheses that are not much less probable: nothing decides between their constants."""
+    entries = outcome.comparison.probabilities()
+    least = max((p for one, p in entries if one is outcome.final), default=0.0) * ALIKE_SHARE
+    return [one.fit for one, p in entries if one.fit is not None and one is not outcome.final and p >= least > 0.0]
 
 
 def _in_whole(shares: Mapping[str, float]) -> dict[str, float]:
@@ -155,19 +232,21 @@ def _in_whole(shares: Mapping[str, float]) -> dict[str, float]:
     return {name: float(np.sqrt(square)) for name, square in squares.items()}
 
 
-def parameters(fit: BestFit, judged: Round) -> Parameters:
+def parameters(entry: Entry, others: Sequence[BestFit]) -> Parameters:
     """Values with 95 % intervals; those that are shares of what other terms leave as shares of the whole.
 
     Parameters
     ----------
-    judged : the round of the model, whose remainder widens the intervals because it is no noise.
+    others : other models that are about as probable; the constants of the baseline may be those of each.
     """
-    remainder = judged.lack.chi2 if fit.by_rows is None else fit.by_rows
-    worse = 1.0 if judged.at_floor else max(remainder / max(judged.lack.free, 1), 1.0)
-    if judged.at_floor or judged.no_consequence:
-        limits = iter(intervals(fit, judged.covariance, worse))
+    fit, covariance = entry.fit, entry.covariance
+    assert fit is not None and covariance is not None
+    lack = entry.evidence.lack
+    remainder = lack.chi2 if fit.by_rows is None else fit.by_rows
+    if lack.p > SIGNIFICANT_P and fit.by_rows is None:
+        limits = iter(widened(intervals(fit, covariance), fit, others, covariance))
     else:
-        limits = iter(intervals_beside_a_misfit(fit, judged.covariance, worse, not_rejected(judged)))
+        limits = iter(intervals_beside_a_misfit(fit, covariance, max(remainder / max(lack.free, 1), 1.0), others))
     values = iter(fit.model.values)
     reported: Parameters = {}
     for p in fit.model.base:
@@ -192,14 +271,6 @@ def parameters(fit: BestFit, judged: Round) -> Parameters:
     return reported
 
 
-def not_rejected(judged: Round) -> list[BestFit]:
-    """The models with one effect more that explain about as much as the best of them: these data do not say which it is."""
-    alike = [fit for fit in judged.refits.values() if (fit.by_rows is None) == (judged.fit.by_rows is None)]
-    gains = [judged.fit.chi2 - fit.chi2 for fit in alike]
-    most = max(gains, default=0.0)
-    return [fit for fit, gain in zip(alike, gains, strict=True) if gain >= THRESHOLDS.alike_gain_share * most and gain > 0.0]
-
-
 def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
     """Parameter of an effect that the data do not determine -> why: with its strength at none, or anywhere in its range."""
     why: dict[str, str] = {}
@@ -216,16 +287,6 @@ def undetermined(fit: BestFit, reported: Parameters) -> dict[str, str]:
     return why
 
 
-def add_probabilities(report: LoopReport, outcome: Outcome, posterior: Posterior) -> None:
-    """Put the probabilities of causes and verdict into a report, and the sentence that follows from them."""
-    report.posterior = posterior.causes
-    effects = {name for cause in report.posterior for name in cause.split(JOINED_BY)} - {NOTHING, OTHER}
-    report.effect_titles |= {name: words.title(name) for name in sorted(effects)}
-    report.something_else = posterior.something_else
-    report.sure = sureness(outcome, posterior)
-    report.sentence = sentence(report)
-
-
 def add_failure(report: LoopReport, message: str) -> None:
     """Put into a report that nothing could be fitted, and why."""
     report.verdict = "failed"
@@ -240,48 +301,12 @@ def add_failure(report: LoopReport, message: str) -> None:
     report.n_eff = 0.0
     report.baseline = ReportedModel(parameters={}, error=ErrorsOfModel())
     report.final = ReportedModel(parameters={}, error=ErrorsOfModel())
-    report.steps = []
     report.posterior = {}
     report.ambiguous_with = []
-    report.separations = []
     report.next_experiment = None
     report.proposed_tests = []
     report.sensitivity_to_assumed = {}
     report.warnings = []
-
-
-def _reported(judged: Round) -> ReportedRound:
-    """A round as the report has it, with the candidates that explain most first."""
-    candidates = []
-    for score in sorted(judged.scores, key=lambda s: (-s.drop, s.status)):
-        name = score.candidate.effect
-        fit = judged.refits.get(name)
-        names = [p.name.rpartition(".")[2] for p in score.candidate.term.parameters]
-        values = score.values if fit is None else fit.model.values[len(fit.model.x) - len(names) :]
-        errors = judged.cv.get(name)
-        candidates.append(
-            ReportedCandidate(
-                effect=name,
-                status="failed" if name in judged.failures else score.status,
-                chi2_drop=score.drop,
-                chi2_drop_refitted=None if fit is None else judged.fit.chi2 - fit.chi2,
-                p_holm=score.p_holm,
-                p_is_bound=score.p_is_bound,
-                cv_nrmse=float(np.mean(list(errors.values()))) if errors else None,
-                parameters=dict(zip(names, values, strict=False)),
-                reason=judged.failures.get(name) or judged.why_not.get(name, score.reason),
-            )
-        )
-    without = judged.cv.get("")
-    return ReportedRound(
-        p_residual=judged.p,
-        p_is_bound=judged.p_is_bound,
-        chi2=judged.fit.chi2,
-        lack_of_fit=ReportedLackOfFit(chi2=judged.lack.chi2, free=judged.lack.free, p=judged.lack.p),
-        cv_nrmse=float(np.mean(list(without.values()))) if without else None,
-        candidates=candidates,
-        chosen=judged.chosen,
-    )
 
 
 def errors_of_model(curves: dict[str, CurveError]) -> ErrorsOfModel:

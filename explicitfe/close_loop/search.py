@@ -1,389 +1,412 @@
-"""The search for what a model lacks: fit, residual, candidates, refit, and again; from a system to a verdict, without files."""
+"""The comparison of hypotheses: sets of causes are screened, fitted and weighed by their evidence; from a system to an outcome.
+
+Every single effect is screened from its signature, and so is every pair; larger sets are built from the most probable smaller
+ones. A hypothesis that could matter is fitted with the simulator from its best screening, and from its fitted subsets if it
+ends worse than one of them; on a mesh the number of fits is limited. A set that was not fitted keeps the evidence of its
+screening, which is linear in the strengths.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
-from explicitfe.close_loop.rivals import excluded, fits, gain_over, separations_of, worth_a_refit
-from explicitfe.close_loop.selection import CrossValidation, select, why_not_fitted
-from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, outside, stack
-from explicitfe.close_loop.statistics.fingerprints import (
-    NOT_SIGNIFICANT,
-    SIGNIFICANT,
-    Fingerprint,
-    LackOfFit,
-    Score,
-    by_rows,
-    fingerprints,
-    lack_of_fit,
-    scores,
+from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, needed_decrease
+from explicitfe.close_loop.evidence import (
+    Causes,
+    Evidence,
+    Prior,
+    cost_of_term,
+    evidence_of,
+    log_discrepancy,
+    log_odds_of_other,
+    posterior_of,
 )
+from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
+from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
-from explicitfe.close_loop.statistics.refit import BestFit, refit
-from explicitfe.close_loop.statistics.starts import renewed, settled
+from explicitfe.close_loop.statistics.refit import BestFit, refit, renewed, settled
+from explicitfe.close_loop.statistics.signatures import Changes, Screening, Signature, screen, signatures
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.results.loop_report import Remainder, Verdict
+from explicitfe.errors import RunError
 
-# Floors of assumed quantities have names that begin so; the others are of the numerics.
+# Systematic errors of assumed quantities have names that begin so; the others are of the numerics and of the protocol.
 ASSUMED = "assumed "
-# Shares of the whole search that are done when each stage begins; the rounds take what lies between the last two.
-BASELINE_PROGRESS, FLOORS_PROGRESS, ROUNDS_PROGRESS, ROUNDS_PROGRESS_SHARE = 0.02, 0.06, 0.1, 0.8
+# A cause may use several terms: two more in a set than it has causes.
+FURTHER_TERMS = 2
+# Hypotheses from which larger ones are built.
+MOST_PARENTS = 6
+# Shares of the search at which its stages begin.
+BASELINE_PROGRESS, SYSTEMATIC_PROGRESS, SCREENING_PROGRESS = 0.02, 0.1, 0.2
+FITS_PROGRESS, FINISH_PROGRESS = 0.4, 0.9
 
-NO_MORE_EFFECTS = "not added: the limit on the number of effects is reached (--max-effects)"
+# The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
+MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 8, 2: 4, 3: 3}
 
 Watch = Callable[[str, float], None]
 
 
-@dataclass(frozen=True, eq=False)
-class Round:
-    """One turn of the search.
-
-    Attributes
-    ----------
-    fit, covariance : the model of this round at its best, and the covariance that it was judged with.
-    lack : its lack of fit.
-    p : p-value of the residual, from the lack of fit and from the best candidate together.
-    p_is_bound : p is an upper bound, because no draw of the bootstrap reached the best candidate's drop.
-    scores : of all candidates.
-    prints : fingerprints of those that could be computed.
-    refits : effect -> the model with it, at its best.
-    failures : effect -> why that could not be computed.
-    cv : effect -> cross-validated error of each test; "" is the model without a further effect.
-    chosen : the effect that was added; None if none was.
-    why_not : significant effect -> why it was not added here.
-    best : the effect that was chosen, or that cannot be told from others.
-    ambiguous_with : effects that these data cannot tell from the best.
-    separations : (a, b, |y_a - y_b|^2).
-    no_consequence : significant effects that do not lower the errors of left-out tests by more than the error of that gain.
-    is_form : what is left may be the form of an effect that was added.
-    """
-
-    fit: BestFit
-    covariance: Covariance
-    lack: LackOfFit
-    p: float
-    scores: list[Score]
-    p_is_bound: bool = False
-    prints: tuple[Fingerprint, ...] = ()
-    refits: dict[str, BestFit] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)
-    cv: CrossValidation = field(default_factory=dict)
-    chosen: str | None = None
-    why_not: dict[str, str] = field(default_factory=dict)
-    best: str | None = None
-    ambiguous_with: tuple[str, ...] = ()
-    separations: tuple[tuple[str, str, float], ...] = ()
-    no_consequence: tuple[str, ...] = ()
-    is_form: bool = False
-
-    @property
-    def at_floor(self) -> bool:
-        """Whether no more than noise is left."""
-        return self.p > THRESHOLDS.significance_p
-
-
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Where the search ended.
-
-    Attributes
-    ----------
-    rounds : the last one is that of the final model.
-    effects : what is missing, in the order in which it was added.
-    nearest : effects that help without explaining what is missing.
-    no_consequence : effects that are significant, and of no consequence for tests that were left out.
-    message : why a fit failed.
-    """
-
-    verdict: Verdict
-    remainder: Remainder
-    rounds: list[Round]
-    effects: tuple[str, ...]
-    nearest: tuple[str, ...] = ()
-    no_consequence: tuple[str, ...] = ()
-    message: str = ""
-
-    @property
-    def keeps_effects(self) -> bool:
-        """Whether the final model has effects: those that are missing, or those that help without being what is missing."""
-        return self.verdict in ("effect-found", "ambiguous", "unexplained") and bool(self.rounds[-1].fit.model.effects)
-
-
-def covariance_of(
-    system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: dict[str, np.ndarray]
-) -> Covariance:
-    """Sigma at a model: noise of rows, scatter between tests, numerics, and what is assumed (name -> change (n,) SI)."""
-    (answer,) = system.answers([model])
-    assert answer is not None
-    base = stack(answer)
-    floors = {name: stack(other) - base for name, other in system.checks(model).items()}
-    return Covariance(system.series, rows, spread, floors | assumed)
-
-
-def numerical_shares(covariance: Covariance, fit: BestFit, names: Sequence[str]) -> dict[str, float]:
-    """Floor -> rms of its change, outside what the constants can imitate, as a share of the noise of the rows."""
-    shares = {}
-    for name in names:
-        d = covariance.floors[name]
-        rows = covariance.by_rows(np.column_stack([d, fit.slopes]))
-        change = outside(rows[:, 1:], rows[:, :1])
-        shares[name] = float(np.sqrt(np.mean(change**2)))
-    return shares
-
-
-def _numerical_chi2(covariance: Covariance, fit: BestFit, other: BestFit) -> float:
-    """What numerics may change of the gain of another model over a fit, where the misfit is gross and chi2 is that of the rows
-    alone; elsewhere numerics are in Sigma.
-
-    A change d of what both answer changes a gain 2 r D - D D by 2 d D, where D is the difference of their answers.
-    """
-    if fit.by_rows is None:
-        return 0.0
-    floors = [d for name, d in covariance.floors.items() if not name.startswith(ASSUMED)]
-    rows = covariance.by_rows(np.column_stack([other.answer - fit.answer, *floors, fit.slopes]))
-    changes = outside(rows[:, 1 + len(floors) :], rows[:, 1 : 1 + len(floors)])
-    return float(np.linalg.norm(2.0 * rows[:, 0] @ changes))
-
-
-def search(
+def compare(
     system: System,
     *,
     max_effects: int,
-    start: Hypothesis | None = None,
     rows: Sequence[RowNoise] | None = None,
-    single: bool = False,
-    seed: int = 0,
     watch: Watch = lambda stage, share: None,
-) -> Outcome:
-    """Add the effect that explains most, again and again, until nothing is left or nothing helps.
+) -> ComparedCauses:
+    """Compare all sets of causes with the data.
 
     Parameters
     ----------
-    start : the baseline with constants to begin with; the system's own if left out.
+    max_effects : the largest number of causes of a hypothesis.
     rows : noise of the rows; estimated if left out.
-    single : there is one test only, so that nothing can be confirmed by another.
     watch : called with what is done now and the share of the whole that is done.
 
     Raises
     ------
     RunError : the baseline cannot be computed.
     """
+    watch("fit of the elastic model", BASELINE_PROGRESS)
     estimated = rows is None
     rows = row_noise(system.series) if rows is None else rows
     spread = scatter(system.series, rows)
-    watch("fit of the baseline", BASELINE_PROGRESS)
-    by_tests = Covariance(system.series, rows, spread)
-    baseline = settled(system, refit(system, start or system.start(), by_tests), by_tests)
-    system, baseline = renewed(system, baseline, by_tests)
+    by_tests = Covariance(system.series, rows, spread, system.systematic())
+    fit = settled(system, refit(system, system.start(), by_tests), by_tests)
+    system, fit = renewed(system, fit, by_tests)
     if estimated:
-        rows = row_noise_beside(system.series, rows, baseline.answer)
+        rows = row_noise_beside(system.series, rows, fit.answer)
         spread = scatter(system.series, rows)
-    watch("numerical error", FLOORS_PROGRESS)
-    assumed = {f"{ASSUMED}{name}": stack(answer) - baseline.answer for name, answer in system.assumptions(baseline.model).items()}
-    covariance = covariance_of(system, baseline.model, rows, spread, assumed)
-    fit = settled(system, refit(system, baseline.model, covariance, slopes=baseline.slopes), covariance)
-    rounds: list[Round] = []
-    while True:
+    watch("systematic errors", SYSTEMATIC_PROGRESS)
+    assumed = {f"{ASSUMED}{name}": stack(answer) - fit.answer for name, answer in system.assumptions(fit.model).items()}
+    covariance = covariance_of(system, fit.model, rows, spread, assumed)
+    fit = settled(system, refit(system, fit.model, covariance, slopes=fit.slopes), covariance)
+    return _Comparing(system, covariance, fit, max_effects, watch).run()
+
+
+def covariance_of(
+    system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: Mapping[str, np.ndarray]
+) -> Covariance:
+    """Covariance at a model: noise of rows, scatter between tests, numerical errors, and what is assumed (name -> (n,) SI)."""
+    (answer,) = system.answers([model])
+    assert answer is not None
+    base = stack(answer)
+    numerical = {name: stack(other) - base for name, other in system.checks(model).items()}
+    return Covariance(system.series, rows, spread, {**numerical, **system.systematic(), **assumed})
+
+
+class _Comparing:
+    """One comparison: the table of responses near the baseline, and the hypotheses by the effects of their terms."""
+
+    def __init__(self, system: System, covariance: Covariance, fit: BestFit, max_effects: int, watch: Watch) -> None:
+        self.system, self.covariance, self.watch = system, covariance, watch
+        self.max_effects = max_effects
+        self.failed: dict[Key, str] = {}
+        self.screened: dict[Key, tuple[Entry, Screening]] = {}
+        watch("screening of the candidates", SCREENING_PROGRESS)
+        self.library = system.candidates(fit.model)
+        self.cause_of = {c.effect: c.cause for c in self.library}
+        tested = [c for c in self.library if not c.reason]
+        self.table: dict[Key, Changes] = {}
+        if system.costly(fit.model):
+            self.table = {_name(c): d for c, d in zip(tested, system.changes(fit.model, tested), strict=True)}
+        self.at_baseline = self._signatures(fit, covariance, tested)
+        causes = {one.candidate.cause for one in self.at_baseline}
+        self.prior = Prior(len(causes), _forms(self.library), max_effects)
+        visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
+        self.visible = visible
+        causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in visible}
+        self.prior = replace(self.prior, causes=len(causes))
+        self.fitted: dict[Key, Entry] = {(): self._entry(fit, system, covariance)}
+
+    # ---- the comparison ----
+
+    def run(self) -> ComparedCauses:
+        """Fit what matters, level by level, then exchange terms of the best hypothesis until it stays."""
+        parents = [self.fitted[()]]
+        for terms in range(1, self.max_effects + FURTHER_TERMS + 1):
+            if self.max_effects == 0:
+                break
+            for parent in parents:
+                self._screen_children(parent, pairs=terms == 1)
+            if not self._fit_plausible(terms):
+                break
+            level = [one for one in self.fitted.values() if len(one.key) == terms]
+            parents = sorted(level, key=self._log_posterior, reverse=True)[:MOST_PARENTS]
+        self._exchange()
+        self._finish()
+        return self._comparison()
+
+    def _exchange(self) -> None:
+        """Drop each term of the best hypothesis and replace it by others, as long as another becomes the best."""
+        for _ in range(FURTHER_TERMS):
+            best = max(self.fitted.values(), key=self._log_posterior)
+            for k in range(len(best.key)):
+                smaller = best.key[:k] + best.key[k + 1 :]
+                if smaller not in self.fitted and smaller not in self.failed:
+                    self._fit(smaller, [_without_term(best.model, best.key[k])])
+                if smaller in self.fitted:
+                    self._screen_children(self.fitted[smaller], pairs=False)
+            self._fit_plausible(None)
+            if max(self.fitted.values(), key=self._log_posterior) is best:
+                return
+
+    def _screen_children(self, parent: Entry, *, pairs: bool) -> None:
+        """Screen the parent with one further term, and where asked with each pair of further terms."""
+        assert parent.fit is not None and parent.covariance is not None and parent.system is not None
+        candidates = [c for c in parent.system.candidates(parent.model) if not c.reason and c.effect in self._allowed(parent)]
+        if not candidates:
+            return
+        known = self._signatures(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
+        tested = [one for one in known if one.values and one.candidate.effect in self._allowed(parent)]
+        residual = outside(parent.fit.movable, parent.fit.residual)
+        groups: list[tuple[Signature, ...]] = [(one,) for one in tested]
+        if pairs:
+            groups += [pair for pair in combinations(tested, 2) if pair[0].candidate.cause != pair[1].candidate.cause]
+        for group in groups:
+            if len({*parent.causes, *(one.candidate.cause for one in group)}) > self.max_effects:
+                continue
+            self._screen(parent, group, residual)
+
+    def _allowed(self, parent: Entry) -> set[str]:
+        """Effects that may be added: those that the data can show, and further terms of a cause that is there."""
+        return self.visible | {c.effect for c in self.library if c.cause in parent.causes}
+
+    def _screen(self, parent: Entry, group: Sequence[Signature], residual: np.ndarray) -> None:
+        """Keep the screening of a hypothesis if it is better than that from another parent."""
+        key = tuple(sorted((*parent.key, *(one.candidate.effect for one in group))))
+        if key in self.fitted or key in self.failed:
+            return
+        screening = screen(residual, group)
+        model = parent.model
+        for one, values in zip(group, screening.starts, strict=True):
+            model = model.plus(one.candidate.term, values)
+        assert parent.covariance is not None
+        cost = sum(self._cost(one.candidate.effect, len(one.candidate.term.parameters)) for one in group)
+        closed = parent.evidence.closed + 0.5 * screening.gain - cost
+        lack = parent.evidence.lack
+        left = LackOfFit(max(lack.chi2 - screening.gain, 0.0), lack.free, lack.p)
+        evidence = Evidence(closed, -np.inf, log_discrepancy(left.chi2, left.free), left)
+        causes = parent.causes | {one.candidate.cause for one in group}
+        entry = Entry(key, causes, evidence, model, bound=screening.bound)
+        before = self.screened.get(key)
+        if before is None or evidence.closed > before[0].evidence.closed:
+            self.screened[key] = entry, screening
+
+    def _fit_plausible(self, terms: int | None) -> int:
+        """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
+        costly = self.system.costly(self.fitted[()].model)
+        most = (MOST_FITS_ON_A_MESH if costly else MOST_FITS)[min(terms or 3, 3)]
+        count = 0
+        while True:
+            best = max(map(self._log_posterior, self.fitted.values()))
+            waiting = [
+                entry
+                for key, (entry, screening) in self.screened.items()
+                if key not in self.fitted and key not in self.failed and (terms is None or len(key) <= terms + 1)
+                if self._could_matter(entry, screening, best, terms)
+            ]
+            if not waiting or count >= most:
+                return count
+            entry = max(waiting, key=self._log_posterior)
+            share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
+            self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
+            self._fit(entry.key, [entry.model])
+            count += 1
+
+    def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
+        """Whether a fit could change the probabilities: with the largest gain that its signatures allow it comes near the best.
+
+        Signatures are linear, and the constants are not where the baseline is rejected. Single terms are all fitted then, and
+        wherever that needs no mesh; how many of them on a mesh is bounded by the time.
+        """
+        costly = self.system.costly(entry.model)
+        if terms == 1 and len(entry.key) == 1 and (not costly or self._is_rejected(self.fitted[()])):
+            return True
+        more = 0.0 if costly else 0.5 * max(screening.bound - screening.gain, 0.0)
+        return self._log_posterior(entry) + more > best + np.log(THRESHOLDS.negligible_probability)
+
+    def _is_rejected(self, entry: Entry) -> bool:
+        """Whether something else is more probable beside a hypothesis than that it is all."""
+        return entry.evidence.other + log_odds_of_other() > 0.0
+
+    def _fit(self, key: Key, starts: Sequence[Hypothesis]) -> None:
+        """Fit a hypothesis from its screening and, where it ends worse than a subset, from that subset."""
+        system, covariance = self.fitted[()].system, self.covariance
+        assert system is not None
+        subsets = [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) is not None]
+        best: BestFit | None = None
+        reason = ""
+        for start in starts:
+            try:
+                fit = refit(system, start, covariance, slopes=self._slopes(start))
+            except RunError as error:
+                reason = str(error)
+                continue
+            best = fit if best is None or _is_better(fit, best) else best
+        least = min((one.fit for one in subsets if one.fit is not None), key=lambda f: f.whitened, default=None)
+        if least is not None and (best is None or best.whitened > least.whitened):
+            for one in sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
+                started = self._from_subset(one, key)
+                if started is None:
+                    continue
+                try:
+                    fit = refit(system, started, covariance, slopes=self._slopes(started))
+                except RunError as error:
+                    reason = reason or str(error)
+                    continue
+                best = fit if best is None or _is_better(fit, best) else best
+        if best is None:
+            self.failed[key] = reason
+        else:
+            self.fitted[key] = self._entry(best, system, covariance)
+
+    def _slopes(self, start: Hypothesis) -> np.ndarray | None:
+        """Derivatives (n, p) SI near a model by the table of responses, NaN for those by a shape; None without a mesh."""
+        baseline = self.fitted[()].fit
+        if not self.table or baseline is None:
+            return None
+        columns = [baseline.slopes]
+        for term in start.terms:
+            changes = self.table.get((term.effect, term.parameters[0].name))
+            trials = [c.trials for c in self.library if c.effect == term.effect]
+            slope = np.full((len(baseline.answer), len(term.parameters)), np.nan)
+            known = [(v[0], d) for v, d in zip(trials[0], changes or (), strict=False) if d is not None] if trials else []
+            if known:
+                strength = term.parameters[0].sought
+                value, change = known[0]
+                slope[:, 0] = change / (strength.coordinate(value) - strength.coordinate(strength.none))
+            columns.append(slope)
+        return np.concatenate(columns, axis=1)
+
+    def _from_subset(self, subset: Entry, key: Key) -> Hypothesis | None:
+        """The subset at its best, with the term that it lacks at the start of its best trial."""
+        assert subset.fit is not None and subset.covariance is not None and subset.system is not None
+        lacking = list(key)
+        for name in subset.key:
+            lacking.remove(name)
+        candidates = [c for c in subset.system.candidates(subset.model) if not c.reason and c.effect == lacking[0]]
+        if not candidates:
+            return None
+        own = self._signatures(subset.fit, subset.covariance, candidates)
+        if not own or not own[0].values:
+            return None
+        start = screen(outside(subset.fit.movable, subset.fit.residual), own).starts[0]
+        return subset.model.plus(candidates[0].term, start)
+
+    def _entry(self, fit: BestFit, system: System, covariance: Covariance, *, with_forms: bool = False) -> Entry:
+        """A fitted hypothesis with its evidence."""
+        key = tuple(sorted(term.effect for term in fit.model.terms))
         covariance = covariance.at(fit.answer)
-        share = ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1)
-        watch(f"round {len(rounds) + 1} of at most {max_effects + 1}", share)
-        seen, systems = _round(system, fit, covariance, seed, last=len(rounds) >= max_effects, first=not rounds)
-        rounds.append(_without_form(rounds, seen))
-        if not fit.converged and len(rounds) == 1:
-            return Outcome("failed", "unexplained", rounds, (), message="the fit of the baseline did not converge.")
-        chosen = rounds[-1].chosen
-        if chosen is None:
-            break
-        watch(f"add effect {chosen}", ROUNDS_PROGRESS + ROUNDS_PROGRESS_SHARE * len(rounds) / (max_effects + 1))
-        system, fit = systems[chosen], rounds[-1].refits[chosen]
-        if estimated:
-            rows = row_noise_beside(system.series, rows, fit.answer)
-        covariance = covariance_of(system, fit.model, rows, spread, assumed)
-        fit = settled(system, refit(system, fit.model, covariance, slopes=fit.slopes), covariance)
-    return _outcome(rounds, single)
+        causes = frozenset(self.cause_of[name] for name in key)
+        cost = sum(self._cost(term.effect, len(term.parameters)) for term in fit.model.terms)
+        forms = self._other_forms(fit, covariance, causes, system) if causes and with_forms else None
+        evidence = evidence_of(fit, covariance, cost, forms)
+        return Entry(key, causes, evidence, fit.model, fit, system, covariance)
+
+    def _other_forms(self, fit: BestFit, covariance: Covariance, causes: Causes, system: System) -> np.ndarray | None:
+        """Whitened changes (n, m) of the answer by other forms of the causes that are there; None where there are none.
+
+        They are taken near the model without these causes; where an answer takes the run of a mesh, near the baseline.
+        """
+        columns = []
+        for cause in (cause for cause in causes if self.prior.forms.get(cause, 1) > 1):
+            bare = fit.model
+            for name in [term.effect for term in fit.model.terms]:
+                if system.costly(fit.model) or self.cause_of[name] == cause:
+                    bare = _without_term(bare, name)
+            forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
+            if self.table:
+                forms = [c for c in forms if _name(c) in self.table]
+            table = [self.table[_name(c)] for c in forms] if self.table else system.changes(bare, forms)
+            columns += [one.secants for one in signatures(system, fit, covariance, forms, table) if one.values]
+        return np.concatenate(columns, axis=1) if columns else None
+
+    def _signatures(self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate]) -> list[Signature]:
+        """Signatures near a model; from the table of responses where an answer takes the run of a mesh."""
+        if not self.table:
+            return signatures(self.system, fit, covariance, candidates)
+        known = [c for c in candidates if _name(c) in self.table]
+        return signatures(self.system, fit, covariance, known, [self.table[_name(c)] for c in known])
+
+    def _finish(self) -> None:
+        """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""
+        entries = sorted(self.fitted.values(), key=self._log_posterior, reverse=True)
+        best = self._log_posterior(entries[0])
+        assumed = {name: d for name, d in self.covariance.floors.items() if name.startswith(ASSUMED)}
+        for entry in entries:
+            if self._log_posterior(entry) < best + np.log(THRESHOLDS.negligible_probability):
+                break
+            assert entry.fit is not None and entry.system is not None and entry.covariance is not None
+            system, fit, covariance = entry.system, entry.fit, entry.covariance
+            try:
+                if system.costly(entry.model) and entry.key:
+                    self.watch(f"numerical error with {' + '.join(entry.key)}", FINISH_PROGRESS)
+                    system, fit = renewed(system, fit, covariance, times=1)
+                    covariance = covariance_of(system, fit.model, self.covariance.rows, self.covariance.scatter, assumed)
+                    fit = refit(system, fit.model, covariance, slopes=fit.slopes)
+                self.fitted[entry.key] = self._entry(fit, system, covariance, with_forms=True)
+            except RunError as error:
+                self.failed[entry.key] = str(error)
+
+    # ---- numbers ----
+
+    def _cost(self, effect: str, parameters: int) -> float:
+        """Cost of the parameters of a term."""
+        visible = max((one.visible for one in self.at_baseline if one.candidate.effect == effect), default=0.0)
+        return cost_of_term(parameters, self.covariance.effective, visible)
+
+    def _log_posterior(self, entry: Entry) -> float:
+        return entry.evidence.best + self.prior.log(entry.causes)
+
+    def _is_visible(self, one: Signature) -> bool:
+        """Whether the largest plausible strength could make a cause as probable as a verdict asks for."""
+        forms = self.prior.forms.get(one.candidate.cause, 1)
+        needed = needed_decrease(self.covariance, self.prior.causes, forms, one)
+        return bool(one.values) and one.visible > needed
+
+    def _comparison(self) -> ComparedCauses:
+        entries = [*self.fitted.values(), *(e for key, (e, _) in self.screened.items() if key not in self.fitted)]
+        posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
+        entries.sort(key=self._log_posterior, reverse=True)
+        reasons = {c.effect: c.reason for c in self.library if c.reason}
+        for one in self.at_baseline:
+            if one.candidate.effect not in self.visible:
+                reasons[one.candidate.effect] = (
+                    f"not detectable with these data: the largest plausible strength changes chi2 by {one.visible:.2g}"
+                    if one.values
+                    else "the model cannot be computed with it"
+                )
+        return ComparedCauses(
+            self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed, self.cause_of
+        )
 
 
-def conclude(system: System, outcome: Outcome, model: Hypothesis) -> list[Round]:
-    """Rounds that end at another model than that of an outcome.
-
-    Raises
-    ------
-    RunError : the model cannot be computed.
-    """
-    first, last = outcome.rounds[0], outcome.rounds[-1]
-    system = system.at(model)
-    assumed = {name: d for name, d in first.covariance.floors.items() if name.startswith(ASSUMED)}
-    covariance = covariance_of(system, model, last.covariance.rows, last.covariance.scatter, assumed)
-    fit = settled(system, refit(system, model, covariance), covariance)
-    seen, _ = _round(system, fit, covariance.at(fit.answer), 0, last=True, first=False)
-    return [first, seen]
+def _name(candidate: Candidate) -> Key:
+    """A name that is equal for a term of the same number of the same effect."""
+    return (candidate.effect, candidate.term.parameters[0].name)
 
 
-def _without_form(before: Sequence[Round], seen: Round) -> Round:
-    """The round, without an effect that remembers whose gain may be the form of one that was added before.
-
-    Real tissue does not remember by one formula. What that leaves looks like a second memory, not like a sensor or a tool.
-    """
-    remembering = {s.candidate.effect for one in before for s in one.scores if s.candidate.remembers}
-    # Where two are there already, their forms are no excuse: then it is another memory altogether.
-    if seen.chosen not in remembering or len(remembering.intersection(seen.fit.model.effects)) != 1:
-        return seen
-    gain = seen.fit.whitened - seen.refits[seen.chosen].whitened
-    if gain > THRESHOLDS.form_excess_share * before[0].lack.excess:
-        return seen
-    why = {seen.chosen: "not added: so small a residual may be a model-form error of the history-dependent effect that was found"}
-    return replace(seen, chosen=None, best=None, why_not=seen.why_not | why, is_form=True)
+def _forms(library: Sequence[Candidate]) -> dict[str, int]:
+    """Cause -> number of its forms in these data."""
+    forms: dict[str, set[str]] = {}
+    for one in library:
+        forms.setdefault(one.cause, set()).update({one.effect} if not one.reason else set())
+    return {cause: max(len(names), 1) for cause, names in forms.items()}
 
 
-def _outcome(rounds: list[Round], single: bool) -> Outcome:
-    """The verdict, by the first line that applies."""
-    first, last = rounds[0], rounds[-1]
-    effects = last.fit.model.effects
-    slight = last.no_consequence
-    quiet = last.at_floor or bool(slight) or _below_floor(last)
-    left: Remainder = "ambiguous" if last.ambiguous_with else "unexplained"
-    remainder: Remainder = "at-floor" if quiet else "form" if last.is_form else left
-    # An error below its own floor is nothing that is missing, whatever correlates in it.
-    if first.at_floor or first.no_consequence or (_below_floor(first) and not effects and not first.ambiguous_with):
-        verdict: Verdict = "limited-by-numerics" if _limited_by_numerics(first) else "no-missing-effect"
-        return Outcome(verdict, "at-floor", rounds, (), no_consequence=slight)
-    if first.best is None:
-        return Outcome("unexplained", "unexplained", rounds, ())
-    if not effects:
-        if first.ambiguous_with:
-            alike = (first.best, *first.ambiguous_with)
-            least = min(lack_of_fit(first.refits[name], first.covariance).excess for name in alike if name in first.refits)
-            if least > THRESHOLDS.unexplained_excess_share * first.lack.excess:
-                return Outcome("unexplained", "unexplained", rounds, (), nearest=alike)
-            return Outcome("ambiguous", "ambiguous", rounds, ())
-        return Outcome("unexplained", "unexplained", rounds, ())
-    # Where two effects cannot be told apart, what either of them explains counts as explained.
-    more = last.fit.whitened - last.refits[last.best].whitened if last.ambiguous_with and last.best else 0.0
-    most = max(THRESHOLDS.unexplained_excess_share * first.lack.excess, THRESHOLDS.visible_separation)
-    if not quiet and not last.is_form and last.lack.excess - more > most:
-        return Outcome("unexplained", "unexplained", rounds, (), nearest=effects)
-    if single:
-        return Outcome("ambiguous", remainder, rounds, effects, no_consequence=slight)
-    return Outcome("effect-found", remainder, rounds, effects, no_consequence=slight)
+def _is_better(one: BestFit, other: BestFit) -> bool:
+    return one.whitened < other.whitened
 
 
-def _below_floor(one: Round) -> bool:
-    """Whether each series is missed by no more than noise and numerics."""
-    off = measured_rows(one.covariance.series) - one.fit.answer
-    misses = [float(np.sqrt(np.mean(off[part] ** 2))) for part in one.covariance.slices()]
-    return all(miss <= one.covariance.floor_of(k, one.fit.slopes) for k, miss in enumerate(misses))
-
-
-def _limited_by_numerics(one: Round) -> bool:
-    """Whether something would be left if the numerics were free of error, while their bound is no small part of the noise."""
-    covariance, fit = one.covariance, one.fit
-    names = [name for name in covariance.floors if not name.startswith(ASSUMED)]
-    shares = numerical_shares(covariance, fit, names)
-    if float(np.linalg.norm(list(shares.values()))) <= THRESHOLDS.numerics_bound_share:
-        return False
-    exact = replace(covariance, floors={name: d for name, d in covariance.floors.items() if name not in names})
-    residual = exact.whiten(measured_rows(covariance.series) - fit.answer)
-    bare = replace(fit, residual=residual, jacobian=exact.whiten(fit.slopes))
-    return lack_of_fit(bare, exact).p <= THRESHOLDS.significance_p
-
-
-def _round(
-    system: System, fit: BestFit, covariance: Covariance, seed: int, *, last: bool, first: bool, all_tried: bool = False
-) -> tuple[Round, dict[str, System]]:
-    """What a model lacks, and which effect explains it best; with the forward model of each effect that was fitted.
-
-    Parameters
-    ----------
-    first, last : no effect was added before; none may be added any more.
-    all_tried : candidates are tried that would not be because no smooth curve explains anything of what is left.
-    """
-    lack = lack_of_fit(fit, covariance)
-    candidates = system.candidates(fit.model)
-    quiet = system.costly(fit.model) and lack.p > THRESHOLDS.quiet_p and not all_tried
-    forgets = not quiet and system.costly(fit.model) and _forgets(system, fit, covariance)
-    whys = [_why_not_tried(c, quiet=quiet, first=first, forgets=forgets) for c in candidates]
-    tried = [c for c, why in zip(candidates, whys, strict=True) if not why]
-    untried = [Score(c, NOT_SIGNIFICANT, 0.0, 1.0, 1.0, (), why) for c, why in zip(candidates, whys, strict=True) if why]
-    if not tried:
-        return Round(fit, covariance, lack, lack.p, untried), {}
-    prints = fingerprints(system, fit, covariance, tried)
-    scored = [*scores(fit, prints, tried, seed), *untried]
-    if fit.by_rows is not None:
-        scored = by_rows(scored, prints, fit, covariance)
-    # One residual is looked at twice, for any smooth curve and for what the candidates would do, so the smaller p counts twice.
-    least, is_bound = min([(lack.p, False), *((s.p_holm, s.p_is_bound) for s in scored)])
-    seen = Round(fit, covariance, lack, min(1.0, 2.0 * least), scored, p_is_bound=is_bound, prints=tuple(prints))
-    significant = sorted((s for s in scored if s.status == SIGNIFICANT), key=lambda s: -s.promise)
-    if quiet and first and significant and not seen.at_floor:
-        # One of the candidates explains something after all: it has to be the best of all of them.
-        return _round(system, fit, covariance, seed, last=last, first=first, all_tried=True)
-    if seen.at_floor or not significant or last:
-        why = "not added: the residual is within the noise" if seen.at_floor else NO_MORE_EFFECTS
-        return replace(seen, why_not={s.candidate.effect: why for s in significant}), {}
-    promising, near = worth_a_refit(system, fit, significant, scored)
-    refits, systems, failures = fits(system, fit, covariance, promising, near)
-    numerical = {name: _numerical_chi2(covariance, fit, other) for name, other in refits.items()}
-    # Whatever explains a gross misfit does not do so by chance.
-    allowed = {s.candidate.effect for s in (significant if fit.by_rows is None else scored)}
-    selection = select(system, fit, refits, allowed, covariance, numerical)
-    fitted = [s for s in significant if s.candidate.effect in refits]
-    why_not = {s.candidate.effect: why_not_fitted(s, fitted) for s in significant if s not in fitted} | selection.why_not
-    best = selection.best
-    seen = replace(
-        seen, refits=refits, failures=failures, cv=selection.cv, why_not=why_not, no_consequence=selection.no_consequence
-    )
-    if best is None:
-        return seen, systems
-    separations, unsure = _separated(systems, best, refits, covariance)
-    usual = {s.candidate.effect: s.candidate.variant_of or s.candidate.effect for s in scored}
-    if usual[best] in unsure:
-        # Two forms of one mechanism that these data cannot tell apart: the usual one is taken.
-        why_not = why_not | {best: f"not added: not distinguishable from {usual[best]}, the usual form of this mechanism"}
-        best = usual[best]
-        separations, unsure = _separated(systems, best, refits, covariance)
-    # An effect that was not fitted cannot be told from the best one if its trial explains about as much.
-    likely_drop = gain_over(fit, refits[best], covariance) - THRESHOLDS.told_apart_separation
-    unsure += [s.candidate.effect for s in near if s.candidate.effect not in refits and s.promise > likely_drop]
-    unsure = [rival for rival in unsure if usual[rival] != usual[best]]
-    if unsure:
-        alike = {rival: f"not added: not distinguishable from {best}" for rival in unsure}
-        why_not = why_not | alike | {best: f"not added: not distinguishable from {' and '.join(unsure)}"}
-    judged = replace(
-        seen,
-        chosen=None if unsure else best,
-        why_not=why_not,
-        best=best,
-        ambiguous_with=tuple(unsure),
-        separations=tuple(separations),
-    )
-    return judged, systems
-
-
-def _forgets(system: System, fit: BestFit, covariance: Covariance) -> bool:
-    """Whether what is left is a function of the programme's value alone, up to noise: then nothing is remembered."""
-    state = system.functions_of_state()
-    return state is not None and lack_of_fit(fit, covariance, state).p > THRESHOLDS.quiet_p
-
-
-def _why_not_tried(candidate: Candidate, *, quiet: bool, first: bool, forgets: bool) -> str:
-    """Why a candidate is not tried on a mesh; "" if it is."""
-    if quiet and (candidate.dear or not first):
-        return "not tried: the residual has no smooth part"
-    if forgets and candidate.remembers:
-        return "not tried: the residual does not depend on history"
-    return ""
-
-
-def _separated(
-    systems: dict[str, System], best: str, refits: dict[str, BestFit], covariance: Covariance
-) -> tuple[list[tuple[str, str, float]], list[str]]:
-    """How far the answers of the best model and of each rival lie apart, and the rivals that cannot be told from it."""
-    clear = excluded(best, refits, covariance)
-    separations = separations_of(systems, best, refits, clear, covariance)
-    return separations, [
-        rival for _, rival, apart in separations if apart < THRESHOLDS.told_apart_separation and rival not in clear
-    ]
+def _without_term(model: Hypothesis, effect: str) -> Hypothesis:
+    """The model without the last term of an effect."""
+    last = max(k for k, term in enumerate(model.terms) if term.effect == effect)
+    x, start = list(model.x[: len(model.base)]), len(model.base)
+    for k, term in enumerate(model.terms):
+        if k != last:
+            x += list(model.x[start : start + len(term.parameters)])
+        start += len(term.parameters)
+    return Hypothesis(model.base, tuple(t for k, t in enumerate(model.terms) if k != last), np.array(x))

@@ -7,6 +7,7 @@ from explicitfe.effects.material.compressible import Compressible
 from explicitfe.effects.material.discovered_law import DiscoveredLaw
 from explicitfe.effects.material.drainage import Drainage
 from explicitfe.effects.material.fibres import Fibres
+from explicitfe.effects.material.fractional import Fractional
 from explicitfe.effects.material.nonlinear_relaxation import NonlinearRelaxation
 from explicitfe.effects.material.payne import Payne
 from explicitfe.effects.material.permanent_set import PermanentSet
@@ -39,6 +40,7 @@ EFFECTS: dict[str, type[Effect]] = {
     "viscoelastic": Viscoelastic,
     "nonlinear-relaxation": NonlinearRelaxation,
     "power-law": PowerLaw,
+    "fractional": Fractional,
     "softening": Softening,
     "permanent-set": PermanentSet,
     "payne": Payne,
@@ -69,4 +71,14 @@ EFFECTS: dict[str, type[Effect]] = {
     "stick-slip": StickSlip,
 }
 
-__all__ = ["EFFECTS", "Effect", "MaterialEffect", "Measurement", "Rig", "physics_of", "readings_of", "with_leaves"]
+
+def cause_of(name: str) -> str:
+    """The cause of which an effect is a form, by the name of its usual form: relaxation by a power law is viscoelastic.
+
+    An effect without forms, or one that is not in the table, is a cause of its own.
+    """
+    effect = EFFECTS.get(name)
+    return (effect.variant_of or effect.extends or name) if effect is not None else name
+
+
+__all__ = ["EFFECTS", "Effect", "MaterialEffect", "Measurement", "Rig", "cause_of", "physics_of", "readings_of", "with_leaves"]

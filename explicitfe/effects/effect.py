@@ -299,6 +299,12 @@ class MaterialEffect(Effect):
     def values(self, increment_s: float) -> tuple[float, ...]:
         """The numbers that its leaves read, for a time increment [s]."""
 
+    def values_along(self, increments_s: np.ndarray) -> np.ndarray:
+        """``values`` (n, numbers) of each of n time increments [s]."""
+        if not self.transient:
+            return np.tile(self.values(0.0), (len(increments_s), 1))
+        return np.array([self.values(float(increment)) for increment in increments_s])
+
 
 def readings_of(effects: Iterable[Effect]) -> tuple[Measurement, ...]:
     """Those that change only what is read."""

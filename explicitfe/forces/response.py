@@ -24,7 +24,7 @@ from explicitfe.materials.kinematics import inverse_C, plus, right_cauchy_green
 # Placeholders, bound below.
 law_stress = law_delta_slope = law_energy = law_isochoric = law_slopes = PLACEHOLDER
 invariants = raised = lowered = stiffened = total = second_stress = PLACEHOLDER
-stiffen = soften = recoverable = pull = relax = branch_energy = drain = held = PLACEHOLDER
+stiffen = soften = recoverable = pull = relax = branch_energy = dilate = dilation_energy = drain = held = PLACEHOLDER
 first_leaf = second_leaf = PLACEHOLDER
 LAW_CONSTANTS = 1
 
@@ -69,7 +69,7 @@ def with_effects(F, cof, J, delta, c, blocks, block):
     fibre, _ = pull(F, square, inverse, blocks, block)
     S = plus(whole, fibre)
     T, share = relax(S, blocks, block)
-    p = drain(volumetric.pressure(J, c[LAW_CONSTANTS - 1]), blocks, block)
+    p = drain(dilate(J, c[LAW_CONSTANTS - 1], blocks, block), blocks, block)
     P = (
         F[0] * T[0] + F[1] * T[3] + F[2] * T[4] + p * cof[0],
         F[0] * T[3] + F[1] * T[1] + F[2] * T[5] + p * cof[1],
@@ -111,7 +111,7 @@ def energy_with_effects(F, cof, J, delta, c, blocks, block):
     _, fibre_energy = pull(F, square, inverse_C(cof, J), blocks, block)
     modulus = 2.0 * (total(law_slopes(here, c)) + more) * square
     kept, branches = branch_energy(C, modulus, blocks, block)
-    whole = kept * (W + fibre_energy) + branches + held(volumetric.energy(J, K), K, blocks, block)
+    whole = kept * (W + fibre_energy) + branches + held(dilation_energy(J, K, blocks, block), K, blocks, block)
     e = kept * (law_isochoric(here, c) - law_isochoric(lowered(here, delta), c))
     return whole - e, e, remembered(blocks, block, WORK_DONE) - whole
 
@@ -154,6 +154,18 @@ def no_relaxation(S, blocks, block):
 def no_branches(C, modulus, blocks, block):
     """The share of the energy that is kept in the long run, and what the effect stores beside it [Pa]."""
     return 0.0 * modulus + 1.0, 0.0 * modulus
+
+
+@leaf
+def law_pressure(J, K, blocks, block):
+    """The elastic pressure U'(J) [Pa]; K is the bulk modulus."""
+    return volumetric.pressure(J, K)
+
+
+@leaf
+def law_dilation_energy(J, K, blocks, block):
+    """The volumetric energy U(J) [Pa]; K is the bulk modulus."""
+    return volumetric.energy(J, K)
 
 
 @leaf
@@ -200,6 +212,7 @@ class Slot:
 
 _ONE_SOFTENING = "one law of softening does not say what another has left of the stress; take one of them out"
 _ONE_RELAXATION = "one series of relaxation does not say what another has left of the stress; put all terms into one effect"
+_ONE_DILATION = "one volumetric energy does not know that of another; take one of them out"
 _ONE_DRAINAGE = "one law of drainage does not say what another has left of the pressure; take one of them out"
 
 # In the order in which the response asks them.
@@ -210,6 +223,8 @@ SLOTS: dict[str, Slot] = {
     "pull": Slot(no_fibres, both_pull),
     "relax": Slot(no_relaxation, refusal=_ONE_RELAXATION),
     "branch_energy": Slot(no_branches, refusal=_ONE_RELAXATION),
+    "dilate": Slot(law_pressure, refusal=_ONE_DILATION),
+    "dilation_energy": Slot(law_dilation_energy, refusal=_ONE_DILATION),
     "drain": Slot(no_drainage, refusal=_ONE_DRAINAGE),
     "held": Slot(all_held, refusal=_ONE_DRAINAGE),
 }

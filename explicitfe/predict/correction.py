@@ -1,14 +1,17 @@
 """What a finer mesh would answer: a coarse run corrected by a factor of the depth, read off a few elastic ramps.
 
-Where the tool's edge passes the nodes of a mesh, the force ripples with the depth. This error and the stiffness that a mesh adds
-depend on where the surface is, hardly on time and little on the constants. The ratio of the answers of a fine and of a coarse
-mesh to one ramp therefore corrects any course of the same test. Where a tissue remembers, the ripple of earlier depths is left in
-its memory: there each test is followed on the coarse mesh and on a finer one, and the ratio of these answers to what the ramps
-foretell of it is a factor of each row.
+Where the edge of a tool passes the nodes of a mesh, the answer ripples with the depth. This error and the stiffness that a
+mesh adds depend on where the surface is, hardly on time and little on the constants. The ratio of what the tissue answers to
+one ramp on a fine mesh and on the usual one therefore corrects any load history of the same test. The ramps are computed for
+the tissue with its effects. Where a tissue is history-dependent, the ripple of earlier depths stays in its stress: there each
+test is followed on the usual mesh and on a finer one, and the ratio of these answers to what the ramps predict of it is a
+factor of each row.
 
-What the fine mesh itself leaves is smooth in the depth. It falls with the square of the size of the elements, and is extrapolated
-from two fine meshes (Richardson 1911). An edge that is stated as sharp is computed with two radii of rounding and extrapolated to
-none, since the force is linear in a small radius.
+The exact answer is smooth in the load while the ripple is not, and what is left of the error of a mesh falls with a power of
+the size of its elements (Richardson 1911). The logarithm of the answers of three meshes is therefore fitted by a polynomial
+of the load plus a line times that power, with weights by the ripple of each mesh. The degree is chosen by generalized cross-
+validation (Golub, Heath & Wahba 1979). An edge that is stated as sharp is computed with two radii of rounding and
+extrapolated to none, since the force is linear in a small radius.
 """
 
 from __future__ import annotations
@@ -16,10 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from explicitfe.effects import Measurement, physics_of, readings_of
+from explicitfe.measured.course import INSTANTS_OF_A_FULL_MOTION
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.experiment import experiments
 from explicitfe.predict.reading import as_it_is, true_programme
@@ -29,17 +34,27 @@ from explicitfe.predict.under_a_tool import is_homogeneous
 
 # Rows of a ramp: between two of them an answer is nearly straight.
 RAMP_ROWS = 49
-# Numbers of instants and the tolerance of the fine ramps.
-FINE_DENSITY, FINE_TOLERANCE = 1.5, 2e-4
-# Ratio of the two fine meshes, and the power of the element size with which their error falls.
-MESH_RATIO, MESH_ORDER = 1.5, 2.0
+# Numbers of instants and the tolerance of the fine ramps. A fit averages the residuals of their equilibria: with 2e-4 the depth
+# changes by 1 micrometre. A history is compared row by row, with a tighter tolerance.
+FINE_DENSITY, FINE_TOLERANCE = 1.5, 5e-4
+HISTORY_TOLERANCE = 2e-4
+# Power of the element size with which the error of a mesh falls, and its standard deviation. Refinements of 0.6, 1.0 and 1.5
+# under a flat tool are off by 32.6, 13.5 and 6.7 micrometres: 1.73 and 1.74. Contact lowers the 2 of a smooth solution.
+MESH_ORDER, MESH_ORDER_SD = 1.75, 0.2
+# Power of the element size with which the ripple falls: 12.5, 4.4 and 2.1 micrometres on these meshes.
+RIPPLE_ORDER = 2.0
+# The finer mesh on which a history is followed is coarser than the finest mesh by this ratio.
+MESH_RATIO = 1.5
 # A body without rotational symmetry has so many elements that its ramps are no finer than this.
 FINEST_IN_SPACE = 1.0
-# What the two fine meshes differ by is smooth in the depth: a polynomial of this degree. What it leaves is ripple.
-SMOOTH_DEGREE = 2
-# Of the extrapolated step 1.25 times is a bound in 95 of 100 cases where a mesh was refined twice (Roache 1994): two standard
-# deviations.
-ERROR_SHARE_OF_STEP = 0.625
+# Degree, in the load, of the relative error of a mesh and of the relative change by a rounded edge.
+ERROR_DEGREE, EDGE_DEGREE = 1, 2
+# Largest degree of the polynomial for the exact answer.
+LARGEST_DEGREE = 5
+# Singular values below this share of the largest one count as zero: a short ramp has fewer rows than unknowns.
+RANK_TOLERANCE = 1e-12
+# Errors of the fit that together make up less than this share of its variance are left out.
+NEGLIGIBLE_VARIANCE_SHARE = 1e-2
 # The step from a rounded edge to a sharp one is linear in the radius to a tenth. But an edge that is called sharp is broken by
 # some tenth of a millimetre where it was machined: of a tool of 12 mm that is 0.3 of the step from its 28th part, one standard
 # deviation.
@@ -50,8 +65,6 @@ REMEMBERED_SHARE = 0.3
 # Where an answer is a smaller share of the largest one, its ratio to another says nothing.
 LEAST_COMPARED_SHARE = 0.02
 RIPPLE_IN_MEMORY = "ripple in history-dependent stress"
-# Ripple may add to the answer any smooth curve up to this degree of the depth.
-RIPPLE_DEGREE = 3
 
 Job = tuple[tuple[Curve, ...], str]  # a test, and the text of a tissue
 Run = list[np.ndarray] | str  # what each curve of the test answers in SI, or why it cannot be computed
@@ -104,27 +117,26 @@ def corrections_of(tissue: Tissue, curves: Sequence[Curve], run: Callable[[list[
     curves : those that are asked for; tests of one kind share their ramps, down to the largest depth of them.
     run : computes tests.
     """
-    plain = _without_memory(tissue)
+    physics, readings = physics_of(tissue.effects.chosen), readings_of(tissue.effects.chosen)
     kinds: dict[str, list[Curve]] = {}
     for test in experiments(curves):
-        physics = physics_of(tissue.effects.chosen)
         if tissue.numerics.finer > 0.0 and test[0].tool is not None and not is_homogeneous(test[0], physics):
             kinds.setdefault(kind_of(test[0]), []).extend(test)
-    ladders = {
-        kind: _ladder(ramp_of(alike[0], alike, readings_of(tissue.effects.chosen)), plain) for kind, alike in kinds.items()
-    }
     remembers = any(effect.remembers for effect in tissue.effects.chosen)
+    plain = _without_memory(tissue)
+    ladders = {kind: _ladder(ramp_of(alike[0], alike, readings), plain) for kind, alike in kinds.items()}
     histories = {kind: _histories(tissue, alike) if remembers else [] for kind, alike in kinds.items()}
-    runs = iter(run([job for kind, ladder in ladders.items() for job in [*ladder, *histories[kind]]]))
+    runs = iter(run([job for kind, ladder in ladders.items() for job in [*ladder.values(), *histories[kind]]]))
     by_curve: dict[str, Correction] = {}
     for kind, ladder in ladders.items():
-        answers = [answer[0] for answer in (next(runs) for _ in ladder) if not isinstance(answer, str)]
+        answers = {name: answer[0] for name, answer in ((name, next(runs)) for name in ladder) if not isinstance(answer, str)}
         followed = [next(runs) for _ in histories[kind]]
         if len(answers) < len(ladder):
             continue
-        ramp = ladder[0][0][0]
-        correction = _correction(ramp, answers, tissue.numerics if remembers else None)
-        correction = replace(correction, remembered=_remembered(ramp, answers, histories[kind], followed))
+        (ramp,), _ = ladder["usual"]
+        correction = _correction(ramp, answers, tissue.numerics, remembers)
+        if remembers:
+            correction = replace(correction, remembered=_remembered(ramp, answers, histories[kind], followed))
         by_curve |= {curve.id: correction for curve in kinds[kind]}
     return by_curve
 
@@ -133,17 +145,17 @@ def _histories(tissue: Tissue, alike: Sequence[Curve]) -> list[Job]:
     """Each test as it really is, on the usual mesh and then on the finer one with which ratios in its memory are known."""
     readings = readings_of(tissue.effects.chosen)
     tissue = tissue.model_copy(update={"effects": tissue.effects.without(readings)})
-    finer = {"refinement": _finest(alike[0], tissue.numerics) / MESH_RATIO, "tolerance": FINE_TOLERANCE}
+    finer = {"refinement": _finest(alike[0], tissue.numerics) / MESH_RATIO, "tolerance": HISTORY_TOLERANCE}
     texts = [tissue.text, tissue.model_copy(update={"numerics": tissue.numerics.model_copy(update=finer)}).text]
     return [(tuple(as_it_is(curve, readings) for curve in test), text) for test in experiments(alike) for text in texts]
 
 
 def _remembered(
-    ramp: Curve, answers: Sequence[np.ndarray], histories: Sequence[Job], followed: Sequence[Run]
+    ramp: Curve, answers: Mapping[str, np.ndarray], histories: Sequence[Job], followed: Sequence[Run]
 ) -> dict[str, np.ndarray]:
     """Curve -> what a finer mesh changes in its rows over what it changes in a ramp at the same depth."""
     by_force = ramp.imposed == "force_N"
-    programme, (usual, _, between, *_) = programme_of(ramp), answers
+    programme, usual, between = programme_of(ramp), answers["usual"], answers["between"]
     pressed = (usual > 0.0) & (between > 0.0) & (programme > 0.0)
     depth = np.maximum.accumulate(usual if by_force else programme)[pressed]
     changed = between[pressed] / usual[pressed]
@@ -152,9 +164,9 @@ def _remembered(
         if isinstance(coarse, str) or isinstance(finer, str):
             continue
         for curve, one, other in zip(test, coarse, finer, strict=True):
-            foretold = np.interp(one if by_force else programme_of(curve), depth, changed)
+            predicted = np.interp(one if by_force else programme_of(curve), depth, changed)
             compared = np.minimum(one, other) > LEAST_COMPARED_SHARE * one.max(initial=0.0)
-            factors[curve.id] = np.where(compared, other / np.where(compared, one, 1.0) / foretold, 1.0)
+            factors[curve.id] = np.where(compared, other / np.where(compared, one, 1.0) / predicted, 1.0)
     return factors
 
 
@@ -186,23 +198,24 @@ def _without_memory(tissue: Tissue) -> Tissue:
     return tissue.model_copy(update={"effects": tissue.effects.without(dropped)})
 
 
-def _ladder(ramp: Curve, tissue: Tissue) -> list[Job]:
-    """The ramp on the usual mesh, on a fine one and on one between them; with a sharp edge also with twice the rounding."""
+def _ladder(ramp: Curve, tissue: Tissue) -> dict[str, Job]:
+    """The ramp on the usual mesh, on a fine one and on one between them; with a sharp edge also with twice the rounding.
+
+    The run on the usual mesh is the one that a search reads its answers from.
+    """
     assert ramp.specimen is not None and ramp.tool is not None
-    usual = tissue.numerics
-    finest = _finest(ramp, usual)
-    fine, between = (
-        Numerics(refinement=finest / ratio, density=FINE_DENSITY, tolerance=FINE_TOLERANCE) for ratio in (1.0, MESH_RATIO)
-    )
-    texts = [
-        tissue.model_copy(update={"numerics": numerics}).text
-        for numerics in (usual.model_copy(update={"finer": 0.0}), fine, between)
-    ]
-    jobs: list[Job] = [((ramp,), text) for text in texts]
+    finest = _finest(ramp, tissue.numerics)
+
+    def job(curve: Curve, refinement: float) -> Job:
+        numerics = Numerics(refinement=refinement, density=FINE_DENSITY, tolerance=FINE_TOLERANCE)
+        return (curve,), tissue.model_copy(update={"numerics": numerics}).text
+
+    jobs: dict[str, Job] = {"usual": ((ramp,), tissue.text), "fine": job(ramp, finest)}
+    jobs["between"] = job(ramp, finest / MESH_RATIO)
     if _is_sharp(ramp):
         assert ramp.tool.radius_mm is not None
         rounded = ramp.tool.model_copy(update={"edge_radius_mm": 2.0 * ramp.tool.radius_mm / RADIUS_OVER_SHARP_EDGE})
-        jobs.append(((replace(ramp, tool=rounded),), texts[1]))
+        jobs["rounder"] = job(replace(ramp, tool=rounded), finest)
     return jobs
 
 
@@ -217,37 +230,118 @@ def _is_sharp(curve: Curve) -> bool:
     return curve.tool.shape == "flat-cylinder" and curve.tool.edge_radius_mm == 0.0
 
 
-def _correction(ramp: Curve, answers: Sequence[np.ndarray], remembering: Numerics | None) -> Correction:
-    """The correction from the answers (RAMP_ROWS,) to a ladder of ramps; with numerics, for a tissue that remembers."""
+def _correction(ramp: Curve, answers: Mapping[str, np.ndarray], numerics: Numerics, remembers: bool) -> Correction:
+    """The correction from the answers (RAMP_ROWS,) to a ladder of ramps, see :func:`_ladder`."""
     by_force = ramp.imposed == "force_N"
     programme = programme_of(ramp)
-    pressed = np.all([answer > 0.0 for answer in answers], axis=0) & (programme > 0.0)
+    pressed = np.all([answer > 0.0 for answer in answers.values()], axis=0) & (programme > 0.0)
     if not pressed.any():
         return Correction(np.zeros(1), np.ones(1), {})
-    usual, fine, between = (answer[pressed] for answer in answers[:3])
-    depth = usual if by_force else programme[pressed]
-    share = depth / depth[-1]
-    change = (fine - between) / fine
-    smooth = _smoothed(share, change, fine)
-    step = smooth / (MESH_RATIO**MESH_ORDER - 1.0)
-    factor = fine / usual * (1.0 + step)
-    errors = {"the mesh": ERROR_SHARE_OF_STEP * step}
-    # The ripple of the fine mesh is smaller than what the two differ by, in the ratio of their errors.
-    ripple = float(np.sqrt(np.average((change - smooth) ** 2, weights=fine**2))) / MESH_RATIO**MESH_ORDER
-    columns = np.polynomial.legendre.legvander(2.0 * share - 1.0, RIPPLE_DEGREE).T
-    errors |= {f"ripple of the mesh, part {k}": ripple * column / np.sqrt(len(columns)) for k, column in enumerate(columns)}
-    if len(answers) > 3:
-        rounding = _smoothed(share, (fine - answers[3][pressed]) / fine, fine)
+    rows = {name: answer[pressed] for name, answer in answers.items()}
+    usual, fine, load = rows["usual"], rows["fine"], programme[pressed]
+    share, finest = load / load[-1], _finest(ramp, numerics)
+    meshes = [
+        Mesh(1.0, FINE_DENSITY, np.log(fine / load)),
+        Mesh(MESH_RATIO, FINE_DENSITY, np.log(rows["between"] / load)),
+        Mesh(finest / numerics.refinement, numerics.density, np.log(usual / load)),
+    ]
+    fit = _extrapolated(share, meshes, fine)
+    factor = load * np.exp(fit.level) / usual
+    # A step of h^p between sizes that differ by MESH_RATIO changes with p as (R^p - 1)^-1 does.
+    growth = MESH_RATIO**MESH_ORDER
+    errors = {"the mesh": MESH_ORDER_SD * growth * np.log(MESH_RATIO) / (growth - 1.0) * fit.step}
+    errors |= {f"ripple of the mesh, part {k}": mode for k, mode in enumerate(fit.modes.T)}
+    columns = _columns(share, EDGE_DEGREE)
+    if "rounder" in rows:
+        rounding = _projected(columns, (fine - rows["rounder"]) / fine, fine)
         factor = factor * (1.0 + rounding)
         errors["the sharp edge"] = ERROR_SHARE_OF_EDGE * rounding
-    if remembering is not None:
-        left = (remembering.refinement * MESH_RATIO / _finest(ramp, remembering)) ** MESH_ORDER
-        errors[RIPPLE_IN_MEMORY] = left * REMEMBERED_SHARE * (factor - _smoothed(share, factor, fine))
+    if remembers:
+        ripple = factor - _projected(columns, factor, fine)
+        errors[RIPPLE_IN_MEMORY] = (numerics.refinement * MESH_RATIO / finest) ** RIPPLE_ORDER * REMEMBERED_SHARE * ripple
+    depth = usual if by_force else load
     order = np.argsort(depth, kind="stable")
     return Correction(depth[order], factor[order], {name: column[order] for name, column in errors.items()})
 
 
-def _smoothed(share: np.ndarray, change: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """A relative change (m,) as a polynomial of the depth, fitted where the answer is large."""
-    degree = min(SMOOTH_DEGREE, len(share) - 1)
-    return np.polynomial.Polynomial.fit(share, change, degree, w=weight, domain=[0.0, 1.0])(share)
+# ---- smooth functions of the load ----
+
+
+class Mesh(NamedTuple):
+    """Logarithms (m,) of the answers over the load on a mesh of an element size, relative to the finest one."""
+
+    size: float
+    density: float
+    rows: np.ndarray
+
+
+class LadderFit(NamedTuple):
+    """The extrapolation of several meshes.
+
+    Attributes
+    ----------
+    level : (m,) logarithm of the answer over the load on an infinitely fine mesh.
+    step : (m,) what is extrapolated from the finest mesh.
+    modes : (m, k) independent errors of ``level`` by the ripple, one standard deviation each.
+    score : of the generalized cross-validation.
+    """
+
+    level: np.ndarray
+    step: np.ndarray
+    modes: np.ndarray
+    score: float
+
+
+def _columns(share: np.ndarray, degree: int) -> np.ndarray:
+    """Polynomials (m, degree + 1) of the share (m,) of the load; no more of them than rows."""
+    return np.polynomial.legendre.legvander(2.0 * share - 1.0, min(degree, len(share) - 1))
+
+
+def _projected(columns: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The sum of columns (m, p) that fits rows (m,) best."""
+    basis, _ = np.linalg.qr(weight[:, None] * columns)
+    return basis @ (basis.T @ (weight * rows)) / weight
+
+
+def _extrapolated(share: np.ndarray, meshes: Sequence[Mesh], answer: np.ndarray) -> LadderFit:
+    """The fit of the degree that predicts left-out rows best.
+
+    The logarithm of the load stands for the onset of contact, where the force is a power of the depth.
+    """
+    fits = []
+    for degree in range(1, LARGEST_DEGREE + 1):
+        columns = _columns(share, degree)
+        fits += [_fit(share, c, meshes, answer) for c in (columns, np.column_stack([columns, np.log(share)]))]
+    return min(fits, key=lambda fit: fit.score)
+
+
+def _fit(share: np.ndarray, columns: np.ndarray, meshes: Sequence[Mesh], answer: np.ndarray) -> LadderFit:
+    """Least squares for the exact answer, as a sum of columns (m, p), and for the error of the meshes.
+
+    Rows are interpolated between fewer instants: only those are independent of each other.
+    """
+    error = _columns(share, ERROR_DEGREE)
+    counts = [INSTANTS_OF_A_FULL_MOTION * mesh.density * len(share) / (RAMP_ROWS - 1) for mesh in meshes]
+    weights = [answer * mesh.size**-RIPPLE_ORDER * np.sqrt(n / len(share)) for mesh, n in zip(meshes, counts, strict=True)]
+    both = [np.column_stack([columns, mesh.size**MESH_ORDER * error]) for mesh in meshes]
+    matrix = np.concatenate([w[:, None] * c for w, c in zip(weights, both, strict=True)])
+    rows = np.concatenate([w * mesh.rows for w, mesh in zip(weights, meshes, strict=True)])
+    left, size, right = np.linalg.svd(matrix, full_matrices=False)
+    kept = size > RANK_TOLERANCE * size[0]
+    inverse = right[kept].T / size[kept]
+    coefficients = inverse @ (left[:, kept].T @ rows)
+    misfit = float(np.sum((rows - matrix @ coefficients) ** 2))
+    independent = sum(counts)
+    free = max(independent - np.count_nonzero(kept), 1.0)
+    exact = np.column_stack([columns, 0.0 * error])
+    modes = _principal(np.sqrt(misfit / free) * exact @ inverse, answer)
+    return LadderFit(exact @ coefficients, -error @ coefficients[columns.shape[1] :], modes, misfit / free**2)
+
+
+def _principal(modes: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The fewest errors (m, k) that stand for many (m, p): those of the largest variance, weighted by the answers."""
+    left, size, _ = np.linalg.svd(weight[:, None] * modes, full_matrices=False)
+    variance = size**2
+    remaining = variance.sum() - np.cumsum(variance)
+    count = 1 + int(np.count_nonzero(remaining > NEGLIGIBLE_VARIANCE_SHARE * variance.sum()))
+    return left[:, :count] * size[:count] / weight[:, None]

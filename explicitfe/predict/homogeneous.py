@@ -17,8 +17,9 @@ from explicitfe.predict.experiment import CurveAnswer, start_times
 from explicitfe.predict.reading import reading, true_programme
 from explicitfe.solve import point
 
-# A column of stretches that follows its nominal programme within this is the programme, and no measurement.
-NOMINAL_STRETCH_DEVIATION = 1e-5
+# So many rows within this strain of a line are a straight part of a programme.
+ROWS_OF_STRAIGHT_PART = 4
+STRAIGHT_STRAIN_DEVIATION = 1e-5
 # Increments are fine enough when halving them changes the stress by less than this share of its peak.
 INCREMENT_ERROR_PEAK_SHARE = 2e-3
 # Increments are halved no more often than this: then they are 32 times finer than the rows.
@@ -43,7 +44,7 @@ def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effe
     readings, rig = readings_of(effects), Rig()
     for effect in effects:
         law, rig = effect.in_law(law), effect.on_rig(rig)
-    driven = [_with_corner(curve) for curve in test] if len(test) == 1 else list(test)
+    driven = [_with_corners(curve) for curve in test]
     time_s = np.concatenate([curve.time_s + start for curve, start in zip(driven, start_times(test), strict=True)])
     programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force=False) for curve in driven])
     stress, count = _stress(_RiggedSpecimen(test[0].kind, law, with_leaves(effects), rig.compliance_per_Pa), time_s, programme)
@@ -56,22 +57,43 @@ def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effe
     return answers
 
 
-def _with_corner(curve: Curve) -> Curve:
-    """The curve with a row for the corner between ramp and hold, where the stretch is nominal and not measured."""
-    t, stretch = curve.time_s, programme_of(curve)
-    rate, largest = curve.number("rate_per_s"), curve.number("max_strain")
-    if curve.kind != "uniaxial" or not rate or not largest:
+def _with_corners(curve: Curve) -> Curve:
+    """The curve with a row for each corner of its programme that lies between two rows.
+
+    A corner is where two straight parts of the programme meet, each through ``ROWS_OF_STRAIGHT_PART`` rows. A measured column is
+    nowhere so straight.
+    """
+    t, programme = curve.time_s, programme_of(curve)
+    times, values = _corners(t, programme)
+    if not len(times):
         return curve
-    sign = -1.0 if stretch[np.argmax(np.abs(stretch - 1.0))] < 1.0 else 1.0
-    corner = largest / rate
-    nominal = 1.0 + sign * np.minimum(rate * t, largest)
-    measured = np.abs(stretch - nominal).max() > NOMINAL_STRETCH_DEVIATION
-    if measured or not t[0] < corner < t[-1] or np.abs(t - corner).min() < 1e-9 * corner:
-        return curve
-    row = int(np.searchsorted(t, corner))
-    columns = {name: np.insert(column, row, np.interp(corner, t, column)) for name, column in curve.columns.items()}
-    columns[curve.imposed][row] = 1.0 + sign * largest
-    return replace(curve, time_s=np.insert(t, row, corner), columns=columns)
+    rows = np.searchsorted(t, times)
+    columns = {name: np.insert(column, rows, np.interp(times, t, column)) for name, column in curve.columns.items()}
+    columns[curve.imposed] = np.insert(programme, rows, values)
+    return replace(curve, time_s=np.insert(t, rows, times), columns=columns)
+
+
+def _corners(t: np.ndarray, programme: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times (m,) and values (m,) of corners between rows, of the programme at times t."""
+    n = ROWS_OF_STRAIGHT_PART
+    if len(t) < 2 * n:
+        return np.zeros(0), np.zeros(0)
+    # Of each window of n rows: slope, and the largest distance of a row from the line through the first and the last one.
+    windows, rows = (np.lib.stride_tricks.sliding_window_view(column, n) for column in (t, programme))
+    slope = (rows[:, -1] - rows[:, 0]) / (windows[:, -1] - windows[:, 0])
+    bend = np.abs(rows - rows[:, :1] - slope[:, None] * (windows - windows[:, :1])).max(axis=1)
+    before, after = np.arange(len(slope) - n), np.arange(n, len(slope))  # windows that end and begin at neighbouring rows
+    first, last = before + n - 1, after  # the two rows
+    turn = slope[after] - slope[before]
+    step, rise = t[last] - t[first], programme[last] - programme[first]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (slope[after] * step - rise) / (turn * step)  # of the step at which the lines meet
+    beside = np.abs(share * (slope[before] * step - rise))  # distance of the corner from the chord
+    straight = np.maximum(bend[before], bend[after]) <= STRAIGHT_STRAIN_DEVIATION
+    corner = straight & (share > 0.0) & (share < 1.0) & (beside > STRAIGHT_STRAIN_DEVIATION)
+    at = first[corner]
+    ahead = (share * step)[corner]
+    return t[at] + ahead, programme[at] + slope[before][corner] * ahead
 
 
 @dataclass(frozen=True)
@@ -141,7 +163,8 @@ def _stress(specimen: _RiggedSpecimen, time_s: np.ndarray, programme: np.ndarray
         now = in_parts(parts)
         if np.abs(now - before).max() <= INCREMENT_ERROR_PEAK_SHARE * np.abs(now).max():
             break
-    return now, (len(time_s) - 1) * parts + 1
+    # The error is of second order in the increment, so that the last halving tells what is left of it (Richardson 1911).
+    return now + (now - before) / 3.0, (len(time_s) - 1) * parts + 1
 
 
 def _from_rest(kind: str, time_s: np.ndarray, programme: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

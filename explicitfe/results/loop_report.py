@@ -19,7 +19,7 @@ from explicitfe.results.document import Document
 Verdict = Literal["failed", "no-missing-effect", "limited-by-numerics", "unexplained", "ambiguous", "effect-found"]
 Remainder = Literal["at-floor", "form", "unexplained", "ambiguous"]
 Side = Literal["fit", "holdout"]
-Status = Literal["significant", "not-significant", "not-testable", "failed"]
+Decision = Literal["present", "undecided", "absent", "not-testable"]
 ScatterSource = Literal["stated", "repeats", "unknown"]
 
 
@@ -228,26 +228,52 @@ class NoiseAndFloors(ReportPart):
     text: _Text = ""
 
 
-class ReportedCandidate(ReportPart):
-    """How one effect fared in a round.
+class ReportedHypothesis(ReportPart):
+    """A set of effects that was compared with the data.
 
     Attributes
     ----------
-    chi2_drop, chi2_drop_refitted : by how much it lowers chi2, by the best trial and after a fit.
-    p_holm : p-value of such a drop by chance, among all candidates; an upper bound of it where ``p_is_bound``.
-    cv_nrmse : error on tests left out in turn.
-    parameters : the values that explain most.
-    reason : for its status, in words; of a significant one that was not added, why.
+    causes, effects : its causes, and the forms of them, one for each term.
+    probability : posterior probability of this form of the set, alone, with a model-form error or with something else.
+    fitted : whether it was fitted; else the numbers are those of its screening, which is linear in the strengths.
+    chi2, decrease : whitened sum of squares, and by how much it is smaller than that of the baseline.
+    bound : largest decrease that the signatures allow, of one that was not fitted.
+    parameters : of its effects.
+    reason : why it could not be computed.
     """
 
-    effect: str | None = None
-    status: Status | None = None
-    chi2_drop: float | None = None
-    chi2_drop_refitted: float | None = None
-    p_holm: float | None = None
-    p_is_bound: bool | None = None
-    cv_nrmse: float | None = None
+    causes: _Entries[str] = []
+    effects: _Entries[str] = []
+    probability: float | None = None
+    fitted: bool | None = None
+    chi2: float | None = None
+    decrease: float | None = None
+    bound: float | None = None
     parameters: Parameters = {}
+    reason: _Text = ""
+
+
+class ReportedCause(ReportPart):
+    """A cause and the decision on it.
+
+    Attributes
+    ----------
+    title : in words.
+    decision : whether it is present, absent or undecided, or not testable with these data.
+    probability : that it is present, alone or with others.
+    forms : effect that is a form of it -> probability of the form.
+    detectable : the smallest strength that these data would show, and ``parameter`` its name with the unit.
+    detectable_share : the same as a share of the largest plausible strength; 1 or more cannot be detected.
+    reason : why it is not testable.
+    """
+
+    title: _Text = ""
+    decision: Decision | None = None
+    probability: float | None = None
+    forms: _Table[float] = {}
+    parameter: str | None = None
+    detectable: float | None = None
+    detectable_share: float | None = None
     reason: _Text = ""
 
 
@@ -257,32 +283,6 @@ class ReportedLackOfFit(ReportPart):
     chi2: float | None = None
     free: int | None = None
     p: float | None = None
-
-
-class ReportedRound(ReportPart):
-    """One round of the search.
-
-    Attributes
-    ----------
-    p_residual : p-value of what the round's model leaves; an upper bound of it where ``p_is_bound``.
-    chosen : the effect that was added; None if none was.
-    """
-
-    p_residual: float | None = None
-    p_is_bound: bool | None = None
-    chi2: float | None = None
-    lack_of_fit: ReportedLackOfFit | None = None
-    cv_nrmse: float | None = None
-    candidates: _Entries[ReportedCandidate] = []
-    chosen: str | None = None
-
-
-class ReportedSeparation(ReportPart):
-    """|y_a - y_b|^2 of two models, in units of the noise squared."""
-
-    a: str | None = None
-    b: str | None = None
-    separation: float | None = None
 
 
 class NextExperiment(ReportPart):
@@ -347,8 +347,7 @@ class LoopReport(Document, ReportPart):
     provenance : what has to be known to compute it again.
     remainder, remainder_where : what is left, and where most of it lives.
     sentence : the verdict in words; ``message`` says why a fit failed.
-    effects : those of the final model; ``nearest`` are those that help without explaining what is missing.
-    no_consequence : effects that are significant, and lower the errors of left-out tests by no more than the error of that gain.
+    effects : those that are missing; ``nearest`` are those of the final model where something else is missing as well.
     effect_titles : effect -> its name in words.
     undetermined : parameter of the final model's effects that the data do not determine -> why.
     strength_undetermined : effects that were found, but whose interval of the strength includes none at all.
@@ -356,12 +355,15 @@ class LoopReport(Document, ReportPart):
     groups : of the constants, where the program chose to fit each specimen by itself.
     baseline, final : the models before and after.
     discovered_law : what follows the data better where the final model leaves something unexplained.
-    steps : the rounds of the search.
+    causes : cause -> the decision on it, the most probable first.
+    hypotheses : sets of effects that were compared, the most probable first; ``compared`` and ``fitted`` count all of them.
+    lack_of_fit : of the final model; ``discrepancy`` is the rms of its smooth residual as a share of the noise.
     posterior : cause -> its probability, the most probable first: "nothing", effects joined by " + ", or "other" for something
         that no effect does. Less than one in a thousand is left out.
     something_else : probability that something is at work that no effect does, alone or beside effects.
     sure : probability that the verdict is right; None where there is none.
-    ambiguous_with : effects that these data cannot tell from the last one of ``effects``.
+    credible : sets of causes in words that hold 95 % together, of an ambiguous verdict.
+    ambiguous_with : causes that are undecided.
     next_experiment, proposed_tests : the test that would settle best what is open, and it with the next best.
     sensitivity_to_assumed : assumed quantity -> what follows from other values of it.
     thresholds : name -> a number that decides a verdict.
@@ -383,19 +385,23 @@ class LoopReport(Document, ReportPart):
     undetermined: _Table[str] = {}
     strength_undetermined: _Entries[str] = []
     nearest: _Entries[str] = []
-    no_consequence: _Entries[str] = []
     n_eff: float | None = None
     noise: _Part[NoiseAndFloors] = NoiseAndFloors()
     groups: ReportedGroups | None = None
     baseline: _Part[ReportedModel] = ReportedModel()
     final: _Part[ReportedModel] = ReportedModel()
     discovered_law: DiscoveredLawReport | None = None
-    steps: _Entries[ReportedRound] = []
+    causes: _Table[ReportedCause] = {}
+    hypotheses: _Entries[ReportedHypothesis] = []
+    compared: int | None = None
+    fitted: int | None = None
+    lack_of_fit: ReportedLackOfFit | None = None
+    discrepancy: float | None = None
     posterior: _Table[float] = {}
     something_else: float | None = None
     sure: float | None = None
     ambiguous_with: _Entries[str] = []
-    separations: _Entries[ReportedSeparation] = []
+    credible: _Entries[str] = []
     next_experiment: NextExperiment | None = None
     proposed_tests: _Entries[NextExperiment] = []
     sensitivity_to_assumed: _Table[_Entries[AssumedValue]] = {}

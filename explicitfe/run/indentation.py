@@ -237,7 +237,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
         )
         if stuck.reason == "inverted":
             why = f"an element {place} is inverted"
-        elif by_force and abs(stuck.force_N - stuck.goal) > MISSED_SHARE_OF_LOAD * stuck.goal:
+        elif by_force and abs(stuck.force_N - stuck.goal) > MISSED_SHARE_OF_LOAD * abs(stuck.goal):
             force, goal = distinct(stuck.force_N, stuck.goal)
             why = f"the contact force is {force} N instead of {goal} N"
             advice = (

@@ -118,9 +118,12 @@ class ToolContact:
         return float(self._kernels.press(u, np.zeros_like(u), self.points, self.tool))
 
     def presses(self, u: np.ndarray) -> bool:
-        """Whether a tool under a force presses with it: on a body that is too stiff its way is lost in the rounding of places."""
+        """Whether a tool under a force exerts it: on a body that is too stiff its way is lost in the rounding of places.
+
+        A bonded tool can also pull; its load is then negative.
+        """
         load = self.tool[LOAD]
-        return not self.tool[FREE] or load == 0.0 or abs(self.force(u) - load) <= MISSED_SHARE_OF_LOAD * load
+        return not self.tool[FREE] or load == 0.0 or abs(self.force(u) - load) <= MISSED_SHARE_OF_LOAD * abs(load)
 
     def driven_m(self, u: np.ndarray) -> float:
         """How far down the tool is, with what the rig gives way by, as a machine reads it [m]."""

@@ -15,6 +15,7 @@ import numpy as np
 from explicitfe.compiled.arrays import Blocks, no_muscles, without_barrier
 from explicitfe.compiled.jit import Dispatcher, bind, leaf
 from explicitfe.compiled.simd import ROW, WIDTH, load_many, splat, store
+from explicitfe.effects.complete import complete
 from explicitfe.effects.effect import MaterialEffect
 from explicitfe.errors import RunError
 from explicitfe.forces import response
@@ -66,11 +67,22 @@ def follow(F, free, numbers, blocks, states, answers, stress):
                 for lane in range(WIDTH):
                     blocks.effects[block, k, lane] = numbers[instant, k]
         if instant > 0:
+            # The search begins at the volume of the last state, which a nearly incompressible material keeps.
+            for k in range(9):
+                states[0, k, 0] = F[instant - 1, k]
+            volume = determinant_of(states)
+            for k in range(9):
+                states[0, k, 0] = F[instant, k]
             for i in range(3):
                 if free[i] > 0.0:
-                    F[instant, 4 * i] = F[instant - 1, 4 * i]
+                    states[0, 4 * i, 0] = F[instant - 1, 4 * i]
+            volume /= determinant_of(states)
+            kept = volume ** (1.0 / max(np.sum(free), 1.0)) if volume > 0.0 else 1.0
+            for i in range(3):
+                if free[i] > 0.0:
+                    F[instant, 4 * i] = kept * F[instant - 1, 4 * i]
         solved = False
-        for _ in range(NEWTON_TURNS):
+        for turn in range(NEWTON_TURNS):
             for block in range(count):
                 for k in range(9):
                     for lane in range(WIDTH):
@@ -104,7 +116,8 @@ def follow(F, free, numbers, blocks, states, answers, stress):
                             shifted = answers[(1 + j) // WIDTH, 4 * i, (1 + j) % WIDTH]
                             slopes[i, j] = (shifted - wrong[i]) / DIFFERENCE_STEP
             small = max(STRESS_TOLERANCE * stiffness, PRESSURE_ROUNDING * blocks.constants[0, LAW_CONSTANTS - 1, 0])
-            solved = sound and largest <= small
+            # One correction is always made: where rounding limits the stress, it brings the state below that limit.
+            solved = sound and largest <= small and (turn > 0 or largest == 0.0)
             if solved or not sound:
                 break
             change = np.linalg.solve(slopes, wrong)
@@ -159,9 +172,9 @@ def path(
     if len(free):
         others = np.prod([gradients[0, 4 * i] for i in range(3) if i not in free])
         gradients[0, [4 * i for i in free]] = others ** (-1.0 / len(free)) if others > 0.0 else 1.0
+    effects = complete(effects)
     increments = np.diff(time_s, prepend=time_s[0])
-    numbers = np.array([[v for effect in effects for v in effect.values(float(dt))] for dt in increments])
-    numbers = np.ascontiguousarray(numbers.reshape(len(gradients), -1)) if effects else np.zeros((len(gradients), 1))
+    numbers = np.hstack([effect.values_along(increments) for effect in effects]) if effects else np.zeros((len(gradients), 1))
     constants = np.array(law.constants(), dtype=float)
     count = -(-STATES // WIDTH)
     blocks = Blocks(

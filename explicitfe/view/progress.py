@@ -27,7 +27,6 @@ STAGES: dict[Stage, str] = {
     "compare": "comparing",
     "export": "exporting",
     "trace": "tracing the residual",
-    "decide": "checking on a finer mesh",
     "design": "computing signatures of effects",
     "make": "making cases",
     "warm": "compiling kernels",

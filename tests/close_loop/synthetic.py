@@ -10,17 +10,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from explicitfe.close_loop.report import add_verdict
-from explicitfe.close_loop.search import Outcome
-from explicitfe.close_loop.statistics.covariance import Covariance
-from explicitfe.close_loop.statistics.fingerprints import Fingerprint, fingerprints
+from explicitfe.close_loop.compared import ComparedCauses
+from explicitfe.close_loop.search import compare
+from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.verdict import Outcome, conclude
 from explicitfe.effects.effect import Sought
-from explicitfe.results.loop_report import LoopReport, ReportedSplit, ReportedThreshold
-from explicitfe.results.verdict_text import sentence
 
 ROWS = 40
 WIDE = 1e6  # bound of a parameter that shall never meet it
@@ -30,12 +26,12 @@ UPWARD = Sought((0.1, 0.3, 1.0), 0.0, 100.0)
 
 @dataclass(frozen=True)
 class Planted:
-    """An effect of the system: its answer is strength * column(shape), of all rows."""
+    """An effect of the system: its answer is strength * column(shape), of all rows; its cause is its own name if left out."""
 
     column: Callable[..., np.ndarray]
     sought: Mapping[str, Sought] = field(default_factory=lambda: {"size": BOTH_WAYS})
     reason: str = ""
-    variant_of: str = ""
+    cause: str = ""
 
 
 @dataclass(eq=False)
@@ -50,6 +46,7 @@ class Linear:
     bounds : of the baseline's parameters; wide if left out.
     fails : models that cannot be computed.
     checked, assumed : name -> change (n,) of the answer by other numerics, by an assumption.
+    shared : name -> change (n,) of all rows by an error that they share.
     """
 
     series: Sequence[Series]
@@ -59,6 +56,7 @@ class Linear:
     fails: Callable[[Hypothesis], bool] = lambda model: False
     checked: Mapping[str, np.ndarray] = field(default_factory=dict)
     assumed: Mapping[str, np.ndarray] = field(default_factory=dict)
+    shared: Mapping[str, np.ndarray] = field(default_factory=dict)
     smooth: bool = True
 
     def __post_init__(self) -> None:
@@ -78,18 +76,20 @@ class Linear:
         candidates = []
         for name, planted in self.effects.items():
             if name not in model.effects:
-                own = replace(candidate(name, 1, planted.sought, Scales()), variant_of=planted.variant_of)
+                own = candidate(name, 1, planted.cause or name, planted.sought, Scales())
                 candidates.append(replace(own, trials=(), reason=planted.reason) if planted.reason else own)
         return candidates
 
+    def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+        now = self.rows(model)
+        answers = [self.answers([model.plus(one.term, values) for values in one.trials]) for one in candidates]
+        return [[None if answer is None else stack(answer) - now for answer in row] for row in answers]
+
+    def systematic(self) -> Mapping[str, np.ndarray]:
+        return self.shared
+
     def at(self, model: Hypothesis) -> Linear:
         return self
-
-    def functions_of_state(self) -> None:
-        return None
-
-    def sketch(self, model: Hypothesis) -> Hypothesis:
-        return model
 
     def rows(self, model: Hypothesis) -> np.ndarray:
         """The answer (n,)."""
@@ -189,18 +189,7 @@ def white(system: Linear, sd: float = 0.01) -> Covariance:
     return Covariance(system.series, rows, Scatter(0.0, 0.0, "unknown", 0))
 
 
-def fitted(system: Linear, covariance: Covariance) -> tuple[BestFit, list[Candidate], list[Fingerprint]]:
-    """The baseline at its best, what may be missing in it, and what that would do."""
-    fit = refit(system, system.start(), covariance)
-    candidates = system.candidates(fit.model)
-    return fit, candidates, fingerprints(system, fit, covariance, candidates)
-
-
-def said(outcome: Outcome, undetermined: Sequence[str] = (), tests: int = 2) -> str:
-    """The sentence of a report with this outcome and without probabilities."""
-    limit = ReportedThreshold(value=THRESHOLDS.significance_p)
-    split = ReportedSplit(fit=[f"test {number}" for number in range(tests)])
-    report = LoopReport(split=split, thresholds={"significance_p": limit})
-    add_verdict(report, outcome)
-    report.strength_undetermined = list(undetermined)
-    return sentence(report)
+def compared(system: Linear, max_effects: int = 2, sd: float | None = None) -> tuple[ComparedCauses, Outcome]:
+    """The comparison and its outcome; with noise of known sd if one is given, which is estimated or stated elsewhere."""
+    comparison = compare(system, max_effects=max_effects, rows=None if sd is None else white(system, sd).rows)
+    return comparison, conclude(comparison)

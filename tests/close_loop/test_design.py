@@ -108,11 +108,15 @@ def test_the_smallest_share_that_shows_is_seen_at_25(designed):
 
 
 def test_twice_the_noise_needs_twice_the_strength(designed, tmp_path):
-    """|secant|^2 goes with 1 / sd^2; the coordinate of a share is -log(1 - g)."""
+    """|secant|^2 goes with 1 / sd^2; the coordinate of a share is -log(1 - g).
+
+    The prior of the strength is wider beside less noise by the factor 2, so that the decrease of chi2 that is needed there is
+    larger by 2 log 2. It is about 25, so the strength is 3 per cent less than twice as large.
+    """
     other = row(design_test(written(tmp_path, PROTOCOL.replace("= 8.0", "= 16.0")), processes=1), "viscoelastic")
     effect_row = row(designed, "viscoelastic")
     assert other.visible == pytest.approx(effect_row.visible / 4.0, rel=1e-6)
-    assert np.log1p(-other.smallest) == pytest.approx(2.0 * np.log1p(-effect_row.smallest), rel=1e-6)
+    assert 1.93 < np.log1p(-other.smallest) / np.log1p(-effect_row.smallest) <= 2.0
 
 
 def test_what_a_protocol_cannot_show(designed):

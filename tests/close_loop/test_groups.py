@@ -87,8 +87,3 @@ def test_the_loop_fits_each_spot_and_gives_mean_and_spread(tmp_path):
     assert mean is not None and mean.value == pytest.approx(C10 * (1.0 * 1.6 * 2.6) ** (1.0 / 3.0), rel=0.02)
     assert mean.ci95[1] / mean.ci95[0] > 5.0
     assert len(report.split.holdout) == 3  # a strain between two others in each spot
-
-
-def test_two_tests_cannot_check_each_other(tmp_path):
-    dataset(tmp_path, {"a": 1.0}, THREE_TESTS[:2])
-    assert any("too few for cross-validation" in note for note in close_loop(tmp_path, processes=1).warnings)

@@ -1,15 +1,21 @@
-"""What the candidates of a moving tongue do to its scenario, and which of them are tried."""
+"""What the candidates of a moving tongue do to its scenario or to its registration, and which of them are tried."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.trajectories.levers import LEVERS, levers_of
+from explicitfe.close_loop.trajectories.levers import Lever, levers_of, mean_profile
 from explicitfe.errors import InputError
+from explicitfe.measured.registration import Registration
+from explicitfe.measured.tables import RegistrationTable
+from explicitfe.model.muscles import profile_of
 from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.scenario.transient import MuscleTable, TransientScenario
 
 SCENARIO = """title = "Tongue forward"
 [model]
@@ -29,6 +35,7 @@ fibres = [1, 2]
 duration_ms = 50.0
 """
 MUSCLES = ["GGp", "GGh", "MH", "SL", "STY"]
+JAW = 'bone=[{name="jaw", friction=0.1, shift_mm=[1.0, 0.0, -2.0]}]'
 
 
 @pytest.fixture
@@ -44,33 +51,85 @@ def with_settings(path: Path, *settings: str) -> TransientScenario:
     return scenario
 
 
+def levers(path: Path, *settings: str, totals_N: Sequence[float] = ()) -> dict[str, Lever]:
+    return levers_of(with_settings(path, *settings), MUSCLES, totals_N=totals_N)
+
+
+def test_every_cause_has_its_forms(path: Path) -> None:
+    forms: dict[str, list[str]] = {}
+    for name, lever in levers(path, totals_N=[5.0, 2.0]).items():
+        if not lever.reason:
+            forms.setdefault(lever.cause, []).append(name)
+    single = ["activation-lag", "gravity", "force-scale", "force-length", "stiffness", "rest-shape", "registration"]
+    single += ["force-GGp", "force-SL"]
+    several = {
+        "damping": ["damping", "viscosity"],
+        **{f"{b}-contact": [f"{b}-contact", f"{b}-contact-shifted", f"{b}-contact-rough"] for b in ("jaw", "palate")},
+        **{f"missing-{name}": [f"missing-{name}", f"missing-{name}-share"] for name in ("GGh", "MH", "STY")},
+    }
+    assert forms == {name: [name] for name in single} | several
+
+
 @pytest.mark.parametrize(("bone", "shift_z_mm"), [("jaw", -1.5), ("palate", 1.5)])
-def test_a_bone_is_put_off_the_tongue(path: Path, bone: str, shift_z_mm: float) -> None:
-    lever = LEVERS[f"{bone}-contact"]
-    changed = with_settings(path, *lever.settings(with_settings(path), 1.5))
-    assert [(table.name, table.shift_mm) for table in changed.bone] == [(bone, (0.0, 0.0, shift_z_mm))]
-    assert lever.sought(changed) == f"the scenario has the bone {bone}"
+def test_a_missing_bone_is_put_at_a_distance(path: Path, bone: str, shift_z_mm: float) -> None:
+    lever = levers(path)[f"{bone}-contact-shifted"]
+    changed = with_settings(path, *lever.settings(with_settings(path), {"clearance_mm": 1.5, "shift_x_mm": -1.0}))
+    assert [(table.name, table.shift_mm) for table in changed.bone] == [(bone, (-1.0, 0.0, shift_z_mm))]
+    rough = levers(path)[f"{bone}-contact-rough"]
+    (table,) = with_settings(path, *rough.settings(with_settings(path), {"clearance_mm": 0.0, "friction": 0.2})).bone
+    assert table.friction == 0.2
 
 
-def test_a_missing_muscle_has_the_course_of_its_partner_and_its_own_fibres(path: Path) -> None:
-    scenario = with_settings(path, "muscle.GGp.force_N=1.6")
-    lever = levers_of(MUSCLES)["missing-GGh"]
-    *_, partner, added = with_settings(path, "muscle.GGp.force_N=1.6", *lever.settings(scenario, 0.5)).muscle
-    assert (added.name, added.force_N, added.fibres) == ("GGh", 0.8, None)
-    same = ("profile", "rise_ms", "distribution", "side")
-    assert [getattr(added, key) for key in same] == [getattr(partner, key) for key in same]
+def test_a_bone_is_shifted_from_its_place(path: Path) -> None:
+    scenario, own = with_settings(path, JAW), levers(path, JAW)
+    assert "jaw-contact" not in own
+    shift = own["jaw-shift"].settings(scenario, {"shift_x_mm": 0.5, "shift_z_mm": -1.0})
+    friction = own["jaw-friction"].settings(scenario, {"friction": 0.4})
+    (jaw,) = with_settings(path, JAW, *shift, *friction).bone
+    assert (jaw.shift_mm, jaw.friction) == ((1.5, 0.0, -3.0), 0.4)
+    assert own["jaw-friction"].sought["friction"].none == 0.1
 
 
-def test_a_muscle_that_is_asked_for_goes_with_the_strongest(path: Path) -> None:
-    lever = levers_of(MUSCLES)["missing-STY"]
-    added = with_settings(path, *lever.settings(with_settings(path), 0.5)).muscle[-1]
-    assert (added.name, added.force_N, added.profile) == ("STY", 1.5, "step")
-
-
-def test_what_is_tried_without_being_asked_for(path: Path) -> None:
+def test_a_missing_muscle_has_the_mean_activation_profile(path: Path) -> None:
+    """A step of 3 N and a ramp of 2 N in 20 ms: 0.6 at once, and 1 from 20 ms on."""
     scenario = with_settings(path)
-    tried = [name for name, lever in levers_of(MUSCLES).items() if lever.usual and not isinstance(lever.sought(scenario), str)]
-    assert set(tried) == {*LEVERS, "missing-GGh", "missing-MH"} - {"graft-stiffness"}
+    added = with_settings(path, *levers(path)["missing-MH"].settings(scenario, {"force_N": 1.5})).muscle[-1]
+    assert (added.name, added.force_N, added.fibres, added.distribution) == ("MH", 1.5, None, "ends")
+    assert added.table == [(0.0, 0.0), (0.0, 0.6), (20.0, 0.6 + 0.4)]
+    share = levers(path, totals_N=[5.0, 2.0])["missing-MH-share"]
+    assert with_settings(path, *share.settings(scenario, {"share": 0.4})).muscle[-1].force_N == 2.0
+
+
+def test_the_mean_profile_is_the_weighted_mean_at_every_time() -> None:
+    tables = [
+        MuscleTable(name="GGp", force_N=2.0, profile="ramp", rise_ms=20.0, end_ms=45.0),
+        MuscleTable(name="SL", force_N=1.0, start_ms=10.0, end_ms=30.0),
+        MuscleTable(name="MH", force_N=0.5, profile="table", table=[(5.0, 0.2), (40.0, 1.2)]),
+    ]
+    mean = MuscleTable(name="STY", force_N=1.0, profile="table", table=mean_profile(tables))
+    times_s = np.linspace(1e-4, 0.06, 501)
+    expected = sum(one.force_N * profile_of(one).at(times_s, tolerance_s=1e-9) for one in tables) / 3.5
+    assert np.abs(profile_of(mean).at(times_s, tolerance_s=1e-9) - expected).max() < 1e-12
+
+
+def test_a_muscle_with_the_profile_of_all_others_keeps_its_keys(path: Path) -> None:
+    scenario = with_settings(path, "muscle.1.force_N=0.0")
+    added = with_settings(path, *levers(path)["missing-STY"].settings(scenario, {"force_N": 0.5})).muscle[-1]
+    assert (added.profile, added.rise_ms, added.distribution) == ("ramp", 20.0, "stress")
+
+
+def test_the_force_of_one_muscle_is_multiplied(path: Path) -> None:
+    changed = with_settings(path, *levers(path)["force-SL"].settings(with_settings(path), {"factor": 1.5}))
+    assert [muscle.force_N for muscle in changed.muscle] == [4.5, 2.0]
+
+
+def test_a_share_of_the_force_falls_off_in_short_fibres(path: Path) -> None:
+    """Only forces as a stress can; the sum stays, and so do the fibres."""
+    lever = levers(path)["force-length"]
+    changed = with_settings(path, *lever.settings(with_settings(path), {"share": 0.25})).muscle
+    entries = [(m.name, m.force_N, m.force_length, m.fibres) for m in changed]
+    assert entries == [("SL", 3.0, False, None), ("GGp", 1.5, False, [1, 2]), ("GGp", 0.5, True, [1, 2])]
+    assert levers(path, "muscle.2.force_length=true")["force-length"].reason
 
 
 def test_all_grafts_are_stiffer(path: Path) -> None:
@@ -78,7 +137,7 @@ def test_all_grafts_are_stiffer(path: Path) -> None:
     text = "{" + ", ".join(f'{key} = "{value}"' if key == "law" else f"{key} = {value}" for key, value in own.items()) + "}"
     box = "box_mm=[[0, -10, 80], [60, 10, 110]]"
     grafted = f"graft=[{{{box}, stiffness_ratio=3.0}}, {{{box}, material={text}}}]"
-    settings = LEVERS["graft-stiffness"].settings(with_settings(path, grafted), 2.0)
+    settings = levers(path, grafted)["graft-stiffness"].settings(with_settings(path, grafted), {"factor": 2.0})
     first, second = with_settings(path, grafted, *settings).graft
     assert first.stiffness_ratio == 6.0
     law = second.material
@@ -86,13 +145,34 @@ def test_all_grafts_are_stiffer(path: Path) -> None:
     assert law.model_dump(include={*own}) == own | {"C10_Pa": 1000.0, "C20_Pa": 400.0}
 
 
+def test_readings_move_the_model() -> None:
+    """A point of the model is seen where the moved, turned or larger model has it."""
+    random = np.random.default_rng(1)
+    points, centre = random.standard_normal((5, 3)), np.array([0.08, 0.0, 0.09])
+    before = Registration(Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix(), np.array([0.01, 0.02, 0.03]), 1.1)
+    scenario = TransientScenario.model_validate({"title": "x", "model": {"name": "tongue"}, "analysis": {"duration_ms": 1.0}})
+    own = levers_of(scenario, [], RegistrationTable())
+    motion, size = own["registration"].reading, own["rest-shape"].reading
+    assert motion is not None and size is not None
+    turn = Rotation.from_rotvec([0.0, np.radians(5.0), 0.0]).as_matrix()
+    moved = centre + (points - centre) @ turn.T + 1e-3 * np.array([2.0, 0.0, -1.0])
+    after = motion(before, centre, {"shift_x_mm": 2.0, "shift_z_mm": -1.0, "turn_deg": 5.0})
+    assert np.abs(after.to_sensors(points) - before.to_sensors(moved)).max() < 1e-14
+    larger = size(before, centre, {"factor": 1.2})
+    assert np.abs(larger.to_sensors(points) - before.to_sensors(centre + 1.2 * (points - centre))).max() < 1e-14
+
+
 def test_what_these_scenarios_cannot_have(path: Path) -> None:
     plain = "model.damping={alpha_per_s=40.0}"
-    assert isinstance(LEVERS["viscosity"].sought(with_settings(path, "model.element=hex8-full", plain)), str)
-    relaxes = with_settings(path, plain, "effects={viscoelastic={g=[0.3], tau_s=[0.1]}}")
-    assert isinstance(LEVERS["viscosity"].sought(relaxes), str)
-    assert isinstance(LEVERS["palate-contact"].sought(with_settings(path, 'model={file="own.toml"}')), str)
-    assert isinstance(levers_of(MUSCLES)["missing-GGh"].sought(with_settings(path, "muscle=[]")), str)
+    assert levers(path, "model.element=hex8-full", plain)["viscosity"].reason
+    assert levers(path, plain, "effects={viscoelastic={g=[0.3], tau_s=[0.1]}}")["viscosity"].reason
+    assert "palate-contact" not in levers(path, 'model={file="own.toml"}')
+    assert levers(path, "muscle=[]")["missing-GGh"].reason
+    assert levers(path, 'muscle=[{name="SL", force_N=1.0}]')["force-SL"].reason
+    fitted = RegistrationTable(rotation="fit", translation="fit")
+    assert levers_of(with_settings(path), MUSCLES, fitted)["registration"].reason
+    turned = levers_of(with_settings(path), MUSCLES, RegistrationTable(translation="fit"))["registration"]
+    assert list(turned.sought) == ["turn_deg"]
 
 
 def test_a_table_that_is_added_is_checked(path: Path) -> None:

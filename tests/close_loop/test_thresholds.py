@@ -23,12 +23,17 @@ def test_the_page_prints_the_table():
     assert printed == markdown_table()
 
 
+def test_there_are_few_thresholds():
+    """Numbers that only steer a computation stand beside the code that uses them."""
+    assert len(entries()) <= 15
+
+
 def test_every_threshold_has_a_unit_and_a_reason():
     for name, value, unit, reason in entries():
         assert "_" in name and value > 0.0 and unit and reason.endswith("."), name
         assert "|" not in unit + reason, f"{name}: a bar would end the cell of the table"
     with pytest.raises(dataclasses.FrozenInstanceError):
-        THRESHOLDS.significance_p = 0.05  # type: ignore[misc]
+        THRESHOLDS.decisive_probability = 0.05  # type: ignore[misc]
 
 
 def test_a_report_holds_the_thresholds(tmp_path):

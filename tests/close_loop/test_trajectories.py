@@ -10,15 +10,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from sensor_study import SHIFT_M, TURN, simulate_sensors
 
-from explicitfe.close_loop.search import Outcome, search
+from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.split import split
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.intervals import intervals
 from explicitfe.close_loop.statistics.noise import scatter
 from explicitfe.close_loop.statistics.refit import refit
 from explicitfe.close_loop.trajectories.close import close_trajectories
-from explicitfe.close_loop.trajectories.levers import LEVERS
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.close_loop.verdict import Outcome, conclude
 from explicitfe.errors import InputError, silent
 from explicitfe.measured.curve import Dataset
 from explicitfe.measured.read import read_dataset
@@ -40,15 +40,16 @@ def lagging(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 @pytest.fixture(scope="module")
 def closed(lagging: Dataset) -> tuple[Trajectories, Outcome]:
-    system = trajectory_system(lagging, lagging.curves, only=("activation-lag", "damping"))
-    return system, search(system, max_effects=1, rows=system.rows)
+    system = trajectory_system(lagging, lagging.curves, only=("activation-lag", "gravity"))
+    return system, conclude(compare(system, max_effects=1, rows=system.rows))
 
 
 def test_a_hidden_lag_is_found(closed: tuple[Trajectories, Outcome]) -> None:
     _, outcome = closed
     assert (outcome.verdict, outcome.effects) == ("effect-found", ("activation-lag",))
-    fit = outcome.rounds[-1].fit
-    low, high = intervals(fit, outcome.rounds[-1].covariance)[-1]
+    fit, covariance = outcome.final.fit, outcome.final.covariance
+    assert fit is not None and covariance is not None
+    low, high = intervals(fit, covariance)[-1]
     # the 95 % interval is of 1.96 standard deviations; three of them miss in 0.3 % of all data
     assert abs(fit.model.values[-1] - LAG_MS) < 3.0 / 1.96 * 0.5 * (high - low)
     assert high - low < 5.0
@@ -58,18 +59,33 @@ def test_a_hidden_jaw_is_found(tmp_path: Path) -> None:
     """The tip comes down on a jaw that the scenario does not have, and that lies 1 mm lower than in the model."""
     hidden = {"*": ['bone.+={name="jaw", shift_mm=[0.0, 0.0, -1.0]}']}
     dataset = simulate_sensors(tmp_path / "data", hidden=hidden, numerics=OTHER_NUMERICS, **QUICK)
-    system = trajectory_system(dataset, dataset.curves, only=("damping", "jaw-contact", "missing-GGh"))
-    outcome = search(system, max_effects=1, rows=system.rows)
-    assert (outcome.verdict, outcome.effects) == ("effect-found", ("jaw-contact",))
+    system = trajectory_system(dataset, dataset.curves, only=("gravity", "jaw-contact", "missing-GGh"))
+    outcome = conclude(compare(system, max_effects=1, rows=system.rows))
+    assert (outcome.verdict, outcome.present) == ("effect-found", ("jaw-contact",))
 
 
 def test_nothing_is_found_where_nothing_is_hidden(tmp_path: Path) -> None:
     """With the registration given, so that the baseline has no parameter at all."""
     dataset = simulate_sensors(tmp_path / "data", numerics=OTHER_NUMERICS, registration="given", **QUICK)
-    system = trajectory_system(dataset, dataset.curves, only=("activation-lag", "gravity", "force-scale"))
+    system = trajectory_system(dataset, dataset.curves, only=("activation-lag", "gravity", "force-scale", "registration"))
     assert system.base == ()
-    outcome = search(system, max_effects=1, rows=system.rows)
+    outcome = conclude(compare(system, max_effects=1, rows=system.rows))
     assert (outcome.verdict, outcome.effects) == ("no-missing-effect", ())
+
+
+def test_a_moved_head_costs_no_run(tmp_path: Path) -> None:
+    """Sensors that are 2 mm higher than stated, and turned by 2 degrees about their centre."""
+    dataset = simulate_sensors(tmp_path / "data", numerics=OTHER_NUMERICS, registration="given", **QUICK)
+    system = trajectory_system(dataset, dataset.curves, only=("registration",))
+    start = system.start()
+    before = np.concatenate(system.answers([start])[0] or [])
+    count = system.runs.count
+    (candidate,) = system.candidates(start)
+    moved = system.answers([start.plus(candidate.term, (0.0, 2.0, 0.0))])[0]
+    vertical = np.concatenate([np.full(len(one.measured), one.id.endswith(" z")) for one in system.series])
+    assert moved is not None
+    assert np.abs(np.concatenate(moved) - before - 2e-3 * vertical).max() < 1e-12
+    assert system.runs.count == count
 
 
 def test_the_registration_is_recovered(tmp_path: Path) -> None:
@@ -91,7 +107,7 @@ def test_the_reported_registration_is_that_of_the_sensors(tmp_path: Path) -> Non
     dataset = simulate_sensors(tmp_path / "data", noise_mm=0.01, **QUICK)
     turn_rad, shift_mm = Rotation.from_matrix(TURN).as_rotvec(), 1e3 * SHIFT_M
     sides = split(dataset)
-    report = close_trajectories(dataset, sides, ["damping"], 0, 1, silent).report
+    report = close_trajectories(dataset, sides, ["gravity"], 0, 1, silent).report
     estimates = [report.baseline.parameters[name] for name in NAMES]
     intervals = np.array([estimate.ci95 for estimate in estimates])
     assert np.abs([estimate.value for estimate in estimates] - np.array([*turn_rad, *shift_mm])).max() < 0.2
@@ -101,15 +117,16 @@ def test_the_reported_registration_is_that_of_the_sensors(tmp_path: Path) -> Non
 def test_a_written_scenario_gives_the_answers_again(lagging: Dataset, tmp_path: Path) -> None:
     system = trajectory_system(lagging, lagging.curves)
     model = system.start()
-    for name, strength in (
-        ("activation-lag", 12.3),
-        ("stiffness", 1.3),
-        ("force-scale", 0.8),
-        ("gravity", 5.0),
-        ("jaw-contact", 1.0),
-        ("missing-GGh", 0.5),
+    for name, strengths in (
+        ("activation-lag", [12.3]),
+        ("stiffness", [1.3]),
+        ("force-scale", [0.8]),
+        ("gravity", [5.0]),
+        ("jaw-contact-rough", [1.0, 0.2]),
+        ("missing-GGh-share", [0.5]),
+        ("rest-shape", [1.05]),
     ):
-        model = model.plus(next(c.term for c in system.candidates(model) if c.effect == name), [strength])
+        model = model.plus(next(c.term for c in system.candidates(model) if c.effect == name), strengths)
     (answer,) = system.answers([model])
     assert answer is not None
     for curve in lagging.curves:
@@ -132,7 +149,7 @@ def test_a_written_scenario_gives_the_answers_again(lagging: Dataset, tmp_path: 
 
 def test_other_curves_share_the_models(closed: tuple[Trajectories, Outcome], lagging: Dataset) -> None:
     system, outcome = closed
-    model = outcome.rounds[-1].fit.model
+    model = outcome.final.model
     (both,) = system.answers([model])
     (one,) = system.for_curves(lagging.curves[1:]).answers([model])
     assert both is not None and one is not None
@@ -150,14 +167,14 @@ def test_answers_are_smooth_in_every_strength(lagging: Dataset) -> None:
     system = trajectory_system(lagging, [curve])
     start = system.start()
     for candidate in system.candidates(start):
-        if candidate.reason or candidate.effect.endswith("-contact"):
+        if candidate.reason or "-contact" in candidate.effect:
             continue
         sought = candidate.term.parameters[0].sought
-        number = len(candidate.trials[-1]) // 2
-        before, middle = (sought.coordinate(values[0]) for values in candidate.trials[-1][number - 1 : number + 1])
-        model = start.plus(candidate.term, [sought.value(middle)])
-        steps = [k * (middle - before) * (np.arange(len(model.x)) == len(start.x)) for k in (1e-3, 1e-2)]
-        shifted = [model.at(model.x + step) for step in steps]
+        middle = 0.5 * (sought.coordinate(candidate.trials[-1][0]) + sought.coordinate(sought.none))
+        step = middle - sought.coordinate(sought.none)
+        model = start.plus(candidate.term, [sought.value(middle), *candidate.trials[-1][1:]])
+        along = np.arange(len(model.x)) == len(start.x)
+        shifted = [model.at(model.x + k * step * along) for k in (1e-3, 1e-2)]
         here, near, far = (np.concatenate(a) for a in system.answers([model, *shifted]) if a is not None)
         small, large = (near - here) / 1e-3, (far - here) / 1e-2
         assert np.linalg.norm(small - large) < 0.05 * np.linalg.norm(large), candidate.effect
@@ -168,4 +185,5 @@ def test_what_cannot_be_compared_is_refused(lagging: Dataset, tmp_path: Path) ->
         dataset = read_dataset(lagging.path)
         dataset.sensors["TT"] = "nose"
         trajectory_system(dataset, dataset.curves)
-    assert set(LEVERS) >= {"activation-lag", "damping", "gravity", "force-scale", "stiffness"}
+    with pytest.raises(InputError, match="missing-HM"):
+        trajectory_system(lagging, lagging.curves, only=("missing-HM",))

@@ -169,13 +169,14 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
 
 EFFECT = """
 import numpy as np
+from explicitfe.effects.complete import complete
 from explicitfe.effects.material.third_yeoh import ThirdYeoh
 from explicitfe.forces.response import layout_of
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.solve import point
 law, effects = Yeoh(C10_Pa=191.5, C20_Pa=90.6), (ThirdYeoh(C30_Pa=500.0),)
 stress = point.shear(law, effects, np.zeros(1), np.ones(1))[0]
-stats = point._kernel("yeoh", layout_of(effects)).stats
+stats = point._kernel("yeoh", layout_of(complete(effects))).stats
 print(stress, sum(stats.cache_hits.values()))
 """
 

@@ -37,6 +37,7 @@ CHANGES = {
     "gravity": ("{}", (-1, -1, -1)),
     "compliance": ("{compliance_mm_N=1.0}", (1, 1, 1)),
     "power-law": ("{exponent=0.2, tau_s=1.0}", (1, 1, 1)),
+    "fractional": ("{g=0.5, alpha=0.3, tau_s=1.0}", (1, 1, 1)),
     "permanent-set": ("{modulus_Pa=200.0}", (0, 0, 1)),
     "payne": ("{modulus_Pa=200.0, yield_shear=0.05}", (-1, -1, 1)),
     "inclusion": ("{ratio=3.0, radius_mm=5.0, depth_mm=8.0}", (-1, -1, -1)),

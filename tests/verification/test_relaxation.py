@@ -17,6 +17,7 @@ from explicitfe.materials import kinematics, law_of
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.model.specimen import specimen_model
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
+from explicitfe.solve import equilibrium
 from explicitfe.solve.boundary import turn, turn_back
 from explicitfe.solve.equilibrium import RESIDUAL_TOLERANCE, Relaxation
 from explicitfe.solve.load_outcome import Equilibrium, Stuck
@@ -461,6 +462,33 @@ def test_a_disc_settles():
     assert isinstance(end, Equilibrium), end
     assert end.displacement_m == 0.0
     assert np.abs(body.displacement).max() < 1e-12
+
+
+@pytest.mark.parametrize("force_N", [-1e-3, -0.05])
+def test_a_bonded_disc_pulls_by_force(force_N, record_property):
+    """An imposed pull has the displacement at which an imposed displacement has that force."""
+    tolerance = 1e-5
+    pulled = press(body_of(DISC, edge_size_mm=2.0, tolerance=tolerance), force_N)[0]
+    moved = reached(body_of(DISC, edge_size_mm=2.0, tolerance=tolerance).move(pulled.displacement_m))
+    record_property("relative_difference", moved.force_N / force_N - 1.0)
+    assert pulled.force_N == pytest.approx(force_N, rel=1e-6)
+    assert pulled.displacement_m < 0.0
+    # Both states have residuals below the tolerance, and the forces differ by some of it.
+    assert moved.force_N == pytest.approx(force_N, rel=10.0 * tolerance)
+
+
+def test_a_load_is_given_up_after_a_bounded_number_of_iterations(monkeypatch):
+    """A tissue much too soft for its load: without a bound all attempts in halves together need 24 000 iterations."""
+    bound = 4_000
+    monkeypatch.setattr(equilibrium, "MOST_ITERATIONS_OF_A_LOAD", bound)
+    body = body_of(DISC, edge_size_mm=2.0, material=MATERIAL | {"C10_Pa": 20.0, "C20_Pa": 0.0})
+    before = body.iterations
+    stuck = body.press(0.2)
+    assert isinstance(stuck, Stuck)
+    assert body.iterations - before < bound + equilibrium.ITERATIONS_PER_LOOK
+    kept = body.equilibrium(0)
+    assert kept.force_N == pytest.approx(stuck.reached, abs=1e-6)
+    reached(body.press(0.5 * kept.force_N))  # the next load has a bound of its own
 
 
 def test_base_between_bonded_and_sliding(record_property):

@@ -12,15 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from explicitfe.close_loop.compared import Entry
 from explicitfe.close_loop.discovery.sparse import Regression, sparse
-from explicitfe.close_loop.search import Round
+from explicitfe.close_loop.evidence import log_odds_of_other
 from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
-from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
-from explicitfe.close_loop.statistics.left_out import deviations, errors
+from explicitfe.close_loop.statistics.intervals import left_out_error
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives, refit
 from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
-from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS, MaterialEffect
 from explicitfe.effects.effect import Sought
 from explicitfe.effects.material.discovered_law import COEFFICIENT, MONOMIALS, coefficient_name
@@ -33,8 +32,10 @@ LAW = "discovered-law"
 # comes to its largest strain are not seen, and those longer than so many durations look like an elastic law.
 TIMES_S = tuple(float(f"{a}e{k}") for k in range(-3, 6) for a in (1, 3))
 SHORTEST_SHARE_OF_RAMP, LONGEST_DURATIONS = 0.1, 3.0
+# Fewer tests do not say what another one would read; a law must lower the error of tests left out in turn by this share.
+FEWEST_TESTS, LEAST_GAIN_SHARE = 3, 0.02
 # A law of more terms is no law that anybody would write down.
-MOST_TERMS = 8
+MOST_TERMS_OF_A_LAW = 8
 # C10 keeps this share of what the search ended with.
 SMALLEST_C10_SHARE = 0.05
 # A coefficient may grow to so many times the stiffness of the first fit.
@@ -76,47 +77,41 @@ class Discovery:
         return "W = Yeoh + " + " + ".join(parts)
 
 
-def discover(system: Specimens, last: Round) -> Discovery | None:
+def discover(system: Specimens, last: Entry) -> Discovery | None:
     """A compact law for what the model of a round leaves; None where there is nothing to explain, or where none foretells more.
 
     Parameters
     ----------
-    last : the round of the search's final model.
+    last : the final model of the comparison.
     """
-    # Where two effects cannot be told apart, what either of them explains counts as explained.
-    named = last.refits.get(last.best or "", last.fit) if last.ambiguous_with else last.fit
-    model = named.model
+    named, covariance, model = last.fit, last.covariance, last.model
+    assert named is not None and covariance is not None
     tests = list(dict.fromkeys(one.test for one in system.series))
-    if (
-        last.at_floor
-        or (named is not last.fit and lack_of_fit(named, last.covariance).p > THRESHOLDS.significance_p)
-        or not system.exact(model)
-        or len(system.groups) > 1
-        or len(tests) < THRESHOLDS.cross_validated_tests
-    ):
+    quiet = last.evidence.other + log_odds_of_other() < 0.0
+    if quiet or not system.exact(model) or len(system.groups) > 1 or len(tests) < FEWEST_TESTS:
         return None
     start = _with_stiff_law(_without_relaxation(model))
-    fit = _fitted(system, start, last)
+    fit = _fitted(system, start, covariance)
     if fit is None:
         return None
-    before, after = (_left_out_error(system, each, last.covariance) for each in (named, fit))
-    if not fit.chi2 < named.chi2 or not after < (1.0 - THRESHOLDS.cross_validation_gain_share) * before:
+    before, after = (left_out_error(each, covariance) for each in (named, fit))
+    if not fit.chi2 < named.chi2 or not after < (1.0 - LEAST_GAIN_SHARE) * before:
         return None
     gone = tuple(name for name in model.effects if name not in start.effects)
     return Discovery(fit, system.tissue(fit.model), gone, after, before)
 
 
-def _fitted(system: Specimens, start: Hypothesis, last: Round) -> BestFit | None:
+def _fitted(system: Specimens, start: Hypothesis, covariance: Covariance) -> BestFit | None:
     """The model with the few coefficients that foretell best, fitted; None where there are none or it cannot be computed."""
     try:
-        composed = _composed(system, start, last)
+        composed = _composed(system, start, covariance)
         if composed is None:
             return None
-        fit = refit(system, composed, last.covariance)
+        fit = refit(system, composed, covariance)
         needed = _without_needless(fit.model)
         if not needed.terms or needed.terms[-1].effect != LAW:
             return None
-        return fit if len(needed.x) == len(fit.model.x) else refit(system, needed, last.covariance)
+        return fit if len(needed.x) == len(fit.model.x) else refit(system, needed, covariance)
     except RunError:
         return None
 
@@ -160,7 +155,7 @@ def _dictionary(system: Specimens, start: Hypothesis, now: np.ndarray) -> dict[s
     return {name: (stack(answer) - now) / unit for name, unit, answer in columns if answer is not None}
 
 
-def _composed(system: Specimens, start: Hypothesis, last: Round) -> Hypothesis | None:
+def _composed(system: Specimens, start: Hypothesis, covariance: Covariance) -> Hypothesis | None:
     """The model with the few coefficients that foretell left-out tests best, near its best; None where none helps."""
     (answer,) = system.answers([start])
     if answer is None:
@@ -185,7 +180,7 @@ def _composed(system: Specimens, start: Hypothesis, last: Round) -> Hypothesis |
     for number, column in {number: column for number, column, sign in own if sign > 0.0}.items():
         scale = start.values[number] if number < len(start.base) else float(start.x[number])
         target = target + scale * columns[column]
-    sd = np.concatenate([row.sd for row in last.covariance.rows])
+    sd = np.concatenate([row.sd for row in covariance.rows])
     tests, largest = [], []
     for one in system.series:
         tests += [one.test] * len(one.measured)
@@ -193,7 +188,7 @@ def _composed(system: Specimens, start: Hypothesis, last: Round) -> Hypothesis |
     regression = Regression(
         np.column_stack(columns) / sd[:, None], target / sd, np.array(tests), sd / np.array(largest), [k for _, k, _ in own]
     )
-    numbers = sparse(regression, MOST_TERMS)
+    numbers = sparse(regression, MOST_TERMS_OF_A_LAW)
     values = dict(zip(numbers, regression.fitted(numbers).tolist(), strict=True))
     x = start.x.copy()
     for number in {number for number, _, _ in own}:
@@ -255,8 +250,3 @@ def _ramp_s(time_s: np.ndarray, programme: np.ndarray) -> float:
     """The time in which a test comes to its farthest [s]."""
     moved = np.abs(programme - programme[0])
     return max(float(time_s[int(np.argmax(moved >= 0.99 * moved.max()))]), float(np.diff(time_s).min()))
-
-
-def _left_out_error(system: Specimens, fit: BestFit, covariance: Covariance) -> float:
-    """Mean error of tests left out in turn."""
-    return float(np.mean(list(errors(system, deviations(system, fit, covariance)).values())))

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from explicitfe.close_loop.compared import Entry
 from explicitfe.close_loop.discovery.law import LAW, Discovery, discover
-from explicitfe.close_loop.search import Round
 from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.measured.curve import Curve
 from explicitfe.predict.experiment import experiments
@@ -16,7 +16,7 @@ from explicitfe.results.loop_report import DiscoveredLawReport, LoopReport, Repo
 LAW_FILE = "discovered.toml"
 
 
-def add_discovered_law(report: LoopReport, system: Specimens, held_out: Sequence[Curve], last: Round) -> dict[str, str]:
+def add_discovered_law(report: LoopReport, system: Specimens, held_out: Sequence[Curve], last: Entry) -> dict[str, str]:
     """Look for a law where the model of the last round leaves something unexplained, and put it into the report.
 
     Parameters

@@ -7,31 +7,31 @@ from dataclasses import replace
 
 import numpy as np
 
+from explicitfe.close_loop.compared import Entry
 from explicitfe.close_loop.discovery.report import add_discovered_law
+from explicitfe.close_loop.evidence import cost_of_term
 from explicitfe.close_loop.next_test import next_tests, survivors
-from explicitfe.close_loop.posterior import Evidence, Posterior, count_of_testable, evidence_of, posterior_of, sureness
 from explicitfe.close_loop.report import (
+    SIGNIFICANT_P,
     LoopDocuments,
     add_failure,
     add_outcome,
-    add_probabilities,
     bound_warnings,
     errors_of_model,
     new_report,
 )
-from explicitfe.close_loop.search import ASSUMED, ROUNDS_PROGRESS_SHARE, Outcome, Round, search
+from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, CORRECTED, Specimens
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.covariance import Covariance
-from explicitfe.close_loop.statistics.fingerprints import lack_of_fit
+from explicitfe.close_loop.statistics.lack_of_fit import lack_of_fit
 from explicitfe.close_loop.statistics.noise import row_noise
 from explicitfe.close_loop.statistics.refit import BestFit, refit
-from explicitfe.close_loop.statistics.starts import renewed
 from explicitfe.close_loop.statistics.system import values_by_name
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.close_loop.verdict import by_named_forms, concluding, follow_posterior
+from explicitfe.close_loop.verdict import Outcome, conclude, numerical_errors, numerical_shares
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import Progress, RunError, Share, Stage
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
@@ -52,8 +52,11 @@ MODEL_FILE, BASELINE_FILE = "model.toml", "baseline.toml"
 USUAL_RUNS_OF_A_TEST = 20
 # Share of the stage "trace" in which curves that cannot be computed are left out.
 LEAVING_OUT_PROGRESS = 0.02
-# Shares of the stages "decide" and "predict" at which their second parts begin.
-DECIDE_PROGRESS, PREDICT_PROGRESS = 0.4, 0.8
+# Share of the stage "predict" at which its second part begins, and share of the stage "trace" that one step may take.
+PREDICT_PROGRESS, STEP_PROGRESS_SHARE = 0.8, 0.1
+# Fewer independent rows show only what is very strong. A held-out curve is missed if its error is so many times the worst one of
+# the fitted curves.
+FEW_DATA, MISSED_FACTOR = 10.0, 2.0
 X_AXES = {
     "displacement_m": ("displacement (mm)", 1e3),
     "force_N": ("force (N)", 1.0),
@@ -139,44 +142,32 @@ class _SpecimenLoop:
     def close(self) -> LoopDocuments:
         """The report, curves for its pictures, and texts of the model files."""
         self._enter("trace", 0.0, LEAVING_OUT_PROGRESS)
-        share_of_round = ROUNDS_PROGRESS_SHARE / (self.max_effects + 1)
         try:
             self._leave_out_what_fails()
-            outcome = search(
-                self.system,
-                max_effects=self.max_effects,
-                single=len(self.system.tests) == 1,
-                watch=lambda step, share: self._begin_step(step, share, min(share + share_of_round, 1.0)),
+            outcome = conclude(
+                compare(
+                    self.system,
+                    max_effects=self.max_effects,
+                    watch=lambda step, share: self._begin_step(step, share, min(share + STEP_PROGRESS_SHARE, 1.0)),
+                )
             )
         except RunError as error:
             report = self._new_report()
             add_failure(report, str(error))
             return LoopDocuments(report)
-        evidence = evidence_of(outcome, self.system)
-        posterior = by_named_forms(posterior_of(evidence, count_of_testable(outcome)), outcome)
-        outcome = follow_posterior(outcome, posterior, concluding(self.system, outcome, evidence, self.max_effects))
         self._enter("trace", 1.0, 1.0)
-        changed = outcome.keeps_effects
-        last = outcome.rounds[-1] if changed else outcome.rounds[0]
-        before, after = outcome.rounds[0].fit, last.fit
-        if not self.system.exact(after.model):
-            self._enter("decide", 0.0, DECIDE_PROGRESS)
-            _, before = renewed(self.system, before, outcome.rounds[0].covariance, times=1)
-            self._enter("decide", DECIDE_PROGRESS, 1.0)
-            after = renewed(self.system, after, last.covariance, times=1)[1] if changed else before
-            self._enter("decide", 1.0, 1.0)
         self._enter("predict", 0.0, PREDICT_PROGRESS)
+        before, after = outcome.comparison.baseline, outcome.final
         report = self._new_report()
-        add_outcome(report, outcome, before, after, last)
-        add_probabilities(report, outcome, posterior)
-        curves = self._add_errors(report, before, after, last)
-        report.sensitivity_to_assumed = self._sensitivity(outcome, before, after, last)
+        add_outcome(report, outcome)
+        curves = self._add_errors(report, before, after)
+        report.sensitivity_to_assumed = self._sensitivity(before, after)
         self._enter("predict", PREDICT_PROGRESS, 1.0)
-        report.proposed_tests = self._proposed_tests(self.system, outcome, evidence, posterior)
+        report.proposed_tests = self._proposed_tests(outcome)
         report.next_experiment = next(iter(report.proposed_tests), None)
         report.warnings = self._warnings(report, before, after)
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
-        files |= add_discovered_law(report, self.system, self.sides.holdout, last)
+        files |= add_discovered_law(report, self.system, self.sides.holdout, after)
         self._enter("predict", 1.0, 1.0)
         return LoopDocuments(report, curves, files)
 
@@ -190,8 +181,8 @@ class _SpecimenLoop:
             raise RunError(f"no curve can be simulated: {next(iter(why.values()))}")
         self.system = replace(self.system, curves=followed)
 
-    def _tissue_text(self, fit: BestFit, title: str) -> str:
-        tissue = self.system.tissue(fit.model)
+    def _tissue_text(self, entry: Entry, title: str) -> str:
+        tissue = self.system.tissue(entry.model)
         return tissue.model_copy(update={"title": f"{self.dataset.name}: {title}"}).text
 
     # ---- the report ----
@@ -208,17 +199,18 @@ class _SpecimenLoop:
         }
         return report
 
-    def _add_errors(self, report: LoopReport, before: BestFit, after: BestFit, last: Round) -> list[ReportCurve]:
+    def _add_errors(self, report: LoopReport, before: Entry, after: Entry) -> list[ReportCurve]:
         """Put the errors of all curves before and after into the report, and return the curves for its pictures."""
         every = (*self.system.curves, *self.sides.holdout)
         system = replace(self.system, curves=every)
-        floors = self._floors(last.covariance, last.fit.slopes)
+        assert after.covariance is not None and after.fit is not None
+        floors = self._floors(after.covariance, after.fit.slopes)
         answers: list[dict[str, np.ndarray]] = []
         models: tuple[ReportedModel, ReportedModel] = (report.baseline, report.final)
-        for model, fit in zip(models, (before, after), strict=True):
+        for model, entry in zip(models, (before, after), strict=True):
             errors: dict[str, CurveError] = {}
             answers.append({})
-            for curve, answer in system.at(fit.model).answers_or_reasons(fit.model):
+            for curve, answer in system.at(entry.model).answers_or_reasons(entry.model):
                 if isinstance(answer, str):
                     errors[curve.id] = CurveError(split=curve.split, rmse=None, nrmse=None, floor=None, message=answer)
                     continue
@@ -244,39 +236,33 @@ class _SpecimenLoop:
                 floors[one.id] = float(np.sqrt(np.mean(row.sd**2) + spread**2 * np.mean(one.measured**2)))
         return floors
 
-    def _sensitivity(self, outcome: Outcome, before: BestFit, after: BestFit, last: Round) -> dict[str, list[AssumedValue]]:
+    def _sensitivity(self, before: Entry, after: Entry) -> dict[str, list[AssumedValue]]:
         """Assumed length -> what follows if it is smaller or larger, by a refit of both models."""
-        if outcome.verdict == "failed":
-            return {}
-        rows: dict[str, list[tuple[float, AssumedValue]]] = {}
-        for factor in (1.0 - THRESHOLDS.assumed_variation_share, 1.0 + THRESHOLDS.assumed_variation_share):
+        share = THRESHOLDS.assumed_length_error_share
+        rows: dict[str, list[AssumedValue]] = {}
+        for factor in (1.0 - share, 1.0 + share):
             for name, curves in self.system.assumed(factor).items():
                 table, _, key = name.partition(".")
                 value = float(getattr(getattr(curves[0], table), key))
-                changed = replace(self.system.at(last.fit.model), curves=curves)
-                row = _with_assumed(value, name, changed, outcome, last, after is not before)
-                rows.setdefault(name, []).append((value, row))
-        return {name: [row for _, row in sorted(pairs, key=lambda pair: pair[0])] for name, pairs in rows.items()}
+                changed = replace(self.system.at(after.model), curves=curves)
+                rows.setdefault(name, []).append(_with_assumed(value, name, changed, before, after))
+        return rows
 
-    def _proposed_tests(
-        self, system: Specimens, outcome: Outcome, evidence: Sequence[Evidence], posterior: Posterior
-    ) -> list[NextExperiment]:
-        """Tests that would settle best what is open; none where a run of a mesh is dear and hardly anything is open."""
-        sure = sureness(outcome, posterior)
-        last = outcome.rounds[-1]
-        if sure is None:
+    def _proposed_tests(self, outcome: Outcome) -> list[NextExperiment]:
+        """Tests that would settle best what is open; none where a run of a mesh is expensive and hardly anything is open."""
+        settled = outcome.verdict in ("no-missing-effect", "effect-found") and outcome.sure > THRESHOLDS.majority_probability
+        if settled and not self.system.exact(outcome.final.model):
             return []
-        settled = outcome.verdict in ("no-missing-effect", "effect-found") and sure > THRESHOLDS.sure_enough
-        if settled and not self.system.exact(last.fit.model):
-            return []
-        causes = survivors(system, outcome, evidence, posterior)
-        system = replace(system, numerics=COARSE, corrections={})  # tests are compared by differences of answers
-        return next_tests(system, causes, last.covariance, self.dataset.rig or RigLimits())
+        assert outcome.final.covariance is not None
+        causes = survivors(self.system, outcome.comparison)
+        system = replace(self.system, numerics=COARSE, corrections={})  # tests are compared by differences of answers
+        return next_tests(system, causes, outcome.final.covariance, self.dataset.rig or RigLimits())
 
-    def _warnings(self, report: LoopReport, before: BestFit, after: BestFit) -> list[str]:
+    def _warnings(self, report: LoopReport, before: Entry, after: Entry) -> list[str]:
         """What a reader should know, in sentences."""
         notes = []
-        for stage, fit in (("before", before), ("after", after)):
+        for stage, fit in (("before", before.fit), ("after", after.fit)):
+            assert fit is not None
             notes += bound_warnings(stage, fit)
             if not fit.converged:
                 notes.append(f"{stage}: the fit did not converge.")
@@ -285,58 +271,56 @@ class _SpecimenLoop:
         doubted = [row.curve for row in report.noise.rows if row.curve is not None and not row.stated]
         if doubted:
             notes.append(f"noise not stated or larger than stated: estimated from the rows of {', '.join(doubted)}.")
-        if report.n_eff is not None and report.n_eff < THRESHOLDS.few_data:
+        if report.n_eff is not None and report.n_eff < FEW_DATA:
             notes.append(f"only {report.n_eff:.1f} independent rows (n_eff): only strong effects are detectable.")
         if len({c.group for c in self.system.curves}) > 1 and report.noise.scatter_source == "unknown":
             notes.append(
                 "several specimens without repeats or repeat_sd_fraction: scatter between specimens may be taken for an effect."
             )
         if len(self.system.tests) == 1:
-            notes.append("one test only: no other test can confirm an effect, so the verdict is at most ambiguous.")
-        elif len(self.system.tests) < THRESHOLDS.cross_validated_tests:
-            notes.append("two tests only: too few for cross-validation.")
-        for entry in report.noise.numerical:
-            what, share = entry.what or "", entry.share_of_noise or 0.0
-            if share > THRESHOLDS.numerical_share_of_noise and ASSUMED.strip() not in what:
+            notes.append("one test only: how much equal tests differ is unknown, and no other test confirms the cause.")
+        assert after.fit is not None and after.covariance is not None
+        shares = numerical_shares(after.covariance, after.fit, numerical_errors(after.covariance))
+        for what, share in shares.items():
+            if share > THRESHOLDS.numerics_bound_share:
                 notes.append(f"numerical error: {what} changes the prediction by {share:.2g} times the noise.")
         errors = report.final.error
         if report.verdict in ("effect-found", "no-missing-effect") and errors.fit:
             usual = max(c.nrmse for c in errors.curves.values() if c.split == "fit" and c.nrmse is not None)
             held = {name: c.nrmse for name, c in errors.curves.items() if c.split == "holdout" and c.rmse is not None}
-            missed = [name for name, nrmse in held.items() if (nrmse or 0.0) > THRESHOLDS.missed_factor * usual]
+            missed = [name for name, nrmse in held.items() if (nrmse or 0.0) > MISSED_FACTOR * usual]
             if missed:
                 notes.append(f"held-out curves with a larger error than any fitted curve: {', '.join(missed)}.")
         notes += [f"{name}: {curve.message}" for name, curve in errors.curves.items() if curve.message]
         return notes
 
 
-def _with_assumed(value: float, name: str, changed: Specimens, outcome: Outcome, last: Round, with_effects: bool) -> AssumedValue:
+def _with_assumed(value: float, name: str, changed: Specimens, before: Entry, after: Entry) -> AssumedValue:
     """What follows if an assumed length has another value.
 
     Parameters
     ----------
     name : of the length, such as "tool.radius_mm".
     changed : the tests with this value.
-    with_effects : the final model is not the baseline.
     """
-    floors = {k: d for k, d in last.covariance.floors.items() if name not in k}
-    covariance = replace(last.covariance, floors=floors)
-    first = outcome.rounds[0].fit
+    assert before.fit is not None and after.fit is not None and after.covariance is not None
+    floors = {k: d for k, d in after.covariance.floors.items() if name not in k}
+    covariance = replace(after.covariance, floors=floors)
     try:
-        one = refit(changed, first.model, covariance, slopes=first.slopes)
-        other = refit(changed, last.fit.model, covariance, slopes=last.fit.slopes) if with_effects else one
+        one = refit(changed, before.model, covariance, slopes=before.fit.slopes)
+        other = refit(changed, after.model, covariance, slopes=after.fit.slopes) if after.key else one
     except RunError as error:
         return AssumedValue(value=value, verdict="failed", message=str(error))
-    verdict: Verdict = outcome.verdict
-    at_floor = lack_of_fit(one, covariance).p > THRESHOLDS.significance_p
-    if with_effects and one.chi2 - other.chi2 < THRESHOLDS.visible_separation:
-        verdict = "no-missing-effect" if at_floor else "unexplained"
-    if not with_effects and outcome.verdict == "no-missing-effect" and not at_floor:
-        verdict = "unexplained"
+    gain = 0.5 * (one.whitened - other.whitened) - sum(
+        cost_of_term(len(term.parameters), covariance.effective, 0.0) for term in after.model.terms
+    )
+    still = bool(after.key) and gain > 0.0
+    open_end = lack_of_fit(other, covariance).p < SIGNIFICANT_P
+    verdict: Verdict = "unexplained" if open_end else "effect-found" if still else "no-missing-effect"
     return AssumedValue(
         value=value,
         verdict=verdict,
-        effects=list(outcome.effects) if verdict == outcome.verdict else [],
+        effects=sorted(set(after.key)) if still else [],
         parameters=dict(values_by_name(other.model)),
         error_fit=float(np.mean(_errors_of(changed, other))),
     )

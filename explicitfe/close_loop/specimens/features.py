@@ -8,9 +8,14 @@ import numpy as np
 
 from explicitfe.close_loop.specimens.series import WAITING_SHARE_OF_PACE, rest_of
 from explicitfe.close_loop.statistics.system import Series
-from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.experiment import cycle_of
+
+# A stop that is shorter, as a share of the duration, is the turn of a machine; a return that is shorter, as a share of the range,
+# is its play; a force that is less negative, as a share of the largest, is the zero of the load cell.
+HOLD_SHARE, UNLOADING_SHARE, PULL_SHARE = 0.1, 0.05, 0.01
+# Rates whose ratio is smaller hardly distinguish time from strain.
+RATE_RATIO = 1.5
 
 
 def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
@@ -33,16 +38,16 @@ def features_of(curves: Sequence[Curve], series: Sequence[Series]) -> set[str]:
     directions: dict[str, set[str]] = {}
     for curve, one in zip(curves, series, strict=True):
         held = np.diff(one.time_s) @ (one.phase[1:] == "hold") / one.time_s[-1]
-        if curve.tool is not None and curve.force_N.min() < -THRESHOLDS.pull_share * np.abs(curve.force_N).max():
+        if curve.tool is not None and curve.force_N.min() < -PULL_SHARE * np.abs(curve.force_N).max():
             features.add("force that pulls")
-        if _unloading(curve) > THRESHOLDS.unloading_share:
+        if _unloading(curve) > UNLOADING_SHARE:
             features |= {"unloading", "time"}
-        if held > THRESHOLDS.hold_share:
+        if held > HOLD_SHARE:
             features.add("time")
         paces.setdefault(curve.constants, []).append(_loading_pace(curve))
         cycles.setdefault(curve.constants, set()).add(cycle_of(curve))
         directions.setdefault(curve.constants, set()).add(str(curve.conditions.get("direction")))
-    if any(max(p) > THRESHOLDS.rate_ratio * min(p) for p in paces.values()):
+    if any(max(p) > RATE_RATIO * min(p) for p in paces.values()):
         features.add("time")
     if any(len(c) > 1 for c in cycles.values()):
         features.add("repeats")

@@ -23,6 +23,8 @@ from explicitfe.results.loop_report import Estimate, GroupedConstant, ReportedGr
 
 # What may name the specimen or the place on it where a curve was measured.
 SPECIMEN_KEYS = ("group", "sample", "piece", "site", "spot", "day")
+# One set of constants in a hundred datasets is divided by chance.
+SIGNIFICANT_P = 0.01
 # Sizes of two tests are compared at so many instants.
 COMPARED_INSTANTS = 50
 # The size of a test is known no better than this share: less is the work of noise.
@@ -104,7 +106,7 @@ def _grouping(by: str, curves: Sequence[Curve], fitted: Sequence[Curve]) -> tupl
         spreads.append(float(np.std(own, ddof=1)) if len(own) > 1 else 0.0)
         ratios.append(float(np.exp(max(own) - min(own))))
     grouping = Grouping(by, max(spreads), max(ratios), p)
-    significant = p is None or p < THRESHOLDS.significance_p
+    significant = p is None or p < SIGNIFICANT_P
     if gain <= 0.0 or not significant or grouping.spread < THRESHOLDS.specimen_spread:
         return None
     return float(gain), grouping

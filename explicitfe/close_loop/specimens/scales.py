@@ -59,6 +59,7 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
     square = max(squares)
     scales |= {
         "duration_s": duration,
+        "shortest_s": min(float(c.time_s[-1]) for c in curves),
         "modulus_Pa": C10 + C20 * square,
         "stiffening": 1.0 / float(np.log1p(square / 3.0)),
         "third_Pa": (C10 + 2.0 * C20 * square) / (3.0 * square**2),

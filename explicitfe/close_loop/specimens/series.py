@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from explicitfe.close_loop.specimens.driven import driven_of
 from explicitfe.close_loop.statistics.noise import MEDIAN_OF_ABSOLUTE_NORMAL
 from explicitfe.close_loop.statistics.system import Series
-from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.measured.course import bends
 from explicitfe.measured.curve import PRINTED_UNITS, Curve, programme_of, sd_of
 from explicitfe.measured.tables import MeasuredSpecimen, MeasuredTool
@@ -26,6 +26,10 @@ BEND_NOISE_FACTOR = 3.0
 FOURTH_DIFFERENCE_VARIANCE = 70.0
 # A tool that feels less than this share of the largest force hangs in the air, or all but.
 AIR_SHARE_OF_FORCE = 0.01
+# At no more than this times the noise of an imposed force the tool may hang in the air: noise exceeds it once in 1000 rows.
+LOOSE_TOOL_NOISE_FACTOR = 3.0
+# Protocols are nominally equal within this share of their range, and specimens within this share of a length.
+EQUAL_PROGRAMME_SHARE, EQUAL_LENGTH_SHARE = 0.05, 0.1
 # A curve keeps rows on which its displacement does not depend rather than be left with fewer rows than this.
 FEWEST_ROWS = 3
 # Programmes are compared at so many instants.
@@ -46,7 +50,7 @@ def determined(curve: Curve) -> np.ndarray:
     every = np.ones(len(curve.time_s), dtype=bool)
     if curve.tool is None or curve.tool.control != "force" or curve.tool.shape == "bonded-disc":
         return every
-    pressed = curve.force_N > THRESHOLDS.loose_tool_noise_factor * _imposed_sd(curve)
+    pressed = curve.force_N > LOOSE_TOOL_NOISE_FACTOR * _imposed_sd(curve)
     return pressed if pressed.sum() >= FEWEST_ROWS else every
 
 
@@ -58,7 +62,8 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
     test : what all curves of its test share.
     peers : what all tests nominally equal to it share; "" if there are none.
     """
-    programme, values = programme_of(curve), curve.columns[curve.predicted]
+    protocol = driven_of(curve).protocol
+    programme, values = protocol.fitted, curve.columns[curve.predicted]
     span = max(float(np.ptp(programme)), 1e-300)
     sd = _imposed_sd(curve)
     corners = bends(curve.time_s, programme, max(BEND_SHARE_OF_RANGE * span, BEND_NOISE_FACTOR * sd))
@@ -83,7 +88,8 @@ def series_of(curve: Curve, test: str, peers: str) -> Series:
         measured=values[rows],
         time_s=curve.time_s[rows],
         noise_sd=sd_of(curve, curve.predicted),
-        imposed_sd=slope[rows] * sd,
+        imposed_sd=np.abs(slope[rows]) * protocol.row_sd,
+        slope=slope[rows],
         bends=np.unique(np.clip(np.concatenate([[0], ends, [len(rows) - 1]]), 0, len(rows) - 1)),
         scatter=curve.noise.repeat_sd_fraction,
         trend=float(number) if isinstance(number, int | float) else 0.0,
@@ -120,7 +126,7 @@ def _slope(programme: np.ndarray, values: np.ndarray, span: float) -> np.ndarray
     """How much the predicted column changes with the imposed one, at each row: a stiffening curve is steep at its end."""
     degree = min(3, len(np.unique(programme)) // 4)
     line = np.polynomial.Polynomial.fit(programme, values, degree) if degree and span > 1e-300 else None
-    return np.full(len(values), float(np.ptp(values)) / span) if line is None else np.abs(line.deriv()(programme))
+    return np.full(len(values), float(np.ptp(values)) / span) if line is None else line.deriv()(programme)
 
 
 def peers_of(curve: Curve, curves: Sequence[Curve]) -> str:
@@ -137,7 +143,7 @@ def _nominally_equal(one: Curve, other: Curve) -> bool:
         return False
     if not _alike(one.specimen, other.specimen, ("radius_mm", "height_mm", "layer_mm")):
         return False
-    share = THRESHOLDS.equal_programme_share
+    share = EQUAL_PROGRAMME_SHARE
     end = min(one.time_s[-1], other.time_s[-1])
     if end < (1.0 - 2.0 * share) * max(one.time_s[-1], other.time_s[-1]):
         return False
@@ -155,4 +161,4 @@ def _alike(
     if one.shape != other.shape:
         return False
     pairs = [(getattr(one, key, None), getattr(other, key, None)) for key in lengths]
-    return all(a == b or (a and b and abs(a - b) < THRESHOLDS.equal_length_share * max(a, b)) for a, b in pairs)
+    return all(a == b or (a and b and abs(a - b) < EQUAL_LENGTH_SHARE * max(a, b)) for a, b in pairs)

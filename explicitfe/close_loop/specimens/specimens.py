@@ -8,19 +8,22 @@ from functools import cached_property
 
 import numpy as np
 
+from explicitfe.close_loop.specimens.driven import driven_of
 from explicitfe.close_loop.specimens.features import features_of
+from explicitfe.close_loop.specimens.first_constants import RAMP_C10_PA, Baseline, first_constants
 from explicitfe.close_loop.specimens.plan import Plan, plan_of
 from explicitfe.close_loop.specimens.scales import scales_of
 from explicitfe.close_loop.specimens.series import determined, peers_of, series_of
 from explicitfe.close_loop.specimens.simulator import Simulator
+from explicitfe.close_loop.statistics.covariance import stack
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.effects import EFFECTS, Effect
+from explicitfe.effects import EFFECTS, Effect, cause_of
 from explicitfe.effects.effect import Sought, with_leaves
-from explicitfe.errors import InputError, RunError
+from explicitfe.errors import InputError
 from explicitfe.forces.response import layout_of
-from explicitfe.measured.curve import Curve, Dataset, programme_of
-from explicitfe.predict.correction import Correction, corrections_of, kind_of
+from explicitfe.measured.curve import Curve, Dataset
+from explicitfe.predict.correction import Correction, corrections_of
 from explicitfe.predict.experiment import experiments
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
@@ -28,10 +31,7 @@ from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 MESH_POISSON_RATIO = 0.499
 # One standard deviation from that of the mesh: the volume changes twice as easily.
 SOFTER_POISSON_RATIO = 0.498
-# C10 [Pa] of the first answers; these are scaled to the data, so its size does not matter.
-FIRST_C10_PA = 200.0
-# Ratios of C20 to C10 that are tried at the start, and the largest one that a fit may reach.
-FIRST_C20_RATIOS = (0.0, 0.05, 0.2, 0.5, 1.0)
+# The largest ratio of C20 to C10 that a fit may reach.
 LARGEST_C20_RATIO = 1e3
 # C10 may end within these factors of where it begins.
 C10_BOUND_FACTORS = (1e-4, 1e4)
@@ -41,12 +41,12 @@ EXACT = Numerics()
 COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # with which tests are planned, by differences of answers
 # With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
 CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, finer=1.5)
-# An answer to the value of the programme alone is a polynomial of this degree: it bends at first touch.
-DEGREE_OF_STATE = 6
 # The check of a history adds instants and tightens the tolerance by these factors.
 CHECK_DENSITY_FACTOR = 2.0
 CHECK_TOLERANCE_FACTOR = 0.25
 SMALLEST_TOLERANCE = 1e-5
+# Shares of a trial's strength that are tried until the model can be computed.
+TRIED_SHARES = (1.0, 0.5, 0.25, 0.1)
 # What data need that a further test of the same kind can give.
 CAN_BE_ADDED = {"time", "unloading", "repeats"}
 
@@ -104,8 +104,11 @@ class Specimens:
     def base(self) -> tuple[Parameter, ...]:
         """C10 and C20 of each group, about the constants to begin with."""
         parameters = []
+        begin = {"poisson": MESH_POISSON_RATIO, "incompressible": self.homogeneous, "numerics": self.numerics}
+        elastic = Tissue(**begin, constants={EVERY: Constants(C10_Pa=RAMP_C10_PA)})
         for group in self.groups:
-            C10, C20 = self._first_constants(group)
+            curves = [c for c in self.curves if c.constants == group]
+            C10, C20 = first_constants(curves, Baseline(elastic, self.known, self.homogeneous, self.simulator.run))
             label = group if len(self.groups) > 1 else ""
             size = Sought((C10,), C10_BOUND_FACTORS[0] * C10, C10_BOUND_FACTORS[1] * C10, kind="log")
             parameters.append(Parameter("C10_Pa", size, C10, label))
@@ -160,8 +163,60 @@ class Specimens:
             tissue = tissue.with_effect(EFFECTS[name].from_terms(parts))
         return tissue
 
-    def sketch(self, model: Hypothesis) -> Hypothesis:
+    def systematic(self) -> dict[str, np.ndarray]:
+        """Name -> change (n,) SI of all rows by one standard deviation of a part of the error of the estimated protocol."""
+        ends = np.cumsum([0, *(len(one.measured) for one in self.series)])
+        columns = {}
+        for curve, one, start, end in zip(self.curves, self.series, ends[:-1], ends[1:], strict=True):
+            for number, mode in enumerate(driven_of(curve).protocol.modes.T):
+                column = np.zeros(ends[-1])
+                column[start:end] = one.slope * mode[determined(curve)]
+                columns[f"protocol of {one.id}, part {number}"] = column
+        return columns
+
+    def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+        """Change (n,) SI of the prediction by each trial; on a mesh by differences on a coarse one.
+
+        A trial that follows whole histories is compared with the same effect without strength, because a model without history
+        is read off one ramp.
+        """
+        plain = self._sketch(model)
+        jobs: list[tuple[Specimens, Hypothesis, Hypothesis]] = []
+        for one in candidates:
+            effect = EFFECTS[one.effect]
+            pointwise = self.homogeneous and effect.pointwise and self.exact(model)
+            system, base = (self, model) if pointwise else (replace(self, numerics=COARSE, corrections={}), plain)
+            none = base
+            if not pointwise and (self.homogeneous or _needs_history(effect)):
+                none = base.plus(one.term, (one.term.parameters[0].sought.none, *one.trials[0][1:]))
+            jobs += [(system, base.plus(one.term, values), none) for values in one.trials]
+        before = self._each([(system, none) for system, _, none in jobs])
+        differences: list[np.ndarray | None] = [None] * len(jobs)
+        # An effect can leave a body too soft for an imposed force: its signature is then that of a weaker one.
+        for share in TRIED_SHARES:
+            open_jobs = [k for k, one in enumerate(differences) if one is None and before[k] is not None]
+            weaker = [(jobs[k][0], jobs[k][1].weakened(share)) for k in open_jobs]
+            for k, answer in zip(open_jobs, self._each(weaker), strict=True):
+                without = before[k]
+                if answer is not None and without is not None:
+                    differences[k] = (stack(answer) - stack(without)) / share
+        remaining = iter(differences)
+        return [[next(remaining) for _ in one.trials] for one in candidates]
+
+    def _each(self, jobs: Sequence[tuple[Specimens, Hypothesis]]) -> list[Answer | None]:
+        """Answers of models that are computed with different numerics, each kind together."""
+        answers: dict[int, Answer | None] = {}
+        for exact in (True, False):
+            own = [k for k, (system, _) in enumerate(jobs) if (system is self) == exact]
+            if own:
+                system = jobs[own[0]][0]
+                answers |= dict(zip(own, system.answers([jobs[k][1] for k in own]), strict=True))
+        return [answers[k] for k in range(len(jobs))]
+
+    def _sketch(self, model: Hypothesis) -> Hypothesis:
         """The model without effects that need whole histories: others change about as much, and take a fraction of the time."""
+        if self.exact(model):
+            return model
         kept = [k for k, term in enumerate(model.terms) if not _needs_history(EFFECTS[term.effect])]
         x, start = list(model.x[: len(model.base)]), len(model.base)
         for k, term in enumerate(model.terms):
@@ -170,35 +225,14 @@ class Specimens:
             start += len(term.parameters)
         return Hypothesis(model.base, tuple(model.terms[k] for k in kept), np.array(x))
 
-    def functions_of_state(self) -> np.ndarray:
-        """Columns (n, m) SI: polynomials of the depth or of the force, for the tests of each kind together."""
-        kinds: dict[str, list[int]] = {}
-        for number, curve in enumerate(self.curves):
-            kinds.setdefault(kind_of(curve), []).append(number)
-        programmes = [programme_of(c)[determined(c)] for c in self.curves]
-        ends = np.cumsum([0, *map(len, programmes)])
-        columns = []
-        for numbers in kinds.values():
-            top = max(float(np.abs(programmes[k]).max()) for k in numbers)
-            block = np.zeros((ends[-1], 1 + DEGREE_OF_STATE))
-            for k in numbers:
-                block[ends[k] : ends[k + 1]] = np.polynomial.legendre.legvander(2.0 * programmes[k] / top - 1.0, DEGREE_OF_STATE)
-            columns.append(block)
-        return np.concatenate(columns, axis=1)
-
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, SI; None where it cannot be computed."""
         return self._answers([self.tissue(m) for m in models], self.curves)
 
     def failing(self) -> dict[str, str]:
-        """Curve -> why it cannot be computed with any of the constants that are tried at the start."""
-        reasons: dict[str, str] = {}
-        for test in self.tests:
-            driven = tuple(_by_displacement(c) for c in test)
-            answers = self.simulator.run([(driven, tissue.text) for tissue in self._first_tissues()])
-            if all(isinstance(answer, str) for answer in answers):
-                reasons |= {c.id: str(answers[0]) for c in test}
-        return reasons
+        """Curve -> why it cannot be computed where the fit begins."""
+        answers = self.answers_or_reasons(self.start(), ramps=True)
+        return {curve.id: answer for curve, answer in answers if isinstance(answer, str)}
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What is computed if the mesh errs by one standard deviation, test by test; and with smaller steps where they matter."""
@@ -232,7 +266,7 @@ class Specimens:
         changed: dict[str, Answer] = {}
         for name in correction.errors:
             answer = [
-                y * (1.0 + correction.error_of(name, y, programme_of(c)[determined(c)], c.imposed == "force_N"))
+                y * (1.0 + correction.error_of(name, y, driven_of(c).protocol.fitted[determined(c)], c.imposed == "force_N"))
                 if c.id in ids
                 else y
                 for c, y in zip(self.curves, usual, strict=True)
@@ -284,13 +318,18 @@ class Specimens:
         return changed
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
-        """Effects that may be missing in a model, with the values to try, or with the reason why these data cannot show one."""
+        """Terms that may be added to a model, or the reason why these data cannot show one.
+
+        Of a cause that is present only a further term of the same form may be added, or an effect that extends it.
+        """
         scales = self._scales(model)
+        present = {cause_of(name) for name in model.effects}
         return [
             self._candidate(name, number, model, scales)
             for name, effect in EFFECTS.items()
             if effect.searched
             and (number := 1 + sum(term.effect == name for term in model.terms)) <= effect.terms
+            and (cause_of(name) not in present or name in model.effects or effect.extends in model.effects)
             and (not self.only or name in self.only)
             and not any(isinstance(e, effect) for e in self.known)
         ]
@@ -299,7 +338,7 @@ class Specimens:
         """Effects that another test of this kind might show, whatever these data have."""
         scales = self._scales(model)
         return [
-            candidate(name, 1, EFFECTS[name].sought, scales)
+            candidate(name, 1, cause_of(name), EFFECTS[name].sought, scales)
             for name in dict.fromkeys(one.effect for one in self.candidates(model))
             if name not in model.effects and set(EFFECTS[name].requires) <= self.features | CAN_BE_ADDED
         ]
@@ -307,27 +346,13 @@ class Specimens:
     def _candidate(self, name: str, number: int, model: Hypothesis, scales: Scales) -> Candidate:
         """The ``number``-th term of an effect."""
         effect = EFFECTS[name]
-        term = candidate(name, number, effect.sought_in(tool=self.curves[0].tool is not None), scales)
-        term = replace(term, variant_of=effect.variant_of, remembers=effect.remembers)
+        term = candidate(name, number, cause_of(name), effect.sought_in(tool=self.curves[0].tool is not None), scales)
         lacking = [need for need in effect.requires if need not in self.features]
         if lacking:
             reason = f"requires {' and '.join(lacking)}, absent from these data; informative data: {effect.about.needs}"
             return replace(term, trials=(), reason=reason)
         refusal = self._refusal(term, model)
-        if refusal:
-            return replace(term, trials=(), reason=refusal)
-        if self.homogeneous and effect.pointwise:
-            return term
-        # Runs on a mesh are dear, so the middle strength alone is tried.
-        dear = effect.needs_half_body or (effect.depends_on_path and not self.homogeneous)
-        term = replace(term, trials=tuple((row[len(row) // 2],) for row in term.trials), dear=dear)
-        # A trial is compared with the elastic model on the same mesh where the model itself needs none, and where one ramp does
-        # for the trial while the model needs its whole history.
-        still = effect.acts_on != "reading" and not effect.depends_on_path
-        if self.homogeneous or (still and any(_needs_history(EFFECTS[other.effect]) for other in model.terms)):
-            none = term.term.parameters[0].sought.none
-            term = replace(term, reference=tuple((none, *row[0][1:]) for row in term.trials))
-        return term
+        return replace(term, trials=(), reason=refusal) if refusal else term
 
     def _refusal(self, term: Candidate, model: Hypothesis) -> str:
         """Why a model cannot have a term beside those that it has; "" if it can."""
@@ -335,7 +360,7 @@ class Specimens:
         if base and base not in model.effects:
             return f"extends {EFFECTS[base].about.title}, which the model does not contain"
         try:
-            layout_of(with_leaves(self.tissue(model.plus(term.term, term.trials[0][0])).effects.chosen))
+            layout_of(with_leaves(self.tissue(model.plus(term.term, term.trials[0])).effects.chosen))
         except InputError as error:
             return str(error)
         return ""
@@ -353,19 +378,22 @@ class Specimens:
         ramps : read tests without history from one ramp, as :meth:`answers` does; else follow each loading protocol.
         """
         tissue = self.tissue(model)
-        plans = [self._plan(tissue, test, self.curves, ramps=ramps) for test in self.tests]
+        driven = [driven_of(c).curve for c in self.curves]
+        plans = [self._plan(tissue, test, driven, ramps=ramps) for test in experiments(driven)]
         by_curve: dict[str, np.ndarray | str] = {}
         for plan, run in zip(plans, self.simulator.run([plan.job for plan in plans]), strict=True):
             by_curve |= {c.id: run for c in plan.test} if isinstance(run, str) else plan.read(run, self.corrections)
-        return [(c, by_curve[c.id]) for c in self.curves]
+        answers = [(c, by_curve[c.id]) for c in self.curves]
+        return [(c, y if isinstance(y, str) else y[driven_of(c).rows]) for c, y in answers]
 
     def _plan(self, tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], *, ramps: bool = True) -> Plan:
         return plan_of(_for_group(tissue, test[0].constants), test, curves, self.homogeneous, ramps=ramps)
 
     def _answers(self, tissues: Sequence[Tissue], curves: Sequence[Curve]) -> list[Answer | None]:
         """What each tissue answers in the tests of some curves, SI; None where one of them cannot be computed."""
-        tests = experiments(curves)
-        plans = [[self._plan(tissue, test, curves) for test in tests] for tissue in tissues]
+        driven = [driven_of(c).curve for c in curves]
+        tests = experiments(driven)
+        plans = [[self._plan(tissue, test, driven) for test in tests] for tissue in tissues]
         runs = iter(self.simulator.run([plan.job for row in plans for plan in row]))
         answers: list[Answer | None] = []
         for row in plans:
@@ -374,37 +402,9 @@ class Specimens:
                 run = next(runs)
                 if not isinstance(run, str):
                     by_curve |= plan.read(run, self.corrections)
-            answers.append([by_curve[c.id][determined(c)] for c in curves] if len(by_curve) == len(curves) else None)
+            whole = len(by_curve) == len(curves)
+            answers.append([by_curve[c.id][driven_of(c).rows][determined(c)] for c in curves] if whole else None)
         return answers
-
-    def _first_tissues(self) -> list[Tissue]:
-        """Tissues of one size, with different ratios of C20 to C10."""
-        constants = [Constants(C10_Pa=FIRST_C10_PA, C20_Pa=q * FIRST_C10_PA) for q in FIRST_C20_RATIOS]
-        exact = {"poisson": MESH_POISSON_RATIO, "incompressible": self.homogeneous}
-        return [Tissue(**exact, constants={EVERY: c}, numerics=self.numerics) for c in constants]
-
-    def _first_constants(self, group: str) -> tuple[float, float]:
-        """C10 and C20 to begin with: of a few ratios, the one whose scaled answer misses the group's curves least.
-
-        They are asked for as if the displacement were imposed, because the force is then linear in the size of the constants.
-        """
-        curves = [_by_displacement(c) for c in self.curves if c.constants == group]
-        least, constants = np.inf, (FIRST_C10_PA, 0.0)
-        coarse = replace(self, corrections={})
-        for q, answer in zip(FIRST_C20_RATIOS, coarse._answers(self._first_tissues(), curves), strict=True):
-            if answer is None:
-                continue
-            top = bottom = total = 0.0
-            for curve, y in zip(curves, answer, strict=True):
-                x = curve.columns[curve.predicted]
-                weight = 1.0 / float(x @ x)
-                top, bottom, total = top + weight * float(y @ x), bottom + weight * float(y @ y), total + 1.0
-            if bottom > 0.0 and top > 0.0 and total - top**2 / bottom < least:
-                least = total - top**2 / bottom
-                constants = FIRST_C10_PA * top / bottom, q * FIRST_C10_PA * top / bottom
-        if not np.isfinite(least):
-            raise RunError(f'the constants "{group}" have no curve that the simulator can follow.')
-        return constants
 
     def _scales(self, model: Hypothesis) -> Scales:
         """Sizes in the tests, with the mean of all constants of a model."""
@@ -440,10 +440,3 @@ def _is_homogeneous(curve: Curve) -> bool:
     assert curve.specimen is not None
     sliding = curve.specimen.base in ("frictionless", "unknown") and curve.tool.friction in (0.0, "unknown")
     return curve.tool.shape == "platen" and curve.tool.control == "displacement" and sliding and curve.specimen.layer_mm == 0.0
-
-
-def _by_displacement(curve: Curve) -> Curve:
-    """A curve as if its displacement were imposed."""
-    if curve.tool is None or curve.tool.control == "displacement":
-        return curve
-    return replace(curve, tool=curve.tool.model_copy(update={"control": "displacement"}))

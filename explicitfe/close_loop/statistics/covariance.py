@@ -96,6 +96,12 @@ class Covariance:
         y = y - axes @ (shares[:, None] * (axes.T @ y))
         return y[:, 0] if flat else y
 
+    @cached_property
+    def log_determinant(self) -> float:
+        """Log determinant of Sigma over that of the noise of the rows alone."""
+        V = self.shared
+        return float(np.linalg.slogdet(np.eye(V.shape[1]) + V.T @ V)[1]) if V.size else 0.0
+
     @property
     def effective(self) -> float:
         """Effective number of data."""

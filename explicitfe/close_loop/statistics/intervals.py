@@ -46,6 +46,13 @@ def intervals_beside_a_misfit(
     others : models with one effect more, at their best, that the data do not reject.
     """
     limits = _limits(fit, np.maximum(_by_curvature(fit, covariance, worse), _by_leaving_out(fit, covariance)))
+    return widened(limits, fit, others, covariance)
+
+
+def widened(
+    limits: list[tuple[float, float]], fit: BestFit, others: Iterable[BestFit], covariance: Covariance
+) -> list[tuple[float, float]]:
+    """Intervals whose first ones, those of the baseline's constants, hold those of other models too."""
     for other in others:
         own = intervals(other, covariance)
         for k in range(len(fit.model.base)):
@@ -112,3 +119,23 @@ def _parts(covariance: Covariance) -> Sequence[np.ndarray]:
             part[piece] = True
             parts.append(part)
     return parts
+
+
+def left_out_error(fit: BestFit, covariance: Covariance) -> float:
+    """Mean rms error of tests that are left out in turn, as a share of each curve's largest value.
+
+    The parameters without a test come from the derivatives at the optimum.
+    """
+    sd = np.concatenate([row.weight_sd for row in covariance.rows])
+    y = measured_rows(covariance.series)
+    r, J = (y - fit.answer) / sd, fit.slopes / sd[:, None]
+    errors = []
+    for test in dict.fromkeys(one.test for one in covariance.series):
+        out = covariance.rows_of(test)
+        free = np.linalg.norm(J[~out], axis=0) > UNSEEN_SHARE * np.linalg.norm(J, axis=0)
+        step = np.zeros(J.shape[1])
+        step[free] = step_inside_bounds(J[~out][:, free], r[~out], fit.model, free)
+        left = y - fit.answer - fit.slopes @ step
+        parts = zip(covariance.series, covariance.slices(), strict=True)
+        errors += [np.sqrt(np.mean(left[p] ** 2)) / np.abs(one.measured).max() for one, p in parts if one.test == test]
+    return float(np.mean(errors))

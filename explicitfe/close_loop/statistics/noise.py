@@ -14,6 +14,16 @@ from scipy.stats import norm
 from explicitfe.close_loop.statistics.system import Series
 from explicitfe.close_loop.thresholds import THRESHOLDS
 
+# Physics is smooth between the bends of a protocol: polynomials of this degree, with at least so many rows for each coefficient.
+SMOOTH_DEGREE, SMOOTH_ROWS_PER_TERM = 5, 4
+# A short piece bends too: at least this degree, as far as its rows allow.
+LEAST_DEGREE = 2
+# -2 log likelihood of one standard deviation: of all correlations and scatters this near to the best the largest is taken.
+LIKELIHOOD_MARGIN = 1.0
+# A trend has two numbers, so only a third repeat of one specimen distinguishes it from scatter.
+TREND_REPEATS = 3
+# Few repeats know their scatter badly; it is taken so large that equal tests differ significantly as often as this p-value says.
+CAUTIOUS_P = 0.01
 ScatterSource = Literal["stated", "repeats", "unknown"]
 
 # The median of |z| where z is standard normal.
@@ -85,7 +95,7 @@ class Scatter:
     repeats: int
 
 
-def smooth_basis(series: Series, degree: int = THRESHOLDS.smooth_degree) -> np.ndarray:
+def smooth_basis(series: Series, degree: int = SMOOTH_DEGREE) -> np.ndarray:
     """Orthonormal functions (k, m) of which smooth curves consist: polynomials between the bends of the programme.
 
     Where nothing moves, time runs logarithmically.
@@ -100,7 +110,7 @@ def smooth_basis(series: Series, degree: int = THRESHOLDS.smooth_degree) -> np.n
         if series.phase[inside[len(inside) // 2]] == "hold" and len(inside) > 2:
             t = np.log1p(t / max(t[1], 1e-3 * t[-1]))
         x = 2.0 * t / t[-1] - 1.0 if t[-1] > 0.0 else t
-        count = int(np.clip(len(inside) // THRESHOLDS.smooth_rows_per_term, 0, degree))
+        count = min(max(len(inside) // SMOOTH_ROWS_PER_TERM, LEAST_DEGREE), degree, max(len(inside) - 2, 0))
         for column in np.polynomial.legendre.legvander(x, count).T:
             whole = np.zeros(len(rows))
             whole[inside] = column
@@ -128,7 +138,12 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
         one.noise_sd is not None and sd > SMALLEST_NOISE_SHARE * np.abs(one.measured).max()
         for one, sd in zip(series, stated, strict=True)
     ]
-    most = [THRESHOLDS.stated_noise_factor * np.sqrt(SECOND_DIFFERENCE_VARIANCE) * sd for sd in stated]
+    # Few rows show their roughness badly: the statement is contradicted only beyond two standard errors of the median.
+    errors = [SQUARED_MEDIAN_ERROR / np.sqrt(max(_free(one), 1)) for one in series]
+    most = [
+        THRESHOLDS.stated_noise_factor * (1.0 + error) * np.sqrt(SECOND_DIFFERENCE_VARIANCE) * sd
+        for sd, error in zip(stated, errors, strict=True)
+    ]
     believed = [k for k in range(len(series)) if known[k] and rough[k] <= most[k]]
     own = [({k: size / sd for k, size in sizes[n].items()}, _free(series[n])) for n in believed if (sd := series[n].noise_sd)]
     shared = _shared_correlation(own) if believed else None
@@ -257,7 +272,7 @@ def _likely(series: Sequence[Series], shared: float | None) -> tuple[list[float]
         # Of the correlations about as likely as the best the highest is taken: if correlated noise is taken for white, a part of
         # it is taken for physics.
         tried = [terms(r)[0] for r in TRIED_CORRELATIONS]
-        likely = min(tried) + THRESHOLDS.likelihood_margin
+        likely = min(tried) + LIKELIHOOD_MARGIN
         shared = max(r for r, value in zip(TRIED_CORRELATIONS, tried, strict=True) if value <= likely)
     return terms(shared)[1], shared
 
@@ -291,7 +306,7 @@ def scatter(series: Sequence[Series], rows: Sequence[RowNoise]) -> Scatter:
         order = np.array([one.trend for one in peers])
         regular = np.ones((len(peers), 1))
         # Where one specimen is tested again and again, a trend is a drift and not scatter.
-        enough = len(peers) >= THRESHOLDS.trend_repeats
+        enough = len(peers) >= TREND_REPEATS
         if enough and len(set(order)) == len(order) and len({one.specimen for one in peers}) == 1:
             regular = np.column_stack([regular, order])
         irregular = pairs - regular @ np.linalg.lstsq(regular, pairs, rcond=None)[0]
@@ -316,7 +331,7 @@ def _likely_scatter(sets: Sequence[tuple[int, np.ndarray, np.ndarray]]) -> tuple
         determinant = np.maximum(a * b - c * c, 1e-300)
         value += count * np.log(determinant)
         value += (b * square[0, 0] - 2.0 * c * square[0, 1] + a * square[1, 1]) / determinant
-    likely = value <= value.min() + THRESHOLDS.likelihood_margin
+    likely = value <= value.min() + LIKELIHOOD_MARGIN
     weights = np.exp(-0.5 * (value - value.min()))
     known = np.mean([np.diag(entry[2]) for entry in sets], axis=0)
     scale = max(s[likely].max(), _cautious(tried[0], weights.sum(axis=1), float(known[0])))
@@ -337,10 +352,10 @@ def _cautious(sizes: np.ndarray, weights: np.ndarray, noise: float) -> float:
     """
     total = np.sqrt(sizes**2 + noise)
     shares = weights / weights.sum()
-    top = -float(norm.ppf(0.5 * THRESHOLDS.significance_p))
+    top = -float(norm.ppf(0.5 * CAUTIOUS_P))
 
     def excess(q: float) -> float:
-        return float(shares @ (2.0 * norm.sf(q / np.maximum(total, 1e-300)))) - THRESHOLDS.significance_p
+        return float(shares @ (2.0 * norm.sf(q / np.maximum(total, 1e-300)))) - CAUTIOUS_P
 
     q = brentq(excess, 0.0, 2.0 * top * float(total.max()))
     return float(np.sqrt(max((q / top) ** 2 - noise, 0.0)))

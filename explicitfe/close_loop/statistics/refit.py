@@ -6,14 +6,13 @@ from the steps themselves (Broyden 1965, Schubert 1970).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
-from explicitfe.close_loop.statistics.system import Hypothesis, System
-from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.statistics.system import Answer, Hypothesis, System, values_by_name
 from explicitfe.errors import RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.
@@ -33,10 +32,21 @@ ROUGH_NEW_DERIVATIVES = 1
 # Derivatives are taken again where a step gains less than this share of what they promised.
 POOR_GAIN_SHARE = 0.25
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
+# After a trial that cannot be computed steps are at most about half as long. Each further one would be a run that fails again.
+DAMPING_AFTER_FAILURE = 1.0
 # Damping of the steps in cross-validation, which only has to keep them finite.
 SMALLEST_DAMPING = 1e-9
 # A parameter this near to an end of its range, as a share of the range, is at its bound.
 BOUND_SHARE = 1e-6
+# Mean square of the residual over the noise of the rows from which on a misfit is gross: against it the scatter of tests and the
+# errors of assumed lengths would be used up, so the model is fitted by the rows alone.
+GROSS_MISFIT = 9.0
+# A search that gave up begins again with each coordinate moved by this share of its typical length, to either side.
+MOVED_START_SHARE = 0.5
+# The forward model is taken again at the parameters of a fit so often: they move little, and the model less.
+MOST_RENEWALS = 1
+# Shares of the strengths of all effects that are tried where a search begins, until the model can be computed.
+START_STRENGTH_SHARES = (1.0, 0.5, 0.25, 0.1, 0.0)
 # A parameter on which the other tests depend by less than this share of what all tests do stays where it is.
 UNSEEN_SHARE = 1e-9
 
@@ -98,36 +108,33 @@ def refit(
     ----------
     start : the model with parameters to begin with.
     target : (n,) SI; what is to be met, the measured rows if left out.
-    slopes : (n, p) SI; derivatives near the start. They are used where answers are rough, because they save many runs.
+    slopes : (n, p) SI; derivatives near the start, NaN where they are unknown. They are used where answers are rough, because
+        they save many runs.
 
     Raises
     ------
-    RunError : the model cannot be computed where the search begins.
+    RunError : the model cannot be computed where the search begins, nor with weaker effects.
     """
     y = measured_rows(system.series) if target is None else target
     low = np.array([p.low for p in start.parameters])
     high = np.array([p.high for p in start.parameters])
-    model = start.at(np.clip(start.x, low, high))
-    answer = _answer_of(system, model)
-    if answer is None:
-        raise RunError("the model cannot be computed where the fit begins.")
+    model, answer = _computable(system, start.at(np.clip(start.x, low, high)))
     if slopes is None or system.exact(start):
         position = _Position(model, answer, derivatives(system, model, answer), True, False)
     else:
-        position = _Position(model, answer, slopes, False, False)
+        position = _Position(model, answer, derivatives(system, model, answer, slopes), False, False)
     # The model is first fitted by the rows alone. Against a gross misfit no scale of a test and no assumed length is unlikely
     # enough: they would be spent on it, and the constants would go anywhere.
     rows = covariance.of_rows()
-    small = THRESHOLDS.gross_misfit * len(y)
+    small = GROSS_MISFIT * len(y)
 
     def misfit_by_rows(at: _Position) -> float:
         return float(np.sum(rows.whiten(y - at.answer) ** 2))
 
     begin = position
     by_rows: float | None = None
-    if rows is not covariance and system.costly(start) and system.exact(start):
-        # Both fits cost, and smooth answers lead from anywhere to the same one: where the misfit of the second is not gross, that
-        # of the first would not be either.
+    if rows is not covariance and system.costly(start) and start.terms:
+        # Both fits cost, and where the misfit of the second is not gross, that of the first would not be either.
         weighted = _descend(system, position, covariance, y)
         if misfit_by_rows(weighted) < small:
             return _best_fit(weighted, covariance, y, None)
@@ -140,6 +147,32 @@ def refit(
             # The way by the rows alone led to a worse place than it began at.
             position = _descend(system, begin, covariance, y)
     return _best_fit(position, covariance, y, by_rows)
+
+
+def _computable(system: System, model: Hypothesis) -> tuple[Hypothesis, np.ndarray]:
+    """The model with its answer (n,); with weaker effects where it cannot be computed as it is.
+
+    An effect can leave a body too soft for an imposed force. The model without its strength is a subset of it, which was fitted.
+
+    Raises
+    ------
+    RunError : nor can it be computed without the strength of its effects.
+    """
+    strengths = np.zeros(len(model.x), dtype=bool)
+    none = np.zeros(len(model.x))
+    at = len(model.base)
+    for term in model.terms:
+        sought = term.parameters[0].sought
+        strengths[at], none[at] = True, sought.coordinate(sought.none)
+        at += len(term.parameters)
+    for share in START_STRENGTH_SHARES if model.terms else START_STRENGTH_SHARES[:1]:
+        weaker = model.at(np.where(strengths, none + share * (model.x - none), model.x))
+        answer = _answer_of(system, weaker)
+        if answer is not None:
+            return weaker, answer
+    values = ", ".join(f"{name} = {value:.4g}" for name, value in values_by_name(model).items())
+    weakened = ", nor with weaker effects" if model.terms else ""
+    raise RunError(f"the model cannot be computed where its fit begins ({values}){weakened}.")
 
 
 def _misfit(at: _Position, covariance: Covariance, y: np.ndarray) -> float:
@@ -200,7 +233,9 @@ def _descend(system: System, position: _Position, covariance: Covariance, y: np.
         moved = model.at(np.clip(model.x + step, low, high))
         new = _answer_of(system, moved)
         better = False
-        if new is not None:
+        if new is None:
+            damping = max(damping, DAMPING_AFTER_FAILURE)
+        else:
             left = covariance.at(new).whiten(y - new)
             better = float(left @ left) < float(r @ r)
             if better:
@@ -242,8 +277,12 @@ def _jacobian(covariance: Covariance, y: np.ndarray, answer: np.ndarray, slopes:
     return local.whiten(local.scaled_slopes(y - answer, slopes))
 
 
-def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarray:
+def derivatives(system: System, model: Hypothesis, now: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
     """Derivatives (n, p) SI of the answer ``now`` by the coordinates, taken to one side.
+
+    Parameters
+    ----------
+    known : (n, p) derivatives; only the columns that are not finite are computed.
 
     The side is the one inside the bounds on which the model can be computed. A parameter with no such side has the derivative 0,
     so that it stays where it is.
@@ -257,13 +296,19 @@ def derivatives(system: System, model: Hypothesis, now: np.ndarray) -> np.ndarra
         x[k] += step
         return model.at(x)
 
-    answers = system.answers([shifted(k, step) for k, step in enumerate(steps)])
-    back = [k for k, answer in enumerate(answers) if answer is None and model.parameters[k].low <= model.x[k] - steps[k]]
+    wanted = [k for k in range(len(steps)) if known is None or not np.isfinite(known[:, k]).all()]
+    answers: list[Answer | None] = [None] * len(steps)
+    for k, answer in zip(wanted, system.answers([shifted(k, steps[k]) for k in wanted]), strict=True):
+        answers[k] = answer
+    back = [k for k in wanted if answers[k] is None and model.parameters[k].low <= model.x[k] - steps[k]]
     for k, answer in zip(back, system.answers([shifted(k, -steps[k]) for k in back]), strict=True):
         answers[k], steps[k] = answer, -steps[k]
     columns = []
-    for answer, step in zip(answers, steps, strict=True):
-        columns.append(np.zeros(len(now)) if answer is None else (stack(answer) - now) / step)
+    for k, (answer, step) in enumerate(zip(answers, steps, strict=True)):
+        if known is not None and k not in wanted:
+            columns.append(known[:, k])
+        else:
+            columns.append(np.zeros(len(now)) if answer is None else (stack(answer) - now) / step)
     return np.array(columns).reshape(len(columns), len(now)).T  # (n, 0) where nothing is fitted
 
 
@@ -291,3 +336,46 @@ def _answer_of(system: System, model: Hypothesis) -> np.ndarray | None:
         return None
     rows = stack(answer)
     return rows if np.isfinite(rows).all() else None
+
+
+def _quality(fit: BestFit) -> tuple[bool, float]:
+    """Smaller is better; a gross misfit is worse than any other, and its chi2 is that of the rows alone."""
+    return fit.by_rows is not None, fit.chi2
+
+
+def settled(system: System, fit: BestFit, covariance: Covariance) -> BestFit:
+    """The fit itself, or where its search gave up the best of several.
+
+    It begins again where it stopped, with new derivatives, and then to either side. Rough answers can stop a search that has
+    arrived; two searches that end about as low confirm each other.
+    """
+    ends, best = [fit], fit
+    for share in (0.0, -MOVED_START_SHARE, MOVED_START_SHARE):
+        if best.converged:
+            break
+        try:
+            ends.append(refit(system, _moved(best.model, share), covariance))
+        except RunError:
+            continue  # no model there: the next start may have one
+        best = min(ends, key=_quality)
+        alike = [end for end in ends if (end.by_rows is None) == (best.by_rows is None)]
+        as_low = sum(end.chi2 <= (1.0 + ROUGH_STALLED_CHI2_SHARE) * best.chi2 for end in alike)
+        confirmed = as_low > 1 and not system.exact(best.model)
+        best = replace(best, converged=best.converged or confirmed)
+    return best
+
+
+def _moved(model: Hypothesis, share: float) -> Hypothesis:
+    """A model with each coordinate moved by a share of its typical length, inside its bounds."""
+    low, high, typical = (np.array([getattr(p, key) for p in model.parameters]) for key in ("low", "high", "typical"))
+    return model.at(np.clip(model.x + share * typical, low, high))
+
+
+def renewed(system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS) -> tuple[System, BestFit]:
+    """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
+    for _ in range(times):
+        here = system.at(fit.model)
+        if here is system:
+            break
+        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes)
+    return system, fit

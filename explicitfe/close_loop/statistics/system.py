@@ -66,23 +66,16 @@ class Candidate:
 
     Attributes
     ----------
-    trials : values of the parameters that are tried without a fit. In one row shape and sign are the same and strengths increase.
+    cause : the mechanism of which the effect is a form, such as "relaxation".
+    trials : values of the parameters at which signatures are computed: each shape with a middle strength of each sign.
     reason : why these data cannot show it; "" if they may.
-    reference : for each row of trials, the values without the effect, from which secants are taken. It is empty where that is the
-        model itself; it is not where a trial is computed on a mesh and the model is a homogeneous state.
-    variant_of : the effect of which it is another form, so that the two are no rivals: "" is none.
-    dear : each trial follows a whole history on a mesh, or needs half of the body, which takes longer than all others together.
-    remembers : the same programme value is answered otherwise after another past.
     """
 
     effect: str
+    cause: str
     term: Term
-    trials: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    trials: tuple[tuple[float, ...], ...] = ()
     reason: str = ""
-    reference: tuple[tuple[float, ...], ...] = ()
-    variant_of: str = ""
-    dear: bool = False
-    remembers: bool = False
 
 
 @dataclass(frozen=True)
@@ -124,6 +117,15 @@ class Hypothesis:
         more = [p.sought.coordinate(v) for p, v in zip(term.parameters, values, strict=True)]
         return Hypothesis(self.base, (*self.terms, term), np.concatenate([self.x, more]))
 
+    def weakened(self, share: float) -> Hypothesis:
+        """The model with a share of the strength of its last term."""
+        place = len(self.x) - len(self.terms[-1].parameters)
+        sought = self.parameters[place].sought
+        none = sought.coordinate(sought.none)
+        x = self.x.copy()
+        x[place] = none + share * (x[place] - none)
+        return self.at(x)
+
     def of_terms(self) -> list[tuple[str, dict[str, float]]]:
         """The effect of each term, and its values by the names that the effect gives its parameters."""
         values = iter(self.values[len(self.base) :])
@@ -143,7 +145,8 @@ class Series:
     constants : the group of constants that it depends on.
     measured : (k,) SI; ``time_s`` (k,).
     noise_sd : standard deviation of a row, SI; None is unknown.
-    imposed_sd : (k,) what the noise of the imposed column adds, SI.
+    imposed_sd : (k,) what independent errors of the imposed rows add, SI.
+    slope : (k,) change of the measured column by the imposed one, SI.
     bends : indices of the rows where the programme bends, first and last among them.
     scatter : stated relative scatter between nominally equal tests; None is unknown.
     trend : place in the order of repeats; 0 if there is none.
@@ -167,6 +170,7 @@ class Series:
     phase: np.ndarray
     unit: str
     factor: float
+    slope: np.ndarray | float = 0.0
 
 
 Answer = list[np.ndarray]
@@ -197,13 +201,14 @@ class System(Protocol):
         """Whether an answer takes the run of a mesh, so that what decides nothing is left undone."""
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
-        """What may be missing in a model."""
+        """Terms that may be added to a model, or the reason why these data cannot show one."""
 
-    def sketch(self, model: Hypothesis) -> Hypothesis:
-        """A simpler model, in which candidates with a reference are tried."""
+    def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+        """Change (n,) SI of the prediction by each trial of each candidate; None where it cannot be computed."""
 
-    def functions_of_state(self) -> np.ndarray | None:
-        """Columns (n, m) SI that span all answers to the value of the programme alone; None where the past is always asked."""
+    def systematic(self) -> Mapping[str, np.ndarray]:
+        """Name -> change (n,) SI of all rows by one standard deviation of an error that many rows share, such as that of the
+        estimated loading protocol."""
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, in SI at their rows; None where it cannot be computed."""
@@ -229,7 +234,7 @@ class Scales:
         )
 
 
-def candidate(name: str, number: int, sought: Mapping[str, Sought], scales: Scales) -> Candidate:
+def candidate(name: str, number: int, cause: str, sought: Mapping[str, Sought], scales: Scales) -> Candidate:
     """A candidate with the trials that its parameters ask for.
 
     Parameters
@@ -241,17 +246,15 @@ def candidate(name: str, number: int, sought: Mapping[str, Sought], scales: Scal
     first, *shapes = in_units
     strength = in_units[first]
     none = strength.coordinate(strength.none)
-    rows: list[list[float]] = []
+    middles = []
     for sign in (-1.0, 1.0):
         side = [v for v in strength.values if sign * (strength.coordinate(v) - none) > 0.0]
         if side:
-            rows.append(sorted(side, key=lambda v: abs(strength.coordinate(v) - none)))
-    trials = tuple(
-        tuple((value, *shape) for value in row) for shape in product(*(in_units[key].values for key in shapes)) for row in rows
-    )
+            middles.append(sorted(side, key=lambda v: abs(strength.coordinate(v) - none))[len(side) // 2])
+    trials = tuple((value, *shape) for shape in product(*(in_units[key].values for key in shapes)) for value in middles)
     head = name if number == 1 else f"{name}.{number}"
     parameters = tuple(Parameter(f"{head}.{key}", entry, entry.values[0]) for key, entry in in_units.items())
-    return Candidate(name, Term(name, parameters), trials)
+    return Candidate(name, cause, Term(name, parameters), trials)
 
 
 def values_by_name(model: Hypothesis) -> dict[str, float]:

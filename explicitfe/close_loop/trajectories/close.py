@@ -6,22 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from explicitfe.close_loop.posterior import count_of_testable, evidence_of, posterior_of
 from explicitfe.close_loop.report import (
     LoopDocuments,
     add_failure,
     add_outcome,
-    add_probabilities,
     bound_warnings,
     errors_of_model,
     new_report,
 )
-from explicitfe.close_loop.search import search
+from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Answer
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
-from explicitfe.close_loop.verdict import follow_posterior
+from explicitfe.close_loop.verdict import conclude
 from explicitfe.errors import InputError, Progress, RunError, Share
 from explicitfe.measured.curve import Dataset
 from explicitfe.results import provenance
@@ -51,21 +49,17 @@ def close_trajectories(
     progress("trace", 0.0)
     report = _new_report(dataset, sides, system.considered, max_effects)
     try:
-        outcome = search(
+        comparison = compare(
             system,
             max_effects=max_effects,
             rows=system.rows,
-            single=len(sides.fit) == 1,
             watch=lambda step, share: progress("trace", Share(share, step)),
         )
+        outcome = conclude(comparison)
         progress("trace", 1.0)
-        posterior = posterior_of(evidence_of(outcome, system), count_of_testable(outcome))
-        outcome = follow_posterior(outcome, posterior)
-        changed = outcome.keeps_effects
-        last = outcome.rounds[-1] if changed else outcome.rounds[0]
-        before, after = outcome.rounds[0].fit, last.fit
-        add_outcome(report, outcome, before, after, last)
-        add_probabilities(report, outcome, posterior)
+        before, after = comparison.baseline.fit, outcome.final.fit
+        assert before is not None and after is not None
+        add_outcome(report, outcome)
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
     except RunError as error:

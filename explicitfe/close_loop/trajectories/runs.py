@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,16 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
 from explicitfe.host.compilation import announcing
 from explicitfe.host.worker_pool import WorkerPool
+from explicitfe.measured.curve import Curve
 from explicitfe.mesh.muscle_lines import locate_in_mesh
+from explicitfe.model import catalogue
 from explicitfe.run.prepare import prepare
+from explicitfe.scenario.read import read_scenario
+from explicitfe.scenario.transient import TransientScenario
 from explicitfe.solve.transient import Transient
+
+# A finer mesh has so many times the elements along each direction, where the model names no finer resolution.
+CHECK_CELLS_FACTOR = 1.5
 
 Settings = tuple[str, ...]  # what --set takes
 Job = tuple[Settings, tuple[float, ...]]  # settings of the scenario, and times [s]
@@ -87,6 +95,11 @@ class Runs:
         self._kept: dict[Job, Run] = {}
         self._pool: WorkerPool | None = None
 
+    @property
+    def count(self) -> int:
+        """Number of different runs so far."""
+        return len(self._kept)
+
     def close(self) -> None:
         """End its processes."""
         if self._pool is not None:
@@ -113,3 +126,36 @@ class Runs:
             if job not in self._kept:
                 self._kept[job] = _run_job(self.path, self.places, job)
         return [self._kept[job] for job in jobs]
+
+
+@cache
+def scenario_with(path: Path, settings: Settings) -> TransientScenario:
+    """A transient scenario with settings."""
+    scenario, _ = read_scenario(path, settings)
+    assert isinstance(scenario, TransientScenario)
+    return scenario
+
+
+def settings_of(curve: Curve) -> Settings:
+    """The settings that a curve states for its own run."""
+    stated = curve.conditions.get("settings", [])
+    settings = [entry for entry in stated if isinstance(entry, str)] if isinstance(stated, list) else []
+    if not isinstance(stated, list) or len(settings) < len(stated):
+        raise InputError(f'curve "{curve.id}": conditions.settings must be an array of strings such as "muscle.GGp.force_N=1.0".')
+    return tuple(settings)
+
+
+def finer_setting(scenario: TransientScenario) -> str:
+    """The setting of the next finer mesh; "" where there is none."""
+    table = scenario.model
+    if table.name is None:
+        return ""
+    named = catalogue.contour(table.name).resolutions
+    if table.cells is None:
+        names = sorted(named, key=lambda name: np.prod(named[name]))
+        later = names[names.index(table.resolution or "medium") + 1 :]
+        if later:
+            return f"model.resolution={later[0]}"
+    s, t, w = catalogue.cells_of(table.name, table.resolution, table.cells)
+    factor = CHECK_CELLS_FACTOR
+    return f"model.cells={[round(factor * s), round(factor * t), 2 * round(factor * w / 2)]}"

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,10 +16,9 @@ from scipy.spatial.transform import Rotation
 from explicitfe.close_loop.statistics.covariance import outside, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.close_loop.statistics.refit import derivatives
-from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.close_loop.trajectories.levers import FACTOR, Lever, levers_of
-from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings
+from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, Term, candidate
+from explicitfe.close_loop.trajectories.levers import Lever, levers_of, total_force_N
+from explicitfe.close_loop.trajectories.runs import Job, Runs, Settings, finer_setting, scenario_with, settings_of
 from explicitfe.effects.effect import Sought
 from explicitfe.errors import InputError, RunError, nearest
 from explicitfe.host.toml_text import toml_value
@@ -34,13 +32,12 @@ from explicitfe.scenario.read import read_scenario
 from explicitfe.scenario.transient import TransientScenario
 
 AXIS_NAMES = "xyz"
-ANOTHER_ELEMENT, FINER_MESH = "another element", "a finer mesh"
-FINER_AND_OTHER = "a finer mesh of another element"
-SMALLER_STEPS = "smaller steps"
+ANOTHER_ELEMENT, MESH, SMALLER_STEPS = "another element", "the mesh", "smaller steps"
+# Displacements of linear hexahedra converge with this power of the element size: the change from 480 to 1280 elements is to be
+# multiplied by 1.8 to reach 10 240, and was by 1.5 and 1.7 in two gestures.
+CONVERGENCE_ORDER = 2.0
 # The least noise of a row [m]: one that is said to be exact would outweigh all others.
 SMALLEST_NOISE_M = 1e-6
-# A finer mesh has so many times the elements along each direction, where the model names no finer resolution.
-CHECK_CELLS_FACTOR = 1.5
 # The check with smaller steps takes this share of the usual step.
 CHECK_STEP_SHARE = 0.5
 # Steps of rotation [rad] and translation [mm] that change positions noticeably, and the largest correction of the start [mm].
@@ -81,10 +78,10 @@ class Trajectories:
         A tongue starts too fast for few rows to tell its start from noise, so no noise is estimated where one is stated.
         """
         rows = row_noise(self.series)
-        more = THRESHOLDS.unforeseen_numerics_factor * self._unforeseen()
+        more = self._unforeseen() + SMALLEST_NOISE_M
         stated = [row.sd if one.noise_sd is None else one.noise_sd for one, row in zip(self.series, rows, strict=True)]
         return [
-            RowNoise(np.full(len(one.measured), np.hypot(sd, more + SMALLEST_NOISE_M)), 0.0, one.noise_sd is not None)
+            RowNoise(np.full(len(one.measured), np.hypot(sd, more)), 0.0, one.noise_sd is not None)
             for one, sd in zip(self.series, stated, strict=True)
         ]
 
@@ -95,7 +92,7 @@ class Trajectories:
     @property
     def scenario(self) -> TransientScenario:
         """The scenario as its file has it."""
-        return _scenario(self.runs.path, ())
+        return scenario_with(self.runs.path, ())
 
     @cached_property
     def series(self) -> list[Series]:
@@ -139,42 +136,48 @@ class Trajectories:
         values = dict(zip([p.name for p in self.base], model.values, strict=False))
         turn = [values.get(f"turn_{axis}_rad") for axis in AXIS_NAMES]
         shift_mm = [values.get(f"shift_{axis}_mm") for axis in AXIS_NAMES]
-        return Registration(
+        registration = Registration(
             self.first.rotation if None in turn else Rotation.from_rotvec(turn).as_matrix(),
             self.first.translation if None in shift_mm else 1e-3 * np.array(shift_mm),
             values.get("scale", self.first.scale),
         )
+        for name, strengths in model.of_terms():
+            reading = self.levers[name].reading
+            if reading is not None:
+                registration = reading(registration, self.undeformed.mean(axis=0), strengths)
+        return registration
 
     @property
     def considered(self) -> list[str]:
-        """Names of the levers that are tried."""
-        return [name for name, lever in self.levers.items() if (name in self.only if self.only else lever.usual)]
+        """Names of the levers that are tried; whoever names a cause asks for all its forms."""
+        return [name for name, lever in self.levers.items() if not self.only or {name, lever.cause} & {*self.only}]
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
-        """The levers that the model does not have yet."""
+        """The levers of causes that the model does not have yet."""
+        present = {self.levers[name].cause for name in model.effects}
         candidates = []
         for name in self.considered:
-            if name in model.effects:
-                continue
             lever = self.levers[name]
-            sought = lever.sought(self.scenario)
-            if isinstance(sought, str):
-                untried = candidate(name, 1, {lever.parameter: FACTOR}, Scales())
-                candidates.append(replace(untried, trials=(), reason=sought))
-            else:
-                candidates.append(candidate(name, 1, {lever.parameter: sought}, Scales()))
+            if lever.reason:
+                candidates.append(Candidate(name, lever.cause, Term(name, ()), reason=lever.reason))
+            elif lever.cause not in present:
+                candidates.append(candidate(name, 1, lever.cause, lever.sought, Scales()))
         return candidates
 
     def at(self, model: Hypothesis) -> Trajectories:
         """One mesh serves all models of a tongue."""
         return self
 
-    def sketch(self, model: Hypothesis) -> Hypothesis:
-        """The model itself: every candidate is tried in it."""
-        return model
+    def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+        """Change (n,) m of the coordinates by each trial of each candidate; None where it cannot be computed."""
+        usual = stack(self._answer(model))
+        tried = iter(self.answers([model.plus(one.term, values) for one in candidates for values in one.trials]))
+        answers = [[next(tried) for _ in one.trials] for one in candidates]
+        return [[None if y is None else stack(y) - usual for y in row] for row in answers]
 
-    def functions_of_state(self) -> None:
-        """A tongue moves by inertia: its past always counts."""
+    def systematic(self) -> dict[str, np.ndarray]:
+        """None: a scenario has no measured protocol."""
+        return {}
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, m; None where it cannot be computed."""
@@ -186,17 +189,19 @@ class Trajectories:
         return {curve.id: run for curve, run in runs if isinstance(run, str)}
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
-        """What a finer mesh, another element, both, and smaller steps answer in each curve, with the others as they are.
+        """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.
 
-        Each curve is a floor by itself, because they need not err alike.
+        The error of the mesh is that of the model with all its terms, extrapolated from a finer mesh (Richardson 1911); a muscle
+        that is added errs by itself. The others are the changes by another element, and by smaller steps in the scenario.
+        Curves need not err alike.
         """
         usual = self._answer(model)
         floors = {}
-        for numerics, other in self._with_other_numerics(model).items():
+        for numerics, change in self._numerical_changes(model).items():
             for curve in self.curves:
                 of_curve = [c is curve for c, _, _ in self._columns]
                 floors[f"{numerics}, {curve.id}"] = [
-                    changed if own else same for own, changed, same in zip(of_curve, other, usual, strict=True)
+                    y + d if own else y for own, y, d in zip(of_curve, usual, change, strict=True)
                 ]
         return floors
 
@@ -215,11 +220,10 @@ class Trajectories:
 
     def settings(self, model: Hypothesis, curve: Curve | None = None) -> Settings:
         """What ``--set`` takes to turn the scenario into a model; with a curve, into the run of that curve."""
-        settings = () if curve is None else _own_settings(curve)
+        settings = () if curve is None else settings_of(curve)
         for name, values in model.of_terms():
-            (strength,) = values.values()
-            scenario = _scenario(self.runs.path, settings)  # with the terms before
-            settings = (*settings, *self.levers[name].settings(scenario, strength))
+            scenario = scenario_with(self.runs.path, settings)  # with the terms before
+            settings = (*settings, *self.levers[name].settings(scenario, values))
         return settings
 
     def scenario_text(self, model: Hypothesis, curve: Curve | None = None) -> str:
@@ -238,30 +242,53 @@ class Trajectories:
             lines += ["", head, *(f"{key} = {toml_value(value)}" for key, value in table.items())]
         return "\n".join(lines) + "\n"
 
-    def _with_other_numerics(self, model: Hypothesis) -> dict[str, Answer]:
-        """What a model answers to all curves with another element, a finer mesh, both, and smaller steps."""
-        other: Settings = (f"model.element={OTHER_ELEMENT[self.scenario.model.element]}",)
-        numerics: dict[str, Settings] = {ANOTHER_ELEMENT: other}
-        finer = _finer(self.scenario)
+    def _numerical_changes(self, model: Hypothesis) -> dict[str, Answer]:
+        """Changes of a model's answer to all curves by a converged mesh, by another element, and by smaller steps."""
+        factor, finer = self._finer
+        changes = {ANOTHER_ELEMENT: self._change(model, self._other_element)}
         if finer:
-            numerics |= {FINER_MESH: (finer,), FINER_AND_OTHER: (finer, *other)}
-        runs = [run for run in self.runs.of(self._jobs(model)) if not isinstance(run, str)]
-        if runs:
-            step_us = 1e6 * CHECK_STEP_SHARE * min(step for _, step in runs)
-            numerics[SMALLER_STEPS] = (f"analysis.step_us={step_us!r}",)
-        answers = {name: self._answers([model], settings)[0] for name, settings in numerics.items()}
-        return {name: answer for name, answer in answers.items() if not isinstance(answer, str)}
+            changes |= {MESH: [factor * d for d in self._change(model, (finer,))]}
+        return {name: change for name, change in changes.items() if change} | self._change_by_steps
+
+    def _change(self, model: Hypothesis, settings: Settings) -> Answer:
+        """Change of a model's answer by further settings; empty where it cannot be computed with them."""
+        (other,) = self._answers([model], settings)
+        return [] if isinstance(other, str) else [y - usual for y, usual in zip(other, self._answer(model), strict=True)]
+
+    @cached_property
+    def _change_by_steps(self) -> dict[str, Answer]:
+        """Change of the scenario's own answer by smaller steps: terms hardly change it, and such a run takes twice as long."""
+        runs = [run for run in self.runs.of(self._jobs(self.start())) if not isinstance(run, str)]
+        step_us = 1e6 * CHECK_STEP_SHARE * min(step for _, step in runs)
+        change = self._change(self.start(), (f"analysis.step_us={step_us!r}",))
+        return {SMALLER_STEPS: change} if change else {}
+
+    @cached_property
+    def _other_element(self) -> Settings:
+        """The setting of another element."""
+        return (f"model.element={OTHER_ELEMENT[self.scenario.model.element]}",)
+
+    @cached_property
+    def _finer(self) -> tuple[float, str]:
+        """What the change by a finer mesh is to be multiplied by to reach the limit of small elements, and its setting."""
+        table, setting = self.scenario.model, finer_setting(self.scenario)
+        if not setting:
+            return 0.0, ""
+        assert table.name is not None
+        finer = scenario_with(self.runs.path, (setting,)).model
+        coarse, fine = (np.prod(catalogue.cells_of(table.name, t.resolution, t.cells)) for t in (table, finer))
+        return 1.0 / (1.0 - float(coarse / fine) ** (CONVERGENCE_ORDER / 3.0)), setting
 
     def _unforeseen(self) -> float:
-        """Rms [m] of what mesh and element change together beyond any sum of what each changes alone."""
+        """Rms [m] of the difference between the limits of small elements of two kinds that no other check describes."""
+        factor, finer = self._finer
         model = self.start()
-        base = stack(self._answer(model))
-        changes = {name: stack(answer) - base for name, answer in self._with_other_numerics(model).items()}
-        if FINER_AND_OTHER not in changes:
+        both = self._change(model, (finer, *self._other_element)) if finer else []
+        if not both:
             return 0.0
-        both = changes.pop(FINER_AND_OTHER)
-        known = np.column_stack([derivatives(self, model, base), *changes.values()])
-        unforeseen = outside(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300), both[:, None])
+        columns = [derivatives(self, model, stack(self._answer(model))), *map(stack, self._numerical_changes(model).values())]
+        known = np.column_stack(columns)
+        unforeseen = outside(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300), factor * stack(both)[:, None])
         return float(np.sqrt(np.mean(unforeseen**2)))
 
     @cached_property
@@ -277,7 +304,7 @@ class Trajectories:
 
     def _series(self, curve: Curve, sensor: str, axis: int) -> Series:
         """One coordinate of a sensor from the first row on; it bends where a muscle's command does."""
-        profiles = [profile_of(muscle) for muscle in _scenario(self.runs.path, _own_settings(curve)).muscle]
+        profiles = [profile_of(muscle) for muscle in scenario_with(self.runs.path, settings_of(curve)).muscle]
         time_s = curve.time_s
         edges = np.concatenate([np.unique(p.time_s) for p in profiles] or [np.zeros(0)])
         rows = np.searchsorted(time_s, edges[(edges > 0.0) & (edges < time_s[-1])])
@@ -367,7 +394,9 @@ def trajectory_system(
     if not isinstance(scenario, TransientScenario):
         raise InputError(f"{dataset.scenario}: trajectories need a transient scenario, not an indentation; give another.")
     anatomy = anatomy_of(scenario.model, dataset.scenario.parent)
-    levers, mesh = levers_of(anatomy.muscles), anatomy.mesh
+    curves, mesh = tuple(curves), anatomy.mesh
+    totals = [total_force_N(scenario_with(dataset.scenario, settings_of(curve))) for curve in curves]
+    levers = levers_of(scenario, anatomy.muscles, _registration_table(dataset), totals)
     for name in only:
         if name not in levers:
             raise InputError(f"--effects {name}: there is no such effect; {nearest(name, levers)}")
@@ -378,8 +407,7 @@ def trajectory_system(
     undeformed = np.concatenate([mesh.named_points[point].position for point in dataset.sensors.values()])
     runs = Runs(dataset.scenario, undeformed, processes)
     modelled, seen = [], []
-    curves = tuple(curves)
-    for curve, run in zip(curves, runs.of((_own_settings(c), tuple(c.time_s.tolist())) for c in curves), strict=True):
+    for curve, run in zip(curves, runs.of((settings_of(c), tuple(c.time_s.tolist())) for c in curves), strict=True):
         if isinstance(run, str):
             raise RunError(f'curve "{curve.id}": {run}')
         modelled.append((undeformed + run[0]).reshape(-1, 3))
@@ -391,36 +419,3 @@ def trajectory_system(
 def _registration_table(dataset: Dataset) -> RegistrationTable:
     """What the dataset says of the registration; nothing is fitted if it says nothing."""
     return dataset.registration or RegistrationTable()
-
-
-@cache
-def _scenario(path: Path, settings: Settings) -> TransientScenario:
-    """A transient scenario with settings."""
-    scenario, _ = read_scenario(path, settings)
-    assert isinstance(scenario, TransientScenario)
-    return scenario
-
-
-def _own_settings(curve: Curve) -> Settings:
-    """The settings that a curve states for its own run."""
-    stated = curve.conditions.get("settings", [])
-    settings = [entry for entry in stated if isinstance(entry, str)] if isinstance(stated, list) else []
-    if not isinstance(stated, list) or len(settings) < len(stated):
-        raise InputError(f'curve "{curve.id}": conditions.settings must be an array of strings such as "muscle.GGp.force_N=1.0".')
-    return tuple(settings)
-
-
-def _finer(scenario: TransientScenario) -> str:
-    """The setting of the next finer mesh; "" where there is none."""
-    table = scenario.model
-    if table.name is None:
-        return ""
-    named = catalogue.contour(table.name).resolutions
-    if table.cells is None:
-        names = sorted(named, key=lambda name: np.prod(named[name]))
-        later = names[names.index(table.resolution or "medium") + 1 :]
-        if later:
-            return f"model.resolution={later[0]}"
-    s, t, w = catalogue.cells_of(table.name, table.resolution, table.cells)
-    factor = CHECK_CELLS_FACTOR
-    return f"model.cells={[round(factor * s), round(factor * t), 2 * round(factor * w / 2)]}"

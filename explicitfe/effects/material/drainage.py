@@ -32,7 +32,7 @@ class Drainage(MaterialEffect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {
         "share": Sought((0.9, 0.99, 0.999), 0.0, 0.9995, kind="rest"),
-        "tau_s": Sought((0.01, 0.05, 0.25), 1e-3, 5.0, scale="duration_s", kind="log"),
+        "tau_s": Sought((0.01, 0.05, 0.25), 1e-5, 100.0, scale="duration_s", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("tool", "time")
     remembers = True

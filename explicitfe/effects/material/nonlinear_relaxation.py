@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from explicitfe.compiled.jit import Template
@@ -78,8 +79,8 @@ class NonlinearSeries(Viscoelastic):
     def leaves(cls) -> Mapping[str, Template]:
         return {**super().leaves(), "stiffen": note_invariant}
 
-    def values(self, increment_s: float) -> tuple[float, ...]:
-        return *super().values(increment_s), self.exponent
+    def values_along(self, increments_s: np.ndarray) -> np.ndarray:
+        return np.column_stack([super().values_along(increments_s), np.full(len(increments_s), self.exponent)])
 
 
 def _with_exponent(effect: MaterialEffect, exponent: float) -> MaterialEffect:

@@ -35,6 +35,7 @@ class Softening(MaterialEffect):
     sought: ClassVar[Mapping[str, Sought]] = {
         "inverse_r": Sought((0.15, 0.4, 0.8), 0.0, 0.99),
         "m_Pa": Sought((0.02, 0.1, 0.5), 2e-3, 10.0, scale="energy_Pa", kind="log"),
+        "beta": Sought((0.0, 0.15), 0.0, 1.0),
     }
     requires: ClassVar[tuple[str, ...]] = ("unloading",)
     remembers = True

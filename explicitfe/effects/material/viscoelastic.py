@@ -8,6 +8,7 @@ Q, with dQ/dt + Q / tau = g dS_el/dt; for an S_el that changes linearly over an 
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
 
@@ -32,10 +33,50 @@ from explicitfe.materials.volumetric import bulk_modulus
 
 AT = MEMORY = 0
 TERMS = 1
+# An increment that is no longer than this share of a relaxation time relaxes nothing: (1 - e^-x) / x is 1 to the last digit.
+SMALLEST_INCREMENT_TAU = 1e-300
 NONLINEAR = 0  # 1 where the branches stiffen with strain in their own way, see nonlinear_relaxation.py
 
 
-class Viscoelastic(MaterialEffect):
+class PronySeries(MaterialEffect):
+    """Relaxation whose relaxation function of a sudden strain is a Prony series."""
+
+    remembers = True
+    depends_on_path = True
+
+    @property
+    @abstractmethod
+    def series(self) -> tuple[np.ndarray, np.ndarray]:
+        """Share (m,) of the sudden stress that each term loses, and relaxation times (m,) [s]."""
+
+    @property
+    def long_term_share(self) -> float:
+        return 1.0 - float(np.sum(self.series[0]))
+
+    @property
+    def memory(self) -> int:
+        return 6 + 6 * self.shape["TERMS"]
+
+    @property
+    def shape(self) -> Mapping[str, int]:
+        return {"TERMS": len(self.series[0])}
+
+    @classmethod
+    def leaves(cls) -> Mapping[str, Template]:
+        return {"relax": relax, "branch_energy": branch_energy}
+
+    def values(self, increment_s: float) -> tuple[float, ...]:
+        return tuple(self.values_along(np.array([increment_s]))[0].tolist())
+
+    def values_along(self, increments_s: np.ndarray) -> np.ndarray:
+        """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
+        g, tau_s = self.series
+        x = np.maximum(increments_s[:, None] / tau_s, SMALLEST_INCREMENT_TAU)
+        terms = np.stack([g * (-np.expm1(-x) / x), np.exp(-x), np.broadcast_to(g, x.shape)], axis=2)
+        return np.column_stack([np.full(len(x), 1.0 - np.sum(g)), terms.reshape(len(x), -1)])
+
+
+class Viscoelastic(PronySeries):
     """Prony series of the isochoric stress, one to four terms."""
 
     about: ClassVar[Description] = Description(
@@ -50,13 +91,11 @@ class Viscoelastic(MaterialEffect):
     )
     sought: ClassVar[Mapping[str, Sought]] = {
         "g": Sought((0.1, 0.3, 0.6), 0.0, 0.98, kind="rest"),
-        "tau_s": Sought((0.002, 0.006, 0.02, 0.06, 0.2, 0.6), 5e-4, 5.0, scale="duration_s", kind="log"),
+        "tau_s": Sought((0.0005, 0.002, 0.008, 0.03, 0.12, 0.5), 1e-5, 5.0, scale="duration_s", kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("time",)
     terms: ClassVar[int] = 3
     shares_of_remainder = ("g",)
-    remembers = True
-    depends_on_path = True
     g: tuple[float, ...] = Field(description="share of the sudden stress that each term loses")
     tau_s: tuple[float, ...] = Field(description="relaxation time of each term [s]")
 
@@ -84,32 +123,8 @@ class Viscoelastic(MaterialEffect):
         return sum(self.g)
 
     @property
-    def long_term_share(self) -> float:
-        return 1.0 - sum(self.g)
-
-    @property
-    def memory(self) -> int:
-        return 6 + 6 * len(self.g)
-
-    @property
-    def shape(self) -> Mapping[str, int]:
-        return {"TERMS": len(self.g)}
-
-    @classmethod
-    def leaves(cls) -> Mapping[str, Template]:
-        return {"relax": relax, "branch_energy": branch_energy}
-
-    def values(self, increment_s: float) -> tuple[float, ...]:
-        return prony_numbers(self.g, self.tau_s, increment_s)
-
-
-def prony_numbers(g: Sequence[float], tau_s: Sequence[float], increment_s: float) -> tuple[float, ...]:
-    """1 - sum g, and of each term g (1 - e^-x) / x, e^-x and g, with x = increment / tau."""
-    numbers = [1.0 - sum(g)]
-    for share, tau in zip(g, tau_s, strict=True):
-        x = increment_s / tau
-        numbers += [share * (-np.expm1(-x) / x if x > 0.0 else 1.0), float(np.exp(-x)), share]
-    return tuple(float(value) for value in numbers)
+    def series(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.array(self.g), np.array(self.tau_s)
 
 
 def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelastic]:

@@ -35,6 +35,7 @@ class InclusionBelowTool(Effect):
         "radius_mm": Sought((0.25,), 0.05, 0.45, scale="height_mm", kind="log"),
         "depth_mm": Sought((0.4,), 0.1, 0.8, scale="height_mm", kind="log"),
     }
+    variant_of: ClassVar[str] = "stiffness-gradient"
     requires: ClassVar[tuple[str, ...]] = ("tool",)
     acts_on = "specimen"
     ratio: float = Field(gt=0.0, description="its moduli relative to the tissue around it")

@@ -28,6 +28,7 @@ class Layer(Effect):
         "ratio": Sought((0.6, 0.25, 1.7, 4.0), 0.02, 50.0, kind="log", none=1.0),
         "thickness_mm": Sought((0.05, 0.2), 0.01, 0.6, scale="height_mm", kind="log"),
     }
+    variant_of: ClassVar[str] = "stiffness-gradient"
     requires: ClassVar[tuple[str, ...]] = ("tool",)
     acts_on = "specimen"
     thickness_mm: float = Field(gt=0.0, description="thickness [mm]")

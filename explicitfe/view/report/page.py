@@ -16,8 +16,9 @@ from explicitfe.results.loop_report import LoopReport, ReportCurve
 from explicitfe.view.page.frame import page_text
 from explicitfe.view.palette import save
 from explicitfe.view.report import parts
-from explicitfe.view.report.pictures import before_after, ranking, residuals, sensitivity
-from explicitfe.view.report.reading import DrawnCurve, assumed_values, drawn_curves, was_scored
+from explicitfe.view.report.pictures import before_after, causes, residuals, sensitivity
+from explicitfe.view.report.reading import DrawnCurve, assumed_values, drawn_curves, has_changed
+from explicitfe.view.report.words import smooth_part
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,28 +39,27 @@ class EmbeddedPicture:
 class EmbeddedPictures:
     """The pictures of the page; None where one has nothing to show."""
 
+    causes: EmbeddedPicture | None = None
     before_after: EmbeddedPicture | None = None
     residuals: EmbeddedPicture | None = None
-    ranking: EmbeddedPicture | None = None
     sensitivity: EmbeddedPicture | None = None
 
 
 def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve]) -> list[str]:
     """Write the page and its pictures into ``folder``, and return the names of the files."""
     drawn = drawn_curves(curves)
-    tested = any(was_scored(candidate) for one in report.steps for candidate in one.candidates)
+    probabilities = _embedded(folder / "causes.png", causes(report))
     first = _embedded(folder / "before-after.png", before_after(report, drawn))
     left = _embedded(folder / "residuals.png", residuals(report, drawn))
-    candidates = _embedded(folder / "ranking.png", ranking(report))
     assumed = _embedded(folder / "sensitivity.png", sensitivity(report)) if assumed_values(report) else None
     pictures = EmbeddedPictures(
+        probabilities,
         first if drawn else None,
         left if drawn else None,
-        candidates if tested else None,
         assumed,
     )
     (folder / PAGE_FILE).write_text(html(report, drawn, pictures), encoding="utf-8")
-    return [PAGE_FILE, "before-after.png", "residuals.png", "ranking.png", *(["sensitivity.png"] if assumed else [])]
+    return [PAGE_FILE, "causes.png", "before-after.png", "residuals.png", *(["sensitivity.png"] if assumed else [])]
 
 
 def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPictures) -> str:
@@ -71,9 +71,14 @@ def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPic
         title=f"{report.dataset or report.title or 'closed loop'}: {first.headline}",
         pictures=pictures,
         first=first,
+        curves_alternative=parts.curves_alternative(report),
         residual_caption=parts.residual_caption(curves),
-        rounds=parts.search_rounds(report),
-        separability=parts.separability(report),
+        smooth_part=smooth_part(report),
+        is_changed=has_changed(report),
+        causes=parts.causes(report),
+        not_testable=parts.not_testable(report),
+        hypotheses=parts.hypotheses(report),
+        next_tests=parts.next_tests(report),
         errors=parts.curve_errors(report),
         constants=parts.constants(report),
         noise=parts.noise(report),

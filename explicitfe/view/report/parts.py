@@ -8,28 +8,34 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.results.loop_report import LoopReport, ReportedCandidate, ReportedRound, Side, estimates
-from explicitfe.results.verdict_text import details, effect_title, headline, joined
+from explicitfe.results.loop_report import LoopReport, ReportedHypothesis, Side, estimates
+from explicitfe.results.verdict_text import (
+    JOINED_BY,
+    cause_title,
+    details,
+    effect_title,
+    form_in_words,
+    headline,
+    joined,
+    named_forms,
+    probability,
+    set_in_words,
+    strength,
+)
 from explicitfe.view.report.pictures import ROWS_WITHOUT_MEAN
 from explicitfe.view.report.reading import (
     DrawnCurve,
     assumed_values,
-    by_drop,
     has_changed,
     mean_error,
     noise_is_known,
-    was_scored,
 )
 from explicitfe.view.report.tables import Bars, PageTable, bars, table
 from explicitfe.view.report.words import (
     DASH,
-    FITTED_DROP,
-    STATUSES,
-    TRIAL_DROP,
     VERDICTS,
     bare,
     baseline_name,
-    chance,
     count,
     finite,
     how_sure,
@@ -50,8 +56,6 @@ from explicitfe.view.report.words import (
 LONG_HEADLINE_LETTERS = 62
 # Lines beside the first picture: more would push it off the screen.
 MOST_FACTS = 8
-# Smallest separation of distinguishable effects in reports of earlier versions, which do not state it.
-TOLD_APART_SEPARATION = 16.0
 
 
 @dataclass(frozen=True)
@@ -93,34 +97,15 @@ class FirstScreen:
     next_experiment: str
     left: str
     score: ErrorScore
-    alternative: str
 
 
 @dataclass(frozen=True)
-class SearchRound:
-    """A round of the search: what its model leaves, what was added, and the candidates.
+class NextTests:
+    """The test that would settle best what is open, what it is worth, and a table of the next best."""
 
-    Attributes
-    ----------
-    unscored : candidates that could not be scored; None where there are none, or the same as before.
-    as_before : how many could not be scored, where they are the same as before; else 0.
-    """
-
-    model: str
-    outcome: str
-    candidates: PageTable | None
-    unscored: PageTable | None
-    as_before: int
-
-
-@dataclass(frozen=True)
-class Separability:
-    """Separations of pairs of effects, the smallest one that distinguishes them, and the next test."""
-
-    told_apart_from: str
-    pairs: PageTable | None
-    next_experiment: str
-    would_tell: str
+    best: str
+    worth: str
+    others: PageTable | None
 
 
 @dataclass(frozen=True)
@@ -152,9 +137,8 @@ class SplitOnPage:
 def first_screen(report: LoopReport) -> FirstScreen:
     """What is seen without scrolling."""
     names = [shortened(name, 130) for name in (report.dataset, report.title) if name]
-    following = report.next_experiment if report.verdict == "ambiguous" else None
+    following = report.next_experiment
     left = [sentence(report.remainder_where), how_sure(report)]
-    before, after = model_names(report)
     head = headline(report)
     return FirstScreen(
         eyebrow=": ".join(names) or "closed loop",
@@ -164,7 +148,6 @@ def first_screen(report: LoopReport) -> FirstScreen:
         next_experiment=sentence(following.protocol) if following else "",
         left=" ".join(filter(None, left)),
         score=_score(report),
-        alternative=f"Measured curves against the {before}" + (f" and the model {after}." if has_changed(report) else "."),
     )
 
 
@@ -234,6 +217,77 @@ def _of_rows(report: LoopReport) -> str:
     return f" in {count(sum(known))} rows" if rows and len(known) == len(rows) else ""
 
 
+def curves_alternative(report: LoopReport) -> str:
+    """What stands for the picture of the curves where it is not shown."""
+    before, after = model_names(report)
+    return f"Measured curves against the {before}" + (f" and the model {after}." if has_changed(report) else ".")
+
+
+def causes(report: LoopReport) -> PageTable | None:
+    """The causes that these data can show, their forms, and the smallest strength that they would show."""
+    tested = {name: one for name, one in report.causes.items() if one.decision != "not-testable"}
+    rows = [
+        (
+            cause_title(report, name),
+            probability(one.probability if finite(one.probability) else None),
+            one.decision,
+            ", ".join(f"{form} {probability(p)}" for form, p in named_forms(report, name).items()),
+            strength(one),
+            percent(one.detectable_share),
+        )
+        for name, one in tested.items()
+    ]
+    head = ("cause", "probability", "decision", "forms", "smallest detectable strength", "share of the largest plausible one")
+    return table(head, rows, "tntwnn", [one.decision == "present" for one in tested.values()])
+
+
+def not_testable(report: LoopReport) -> PageTable | None:
+    """Causes that may be present but cannot be tested with these data."""
+    rows = [(cause_title(report, name), one.reason) for name, one in report.causes.items() if one.decision == "not-testable"]
+    return table(("cause", "why"), rows, "tw")
+
+
+def hypotheses(report: LoopReport) -> PageTable | None:
+    """The sets of effects that were compared, the most probable first."""
+
+    def cells(one: ReportedHypothesis) -> tuple[str, ...]:
+        return (
+            form_in_words(report, JOINED_BY.join(one.effects)) if one.effects else baseline_name(report),
+            probability(one.probability if finite(one.probability) else None),
+            {True: "fitted", False: "could not be computed" if one.reason else "screened", None: ""}[one.fitted],
+            number(one.decrease),
+            number(one.bound),
+            values_in_words(report, one.parameters),
+            one.reason,
+        )
+
+    head = ("effects", "probability", "", "Δχ², fitted", "largest Δχ² by the signatures", "parameters of the effects", "why")
+    final = set(report.effects or report.nearest)
+    chosen = [bool(one.fitted) and set(one.effects) == final for one in report.hypotheses]
+    first = chosen.index(True) if True in chosen else -1
+    return table(head, map(cells, report.hypotheses), "tntnnww", [k == first for k in range(len(chosen))])
+
+
+def next_tests(report: LoopReport) -> NextTests | None:
+    """The tests that would settle best what is open; None without any."""
+    proposed = report.proposed_tests or ([report.next_experiment] if report.next_experiment else [])
+    tests = [one for one in proposed if one.protocol]
+    if not tests:
+        return None
+    rows = [
+        (
+            sentence(one.protocol),
+            joined([set_in_words(report, name) for name in one.separates], "from"),
+            number(one.information_bits, 2),
+            number(one.minutes, 2),
+            count(one.repeats) if one.repeats else None,
+        )
+        for one in tests
+    ]
+    head = ("further tests", "distinguishes", "information gain (bits)", "duration (min)", "repeats")
+    return NextTests(rows[0][0], sentence(worth_of(tests[0], report)), table(head, rows[1:], "wtnnn"))
+
+
 def residual_caption(curves: Sequence[DrawnCurve]) -> str:
     """What stands below the picture of what is left."""
     known = noise_is_known(curves)
@@ -244,81 +298,6 @@ def residual_caption(curves: Sequence[DrawnCurve]) -> str:
     if any(len(curve.measured) > ROWS_WITHOUT_MEAN for curve in curves):
         caption += " Long curves: faint every row, bold the mean over a sixtieth of them."
     return caption
-
-
-def search_rounds(report: LoopReport) -> list[SearchRound]:
-    """The rounds of the search, each with its candidates."""
-    rounds: list[SearchRound] = []
-    added: list[str] = []
-    before: list[tuple[str, ...]] = []
-    for one in report.steps:
-        model = f"the {baseline_name(report)}{f' with {joined(added)}' if added else ''}"
-        p = one.p_residual
-        by_chance = f"What {model} leaves would come from noise alone with p {chance(p, one.p_is_bound, '= ')}. "
-        start = by_chance if finite(p) else f"To {model}: "
-        unscored = [
-            (effect_title(report, row.effect), STATUSES.get(row.status or "", ""), row.reason)
-            for row in one.candidates
-            if not was_scored(row)
-        ]
-        same = bool(unscored) and unscored == before
-        rounds.append(
-            SearchRound(
-                start,
-                f"Added: {effect_title(report, one.chosen)}." if one.chosen else "Nothing was added.",
-                _candidates(report, one),
-                None if same else table(("effect", "status", "why"), _by_status(unscored), "ttw"),
-                len(unscored) if same else 0,
-            )
-        )
-        before = list(unscored) or before
-        added += [effect_title(report, one.chosen)] if one.chosen else []
-    return rounds
-
-
-def _by_status(rows: list[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
-    """Rows of effect, status and reason in the order of their status."""
-    return sorted(rows, key=lambda row: row[1])
-
-
-def _candidates(report: LoopReport, one: ReportedRound) -> PageTable | None:
-    """The candidates that could be scored, the most significant first."""
-
-    def cells(row: ReportedCandidate) -> tuple[str, ...]:
-        return (
-            effect_title(report, row.effect),
-            STATUSES.get(row.status or "", ""),
-            number(row.chi2_drop),
-            number(row.chi2_drop_refitted),
-            chance(row.p_holm, row.p_is_bound),
-            percent(row.cv_nrmse),
-            values_in_words(report, row.parameters),
-            row.reason,
-        )
-
-    head = ("effect", "status", TRIAL_DROP, FITTED_DROP, "p (Holm)", "error of left-out tests", "its parameters", "why")
-    shown = sorted(filter(was_scored, one.candidates), key=by_drop)
-    return table(head, map(cells, shown), "ttnnnnww", [one.chosen is not None and row.effect == one.chosen for row in shown])
-
-
-def separability(report: LoopReport) -> Separability | None:
-    """Separations of pairs of effects and the next test; None without either."""
-    stated = report.thresholds.get("told_apart_separation")
-    least = stated.value if stated and stated.value is not None else TOLD_APART_SEPARATION
-    pairs = [
-        (
-            f"{effect_title(report, row.a)} and {effect_title(report, row.b)}",
-            number(row.separation),
-            ("distinguishable" if row.separation >= least else "not distinguishable") if finite(row.separation) else None,
-        )
-        for row in report.separations
-    ]
-    following = report.next_experiment
-    protocol = following.protocol if following else None
-    if not pairs and not protocol:
-        return None
-    would_tell = f" This test {worth_of(following)}." if following and protocol and following.separates else ""
-    return Separability(f"{least:.0f}", table(("effects", "separation", ""), pairs, "tnt"), sentence(protocol), would_tell)
 
 
 def curve_errors(report: LoopReport) -> PageTable | None:

@@ -1,4 +1,4 @@
-"""The pictures of a report: curves before and after, what is left of them, candidates, and what is assumed."""
+"""The pictures of a report: probabilities of the causes, curves before and after, residuals, and what is assumed."""
 
 from __future__ import annotations
 
@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from explicitfe.results.loop_report import AssumedValue, LoopReport, estimates
-from explicitfe.results.verdict_text import effect_title
+from explicitfe.results.verdict_text import NOTHING, cause_title, named_forms, probability
 from explicitfe.view.palette import AFTER, BEFORE, COLOURS, new_figure, plain
 from explicitfe.view.report.axis import place_rows, spread_rows
-from explicitfe.view.report.reading import DrawnCurve, assumed_values, by_drop, has_changed, noise_is_known, was_scored
+from explicitfe.view.report.reading import DrawnCurve, assumed_values, has_changed, noise_is_known
 from explicitfe.view.report.words import (
-    SUPERSCRIPTS,
-    TRIAL_DROP,
     bare,
-    chance,
     finite,
     model_names,
     percent,
@@ -30,7 +27,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE_DOTS_PER_INCH = 180
-SIGNIFICANT, NOT_SIGNIFICANT = COLOURS[5], "0.6"
+# Colour of a cause by the decision on it, of something that no candidate describes, and of nothing.
+DECISIONS = {"present": AFTER, "undecided": COLOURS[4], "absent": "0.6"}
+ELSE_COLOUR, NOTHING_COLOUR = BEFORE, COLOURS[2]
+# The picture of the causes has at most so many bars for causes; the table below has all of them.
+MOST_CAUSES_DRAWN = 12
+# Parts of a bar, one for each form, are so opaque; a letter of their names takes this share of the axis.
+FORM_OPACITIES, LETTER_SHARE = (1.0, 0.65, 0.4, 0.25), 0.0125
 # The first picture shows so many curves: one large and three beside it fill a screen.
 CURVES_SHOWN_FIRST = 4
 # Curves of at most so many rows get larger dots: each row is a measurement by itself.
@@ -39,6 +42,63 @@ ROWS_DRAWN_LARGE = 30
 ROWS_WITHOUT_MEAN = 200
 # Up to so many standard deviations a linear scale shows both the noise and the misfit.
 LINEAR_SCALE_SD = 20.0
+
+
+def causes(report: LoopReport) -> Figure:
+    """The probability of each cause as a bar, with a part for each form, and of something else and of nothing."""
+    tested = [(name, one, one.probability) for name, one in report.causes.items() if one.decision != "not-testable"]
+    known = sorted([(name, one, p) for name, one, p in tested if finite(p)], key=lambda row: -row[2])[:MOST_CAUSES_DRAWN]
+    bars = [(cause_title(report, n), p, DECISIONS.get(one.decision or "", "0.6"), named_forms(report, n)) for n, one, p in known]
+    nothing = report.posterior.get(NOTHING, 0.0) if report.posterior else None
+    others = [
+        ("something else", report.something_else, ELSE_COLOUR),
+        ("nothing is missing", nothing, NOTHING_COLOUR),
+    ]
+    bars += [(title, p, colour, {}) for title, p, colour in others if finite(p)]
+    figure = new_figure(9.2, 1.1 + 0.4 * max(len(bars), 3), PAGE_DOTS_PER_INCH)
+    if not bars:
+        return _only_words(figure, "No cause was compared.")
+    axes = figure.add_subplot()
+    places = [k + 0.5 * (k >= len(known)) for k in range(len(bars))]
+    for y, (_, p, colour, forms) in zip(places, bars, strict=True):
+        _bar_of_forms(axes, y, p, colour, forms)
+    stated = report.thresholds.get("decisive_probability")
+    decisive = stated.value if stated and finite(stated.value) else 0.9
+    for limit in (1.0 - decisive, decisive):
+        axes.axvline(limit, color="0.35", lw=1.0, ls=":", zorder=0)
+    axes.set_yticks(places, [shortened(title, 40) for title, *_ in bars], fontsize=10)
+    axes.set_ylim(places[-1] + 0.6, -0.6)
+    axes.set_xlim(0.0, 1.1)
+    marks = [0.0, 1.0 - decisive, 0.5, decisive, 1.0]
+    axes.set_xticks(marks, [bare(x) for x in marks], fontsize=9)
+    axes.set_xlabel("probability that the cause is present", fontsize=10)
+    plain(axes)
+    axes.grid(visible=False)
+    for decision in dict.fromkeys(one.decision for _, one, _ in known):
+        if decision in DECISIONS:
+            axes.bar(0.0, 0.0, color=DECISIONS[decision], label=decision)
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False, fontsize=9)
+    return figure
+
+
+def _bar_of_forms(axes: Axes, y: float, p: float, colour: str, forms: dict[str, float]) -> None:
+    """A bar with a part for each form; names that do not fit into their part stand behind the bar if there is room."""
+    start, behind = 0.0, ""
+    axes.barh(y, p, height=0.62, color=colour, alpha=FORM_OPACITIES[-1] if forms else 1.0, lw=0)
+    for k, (form, share) in enumerate((form, share) for form, share in forms.items() if finite(share)):
+        width = max(min(share, p - start), 0.0)
+        opacity = FORM_OPACITIES[min(k, len(FORM_OPACITIES) - 1)]
+        axes.barh(y, width, left=start, height=0.62, color=colour, alpha=opacity, lw=0)
+        text = f"{form} {probability(share)}"
+        if LETTER_SHARE * len(text) < width:
+            axes.text(start + 0.008, y, text, va="center", fontsize=8.5, color="white" if k == 0 and colour == AFTER else "black")
+        elif p + LETTER_SHARE * len(f"{probability(p)}: {behind}, {text}") < 1.1:
+            behind += f"{', ' if behind else ': '}{text}"
+        start += width
+    box = {"color": "white", "pad": 1.0}  # a line of a limit does not cross the words
+    axes.text(p + 0.008, y, probability(p) + behind, va="center", fontsize=9, color="0.2", bbox=box)
 
 
 def before_after(report: LoopReport, curves: Sequence[DrawnCurve]) -> Figure:
@@ -170,41 +230,6 @@ def _scale_by_noise(axes: Axes, largest: float) -> None:
     shown = [*(-t for t in ticks[:0:-1]), *ticks]
     axes.set_yticks(shown, [bare(t) for t in shown])
     axes.minorticks_off()
-
-
-def ranking(report: LoopReport) -> Figure:
-    """The drop of chi squared of all candidates that could be tested, a column for each round of the search."""
-    rounds = [[(row, row.effect, row.chi2_drop) for row in one.candidates if was_scored(row)] for one in report.steps]
-    scored = [[(row, name, drop) for row, name, drop in rows if name and finite(drop)] for rows in rounds]
-    names = list(dict.fromkeys(name for rows in scored for _, name, _ in sorted(rows, key=lambda entry: by_drop(entry[0]))))
-    columns = [k for k, rows in enumerate(scored) if rows]
-    figure = new_figure(5.2 + 2.6 * max(len(columns) - 1, 0), 1.1 + 0.3 * max(len(names), 3), PAGE_DOTS_PER_INCH)
-    if not columns:
-        return _only_words(figure, "No candidate was tested.")
-    panels = figure.subplots(1, len(columns), sharey=True, sharex=True, squeeze=False)[0]
-    top = max(drop for rows in scored for _, _, drop in rows)
-    for axes, k in zip(panels, columns, strict=True):
-        for row, name, drop in scored[k]:
-            chosen = name == report.steps[k].chosen
-            colour = AFTER if chosen else SIGNIFICANT if row.status == "significant" else NOT_SIGNIFICANT
-            y, end = names.index(name), max(drop, 1.0)
-            axes.plot([1.0, end], [y, y], color=colour, lw=3.0 if chosen else 2.0, solid_capstyle="butt")
-            axes.plot([end], [y], "o", color=colour, ms=8 if chosen else 6)
-            if finite(row.p_holm):
-                text = f"p {chance(row.p_holm, row.p_is_bound, '= ')}{', added' if chosen else ''}"
-                axes.annotate(text, (end, y), xytext=(7, 0), textcoords="offset points", va="center", fontsize=8, color="0.25")
-        axes.set_xscale("log")
-        axes.set_xlim(1.0, max(top, 10.0) ** 1.5 * 1.5)
-        powers = [10.0**n for n in range(math.ceil(math.log10(max(top, 10.0))) + 1)]
-        axes.set_xticks(powers, ["1", "10", *(f"10{str(n).translate(SUPERSCRIPTS)}" for n in range(2, len(powers)))], fontsize=8)
-        axes.minorticks_off()
-        axes.set_title(f"round {k + 1}", loc="left", fontsize=10)
-        axes.set_xlabel(TRIAL_DROP, fontsize=9)
-        plain(axes)
-        axes.grid(axis="y", visible=False)
-    panels[0].set_yticks(range(len(names)), [shortened(effect_title(report, name), 40) for name in names], fontsize=9)
-    panels[0].set_ylim(len(names) - 0.4, -0.6)
-    return figure
 
 
 def sensitivity(report: LoopReport) -> Figure:

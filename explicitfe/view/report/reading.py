@@ -14,7 +14,6 @@ from explicitfe.results.loop_report import (
     LoopReport,
     MeanError,
     ReportCurve,
-    ReportedCandidate,
     ReportedModel,
     Side,
 )
@@ -98,17 +97,6 @@ def has_changed(report: LoopReport) -> bool:
     """Whether a model with more in it than the baseline was fitted."""
     before, after = ([mean_error(model, side).nrmse for side in ("fit", "holdout")] for model in (report.baseline, report.final))
     return any(error is not None and math.isfinite(error) for error in after) and before != after
-
-
-def was_scored(candidate: ReportedCandidate) -> bool:
-    """Whether the data could test a candidate."""
-    return candidate.status in ("significant", "not-significant")
-
-
-def by_drop(candidate: ReportedCandidate) -> tuple[bool, float]:
-    """What candidates are sorted by: significant ones first, then by how much they explain."""
-    drop = candidate.chi2_drop
-    return candidate.status != "significant", -drop if drop is not None and math.isfinite(drop) else 0.0
 
 
 def assumed_values(report: LoopReport) -> dict[str, list[AssumedValue]]:

@@ -10,16 +10,10 @@ import numpy as np
 
 from explicitfe.results.loop_report import Estimate, LoopReport, NextExperiment, Parameters, estimates
 from explicitfe.results.units_of_keys import words_and_unit
-from explicitfe.results.verdict_text import effect_title, joined
+from explicitfe.results.verdict_text import effect_title, joined, probability, set_in_words
 
 DASH = "–"
 NO_BREAK = "\u00a0"
-STATUSES = {
-    "significant": "significant",
-    "not-significant": "not significant",
-    "not-testable": "not testable",
-    "failed": "its fit failed",
-}
 VERDICTS = {
     "failed": "the fit failed",
     "no-missing-effect": "no missing effect",
@@ -28,8 +22,6 @@ VERDICTS = {
     "ambiguous": "ambiguous",
     "effect-found": "found",
 }
-# How far an effect lowers chi squared: by the best of a few trials, and with all parameters fitted.
-TRIAL_DROP, FITTED_DROP = "Δχ², screening fit", "Δχ², fitted"
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Below this p-value only its smallness is said: no data tell one smaller chance from another.
 SMALLEST_SAID_P = 1e-4
@@ -173,27 +165,32 @@ def baseline_name(report: LoopReport) -> str:
 
 def model_names(report: LoopReport) -> tuple[str, str]:
     """What the model is before and after."""
-    effects, helping = ([effect_title(report, name) for name in names] for names in (report.effects, report.nearest))
-    return baseline_name(report), f"with {joined(effects or helping)}" if effects or helping else "with the best candidate"
+    effects = [effect_title(report, name) for name in report.effects or report.nearest]
+    return baseline_name(report), f"with {joined(effects)}" if effects else "with the best candidate"
 
 
 def how_sure(report: LoopReport, most: int = 4) -> str:
-    """Probability of the verdict and of the most probable causes; "" if none is known."""
-    if report.sure is None:
-        return ""
-    causes = ", ".join(f"{name} {p:.2f}" for name, p in list(report.posterior.items())[:most])
-    if report.verdict == "ambiguous":
-        return f"Probabilities of the causes: {causes}."
-    if report.verdict == "unexplained":
-        outside = f"Probability of an effect outside the library, alone or with others: {report.sure:.2f}."
-        return f"{outside} Probabilities of the causes: {causes}."
-    return f"Probability of the verdict: {report.sure:.2f}. Probabilities of the causes: {causes}."
+    """Probabilities of sets of causes, which an ambiguous verdict has already, and how many hypotheses were compared."""
+    shown = [] if report.verdict == "ambiguous" else list(report.posterior.items())[:most]
+    sets = ", ".join(f"{set_in_words(report, name)} {probability(p)}" for name, p in shown)
+    compared = f"{report.compared} hypotheses were compared, {report.fitted or 0} of them fitted." if report.compared else ""
+    return " ".join(filter(None, (f"Most probable sets of causes: {sets}." if sets else "", compared)))
 
 
-def worth_of(test: NextExperiment) -> str:
-    """Expected information gain and duration of a proposed test."""
-    pair = " from ".join(test.separates)
-    parts = [f"distinguishes {pair}" + (f" (separation {number(test.separation)})" if finite(test.separation) else "")]
+def smooth_part(report: LoopReport) -> str:
+    """The discrepancy: how large the smooth part of the residual is, and whether noise alone explains it; "" if not known."""
+    size = f"Smooth part of the residual: {number(report.discrepancy, 2)} times the noise (root mean square)."
+    lack, test = report.lack_of_fit, ""
+    if lack and finite(lack.chi2) and lack.free:
+        test = f"χ² is {number(lack.chi2)} along {plural(lack.free, 'smooth function')}, p {chance(lack.p, equals='= ')}."
+    return " ".join(filter(None, (size if finite(report.discrepancy) else "", test)))
+
+
+def worth_of(test: NextExperiment, report: LoopReport | None = None) -> str:
+    """What a proposed test distinguishes, its expected information gain and its duration; ``report`` has names in words."""
+    names = [set_in_words(report or LoopReport(), name) for name in test.separates]
+    pair = f"distinguishes {' from '.join(names)}" if names else ""
+    parts = [pair + (f" (separation {number(test.separation)})" if pair and finite(test.separation) else "")]
     if finite(test.information_bits) and finite(test.minutes):
         parts.append(f"expected information gain: {test.information_bits:.2g} bits; duration: about {test.minutes:.2g} min")
-    return "; ".join(parts)
+    return "; ".join(filter(None, parts))

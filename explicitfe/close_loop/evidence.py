@@ -1,0 +1,216 @@
+"""Evidence of hypotheses and the posterior probability of causes.
+
+A hypothesis is a set of effects, each a form of a cause. Its evidence is that of the Bayesian information criterion (Schwarz
+1978), which is the prior of unit information (Kass & Wasserman 1995): each further parameter costs half the logarithm of the
+number of independent rows. The prior of a strength is as wide as its plausible values, whose standard deviation is half the
+largest one, where this is wider than unit information: data that would show a plausible effect at a hundred times the noise make
+one at three times the noise improbable (Lindley 1957). Before the data, each number of causes is equally probable, each set of
+causes of one size, and each form of a cause.
+
+Three versions of each hypothesis compete (Kennedy & O'Hagan 2001). In the first the residual is noise. In the second it contains
+a model-form error of the causes that are there: any combination of what their other forms would change. In the third it contains
+something else: any smooth curve between the bends of the loading protocol. The size of such a discrepancy is integrated out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from scipy.special import logsumexp
+
+from explicitfe.close_loop.statistics.covariance import Covariance, outside
+from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit, lack_of_fit
+from explicitfe.close_loop.statistics.refit import BestFit
+from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.results.verdict_text import JOINED_BY, NOTHING, OTHER
+
+# Sizes of a discrepancy, in standard deviations along each direction, uniform on a logarithmic scale.
+DISCREPANCY_SIZES = np.geomspace(0.3, 1e4, 60)
+# The standard deviations of the prior of a strength in its largest plausible value.
+PLAUSIBLE_SDS = 2.0
+# Directions of a model-form error whose singular value is a smaller share of the largest are none.
+FORM_RANK_SHARE = 1e-3
+# Causes that are less probable are not listed.
+LEAST_LISTED_PROBABILITY = 1e-3
+
+Causes = frozenset[str]
+
+
+def log_discrepancy(chi2: float, free: int) -> float:
+    """Log evidence of a discrepancy of unknown size over that of none, where ``chi2`` lies along its ``free`` directions."""
+    if not free:
+        return -np.inf
+    size = DISCREPANCY_SIZES**2
+    logs = -0.5 * free * np.log1p(size) + 0.5 * chi2 * size / (1.0 + size)
+    return float(logsumexp(logs) - np.log(len(logs)))
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Log evidence of one hypothesis, without its prior.
+
+    Attributes
+    ----------
+    closed : the residual is noise.
+    form : gain by a model-form error of its causes.
+    other : gain by something else.
+    lack : lack of fit beside a model-form error.
+    """
+
+    closed: float
+    form: float
+    other: float
+    lack: LackOfFit
+
+    @property
+    def best(self) -> float:
+        """The largest of the three versions, with the prior odds of each."""
+        return self.closed + max(0.0, self.form + log_odds_of_form(), self.other + log_odds_of_other())
+
+    @property
+    def total(self) -> float:
+        """All three versions together, with the prior odds of each."""
+        return self.closed + float(np.logaddexp.reduce([0.0, self.form + log_odds_of_form(), self.other + log_odds_of_other()]))
+
+
+def log_odds_of_form() -> float:
+    """Log prior odds that the best form of a cause is not exact."""
+    return float(np.log(THRESHOLDS.form_error_odds))
+
+
+def log_odds_of_other() -> float:
+    """Log prior odds that something is present that no candidate describes."""
+    return float(np.log(THRESHOLDS.something_else_odds))
+
+
+def cost_of_term(parameters: int, rows: float, visible: float) -> float:
+    """Log of the share of the prior of a term's parameters that the data leave.
+
+    Parameters
+    ----------
+    parameters : how many parameters it has, the strength first.
+    rows : effective number of independent rows.
+    visible : decrease of chi2 by the largest plausible strength.
+    """
+    unit = np.log(max(rows, 2.0))
+    return float(0.5 * (parameters - 1) * unit + 0.5 * max(unit, np.log1p(visible / PLAUSIBLE_SDS**2)))
+
+
+def evidence_of(fit: BestFit, covariance: Covariance, cost: float, forms: np.ndarray | None = None) -> Evidence:
+    """Evidence of a fitted hypothesis.
+
+    Parameters
+    ----------
+    cost : of its parameters in addition to those of the baseline, see :func:`cost_of_term`.
+    forms : (n, m) whitened changes by other forms of its causes.
+    """
+    closed = -0.5 * fit.whitened - 0.5 * covariance.log_determinant - cost
+    directions = _form_directions(fit, forms)
+    along = 0.0 if directions is None else float(np.sum((directions.T @ fit.residual) ** 2))
+    count = 0 if directions is None else directions.shape[1]
+    lack = lack_of_fit(fit, covariance)
+    beyond = lack if directions is None else lack_of_fit(fit, covariance, directions)
+    return Evidence(float(closed), log_discrepancy(along, count), log_discrepancy(lack.chi2, lack.free), beyond)
+
+
+def _form_directions(fit: BestFit, forms: np.ndarray | None) -> np.ndarray | None:
+    """Orthonormal directions (n, m) of the changes by other forms, outside the span of the model's parameters."""
+    if forms is None or not forms.size:
+        return None
+    columns = outside(fit.movable, forms)
+    U, s, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
+    kept = U[:, s > FORM_RANK_SHARE * max(float(s.max(initial=0.0)), 1e-300)]
+    return kept if kept.shape[1] else None
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior of hypotheses.
+
+    Attributes
+    ----------
+    causes : how many causes the data could show.
+    forms : cause -> how many forms it has.
+    most : the largest number of causes of a hypothesis.
+    """
+
+    causes: int
+    forms: Mapping[str, int]
+    most: int
+
+    def log(self, causes: Iterable[str]) -> float:
+        """Log prior of one form of a set of causes: uniform over sizes, over sets of one size, and over forms."""
+        chosen = set(causes)
+        sets = comb(max(self.causes, len(chosen)), len(chosen))
+        return -float(np.log(sets) + sum(np.log(max(self.forms.get(cause, 1), 1)) for cause in chosen))
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Probabilities of sets of causes.
+
+    Attributes
+    ----------
+    closed : set -> probability that these causes, with a model-form error or without, are all that is missing.
+    open : set -> probability that they are present together with something that no candidate describes.
+    form : probability that a model-form error is present.
+    """
+
+    closed: Mapping[Causes, float]
+    open: Mapping[Causes, float]
+    form: float
+
+    @property
+    def sets(self) -> dict[Causes, float]:
+        """Set of causes -> probability, with something else or without, the most probable first."""
+        total = {causes: self.closed.get(causes, 0.0) + self.open.get(causes, 0.0) for causes in {*self.closed, *self.open}}
+        return dict(sorted(total.items(), key=lambda entry: (-entry[1], sorted(entry[0]))))
+
+    @property
+    def inclusion(self) -> dict[str, float]:
+        """Cause -> probability that it is present, alone or with others."""
+        total: dict[str, float] = {}
+        for causes, p in self.sets.items():
+            for cause in causes:
+                total[cause] = total.get(cause, 0.0) + p
+        # Sums of rounded shares may exceed one by the last digit.
+        total = {cause: min(p, 1.0) for cause, p in total.items()}
+        return dict(sorted(total.items(), key=lambda entry: (-entry[1], entry[0])))
+
+    @property
+    def something_else(self) -> float:
+        """Probability that something is present that no candidate describes."""
+        return min(sum(self.open.values()), 1.0)
+
+    @property
+    def by_words(self) -> dict[str, float]:
+        """Set of causes in words -> probability, for the report; the empty set with something else is ``OTHER``."""
+        words: dict[str, float] = {}
+        for table, empty in ((self.closed, NOTHING), (self.open, OTHER)):
+            for causes, p in table.items():
+                name = JOINED_BY.join(sorted(causes)) or empty
+                words[name] = words.get(name, 0.0) + p
+        listed = {name: p for name, p in words.items() if p >= LEAST_LISTED_PROBABILITY}
+        return dict(sorted(listed.items(), key=lambda entry: (-entry[1], entry[0])))
+
+
+def posterior_of(entries: Sequence[tuple[Causes, Evidence]], prior: Prior) -> Posterior:
+    """Probabilities of sets of causes from the evidence of hypotheses, one entry for each form."""
+    logs, owners = [], []
+    for causes, one in entries:
+        base = one.closed + prior.log(causes)
+        for kind, gain in (("closed", 0.0), ("form", one.form + log_odds_of_form()), ("open", one.other + log_odds_of_other())):
+            logs.append(base + gain)
+            owners.append((causes, kind))
+    shares = np.exp(np.array(logs) - logsumexp(logs))
+    closed: dict[Causes, float] = {}
+    unknown: dict[Causes, float] = {}
+    form = 0.0
+    for (causes, kind), share in zip(owners, shares, strict=True):
+        table = unknown if kind == "open" else closed
+        table[causes] = table.get(causes, 0.0) + float(share)
+        form += float(share) if kind == "form" else 0.0
+    return Posterior(closed, unknown, form)

@@ -1,0 +1,229 @@
+"""The comparison of sets of causes, on a linear system whose answers are given columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from synthetic import Linear, Planted, compared, elastic, programme, white
+
+from explicitfe.close_loop.evidence import Evidence, Posterior, Prior, cost_of_term, log_discrepancy, posterior_of
+from explicitfe.close_loop.statistics.covariance import measured_rows
+from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
+from explicitfe.close_loop.statistics.refit import refit
+from explicitfe.close_loop.statistics.signatures import screen, signatures
+from explicitfe.close_loop.thresholds import THRESHOLDS
+
+TESTS, SD = 4, 0.01
+D = programme(TESTS)
+NONE: frozenset[str] = frozenset()
+
+
+def bump(centre: float, width: float = 0.05) -> np.ndarray:
+    """A bump (n,) at a place of the way."""
+    return np.exp(-(((D - centre) / width) ** 2))
+
+
+TEN = {f"bump-{k}": Planted(lambda k=k: bump(0.05 + 0.1 * k)) for k in range(10)}
+# Two forms of one cause and a form of another: these data tell them apart, but not by much.
+FORMS = {
+    "near": Planted(lambda: bump(0.40), cause="hump"),
+    "twin": Planted(lambda: bump(0.405), cause="hump"),
+    "far": Planted(lambda: bump(0.80)),
+}
+
+
+def holding(seed: int, hidden: dict[str, float] | None = None, effects=TEN, **more) -> Linear:
+    return elastic(np.random.default_rng(seed), tests=TESTS, sd=SD, effects=effects, hidden=hidden, **more)
+
+
+@pytest.mark.parametrize("hidden", [{"bump-3": 0.1}, {"bump-3": 0.1, "bump-7": -0.1}, {"bump-2": 0.1, "bump-3": 0.05}])
+def test_the_true_set_among_ten_candidates(hidden):
+    """0.05 of a bump changes chi2 by 25 times the sum of its squares, 4 x 2.4: about 240, and some 20 are needed."""
+    comparison, outcome = compared(holding(1, hidden))
+    assert (outcome.verdict, set(outcome.effects)) == ("effect-found", set(hidden))
+    assert next(iter(comparison.posterior.sets)) == frozenset(hidden)
+    assert min(comparison.posterior.inclusion[name] for name in hidden) > 0.99
+    found = dict(outcome.final.model.of_terms())
+    errors = np.sqrt(np.diag(np.linalg.inv(outcome.final.fit.jacobian.T @ outcome.final.fit.jacobian)))[-len(hidden) :]
+    for (name, _), error in zip(outcome.final.model.of_terms(), errors, strict=True):
+        assert found[name]["size"] == pytest.approx(hidden[name], abs=4.0 * error)
+
+
+def test_probabilities_sum_to_one():
+    comparison, _ = compared(holding(2, {"bump-3": 0.03}))
+    posterior = comparison.posterior
+    assert sum(posterior.sets.values()) == pytest.approx(1.0, abs=1e-9)
+    assert sum(p for _, p in comparison.probabilities()) == pytest.approx(1.0, abs=1e-9)
+    assert sum(posterior.closed.values()) + posterior.something_else == pytest.approx(1.0, abs=1e-9)
+    assert all(0.0 <= p <= 1.0 + 1e-9 for p in posterior.inclusion.values())
+
+
+def test_forms_of_one_cause_are_summed():
+    """Neither form alone is sure where the data do not tell them apart; their cause is."""
+    comparison, outcome = compared(holding(1, {"near": 0.05}, FORMS))
+    forms = comparison.forms_of("hump")
+    assert {"near", "twin"} <= set(forms) and min(forms["near"], forms["twin"]) > 0.01
+    assert (outcome.verdict, outcome.present) == ("effect-found", ("hump",))
+    assert comparison.posterior.inclusion["hump"] == pytest.approx(sum(forms.values()), abs=0.01)
+
+
+def test_two_effects_that_mask_each_other():
+    """The sum of two bumps of opposite sign at 0.50 and 0.52 is nearly the slope of one, which is at right angles to each: either
+    alone explains a small part of what both explain.
+    """
+    effects = {**TEN, "left": Planted(lambda: bump(0.50)), "right": Planted(lambda: bump(0.52))}
+    system = holding(1, {"left": 0.3, "right": -0.3}, effects)
+    comparison, outcome = compared(system)
+    alone = {e.key: e.fit.whitened for e in comparison.entries if e.fit is not None}
+    both = alone["left", "right"]
+    for one in ("left", "right"):
+        assert alone[()] - alone[(one,)] < 0.3 * (alone[()] - both)
+    assert (outcome.verdict, set(outcome.effects)) == ("effect-found", {"left", "right"})
+
+
+def test_a_subset_never_fits_better_than_its_superset():
+    """Beyond 0.05 of chi2: the search of a fit ends where a step gains less than 0.02, and 1e-5 of chi2."""
+    comparison, _ = compared(holding(3, {"bump-3": 0.1, "bump-7": 0.03}), max_effects=3)
+    fits = {e.key: e.fit.whitened for e in comparison.entries if e.fit is not None}
+    pairs = [(one, other) for one in fits for other in fits if set(one) < set(other)]
+    assert len(pairs) > 10
+    for one, other in pairs:
+        assert fits[other] <= fits[one] + 0.05 + 2e-5 * fits[one], (one, other)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strength", [0.0, 0.02, 0.1])
+def test_a_hundred_draws_of_noise(strength):
+    """A perfect model is accepted, a strong effect found, and a faint one never mistaken for another, in 97 of 100 draws."""
+    right = 0
+    for seed in range(100):
+        _, outcome = compared(holding(seed, {"bump-3": strength}))
+        if strength == 0.0:
+            right += outcome.verdict == "no-missing-effect"
+        elif strength == 0.1:
+            right += outcome.verdict == "effect-found" and outcome.present == ("bump-3",)
+        else:
+            right += set(outcome.present) <= {"bump-3"} and outcome.verdict != "unexplained"
+    assert right >= 97
+
+
+def test_a_smooth_misfit_that_no_candidate_describes():
+    comparison, outcome = compared(holding(1, None, {"bump-3": TEN["bump-3"]}, extra=0.1 * np.sin(7.0 * D)))
+    assert (outcome.verdict, outcome.remainder) == ("unexplained", "unexplained")
+    assert comparison.posterior.something_else > 0.9 and outcome.sure == comparison.posterior.something_else
+
+
+def test_without_effects():
+    """With none allowed the baseline alone is weighed against something else."""
+    for strength, verdict in ((0.0, "no-missing-effect"), (0.1, "unexplained")):
+        comparison, outcome = compared(holding(1, None, extra=strength * np.sin(7.0 * D)), max_effects=0)
+        assert outcome.verdict == verdict and [e.key for e in comparison.entries] == [()]
+
+
+def test_a_hypothesis_that_cannot_be_computed_is_listed():
+    """bump-4 stands near bump-3 here, so that the two are worth a fit, which is impossible."""
+
+    def fails(model) -> bool:
+        return "bump-3" in model.effects and "bump-4" in model.effects
+
+    system = holding(1, {"bump-3": 0.1}, effects={**TEN, "bump-4": Planted(lambda: bump(0.36))}, fails=fails)
+    comparison, outcome = compared(system)
+    assert outcome.present == ("bump-3",)
+    assert not any(e.fit is not None and set(e.key) >= {"bump-3", "bump-4"} for e in comparison.entries)
+    for key, reason in comparison.failed.items():
+        assert set(key) >= {"bump-3", "bump-4"} and reason
+
+
+def test_what_cannot_be_seen_is_not_testable():
+    effects = {**TEN, "faint": Planted(lambda: 1e-4 * bump(0.5)), "barred": Planted(lambda: bump(0.5), reason="no hold")}
+    comparison, outcome = compared(holding(1, None, effects))
+    assert set(comparison.not_testable) == {"faint", "barred"} and comparison.not_testable["barred"] == "no hold"
+    assert "not detectable" in comparison.not_testable["faint"] and outcome.verdict == "no-missing-effect"
+
+
+def test_an_error_that_rows_share_is_no_effect():
+    """The same bump counts as an effect, and as nothing where it is a systematic error of that size."""
+    extra = 0.05 * bump(0.35)
+    assert compared(holding(1, None, extra=extra))[1].present == ("bump-3",)
+    assert compared(holding(1, None, extra=extra, shared={"protocol of all": extra}))[1].present == ()
+
+
+def test_numerical_error_as_large_as_the_residual_limits_the_verdict():
+    error = 0.05 * np.sin(7.0 * D)
+    _, outcome = compared(holding(1, None, {}, extra=error, checked={"finer mesh": error}))
+    assert outcome.verdict == "limited-by-numerics"
+
+
+def test_a_cause_may_be_ambiguous():
+    """Two causes that these data do not tell apart: both undecided, and the credible set holds both."""
+    effects = {"one": Planted(lambda: bump(0.4)), "two": Planted(lambda: bump(0.4005))}
+    _, outcome = compared(holding(1, {"one": 0.1}, effects))
+    assert (outcome.verdict, set(outcome.undecided), outcome.present) == ("ambiguous", {"one", "two"}, ())
+    assert {frozenset({"one"}), frozenset({"two"})} <= set(outcome.credible) and outcome.sure >= THRESHOLDS.credible_set
+
+
+# ---- the parts ----
+
+
+def test_screening_is_linear_least_squares():
+    """Where an answer is linear, the screened decrease of chi2 is that of the fit, for one effect and for two."""
+    system = holding(1, {"bump-3": 0.1, "bump-4": 0.1})
+    covariance = white(system, SD)
+    fit = refit(system, system.start(), covariance)
+    known = {one.candidate.effect: one for one in signatures(system, fit, covariance, system.candidates(fit.model))}
+    for names in (("bump-3",), ("bump-3", "bump-4")):
+        members = [known[name] for name in names]
+        found = screen(fit.residual, members)
+        columns = np.column_stack([system.X, *(TEN[name].column() for name in names)])
+        y = measured_rows(system.series)
+        left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+        assert found.gain == pytest.approx(fit.whitened - float(left @ left) / SD**2, rel=1e-4)
+        assert found.bound >= found.gain * (1.0 - 1e-9)
+        for (strength,), name in zip(found.starts, names, strict=True):
+            assert strength == pytest.approx(0.1, abs=0.02), name
+
+
+@pytest.mark.parametrize("visible", [2.0e3, 5.0e5])
+def test_the_cost_of_a_strength_is_that_of_its_prior(visible):
+    """A normal prior with half the largest plausible strength as its standard deviation, against data that say none."""
+    strengths = np.linspace(-1.0, 1.0, 200_001)  # in the largest plausible strength
+    integrand = np.exp(-0.5 * visible * strengths**2) * norm.pdf(strengths, scale=0.5)
+    assert cost_of_term(1, 100.0, visible) == pytest.approx(-np.log(np.trapezoid(integrand, strengths)), rel=1e-6)
+    assert cost_of_term(3, 100.0, 0.0) == pytest.approx(1.5 * np.log(100.0))
+
+
+def test_a_discrepancy_costs_what_it_does_not_explain():
+    """Monotone in chi2; against it where the residual is noise (chi2 = free), for it where it is many times that."""
+    gains = [log_discrepancy(chi2, 10) for chi2 in (0.0, 10.0, 30.0, 100.0)]
+    assert all(a < b for a, b in pairwise(gains)) and gains[1] < 0.0 < gains[2] and gains[3] > 20.0
+    assert log_discrepancy(5.0, 0) == -np.inf
+
+
+def test_the_prior_is_uniform_over_sizes_sets_and_forms():
+    """Sum over all sets of one size is the same for each size."""
+    prior = Prior(4, {"a": 2}, 2)
+    assert np.exp(prior.log(NONE)) == pytest.approx(1.0)
+    singles = 2 * np.exp(prior.log({"a"})) + sum(np.exp(prior.log({name})) for name in "bcd")
+    pairs = sum(np.exp(prior.log({"a", name})) * 2 for name in "bcd") + 3 * np.exp(prior.log({"b", "c"}))
+    assert (singles, pairs) == (pytest.approx(1.0), pytest.approx(1.0))
+
+
+def test_the_posterior_of_two_hypotheses():
+    """Without discrepancies it is the softmax of log evidence plus log prior."""
+    lack = LackOfFit(0.0, 0, 1.0)
+    entries = [(NONE, Evidence(-10.0, -np.inf, -np.inf, lack)), (frozenset({"a"}), Evidence(-8.0, -np.inf, -np.inf, lack))]
+    posterior = posterior_of(entries, Prior(1, {"a": 1}, 1))
+    assert posterior.inclusion["a"] == pytest.approx(1.0 / (1.0 + np.exp(-2.0)))
+    assert posterior.something_else == 0.0 and posterior.form == 0.0
+    opened = [(NONE, replace(entries[0][1], other=50.0)), entries[1]]
+    assert posterior_of(opened, Prior(1, {"a": 1}, 1)).something_else > 0.999
+
+
+def test_the_posterior_in_words():
+    posterior = Posterior({NONE: 0.5, frozenset({"a", "b"}): 0.3}, {NONE: 0.15, frozenset({"a"}): 0.05}, 0.0)
+    assert posterior.by_words == {"nothing": 0.5, "a + b": 0.3, "other": 0.15, "a": 0.05}
+    assert list(posterior.sets) == [NONE, frozenset({"a", "b"}), frozenset({"a"})]

@@ -1,0 +1,138 @@
+"""Homogeneous tests: corners of the loading protocol, increments of time, and data of other programs at their true constants."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from outside_data import SHARED_DATA, needs
+
+from explicitfe.close_loop.statistics.protocol import estimate_protocol
+from explicitfe.effects import EFFECTS, Effect
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.measured.curve import Curve, programme_of, sd_of
+from explicitfe.measured.read import read_dataset
+from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen
+from explicitfe.predict.homogeneous import predict_homogeneous
+
+pytestmark = pytest.mark.slow
+
+OTHER_PROGRAMS = SHARED_DATA / "other-programs"
+LAW = Yeoh(C10_Pa=300.0, C20_Pa=150.0, poisson=0.49999)
+KNOTS_S = np.array([0.0, 1.037, 4.411, 5.5037, 8.0])
+KNOTS = np.array([0.0, 0.3, 0.3, -0.1, 0.25])
+
+
+def effect(name: str, **parameters) -> Effect:
+    return EFFECTS[name](**parameters)
+
+
+RELAXATION = effect("viscoelastic", g=(0.3, 0.2), tau_s=(0.2, 5.0))
+
+
+def curve_of(time_s: np.ndarray, strain: np.ndarray, kind: str = "uniaxial") -> Curve:
+    """A test without a tool; its stress is not measured."""
+    columns = {"shear_strain": strain} if kind == "shear" else {"stretch": 1.0 + strain}
+    columns["shear_stress_Pa" if kind == "shear" else "nominal_stress_Pa"] = np.zeros(len(time_s))
+    return Curve(
+        "c", "c.csv", kind, "all", "c", None, MeasuredSpecimen(shape="point"), None, MeasuredNoise(), {}, time_s, columns
+    )
+
+
+def stress(curve: Curve, law: Yeoh, effects: list[Effect]) -> np.ndarray:
+    return predict_homogeneous([curve], law, effects)[0].values
+
+
+@pytest.mark.parametrize("kind", ["uniaxial", "shear"])
+@pytest.mark.parametrize(
+    "reading",
+    [
+        (),
+        (effect("backlash", play_strain=0.02),),
+        (effect("lag", lag_s=0.03),),
+        (effect("contact-offset", offset_strain=0.01), effect("gauge-length", error=0.05)),
+        (effect("stick-slip", drag_Pa=3.0, slip_distance_strain=0.05), effect("force-drift", rate_Pa_s=0.5)),
+    ],
+    ids=lambda reading: "+".join(type(e).__name__ for e in reading) or "none",
+)
+def test_a_corner_between_rows_acts_like_a_row(kind, reading):
+    """The prediction is that of the same protocol with rows at its corners."""
+    rows = np.linspace(0.0, 8.0, 81)
+    everywhere = np.union1d(rows, KNOTS_S)
+    effects = [RELAXATION, *reading]
+    found = stress(curve_of(rows, np.interp(rows, KNOTS_S, KNOTS), kind), LAW, effects)
+    given = stress(curve_of(everywhere, np.interp(everywhere, KNOTS_S, KNOTS), kind), LAW, effects)
+    assert found == pytest.approx(given[np.searchsorted(everywhere, rows)], abs=1e-6 * np.abs(found).max())
+
+
+def instants(time_s: np.ndarray, strain: np.ndarray) -> int:
+    """Number of states of an elastic prediction: one for each row and each corner."""
+    return predict_homogeneous([curve_of(time_s, strain)], LAW, [])[0].instants
+
+
+def test_only_straight_parts_have_corners():
+    time_s = np.linspace(0.0, 8.0, 201)
+    polyline = np.interp(time_s, KNOTS_S, KNOTS)
+    assert instants(time_s, polyline) == 201 + 3
+    assert instants(time_s, np.round(polyline, 6)) == 201 + 3
+    assert instants(time_s, polyline + np.random.default_rng(1).normal(0.0, 2e-4, 201)) == 201
+    assert instants(time_s, 0.3 * np.sin(time_s) ** 2) == 201
+    assert instants(time_s[:7], polyline[:7]) == 7
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [[RELAXATION], [RELAXATION, effect("softening", inverse_r=0.4, m_Pa=5.0, beta=0.15)]],
+    ids=["relaxation", "relaxation+softening"],
+)
+def test_increments_are_extrapolated(effects, record_property):
+    """Extrapolation leaves less than a third of what is left without it, which is a third of the last change."""
+    rows = np.linspace(0.0, 8.0, 41)
+    fine = np.union1d(np.linspace(0.0, 8.0, 40 * 128 + 1), KNOTS_S)
+
+    def at_rows(time_s: np.ndarray) -> np.ndarray:
+        time_s = np.union1d(time_s, KNOTS_S)
+        return stress(curve_of(time_s, np.interp(time_s, KNOTS_S, KNOTS)), LAW, effects)[np.searchsorted(time_s, rows)]
+
+    exact = at_rows(fine)
+    error = np.abs(at_rows(rows) - exact).max() / np.abs(exact).max()
+    record_property("error", error)
+    assert error < 2e-3 / 9.0
+
+
+def hidden_in(truth: dict) -> list[Effect]:
+    """The material effects of a set, as its truth states them."""
+    hidden = truth["parameters"]
+    effects = []
+    if "alpha" in hidden:
+        effects.append(effect("fractional", g=1.0 - hidden["ginf"], alpha=hidden["alpha"], tau_s=hidden["tau_s"]))
+    if "g" in hidden:
+        effects.append(effect("viscoelastic", g=hidden["g"], tau_s=hidden["tau_s"]))
+    if "r" in hidden:
+        effects.append(effect("softening", inverse_r=1.0 / hidden["r"], m_Pa=hidden["m_Pa"], beta=hidden["beta"]))
+    return effects
+
+
+@needs(OTHER_PROGRAMS)
+@pytest.mark.parametrize("case", ["case-08", "case-11", "case-12", "case-17", "case-32"])
+def test_other_programs_at_their_true_constants(case, record_property):
+    """Nothing but noise is left of homogeneous sets of other programs: chi2 is the number of rows, to four standard deviations.
+
+    The model is driven by the estimated protocol, because the noise of the imposed rows did not act on the specimen: it would
+    raise the largest past strain, on which softening depends.
+    """
+    truth = json.loads((OTHER_PROGRAMS / "truth.json").read_text(encoding="utf-8"))[case]
+    law = Yeoh(C10_Pa=truth["C10_Pa"], C20_Pa=truth["C20_Pa"], poisson=0.49999)
+    chi2, rows = 0.0, 0
+    for curve in read_dataset(OTHER_PROGRAMS / case).curves:
+        protocol = estimate_protocol(curve.time_s, programme_of(curve), sd_of(curve, curve.imposed), curve.conditions)
+        time_s = np.union1d(curve.time_s, protocol.time_s)
+        columns = {curve.imposed: protocol.at(time_s), curve.predicted: np.zeros(len(time_s))}
+        driven = replace(curve, time_s=time_s, columns={name: columns[name] for name in curve.columns})
+        left = curve.columns[curve.predicted] - stress(driven, law, hidden_in(truth))[np.searchsorted(time_s, curve.time_s)]
+        chi2 += float(np.sum((left / sd_of(curve, curve.predicted)) ** 2))
+        rows += len(left)
+    record_property("chi2 / rows", chi2 / rows)
+    assert abs(chi2 - rows) < 4.0 * np.sqrt(2.0 * rows)

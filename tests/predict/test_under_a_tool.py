@@ -1,0 +1,65 @@
+"""Tests under a tool that cannot be computed: the cost has a bound, and the message names the load, the cause and a remedy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from explicitfe.errors import RunError
+from explicitfe.measured.curve import Curve
+from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.predict import under_a_tool
+from explicitfe.predict.predict import predict_test
+from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
+
+pytestmark = pytest.mark.slow
+
+TIME_s = np.linspace(0.0, 10.0, 11)
+
+
+def glued(control: str = "force") -> Curve:
+    """A ramp to 0.8 N or to 6 mm by a glued disc."""
+    return Curve(
+        id="ramp",
+        file="ramp.csv",
+        kind="force-displacement",
+        constants="all",
+        group="a",
+        split=None,
+        specimen=MeasuredSpecimen(shape="cylinder", radius_mm=35.0, height_mm=20.0, base="bonded"),
+        tool=MeasuredTool(shape="bonded-disc", radius_mm=14.0, control=control),
+        noise=MeasuredNoise(),
+        conditions={},
+        time_s=TIME_s,
+        columns={"displacement_m": 6e-4 * TIME_s, "force_N": 0.08 * TIME_s},
+    )
+
+
+def tissue(C10_Pa: float) -> Tissue:
+    numerics = Numerics(refinement=0.3, density=0.5, tolerance=1e-3)
+    return Tissue(constants={EVERY: Constants(C10_Pa=C10_Pa)}, numerics=numerics)
+
+
+def test_a_tissue_too_soft_for_a_force_is_named():
+    with pytest.raises(
+        RunError, match=r'curve "ramp": no equilibrium at .* N, .* s: .*; the last converged load is .* N\. .*stiffer'
+    ):
+        predict_test((glued(),), tissue(15.0))
+
+
+def test_a_displacement_that_is_not_reached_is_named():
+    far = glued("displacement")
+    far = replace(far, columns=far.columns | {"displacement_m": 3.0 * far.displacement_m})
+    with pytest.raises(RunError, match=r"no equilibrium at .* mm, .* s: .*; the last converged load is .* mm\. .*displacement"):
+        predict_test((far,), tissue(200.0))
+
+
+def test_a_test_has_a_bound_on_its_iterations(monkeypatch):
+    """A bound below what the first loads need: the test is given up there, and not computed to its end."""
+    (whole,) = predict_test((glued(),), tissue(200.0))
+    mean = whole.iterations / whole.instants
+    monkeypatch.setattr(under_a_tool, "MOST_MEAN_ITERATIONS", int(0.5 * mean))
+    with pytest.raises(RunError, match=r'curve "ramp": given up at .* s after \d+ iterations for \d of \d+ instants: .* stiffer'):
+        predict_test((glued(),), tissue(200.0))

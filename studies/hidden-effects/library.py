@@ -106,10 +106,9 @@ class Data:
         models: list[Hypothesis] = []
         columns: list[Column] = []
         for one in self.candidates():
-            for row in one.trials:
-                for values in row if self.system.homogeneous else row[len(row) // 2 : len(row) // 2 + 1]:
-                    models.append(self.elastic.model.plus(one.term, values))
-                    columns.append(Column(one.effect, tuple(values)))
+            for values in one.trials:
+                models.append(self.elastic.model.plus(one.term, values))
+                columns.append(Column(one.effect, values))
         answers = self.system.answers(models)
         white = self.covariance.whiten
         X, kept = [], []

@@ -12,7 +12,7 @@ from explicitfe.close_loop.evidence import LEAST_LISTED_PROBABILITY, Causes, Evi
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.signatures import Signature
-from explicitfe.close_loop.statistics.system import Hypothesis, System
+from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 
 Key = tuple[str, ...]  # names of the effects of a hypothesis, sorted, one for each term
@@ -41,7 +41,8 @@ class Entry:
     evidence : log evidence of its three versions.
     model : with the best parameters; of the screening where it was not fitted.
     fit, system, covariance : of a hypothesis that was fitted.
-    bound : largest decrease of chi2 by the signatures, over its parent, of one that was not fitted.
+    bound, parent : largest decrease of chi2 by the signatures, and the hypothesis that it was screened from, of one that was not
+        fitted.
     """
 
     key: Key
@@ -52,6 +53,7 @@ class Entry:
     system: System | None = None
     covariance: Covariance | None = None
     bound: float = 0.0
+    parent: Key = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,3 +112,27 @@ class ComparedCauses:
         x = none + factor * (strength.coordinate(signature.values[best][0]) - none)
         ends = sorted(strength.coordinate(v) for v in (strength.low, strength.high))
         return strength.value(min(max(x, ends[0]), ends[1]))
+
+
+def name_of(candidate: Candidate) -> Key:
+    """A name that is equal for a term of the same number of the same effect."""
+    return (candidate.effect, candidate.term.parameters[0].name)
+
+
+def forms_by_cause(library: Sequence[Candidate]) -> dict[str, int]:
+    """Cause -> number of its forms in these data."""
+    forms: dict[str, set[str]] = {}
+    for one in library:
+        forms.setdefault(one.cause, set()).update({one.effect} if not one.reason else set())
+    return {cause: max(len(names), 1) for cause, names in forms.items()}
+
+
+def without_term(model: Hypothesis, effect: str) -> Hypothesis:
+    """The model without the last term of an effect."""
+    last = max(k for k, term in enumerate(model.terms) if term.effect == effect)
+    x, start = list(model.x[: len(model.base)]), len(model.base)
+    for k, term in enumerate(model.terms):
+        if k != last:
+            x += list(model.x[start : start + len(term.parameters)])
+        start += len(term.parameters)
+    return Hypothesis(model.base, tuple(t for k, t in enumerate(model.terms) if k != last), np.array(x))

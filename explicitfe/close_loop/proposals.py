@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from explicitfe.close_loop.specimens.lengths import with_length
 from explicitfe.close_loop.specimens.series import rest_of
-from explicitfe.close_loop.specimens.specimens import with_length
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.measured.rig import RigLimits
 from explicitfe.predict.experiment import cycle_of

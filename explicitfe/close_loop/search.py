@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, needed_decrease
+from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, name_of, needed_decrease, without_term
 from explicitfe.close_loop.evidence import (
     Causes,
     Evidence,
@@ -30,6 +30,7 @@ from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit, renewed, settled
 from explicitfe.close_loop.statistics.signatures import Changes, Screening, Signature, screen, signatures
+from explicitfe.close_loop.statistics.sketch import ERROR_SHARE, Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
@@ -40,12 +41,14 @@ ASSUMED = "assumed "
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
+# Signatures near a baseline that is rejected may be wrong by a factor of two, and the decrease of chi2 by its square.
+LINEAR_GAIN_FACTOR = 4.0
 # Shares of the search at which its stages begin.
 BASELINE_PROGRESS, SYSTEMATIC_PROGRESS, SCREENING_PROGRESS = 0.02, 0.1, 0.2
 FITS_PROGRESS, FINISH_PROGRESS = 0.4, 0.9
 
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
-MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 8, 2: 4, 3: 3}
+MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 6, 3: 3}
 
 Watch = Callable[[str, float], None]
 
@@ -74,15 +77,18 @@ def compare(
     rows = row_noise(system.series) if rows is None else rows
     spread = scatter(system.series, rows)
     by_tests = Covariance(system.series, rows, spread, system.systematic())
-    fit = settled(system, refit(system, system.start(), by_tests), by_tests)
-    system, fit = renewed(system, fit, by_tests)
+    start = system.start()
+    renew = Sketch(system).slopes if system.costly(start) else None
+    fit = settled(system, refit(system, start, by_tests, renew=renew), by_tests, renew)
+    system, fit = renewed(system, fit, by_tests, renew=renew)
     if estimated:
         rows = row_noise_beside(system.series, rows, fit.answer)
         spread = scatter(system.series, rows)
     watch("systematic errors", SYSTEMATIC_PROGRESS)
     assumed = {f"{ASSUMED}{name}": stack(answer) - fit.answer for name, answer in system.assumptions(fit.model).items()}
     covariance = covariance_of(system, fit.model, rows, spread, assumed)
-    fit = settled(system, refit(system, fit.model, covariance, slopes=fit.slopes), covariance)
+    fit = refit(system, fit.model, covariance, slopes=fit.slopes, renew=renew)
+    fit = settled(system, refit(system, fit.model, covariance), covariance, renew)  # with derivatives by the simulator at the end
     return _Comparing(system, covariance, fit, max_effects, watch).run()
 
 
@@ -111,10 +117,12 @@ class _Comparing:
         tested = [c for c in self.library if not c.reason]
         self.table: dict[Key, Changes] = {}
         if system.costly(fit.model):
-            self.table = {_name(c): d for c, d in zip(tested, system.changes(fit.model, tested), strict=True)}
+            self.table = {name_of(c): d for c, d in zip(tested, system.changes(fit.model, tested), strict=True)}
+        self.sketch = Sketch(system, fit, self._secants(tested)) if self.table else None
+        self.sketched: set[Key] = set()
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
-        self.prior = Prior(len(causes), _forms(self.library), max_effects)
+        self.prior = Prior(len(causes), forms_by_cause(self.library), max_effects)
         visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
         self.visible = visible
         causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in visible}
@@ -146,7 +154,7 @@ class _Comparing:
             for k in range(len(best.key)):
                 smaller = best.key[:k] + best.key[k + 1 :]
                 if smaller not in self.fitted and smaller not in self.failed:
-                    self._fit(smaller, [_without_term(best.model, best.key[k])])
+                    self._fit(smaller, [without_term(best.model, best.key[k])])
                 if smaller in self.fitted:
                     self._screen_children(self.fitted[smaller], pairs=False)
             self._fit_plausible(None)
@@ -190,7 +198,7 @@ class _Comparing:
         left = LackOfFit(max(lack.chi2 - screening.gain, 0.0), lack.free, lack.p)
         evidence = Evidence(closed, -np.inf, log_discrepancy(left.chi2, left.free), left)
         causes = parent.causes | {one.candidate.cause for one in group}
-        entry = Entry(key, causes, evidence, model, bound=screening.bound)
+        entry = Entry(key, causes, evidence, model, bound=screening.bound, parent=parent.key)
         before = self.screened.get(key)
         if before is None or evidence.closed > before[0].evidence.closed:
             self.screened[key] = entry, screening
@@ -200,6 +208,9 @@ class _Comparing:
         costly = self.system.costly(self.fitted[()].model)
         most = (MOST_FITS_ON_A_MESH if costly else MOST_FITS)[min(terms or 3, 3)]
         count = 0
+        if self.sketch is not None and terms == 1:
+            for entry, _ in [one for key, one in self.screened.items() if len(key) == 1]:
+                self._fit_sketch(entry, self.sketch)
         while True:
             best = max(map(self._log_posterior, self.fitted.values()))
             waiting = [
@@ -210,27 +221,53 @@ class _Comparing:
             ]
             if not waiting or count >= most:
                 return count
-            entry = max(waiting, key=self._log_posterior)
+            # Fewer terms first: what one explains, more need not.
+            entry = max(waiting, key=lambda one: (-len(one.key), self._log_posterior(one)))
+            if self.sketch is not None and entry.key not in self.sketched:
+                self._fit_sketch(entry, self.sketch)
+                continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
             self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
             self._fit(entry.key, [entry.model])
             count += 1
 
+    def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
+        """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
+        self.sketched.add(entry.key)
+        try:
+            fit = refit(sketch, entry.model, self.covariance)
+        except RunError:
+            return
+        one = self._entry(fit, self.system, self.covariance)
+        history = outside(fit.movable, self.covariance.whiten(sketch.of_history(fit.model)))
+        slack = ERROR_SHARE**2 * float(history @ history)
+        screening = self.screened[entry.key][1]
+        if not self._is_sketchable(entry.key):
+            slack += max(screening.bound - screening.gain, 0.0)
+        gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
+        entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain + slack, parent=entry.parent)
+        self.screened[entry.key] = entry, Screening(gain, gain + slack, screening.starts)
+
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that its signatures allow it comes near the best.
 
-        Signatures are linear, and the constants are not where the baseline is rejected. Single terms are all fitted then, and
-        wherever that needs no mesh; how many of them on a mesh is bounded by the time.
+        Where no mesh is needed, all single effects are fitted. On one, those without fast answers are, as long as the best
+        hypothesis leaves more than noise: constants of a baseline that is rejected are too far off for what is linear.
         """
-        costly = self.system.costly(entry.model)
-        if terms == 1 and len(entry.key) == 1 and (not costly or self._is_rejected(self.fitted[()])):
-            return True
-        more = 0.0 if costly else 0.5 * max(screening.bound - screening.gain, 0.0)
+        more = 0.5 * max(screening.bound - screening.gain, 0.0)
+        if terms == 1 and len(entry.key) == 1:
+            if self.sketch is None:
+                return True
+            if not self._is_sketchable(entry.key):
+                top = max(self.fitted.values(), key=self._log_posterior)
+                if top.evidence.other + log_odds_of_other() > 0.0:
+                    return True
+                more = 0.5 * (LINEAR_GAIN_FACTOR * screening.bound - screening.gain)
         return self._log_posterior(entry) + more > best + np.log(THRESHOLDS.negligible_probability)
 
-    def _is_rejected(self, entry: Entry) -> bool:
-        """Whether something else is more probable beside a hypothesis than that it is all."""
-        return entry.evidence.other + log_odds_of_other() > 0.0
+    def _is_sketchable(self, key: Key) -> bool:
+        """Whether all effects have fast answers."""
+        return all(self.system.has_sketch(name) for name in key)
 
     def _fit(self, key: Key, starts: Sequence[Hypothesis]) -> None:
         """Fit a hypothesis from its screening and, where it ends worse than a subset, from that subset."""
@@ -241,45 +278,50 @@ class _Comparing:
         reason = ""
         for start in starts:
             try:
-                fit = refit(system, start, covariance, slopes=self._slopes(start))
+                fit = self._refit(start)
             except RunError as error:
                 reason = str(error)
                 continue
-            best = fit if best is None or _is_better(fit, best) else best
+            best = fit if best is None or fit.whitened < best.whitened else best
         least = min((one.fit for one in subsets if one.fit is not None), key=lambda f: f.whitened, default=None)
+        if best is not None and self.sketch is not None and least is not None and best.whitened > least.whitened:
+            # Without strength the further term leaves what the subset leaves; another search would take as many runs again.
+            subset = max((one for one in subsets if one.fit is least), key=self._log_posterior)
+            evidence = replace(subset.evidence, closed=subset.evidence.closed - self._cost_beyond(subset, key))
+            self.fitted[key] = replace(subset, key=key, causes=frozenset(self.cause_of[name] for name in key), evidence=evidence)
+            return
         if least is not None and (best is None or best.whitened > least.whitened):
             for one in sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
                 started = self._from_subset(one, key)
                 if started is None:
                     continue
                 try:
-                    fit = refit(system, started, covariance, slopes=self._slopes(started))
+                    fit = self._refit(started)
                 except RunError as error:
                     reason = reason or str(error)
                     continue
-                best = fit if best is None or _is_better(fit, best) else best
+                best = fit if best is None or fit.whitened < best.whitened else best
         if best is None:
             self.failed[key] = reason
         else:
             self.fitted[key] = self._entry(best, system, covariance)
 
-    def _slopes(self, start: Hypothesis) -> np.ndarray | None:
-        """Derivatives (n, p) SI near a model by the table of responses, NaN for those by a shape; None without a mesh."""
-        baseline = self.fitted[()].fit
-        if not self.table or baseline is None:
-            return None
-        columns = [baseline.slopes]
-        for term in start.terms:
-            changes = self.table.get((term.effect, term.parameters[0].name))
-            trials = [c.trials for c in self.library if c.effect == term.effect]
-            slope = np.full((len(baseline.answer), len(term.parameters)), np.nan)
-            known = [(v[0], d) for v, d in zip(trials[0], changes or (), strict=False) if d is not None] if trials else []
-            if known:
-                strength = term.parameters[0].sought
-                value, change = known[0]
-                slope[:, 0] = change / (strength.coordinate(value) - strength.coordinate(strength.none))
-            columns.append(slope)
-        return np.concatenate(columns, axis=1)
+    def _secants(self, candidates: Sequence[Candidate]) -> dict[str, np.ndarray]:
+        """Effect -> change (n,) SI by a unit of the coordinate of its strength, from the table of responses."""
+        secants: dict[str, np.ndarray] = {}
+        for one in candidates:
+            strength = one.term.parameters[0].sought
+            for values, change in zip(one.trials, self.table[name_of(one)], strict=True):
+                if change is not None:
+                    size = strength.coordinate(values[0]) - strength.coordinate(strength.none)
+                    secants.setdefault(one.effect, change / size)
+        return secants
+
+    def _refit(self, start: Hypothesis) -> BestFit:
+        """The best fit of a hypothesis by the simulator."""
+        system = self.fitted[()].system
+        assert system is not None
+        return refit(system, start, self.covariance, renew=None if self.sketch is None else self.sketch.slopes)
 
     def _from_subset(self, subset: Entry, key: Key) -> Hypothesis | None:
         """The subset at its best, with the term that it lacks at the start of its best trial."""
@@ -316,11 +358,11 @@ class _Comparing:
             bare = fit.model
             for name in [term.effect for term in fit.model.terms]:
                 if system.costly(fit.model) or self.cause_of[name] == cause:
-                    bare = _without_term(bare, name)
+                    bare = without_term(bare, name)
             forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
             if self.table:
-                forms = [c for c in forms if _name(c) in self.table]
-            table = [self.table[_name(c)] for c in forms] if self.table else system.changes(bare, forms)
+                forms = [c for c in forms if name_of(c) in self.table]
+            table = [self.table[name_of(c)] for c in forms] if self.table else system.changes(bare, forms)
             columns += [one.secants for one in signatures(system, fit, covariance, forms, table) if one.values]
         return np.concatenate(columns, axis=1) if columns else None
 
@@ -328,12 +370,13 @@ class _Comparing:
         """Signatures near a model; from the table of responses where an answer takes the run of a mesh."""
         if not self.table:
             return signatures(self.system, fit, covariance, candidates)
-        known = [c for c in candidates if _name(c) in self.table]
-        return signatures(self.system, fit, covariance, known, [self.table[_name(c)] for c in known])
+        known = [c for c in candidates if name_of(c) in self.table]
+        return signatures(self.system, fit, covariance, known, [self.table[name_of(c)] for c in known])
 
     def _finish(self) -> None:
         """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""
         entries = sorted(self.fitted.values(), key=self._log_posterior, reverse=True)
+        finished: list[Entry] = []
         best = self._log_posterior(entries[0])
         assumed = {name: d for name, d in self.covariance.floors.items() if name.startswith(ASSUMED)}
         for entry in entries:
@@ -346,10 +389,18 @@ class _Comparing:
                     self.watch(f"numerical error with {' + '.join(entry.key)}", FINISH_PROGRESS)
                     system, fit = renewed(system, fit, covariance, times=1)
                     covariance = covariance_of(system, fit.model, self.covariance.rows, self.covariance.scatter, assumed)
-                    fit = refit(system, fit.model, covariance, slopes=fit.slopes)
+                    fit = refit(
+                        system, fit.model, covariance, slopes=fit.slopes, renew=self.sketch.slopes if self.sketch else None
+                    )
                 self.fitted[entry.key] = self._entry(fit, system, covariance, with_forms=True)
+                finished.append(self.fitted[entry.key])
             except RunError as error:
                 self.failed[entry.key] = str(error)
+        if self.table:
+            # What was screened beside a model with another numerical error is screened again.
+            self.screened = {key: one for key, one in self.screened.items() if one[0].parent not in {e.key for e in finished}}
+            for entry in finished:
+                self._screen_children(entry, pairs=not entry.key)
 
     # ---- numbers ----
 
@@ -357,6 +408,14 @@ class _Comparing:
         """Cost of the parameters of a term."""
         visible = max((one.visible for one in self.at_baseline if one.candidate.effect == effect), default=0.0)
         return cost_of_term(parameters, self.covariance.effective, visible)
+
+    def _cost_beyond(self, subset: Entry, key: Key) -> float:
+        """Cost of the parameters of the terms that a subset lacks."""
+        lacking = list(key)
+        for name in subset.key:
+            lacking.remove(name)
+        terms = {c.effect: len(c.term.parameters) for c in self.library}
+        return sum(self._cost(name, terms[name]) for name in lacking)
 
     def _log_posterior(self, entry: Entry) -> float:
         return entry.evidence.best + self.prior.log(entry.causes)
@@ -382,31 +441,3 @@ class _Comparing:
         return ComparedCauses(
             self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed, self.cause_of
         )
-
-
-def _name(candidate: Candidate) -> Key:
-    """A name that is equal for a term of the same number of the same effect."""
-    return (candidate.effect, candidate.term.parameters[0].name)
-
-
-def _forms(library: Sequence[Candidate]) -> dict[str, int]:
-    """Cause -> number of its forms in these data."""
-    forms: dict[str, set[str]] = {}
-    for one in library:
-        forms.setdefault(one.cause, set()).update({one.effect} if not one.reason else set())
-    return {cause: max(len(names), 1) for cause, names in forms.items()}
-
-
-def _is_better(one: BestFit, other: BestFit) -> bool:
-    return one.whitened < other.whitened
-
-
-def _without_term(model: Hypothesis, effect: str) -> Hypothesis:
-    """The model without the last term of an effect."""
-    last = max(k for k, term in enumerate(model.terms) if term.effect == effect)
-    x, start = list(model.x[: len(model.base)]), len(model.base)
-    for k, term in enumerate(model.terms):
-        if k != last:
-            x += list(model.x[start : start + len(term.parameters)])
-        start += len(term.parameters)
-    return Hypothesis(model.base, tuple(t for k, t in enumerate(model.terms) if k != last), np.array(x))

@@ -127,6 +127,7 @@ class Effect(BaseModel, ABC):
     without_tool : a test without a tool, such as a uniaxial one, can have it.
     remembers : the material has a memory, so that a whole history must be computed.
     depends_on_path : what came before changes the answer: it has a memory, or a contact that slips or sticks.
+    changes_volume : the tissue is compressible with it, so that it has no incompressible limit.
     needs_half_body : at least a half of the body is computed with it, where a sector or a quarter does otherwise: a large mesh.
     """
 
@@ -147,6 +148,7 @@ class Effect(BaseModel, ABC):
     remembers: ClassVar[bool] = False
     depends_on_path: ClassVar[bool] = False
     needs_half_body: ClassVar[bool] = False
+    changes_volume: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _some_key(self) -> Self:

@@ -11,7 +11,8 @@ The exact answer is smooth in the load while the ripple is not, and what is left
 the size of its elements (Richardson 1911). The logarithm of the answers of three meshes is therefore fitted by a polynomial
 of the load plus a line times that power, with weights by the ripple of each mesh. The degree is chosen by generalized cross-
 validation (Golub, Heath & Wahba 1979). An edge that is stated as sharp is computed with two radii of rounding and
-extrapolated to none, since the force is linear in a small radius.
+extrapolated to none, since the force is linear in a small radius. Where a tissue is incompressible, a ramp with twice the
+compressibility of the elements shows what theirs changes, which is linear in it.
 """
 
 from __future__ import annotations
@@ -27,13 +28,16 @@ from explicitfe.effects import Measurement, physics_of, readings_of
 from explicitfe.measured.course import INSTANTS_OF_A_FULL_MOTION
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.experiment import experiments
-from explicitfe.predict.reading import as_it_is, true_programme
+from explicitfe.predict.reading import as_it_is, true_programme, without_compliance
 from explicitfe.predict.setup import RADIUS_OVER_SHARP_EDGE
 from explicitfe.predict.tissue import Numerics, Tissue
 from explicitfe.predict.under_a_tool import is_homogeneous
 
 # Rows of a ramp: between two of them an answer is nearly straight.
 RAMP_ROWS = 49
+# Density of the instants of a ramp. With 16 of them, an answer between two follows no ripple: the
+# depth under a flat tool scatters by 2.9 micrometres as the constants change by 2 %, with 48 by 0.8.
+RAMP_DENSITY = 2.0
 # Numbers of instants and the tolerance of the fine ramps. A fit averages the residuals of their equilibria: with 2e-4 the depth
 # changes by 1 micrometre. A history is compared row by row, with a tighter tolerance.
 FINE_DENSITY, FINE_TOLERANCE = 1.5, 5e-4
@@ -51,6 +55,8 @@ FINEST_IN_SPACE = 1.0
 ERROR_DEGREE, EDGE_DEGREE = 1, 2
 # Largest degree of the polynomial for the exact answer.
 LARGEST_DEGREE = 5
+# Degree of the polynomial that smooths the answer to one ramp.
+SMOOTH_DEGREE = 5
 # Singular values below this share of the largest one count as zero: a short ramp has fewer rows than unknowns.
 RANK_TOLERANCE = 1e-12
 # Errors of the fit that together make up less than this share of its variance are left out.
@@ -59,6 +65,9 @@ NEGLIGIBLE_VARIANCE_SHARE = 1e-2
 # some tenth of a millimetre where it was machined: of a tool of 12 mm that is 0.3 of the step from its 28th part, one standard
 # deviation.
 ERROR_SHARE_OF_EDGE = 0.3
+# The step from the compressibility of the elements to none is linear to this share: of the 18 micrometres between Poisson's
+# ratios of 0.499 and 0.5 under a flat tool.
+ERROR_SHARE_OF_LIMIT = 0.1
 # What a tissue remembers of a mesh's ripple has mostly cancelled, while the factor undoes all of it at the depth of now. About so
 # much of the force of a tissue that relaxes is what it remembers; of the ripple of the finer mesh it is an error.
 REMEMBERED_SHARE = 0.3
@@ -81,21 +90,38 @@ class Correction:
     errors : name -> (m,) one standard deviation of the factor's relative error; the errors are independent of each other.
         ``RIPPLE_IN_MEMORY`` is there only where a tissue remembers.
     remembered : curve -> (k,) a further factor of its rows, where a tissue remembers.
+    smooth : (m,) fine answer over the smooth part of the coarse one. How a mesh ripples depends on the constants too, so answers
+        that are read off a ramp are smoothed instead.
     """
 
     depth_m: np.ndarray
     factor: np.ndarray
     errors: Mapping[str, np.ndarray]
     remembered: Mapping[str, np.ndarray] = field(default_factory=dict)
+    smooth: np.ndarray | None = None
 
-    def applied(self, answer: np.ndarray, programme: np.ndarray, by_force: bool, followed: Sequence[Curve] = ()) -> np.ndarray:
+    def of_ramp(self, answer: np.ndarray, programme: np.ndarray, by_force: bool) -> np.ndarray:
+        """A smooth answer (k,) to a ramp, see :func:`smoothed`, corrected."""
+        return answer * self._at(self.factor if self.smooth is None else self.smooth, answer, programme, by_force)
+
+    def applied(
+        self,
+        answer: np.ndarray,
+        programme: np.ndarray,
+        by_force: bool,
+        followed: Sequence[Curve] = (),
+        compliance_m_N: float = 0.0,
+    ) -> np.ndarray:
         """A coarse answer (k,) to a true programme (k,), corrected.
 
         Parameters
         ----------
         followed : curves whose own courses the answer follows, row by row, one after the other.
+        compliance_m_N : of the rig, whose part of the displacement needs no correction.
         """
-        corrected = answer * self._at(self.factor, answer, programme, by_force)
+        rig = compliance_m_N * (programme if by_force else answer)
+        tissue, moved = (answer - rig, programme) if by_force else (answer, programme - rig)
+        corrected = tissue * self._at(self.factor, tissue, moved, by_force) + (rig if by_force else 0.0)
         if followed and all(curve.id in self.remembered for curve in followed):
             corrected = corrected * np.concatenate([self.remembered[curve.id] for curve in followed])
         return corrected
@@ -145,6 +171,7 @@ def _histories(tissue: Tissue, alike: Sequence[Curve]) -> list[Job]:
     """Each test as it really is, on the usual mesh and then on the finer one with which ratios in its memory are known."""
     readings = readings_of(tissue.effects.chosen)
     tissue = tissue.model_copy(update={"effects": tissue.effects.without(readings)})
+    tissue = without_compliance(tissue)[0] if alike[0].imposed == "force_N" else tissue
     finer = {"refinement": _finest(alike[0], tissue.numerics) / MESH_RATIO, "tolerance": HISTORY_TOLERANCE}
     texts = [tissue.text, tissue.model_copy(update={"numerics": tissue.numerics.model_copy(update=finer)}).text]
     return [(tuple(as_it_is(curve, readings) for curve in test), text) for test in experiments(alike) for text in texts]
@@ -195,11 +222,12 @@ def _without_memory(tissue: Tissue) -> Tissue:
         for effect in tissue.effects.chosen
         if effect.acts_on == "reading" or effect.remembers or effect.needs_half_body or effect.breaks_symmetry
     )
-    return tissue.model_copy(update={"effects": tissue.effects.without(dropped)})
+    return without_compliance(tissue.model_copy(update={"effects": tissue.effects.without(dropped)}))[0]
 
 
 def _ladder(ramp: Curve, tissue: Tissue) -> dict[str, Job]:
-    """The ramp on the usual mesh, on a fine one and on one between them; with a sharp edge also with twice the rounding.
+    """The ramp on the usual mesh, on a fine one and on one between them; with a sharp edge also with twice the rounding,
+    and of an incompressible tissue with twice the compressibility.
 
     The run on the usual mesh is the one that a search reads its answers from.
     """
@@ -210,13 +238,24 @@ def _ladder(ramp: Curve, tissue: Tissue) -> dict[str, Job]:
         numerics = Numerics(refinement=refinement, density=FINE_DENSITY, tolerance=FINE_TOLERANCE)
         return (curve,), tissue.model_copy(update={"numerics": numerics}).text
 
+    tissue = for_ramps(tissue)
     jobs: dict[str, Job] = {"usual": ((ramp,), tissue.text), "fine": job(ramp, finest)}
     jobs["between"] = job(ramp, finest / MESH_RATIO)
+    if tissue.incompressible:
+        jobs["softer"] = (ramp,), tissue.model_copy(update={"poisson": 2.0 * tissue.poisson - 0.5}).text
     if _is_sharp(ramp):
         assert ramp.tool.radius_mm is not None
         rounded = ramp.tool.model_copy(update={"edge_radius_mm": 2.0 * ramp.tool.radius_mm / RADIUS_OVER_SHARP_EDGE})
         jobs["rounder"] = job(replace(ramp, tool=rounded), finest)
     return jobs
+
+
+def for_ramps(tissue: Tissue) -> Tissue:
+    """The tissue with the instants of a ramp whose answers are corrected."""
+    if tissue.numerics.finer == 0.0:
+        return tissue
+    numerics = tissue.numerics.model_copy(update={"density": max(RAMP_DENSITY, tissue.numerics.density)})
+    return tissue.model_copy(update={"numerics": numerics})
 
 
 def _finest(curve: Curve, numerics: Numerics) -> float:
@@ -243,7 +282,7 @@ def _correction(ramp: Curve, answers: Mapping[str, np.ndarray], numerics: Numeri
     meshes = [
         Mesh(1.0, FINE_DENSITY, np.log(fine / load)),
         Mesh(MESH_RATIO, FINE_DENSITY, np.log(rows["between"] / load)),
-        Mesh(finest / numerics.refinement, numerics.density, np.log(usual / load)),
+        Mesh(finest / numerics.refinement, max(RAMP_DENSITY, numerics.density), np.log(usual / load)),
     ]
     fit = _extrapolated(share, meshes, fine)
     factor = load * np.exp(fit.level) / usual
@@ -256,15 +295,36 @@ def _correction(ramp: Curve, answers: Mapping[str, np.ndarray], numerics: Numeri
         rounding = _projected(columns, (fine - rows["rounder"]) / fine, fine)
         factor = factor * (1.0 + rounding)
         errors["the sharp edge"] = ERROR_SHARE_OF_EDGE * rounding
+    if "softer" in rows:
+        limit = _projected(columns, (usual - rows["softer"]) / usual, fine)
+        factor = factor * (1.0 + limit)
+        errors["the incompressible limit"] = ERROR_SHARE_OF_LIMIT * limit
     if remembers:
         ripple = factor - _projected(columns, factor, fine)
         errors[RIPPLE_IN_MEMORY] = (numerics.refinement * MESH_RATIO / finest) ** RIPPLE_ORDER * REMEMBERED_SHARE * ripple
     depth = usual if by_force else load
     order = np.argsort(depth, kind="stable")
-    return Correction(depth[order], factor[order], {name: column[order] for name, column in errors.items()})
+    smooth = factor * usual / smoothed(usual, load)
+    return Correction(depth[order], factor[order], {name: column[order] for name, column in errors.items()}, smooth=smooth[order])
 
 
 # ---- smooth functions of the load ----
+
+
+def smoothed(answer: np.ndarray, programme: np.ndarray) -> np.ndarray:
+    """The answer (m,) to a ramp without the ripple of its mesh: its ratio to the load is a polynomial plus a logarithm.
+
+    Rows where nothing is pressed stay as they are.
+    """
+    pressed = (answer > 0.0) & (programme > 0.0)
+    if np.count_nonzero(pressed) <= SMOOTH_DEGREE + 2:
+        return answer
+    y, load = answer[pressed], programme[pressed]
+    share = load / load[-1]
+    columns = np.column_stack([_columns(share, SMOOTH_DEGREE), np.log(share)])
+    smooth = answer.copy()
+    smooth[pressed] = load * _projected(columns, y / load, load)
+    return smooth
 
 
 class Mesh(NamedTuple):

@@ -17,11 +17,10 @@ from explicitfe.effects.effect import Rig, with_leaves
 from explicitfe.errors import RunError
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import Course
+from explicitfe.predict.mixing import Mixing
 from explicitfe.solve import point
 
 MOST_CORRECTIONS = 100  # The search for a state is given up after this many.
-# Anderson's mixing combines this many corrections; more add little, as the system is nearly linear.
-MIXED_CORRECTIONS = 6
 # A state is known no better than to this share of the height: the tolerance of the law's own solver.
 SHORTENING_TOLERANCE_HEIGHT_SHARE = 1e-9
 # The stiffness is a central difference over this change of the stretch.
@@ -86,8 +85,7 @@ class Platens:
         machine = course.imposed + preloaded + compliance * self.rig.preload_N  # Here it counts from first touch.
         tolerance = SHORTENING_TOLERANCE_HEIGHT_SHARE * self.height_m
         shortening, stiffness_at, stiffness = guess, guess, self._stiffness(guess)
-        last_states: list[np.ndarray] = []
-        last_changes: list[np.ndarray] = []
+        mixing = Mixing()
         for _ in range(MOST_CORRECTIONS):
             force = self._force(course.time_s, shortening, preloaded)
             if np.abs(shortening - stiffness_at).max() > STIFFNESS_VALID_HEIGHT_SHARE * self.height_m:
@@ -99,14 +97,9 @@ class Platens:
             change[len(shortening) - int(np.argmin(off[::-1])) :] = 0.0  # After the last contact the tissue bears nothing.
             if np.abs(change).max() <= tolerance:
                 return shortening, np.where(off, 0.0, np.maximum(force, 0.0)), off
-            if last_changes and np.abs(change).max() > np.abs(last_changes[-1]).max():
-                last_states, last_changes = [], []  # The mixing has led astray: a plain step is next.
-            # Anderson's mixing takes the combination of the last corrections that leaves least to change.
-            last_states = [*last_states[-MIXED_CORRECTIONS:], shortening]
-            last_changes = [*last_changes[-MIXED_CORRECTIONS:], change]
-            moves, drops = np.diff(last_states, axis=0).T, np.diff(last_changes, axis=0).T
-            shortening = shortening + change - (moves + drops) @ np.linalg.lstsq(drops, change, rcond=None)[0]
-            shortening = np.clip(shortening, 0.0, 0.5 * (last_states[-1] + self.height_m))
+            last = shortening
+            shortening = mixing.next(shortening, change)
+            shortening = np.clip(shortening, 0.0, 0.5 * (last + self.height_m))
         raise RunError(
             f"the way of the tissue is not found: after {MOST_CORRECTIONS} turns it still changes by "
             f"{1e3 * np.abs(change).max():.2g} mm; take a smaller compliance of the rig."

@@ -23,6 +23,7 @@ from explicitfe.measured.read import read_dataset
 from explicitfe.predict.correction import Correction, Job, Run, corrections_of
 from explicitfe.predict.experiment import CurveAnswer, effects_of, experiments
 from explicitfe.predict.homogeneous import predict_homogeneous
+from explicitfe.predict.reading import without_compliance
 from explicitfe.predict.tissue import Numerics, Tissue, effect_name, parse_tissue, read_tissue
 from explicitfe.predict.under_a_tool import predict_under_a_tool
 from explicitfe.results.folder import checked_target, whole_folder
@@ -135,7 +136,7 @@ def predict_test(
     correction = corrections.get(first.id)
     if correction is None:
         return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress)
-    corrected = partial(correction.applied, followed=test)
+    corrected = partial(correction.applied, followed=test, compliance_m_N=without_compliance(tissue)[1])
     return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress, corrected)
 
 

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from explicitfe.effects import Measurement
+from explicitfe.effects import Measurement, Rig
 from explicitfe.effects.record import Record
+from explicitfe.effects.tool.compliance import Compliance
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.experiment import cycle_of
+from explicitfe.predict.tissue import Tissue
 
 # A test is one-sided if it goes to the other side by no more than this share of its largest motion: sensors are not at zero.
 OTHER_SIDE_SHARE = 0.05
@@ -62,3 +64,17 @@ def reading(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_
 def _touches(curve: Curve) -> bool:
     """Whether the tool can leave the tissue, so that it cannot pull at it."""
     return curve.tool is not None and curve.tool.shape != "bonded-disc"
+
+
+def without_compliance(tissue: Tissue) -> tuple[Tissue, float]:
+    """The tissue without the compliance of the rig, and this compliance [m/N], which is in series with the tissue.
+
+    With a preload it stays, since displacements then count from a state of both.
+    """
+    rig = Rig()
+    for effect in tissue.effects.chosen:
+        rig = effect.on_rig(rig)
+    if rig.compliance_m_N == 0.0 or rig.preload_N > 0.0:
+        return tissue, 0.0
+    own = tuple(effect for effect in tissue.effects.chosen if isinstance(effect, Compliance))
+    return tissue.model_copy(update={"effects": tissue.effects.without(own)}), rig.compliance_m_N

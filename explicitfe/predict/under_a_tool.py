@@ -45,6 +45,30 @@ def is_homogeneous(curve: Curve, physics: Sequence[Effect]) -> bool:
     return uniform and is_uniform(setup_of(curve, 0.0, 1.0))
 
 
+def course_of_test(
+    test: Sequence[Curve], effects: Sequence[Effect], density: float
+) -> tuple[Course, np.ndarray, np.ndarray, float | None]:
+    """What a tool really does in a test.
+
+    Returns
+    -------
+    course : the instants that are computed.
+    time_s, programme : (k,) all rows of the curves one after the other, and what is really imposed there.
+    contact_power : see :meth:`Course.at`; None where the tool cannot lose contact or a force is imposed.
+    """
+    first = test[0]
+    assert first.tool is not None
+    by_force = first.imposed == "force_N"
+    readings, physics = readings_of(effects), physics_of(effects)
+    time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, start_times(test), strict=True)])
+    programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force) for curve in test])
+    tied = first.tool.shape == "bonded-disc"
+    sd = sd_of(first, first.imposed) or 0.0
+    contact_power = None if by_force or tied else CONTACT_POWERS.get(first.tool.shape, 1.0)
+    course = course_of(time_s, programme, sd=sd, waits=time_matters(physics), density=density, touches=not tied)
+    return course, time_s, programme, contact_power
+
+
 def predict_under_a_tool(
     test: Sequence[Curve],
     law: Yeoh,
@@ -71,13 +95,8 @@ def predict_under_a_tool(
     by_force = first.imposed == "force_N"
     readings, physics = readings_of(effects), physics_of(effects)
     setup = setup_of(first, law.poisson, numerics.refinement)
-    time_s = np.concatenate([curve.time_s + start for curve, start in zip(test, start_times(test), strict=True)])
-    programme = np.concatenate([true_programme(programme_of(curve), curve, readings, by_force) for curve in test])
-    tied = first.tool.shape == "bonded-disc"
+    course, time_s, programme, contact_power = course_of_test(test, effects, numerics.density)
     uniform = is_homogeneous(first, physics)
-    sd = sd_of(first, first.imposed) or 0.0
-    contact_power = None if by_force or tied else CONTACT_POWERS.get(first.tool.shape, 1.0)
-    course = course_of(time_s, programme, sd=sd, waits=time_matters(physics), density=numerics.density, touches=not tied)
     iterations = 0
     if uniform:
         platens = Platens.of(homogeneous_law, physics, 1e-3 * first.specimen.thickness_mm, 1e-6 * first.specimen.face_mm2)

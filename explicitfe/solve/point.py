@@ -141,6 +141,27 @@ def _kernel(law: str, layout: response.Layout) -> Dispatcher:
     return bind(follow, allocates=True, respond=answer, LAW_CONSTANTS=leaves.count)
 
 
+def blocks_at_rest(law: Law, effects: Sequence[MaterialEffect], count: int) -> Blocks:
+    """Blocks of so many points at rest."""
+    rows = -(-count // WIDTH)
+    return Blocks(
+        nodes=np.zeros((rows, 8, WIDTH), dtype=np.uint32),
+        geometry=np.zeros((rows, 1, WIDTH)),
+        constants=np.tile(np.array(law.constants(), dtype=float)[None, :, None], (rows, 1, WIDTH)),
+        hourglass=np.zeros((rows, 1, WIDTH)),
+        **memory_of(effects, count),
+        **no_muscles(rows),
+        **without_barrier(rows),
+        position=np.zeros((0, ROW)),
+    )
+
+
+def numbers_along(effects: Sequence[MaterialEffect], time_s: np.ndarray) -> np.ndarray:
+    """Numbers (n, k) of the effects for the increment that ends at each instant."""
+    increments = np.diff(time_s, prepend=time_s[0])
+    return np.hstack([effect.values_along(increments) for effect in effects]) if effects else np.zeros((len(time_s), 1))
+
+
 def path(
     law: Law, effects: Sequence[MaterialEffect], time_s: np.ndarray, F: np.ndarray, free: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -173,23 +194,11 @@ def path(
         others = np.prod([gradients[0, 4 * i] for i in range(3) if i not in free])
         gradients[0, [4 * i for i in free]] = others ** (-1.0 / len(free)) if others > 0.0 else 1.0
     effects = complete(effects)
-    increments = np.diff(time_s, prepend=time_s[0])
-    numbers = np.hstack([effect.values_along(increments) for effect in effects]) if effects else np.zeros((len(gradients), 1))
-    constants = np.array(law.constants(), dtype=float)
-    count = -(-STATES // WIDTH)
-    blocks = Blocks(
-        nodes=np.zeros((count, 8, WIDTH), dtype=np.uint32),
-        geometry=np.zeros((count, 1, WIDTH)),
-        constants=np.tile(constants[None, :, None], (count, 1, WIDTH)),
-        hourglass=np.zeros((count, 1, WIDTH)),
-        **memory_of(effects, STATES),
-        **no_muscles(count),
-        **without_barrier(count),
-        position=np.zeros((0, ROW)),
-    )
+    blocks = blocks_at_rest(law, effects, STATES)
+    count = len(blocks.old)
     stress = np.zeros_like(gradients)
     work = np.zeros((count, 9, WIDTH)), np.zeros((count, ANSWERS, WIDTH))
-    done = _kernel(law.law, response.layout_of(effects))(gradients, freed, numbers, blocks, *work, stress)
+    done = _kernel(law.law, response.layout_of(effects))(gradients, freed, numbers_along(effects, time_s), blocks, *work, stress)
     if done < len(gradients):
         raise RunError(
             f"no state of uniaxial stress was found at {time_s[done]:g} s; the deformation is too large for this material."

@@ -21,7 +21,7 @@ from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import row_noise, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, candidate
-from explicitfe.effects import EFFECTS, cause_of
+from explicitfe.effects import EFFECTS
 from explicitfe.errors import RunError
 from explicitfe.measured.read import read_dataset
 

@@ -21,6 +21,7 @@ from explicitfe.close_loop.report import (
     new_report,
 )
 from explicitfe.close_loop.search import compare
+from explicitfe.close_loop.specimens.lengths import with_assumed_lengths
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import COARSE, CORRECTED, Specimens
@@ -241,7 +242,7 @@ class _SpecimenLoop:
         share = THRESHOLDS.assumed_length_error_share
         rows: dict[str, list[AssumedValue]] = {}
         for factor in (1.0 - share, 1.0 + share):
-            for name, curves in self.system.assumed(factor).items():
+            for name, curves in with_assumed_lengths(self.system.curves, factor).items():
                 table, _, key = name.partition(".")
                 value = float(getattr(getattr(curves[0], table), key))
                 changed = replace(self.system.at(after.model), curves=curves)

@@ -10,8 +10,8 @@ from scipy.interpolate import PchipInterpolator
 
 from explicitfe.effects import Effect, Measurement, readings_of
 from explicitfe.measured.curve import Curve, programme_of
-from explicitfe.predict.correction import Correction, Job, kind_of, ramp_of
-from explicitfe.predict.reading import as_it_is, reading, true_programme
+from explicitfe.predict.correction import Correction, Job, for_ramps, kind_of, ramp_of, smoothed
+from explicitfe.predict.reading import as_it_is, reading, true_programme, without_compliance
 from explicitfe.predict.tissue import Tissue
 
 
@@ -26,6 +26,7 @@ class Plan:
     readings : what the machine misreads.
     by_force : the force is imposed.
     by_ramp : the run is a ramp.
+    compliance_m_N : of the rig, which the run leaves out.
     """
 
     job: Job
@@ -33,21 +34,31 @@ class Plan:
     readings: tuple[Measurement, ...] = ()
     by_force: bool = False
     by_ramp: bool = False
+    compliance_m_N: float = 0.0
 
     def read(self, answer: Sequence[np.ndarray], corrections: Mapping[str, Correction]) -> dict[str, np.ndarray]:
         """Curve -> what it would measure, SI."""
         courses, _ = self.job
-        line = PchipInterpolator(programme_of(courses[0]), answer[0]) if self.by_ramp else None
         by_curve = {}
         for number, curve in enumerate(self.test):
-            if line is None:
+            if not self.by_ramp:
                 programme, values = programme_of(courses[number]), answer[number]
             else:
-                programme = true_programme(programme_of(curve), curve, self.readings, self.by_force)
-                values = line(np.clip(programme, 0.0, programme_of(courses[0])[-1]))
+                given = true_programme(programme_of(curve), curve, self.readings, self.by_force)
+                ramp = programme_of(courses[0])
+                smooth = smoothed(answer[0], ramp) if corrections else answer[0]
+                machine = ramp if self.by_force else ramp + self.compliance_m_N * smooth
+                programme = np.interp(given, machine, ramp) if self.compliance_m_N > 0.0 and not self.by_force else given
+                values = PchipInterpolator(ramp, smooth)(np.clip(programme, 0.0, ramp[-1]))
             if curve.id in corrections:
-                followed = () if self.by_ramp else (curve,)
-                values = corrections[curve.id].applied(values, programme, self.by_force, followed)
+                own = corrections[curve.id]
+                values = (
+                    own.of_ramp(values, programme, self.by_force)
+                    if self.by_ramp
+                    else own.applied(values, programme, self.by_force, (curve,))
+                )
+            if self.by_force:
+                values = values + self.compliance_m_N * programme
             by_curve[curve.id] = reading(values, curve, self.readings, self.by_force)
         return by_curve
 
@@ -71,12 +82,19 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
     by_point = homogeneous and all(effect.pointwise for effect in effects)
     # What a mesh changes in a state that is homogeneous without it is small, so a ramp does for friction too.
     by_ramp = _forgets_its_past(first, effects) or (homogeneous and not any(effect.remembers for effect in effects))
-    text = tissue.model_copy(update={"effects": tissue.effects.without(readings)}).text
-    if by_point or not by_ramp or not ramps:
+    follows = by_point or not by_ramp or not ramps
+    compliance = 0.0
+    if not by_point and (by_force or not follows):
+        tissue, compliance = without_compliance(tissue)
+    tissue = tissue.model_copy(update={"effects": tissue.effects.without(readings)})
+    text = (tissue if follows else for_ramps(tissue)).text
+    if follows:
         # The run is what really happens; tests whose readings leave the programme as it is share it.
-        return Plan((tuple(as_it_is(curve, readings) for curve in test), text), test, readings, by_force)
+        return Plan(
+            (tuple(as_it_is(curve, readings) for curve in test), text), test, readings, by_force, compliance_m_N=compliance
+        )
     alike = [c for c in curves if kind_of(c) == kind_of(first)]
-    return Plan(((ramp_of(first, alike, readings),), text), test, readings, by_force, by_ramp=True)
+    return Plan(((ramp_of(first, alike, readings),), text), test, readings, by_force, by_ramp=True, compliance_m_N=compliance)
 
 
 def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:

@@ -14,10 +14,12 @@ from explicitfe.errors import InputError, RunError
 from explicitfe.host import stopping
 from explicitfe.host.compilation import announcing
 from explicitfe.host.worker_pool import WorkerPool
+from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve, programme_of
-from explicitfe.predict.correction import Job, Run
+from explicitfe.predict.correction import Job, Run, kind_of
 from explicitfe.predict.predict import kernels_of_test, predict_test
-from explicitfe.predict.tissue import parse_tissue
+from explicitfe.predict.reduced import ReducedSpecimen, reduced_specimen
+from explicitfe.predict.tissue import Numerics, parse_tissue
 
 
 def _answer(job: Job) -> Run:
@@ -44,6 +46,7 @@ class Simulator:
         self.watch: Callable[[str], object] = lambda words: None  # called after each run, with the number of the run in words
         self._batch = (0, 0)  # runs that are done, and runs, of the last call of run()
         self._kept: dict[tuple[str, ...], Run] = {}
+        self._reduced: dict[str, ReducedSpecimen | None] = {}
         self._pool: WorkerPool | None = None
 
     def close(self) -> None:
@@ -75,6 +78,13 @@ class Simulator:
         for key, job in todo:
             self._compute(key, job)
         return [self._kept[key] for key in keys]
+
+    def reduced(self, curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
+        """The reduced specimen of a test, with the elastic states of the first law that asks for it."""
+        kind = kind_of(curve)
+        if kind not in self._reduced:
+            self._reduced[kind] = reduced_specimen(curve, law, numerics)
+        return self._reduced[kind]
 
     def _compute(self, key: tuple[str, ...], job: Job) -> None:
         self._keep(key, _answer(job))

@@ -11,26 +11,25 @@ import numpy as np
 from explicitfe.close_loop.specimens.driven import driven_of
 from explicitfe.close_loop.specimens.features import features_of
 from explicitfe.close_loop.specimens.first_constants import RAMP_C10_PA, Baseline, first_constants
+from explicitfe.close_loop.specimens.lengths import with_errors_of_lengths
 from explicitfe.close_loop.specimens.plan import Plan, plan_of
 from explicitfe.close_loop.specimens.scales import scales_of
 from explicitfe.close_loop.specimens.series import determined, peers_of, series_of
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.statistics.covariance import stack
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.effects import EFFECTS, Effect, cause_of
 from explicitfe.effects.effect import Sought, with_leaves
-from explicitfe.errors import InputError
+from explicitfe.errors import InputError, RunError
 from explicitfe.forces.response import layout_of
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.predict.correction import Correction, corrections_of
-from explicitfe.predict.experiment import experiments
+from explicitfe.predict.experiment import effects_of, experiments
+from explicitfe.predict.reduced import is_reducible
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
-# Poisson's ratio of the baseline on a mesh; homogeneous states are computed in the incompressible limit.
+# Poisson's ratio of the baseline on a mesh, from which answers are extrapolated to the incompressible limit.
 MESH_POISSON_RATIO = 0.499
-# One standard deviation from that of the mesh: the volume changes twice as easily.
-SOFTER_POISSON_RATIO = 0.498
 # The largest ratio of C20 to C10 that a fit may reach.
 LARGEST_C20_RATIO = 1e3
 # C10 may end within these factors of where it begins.
@@ -38,7 +37,8 @@ C10_BOUND_FACTORS = (1e-4, 1e4)
 # A step of C20, as a share of C10, that changes an answer noticeably.
 C20_STEP_RATIO = 0.3
 EXACT = Numerics()
-COARSE = Numerics(refinement=0.4, density=0.4, tolerance=1.5e-3)  # with which tests are planned, by differences of answers
+# With which tests are planned and candidates are tried, by differences of answers; ramps have the instants of the search.
+COARSE = Numerics(refinement=0.4, density=0.4, tolerance=5e-4, finer=1.5)
 # With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
 CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, finer=1.5)
 # The check of a history adds instants and tightens the tolerance by these factors.
@@ -147,9 +147,10 @@ class Specimens:
         for group in self.groups if several else [EVERY]:
             label = group if several else ""
             constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=max(known["C20_Pa", label], 0.0))
+        changes_volume = any(EFFECTS[name].changes_volume for name in hypothesis.effects)
         tissue = Tissue(
             poisson=MESH_POISSON_RATIO,
-            incompressible=self.exact(hypothesis),
+            incompressible=self.exact(hypothesis) or not (self.homogeneous or changes_volume),
             constants_by=self.constants_by,
             constants=constants,
             numerics=numerics or self.numerics,
@@ -175,17 +176,35 @@ class Specimens:
         return columns
 
     def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
-        """Change (n,) SI of the prediction by each trial; on a mesh by differences on a coarse one.
+        """Change (n,) SI of the prediction by each trial, by differences on one mesh.
 
         A trial that follows whole histories is compared with the same effect without strength, because a model without history
         is read off one ramp.
         """
+        if not self.exact(model):
+            known = [c for c in candidates if self.has_sketch(c.effect) and EFFECTS[c.effect].acts_on != "reading"]
+            table = dict(zip([c.effect for c in known], self._sketched_changes(model, known), strict=True))
+            others = iter(self._simulated_changes(model, [c for c in candidates if c.effect not in table]))
+            return [table[c.effect] if c.effect in table else next(others) for c in candidates]
+        return self._simulated_changes(model, candidates)
+
+    def _sketched_changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+        """As :meth:`changes`, by the reduced specimens."""
+        bare = Hypothesis(model.base, (), model.x[: len(model.base)])
+        models = [bare.plus(one.term, values) for one in candidates for values in one.trials]
+        before, *answers = self.sketched([bare, *models])
+        remaining = iter([None if y is None or before is None else stack(y) - stack(before) for y in answers])
+        return [[next(remaining) for _ in one.trials] for one in candidates]
+
+    def _simulated_changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
+        """As :meth:`changes`, by the simulator."""
         plain = self._sketch(model)
         jobs: list[tuple[Specimens, Hypothesis, Hypothesis]] = []
         for one in candidates:
             effect = EFFECTS[one.effect]
             pointwise = self.homogeneous and effect.pointwise and self.exact(model)
-            system, base = (self, model) if pointwise else (replace(self, numerics=COARSE, corrections={}), plain)
+            by_ramp = not (self.homogeneous or _needs_history(effect) or effect.needs_half_body)
+            system, base = (self, model) if pointwise or by_ramp else (replace(self, numerics=COARSE, corrections={}), plain)
             none = base
             if not pointwise and (self.homogeneous or _needs_history(effect)):
                 none = base.plus(one.term, (one.term.parameters[0].sought.none, *one.trials[0][1:]))
@@ -228,6 +247,33 @@ class Specimens:
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, SI; None where it cannot be computed."""
         return self._answers([self.tissue(m) for m in models], self.curves)
+
+    def has_sketch(self, effect: str) -> bool:
+        """Whether a reduced specimen has an effect: one of the material that leaves its volume as it is, or of the reading."""
+        kind = EFFECTS[effect]
+        return not self.homogeneous and (kind.acts_on == "reading" or is_reducible(EFFECTS.get(kind.extends, kind)))
+
+    def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
+        """What reduced specimens answer; None where one cannot be computed."""
+        driven = [driven_of(c).curve for c in self.curves]
+        tests = experiments(driven)
+        answers: list[Answer | None] = []
+        for model in models:
+            tissue = self.tissue(model)
+            by_curve: dict[str, np.ndarray] = {}
+            try:
+                for test in tests:
+                    law = tissue.law(test[0])
+                    specimen = self.simulator.reduced(test[0], law, COARSE)
+                    if specimen is None:
+                        break
+                    values = specimen.answers(test, law, effects_of(test[0], tissue), COARSE.density)
+                    by_curve |= {c.id: y for c, y in zip(test, values, strict=True)}
+            except RunError:
+                pass
+            whole = len(by_curve) == len(self.curves)
+            answers.append([by_curve[c.id][driven_of(c).rows][determined(c)] for c in self.curves] if whole else None)
+        return answers
 
     def failing(self) -> dict[str, str]:
         """Curve -> why it cannot be computed where the fit begins."""
@@ -275,47 +321,14 @@ class Specimens:
         return changed
 
     def assumptions(self, model: Hypothesis) -> dict[str, Answer]:
-        """What is computed with each length larger by its likely error, assumed or stated, and with another Poisson's ratio."""
+        """What is computed with each length larger by its likely error, assumed or stated."""
         answers = {}
-        if not self.exact(model):
-            other = self.tissue(model).model_copy(update={"poisson": SOFTER_POISSON_RATIO})
-            (answer,) = self._answers([other], self.curves)
-            if answer is not None:
-                answers["Poisson's ratio"] = answer
-        changed = self.assumed(1.0 + THRESHOLDS.assumed_length_error_share) | self._with_errors_of_stated_lengths()
+        changed = with_errors_of_lengths(self.curves, self.homogeneous)
         for name, curves in changed.items():
             (answer,) = self._answers([self.tissue(model)], curves)
             if answer is not None:
                 answers[name] = answer
         return answers
-
-    def assumed(self, factor: float) -> dict[str, tuple[Curve, ...]]:
-        """Name of each assumed length -> the curves with it multiplied."""
-        changed: dict[str, tuple[Curve, ...]] = {}
-        for table in ("specimen", "tool"):
-            keys = dict.fromkeys(k for c in self.curves if getattr(c, table) is not None for k in getattr(c, table).assumed)
-            for key in keys:
-                if key.endswith("_mm"):
-                    changed[f"{table}.{key}"] = tuple(with_length(c, table, key, factor) for c in self.curves)
-        return changed
-
-    def _with_errors_of_stated_lengths(self) -> dict[str, tuple[Curve, ...]]:
-        """Name of each stated length -> the curves with it larger by its likely error.
-
-        Two heights are two measurements, each with an error of its own. How wide a specimen is matters between platens only.
-        """
-        share = THRESHOLDS.stated_length_error_share
-        keys = [("specimen", "height_mm"), ("specimen" if self.homogeneous else "tool", "radius_mm")]
-        changed: dict[str, tuple[Curve, ...]] = {}
-        for table, key in keys:
-            owners = [getattr(c, table) for c in self.curves]
-            stated = [None if owner is None or key in owner.assumed else getattr(owner, key) for owner in owners]
-            for length in dict.fromkeys(value for value in stated if value is not None):
-                changed[f"{100.0 * share:g} % of {table}.{key} = {length:g}"] = tuple(
-                    with_length(c, table, key, 1.0 + share) if value == length else c
-                    for c, value in zip(self.curves, stated, strict=True)
-                )
-        return changed
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
         """Terms that may be added to a model, or the reason why these data cannot show one.
@@ -410,15 +423,6 @@ class Specimens:
         """Sizes in the tests, with the mean of all constants of a model."""
         values = model.values[: len(self.base)]
         return scales_of(self.curves, float(np.mean(values[0::2])), float(np.mean(values[1::2])))
-
-
-def with_length(curve: Curve, table: str, key: str, factor: float) -> Curve:
-    """A curve with one length of its specimen or tool multiplied."""
-    own = getattr(curve, table)
-    value = None if own is None else getattr(own, key, None)
-    if not isinstance(value, int | float):
-        return curve
-    return replace(curve, **{table: own.model_copy(update={key: factor * value})})
 
 
 def _for_group(tissue: Tissue, group: str) -> Tissue:

@@ -53,11 +53,13 @@ class Covariance:
         shape = None if self.shape is None else self.shape[self.rows_of(test)]
         return Covariance([self.series[k] for k in numbers], [self.rows[k] for k in numbers], self.scatter, {}, shape)
 
-    def of_rows(self) -> Covariance:
-        """The part of the rows alone."""
-        if not self.floors and self.scatter.scale == self.scatter.offset == 0.0:
-            return self
-        return Covariance(self.series, self.rows, replace(self.scatter, scale=0.0, offset=0.0))
+    def without_scatter(self) -> Covariance:
+        """As if equal tests did not differ."""
+        return (
+            self
+            if self.scatter.scale == self.scatter.offset == 0.0
+            else replace(self, scatter=replace(self.scatter, scale=0.0, offset=0.0))
+        )
 
     @cached_property
     def shared(self) -> np.ndarray:

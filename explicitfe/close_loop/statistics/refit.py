@@ -6,13 +6,14 @@ from the steps themselves (Broyden 1965, Schubert 1970).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
-from explicitfe.close_loop.statistics.system import Answer, Hypothesis, System, values_by_name
+from explicitfe.close_loop.statistics.system import Answer, Answering, Hypothesis, System, values_by_name
 from explicitfe.errors import RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.
@@ -27,19 +28,22 @@ COSTLY_ENOUGH_CHI2, COSTLY_ENOUGH_CHI2_SHARE = 0.5, 3e-3
 # A search that ended otherwise has still converged if a further step would gain less than this share of chi2.
 STALLED_CHI2_SHARE, ROUGH_STALLED_CHI2_SHARE = 1e-2, 1e-1
 MOST_STEPS, ROUGH_MOST_STEPS = 40, 8
+# A search of costly answers ends after so many steps in a row that led nowhere: the answers are too rough to go on.
+COSTLY_VAIN_STEPS = 3
 # So often derivatives are taken again where answers are rough; elsewhere they may be at every step.
 ROUGH_NEW_DERIVATIVES = 1
 # Derivatives are taken again where a step gains less than this share of what they promised.
 POOR_GAIN_SHARE = 0.25
 FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e8
-# After a trial that cannot be computed steps are at most about half as long. Each further one would be a run that fails again.
+# After a trial that cannot be computed, or that was costly and in vain, steps are at most about half as long. Each further one
+# would be a run that fails again.
 DAMPING_AFTER_FAILURE = 1.0
 # Damping of the steps in cross-validation, which only has to keep them finite.
 SMALLEST_DAMPING = 1e-9
 # A parameter this near to an end of its range, as a share of the range, is at its bound.
 BOUND_SHARE = 1e-6
 # Mean square of the residual over the noise of the rows from which on a misfit is gross: against it the scatter of tests and the
-# errors of assumed lengths would be used up, so the model is fitted by the rows alone.
+# errors of assumed lengths would be used up, so the model is fitted as if they did not differ.
 GROSS_MISFIT = 9.0
 # A search that gave up begins again with each coordinate moved by this share of its typical length, to either side.
 MOVED_START_SHARE = 0.5
@@ -49,6 +53,9 @@ MOST_RENEWALS = 1
 START_STRENGTH_SHARES = (1.0, 0.5, 0.25, 0.1, 0.0)
 # A parameter on which the other tests depend by less than this share of what all tests do stays where it is.
 UNSEEN_SHARE = 1e-9
+
+
+Slopes = Callable[[Hypothesis], np.ndarray | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +70,7 @@ class BestFit:
     residual, jacobian : (n,) target - answer and (n, p) slopes, whitened.
     at_bound : names of parameters at a bound.
     converged : False where the search gave up, which says nothing about the model.
-    by_rows : sum of squares whitened by the rows alone where the misfit is gross; None elsewhere.
+    by_rows : sum of squares without the scatter of tests where the misfit is gross; None elsewhere.
     """
 
     model: Hypothesis
@@ -77,7 +84,7 @@ class BestFit:
 
     @property
     def chi2(self) -> float:
-        """The sum of squares that the fit made small: whitened by the rows alone where the misfit is gross, else by Sigma."""
+        """The sum of squares that the fit made small: without the scatter of tests where the misfit is gross, else by Sigma."""
         return self.whitened if self.by_rows is None else self.by_rows
 
     @property
@@ -96,11 +103,12 @@ class BestFit:
 
 
 def refit(
-    system: System,
+    system: Answering,
     start: Hypothesis,
     covariance: Covariance,
     target: np.ndarray | None = None,
     slopes: np.ndarray | None = None,
+    renew: Slopes | None = None,
 ) -> BestFit:
     """The best parameters of a model, by the method of Levenberg and Marquardt inside the bounds; never worse than the start.
 
@@ -110,6 +118,7 @@ def refit(
     target : (n,) SI; what is to be met, the measured rows if left out.
     slopes : (n, p) SI; derivatives near the start, NaN where they are unknown. They are used where answers are rough, because
         they save many runs.
+    renew : fast derivatives at any model, used in the same way wherever they are taken.
 
     Raises
     ------
@@ -119,13 +128,15 @@ def refit(
     low = np.array([p.low for p in start.parameters])
     high = np.array([p.high for p in start.parameters])
     model, answer = _computable(system, start.at(np.clip(start.x, low, high)))
+    if slopes is None and renew is not None:
+        slopes = renew(model)
     if slopes is None or system.exact(start):
         position = _Position(model, answer, derivatives(system, model, answer), True, False)
     else:
         position = _Position(model, answer, derivatives(system, model, answer, slopes), False, False)
-    # The model is first fitted by the rows alone. Against a gross misfit no scale of a test and no assumed length is unlikely
-    # enough: they would be spent on it, and the constants would go anywhere.
-    rows = covariance.of_rows()
+    # The model is first fitted as if equal tests did not differ. Against a gross misfit no scale of a test is unlikely enough:
+    # all would be spent on it, and the constants would go anywhere.
+    rows = covariance.without_scatter()
     small = GROSS_MISFIT * len(y)
 
     def misfit_by_rows(at: _Position) -> float:
@@ -134,22 +145,22 @@ def refit(
     begin = position
     by_rows: float | None = None
     if rows is not covariance and system.costly(start) and start.terms:
-        # Both fits cost, and where the misfit of the second is not gross, that of the first would not be either.
-        weighted = _descend(system, position, covariance, y)
-        if misfit_by_rows(weighted) < small:
+        # Both fits cost, and the second would be thrown away where the first leaves no gross misfit.
+        weighted = _descend(system, position, covariance, y, renew)
+        if _misfit(weighted, covariance, y) < small:
             return _best_fit(weighted, covariance, y, None)
-    position = _descend(system, position, rows, y)
+    position = _descend(system, position, rows, y, renew)
     if misfit_by_rows(position) >= small:
         by_rows = misfit_by_rows(position)
     elif rows is not covariance:
-        position = _descend(system, position, covariance, y)
+        position = _descend(system, position, covariance, y, renew)
         if _misfit(begin, covariance, y) < _misfit(position, covariance, y):
-            # The way by the rows alone led to a worse place than it began at.
-            position = _descend(system, begin, covariance, y)
+            # The way without scatter led to a worse place than it began at.
+            position = _descend(system, begin, covariance, y, renew)
     return _best_fit(position, covariance, y, by_rows)
 
 
-def _computable(system: System, model: Hypothesis) -> tuple[Hypothesis, np.ndarray]:
+def _computable(system: Answering, model: Hypothesis) -> tuple[Hypothesis, np.ndarray]:
     """The model with its answer (n,); with weaker effects where it cannot be computed as it is.
 
     An effect can leave a body too soft for an imposed force. The model without its strength is a subset of it, which was fitted.
@@ -206,7 +217,9 @@ class _Position:
     converged: bool
 
 
-def _descend(system: System, position: _Position, covariance: Covariance, y: np.ndarray) -> _Position:
+def _descend(
+    system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None = None
+) -> _Position:
     """The least chi2 downhill from a position."""
     model, answer, slopes, fresh = position.model, position.answer, position.slopes, position.fresh
     exact = system.exact(position.model)
@@ -217,6 +230,7 @@ def _descend(system: System, position: _Position, covariance: Covariance, y: np.
     r = covariance.at(answer).whiten(y - answer)
     damping, converged = FIRST_DAMPING, False
     renewals = MOST_STEPS if exact else ROUGH_NEW_DERIVATIVES
+    vain = 0
     for _ in range(MOST_STEPS if exact else ROUGH_MOST_STEPS):
         J = _jacobian(covariance, y, answer, slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
@@ -228,7 +242,7 @@ def _descend(system: System, position: _Position, covariance: Covariance, y: np.
             if fresh or not exact:
                 converged = True
                 break
-            slopes, fresh = derivatives(system, model, answer), True
+            slopes, fresh = derivatives(system, model, answer, renew and renew(model)), True
             continue
         moved = model.at(np.clip(model.x + step, low, high))
         new = _answer_of(system, moved)
@@ -239,16 +253,19 @@ def _descend(system: System, position: _Position, covariance: Covariance, y: np.
             left = covariance.at(new).whiten(y - new)
             better = float(left @ left) < float(r @ r)
             if better:
-                slopes = _update(slopes, new - answer, moved.x - model.x)
+                slopes = _update(slopes, new - answer, moved.x - model.x) if renew is None else _renewed(slopes, renew(moved))
                 poor = float(r @ r - left @ left) < POOR_GAIN_SHARE * gain
                 model, answer, r, fresh = moved, new, left, False
                 damping *= 1.0 if poor else 0.1
+        vain = 0 if better else vain + 1
         if better and not poor:
             continue
+        if costly and vain >= COSTLY_VAIN_STEPS:
+            break
         if not fresh and renewals > 0:
-            slopes, fresh, renewals = derivatives(system, model, answer), True, renewals - 1
+            slopes, fresh, renewals = derivatives(system, model, answer, renew and renew(model)), True, renewals - 1
         elif not better:
-            damping *= 10.0
+            damping = max(10.0 * damping, DAMPING_AFTER_FAILURE) if costly else 10.0 * damping
             if damping > LARGEST_DAMPING:
                 break  # no direction leads downhill
     # Rough answers have no exact minimum, so it is enough to be near it.
@@ -259,6 +276,11 @@ def _descend(system: System, position: _Position, covariance: Covariance, y: np.
         gain = float(r @ r - (r - J @ step) @ (r - J @ step))
         converged = gain < max(enough, (STALLED_CHI2_SHARE if exact else ROUGH_STALLED_CHI2_SHARE) * float(r @ r))
     return _Position(model, answer, slopes, fresh, converged)
+
+
+def _renewed(slopes: np.ndarray, fast: np.ndarray | None) -> np.ndarray:
+    """Fast derivatives (n, p) where they are known, those from before elsewhere."""
+    return slopes if fast is None else np.where(np.isfinite(fast), fast, slopes)
 
 
 def _update(slopes: np.ndarray, change: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -277,7 +299,7 @@ def _jacobian(covariance: Covariance, y: np.ndarray, answer: np.ndarray, slopes:
     return local.whiten(local.scaled_slopes(y - answer, slopes))
 
 
-def derivatives(system: System, model: Hypothesis, now: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+def derivatives(system: Answering, model: Hypothesis, now: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
     """Derivatives (n, p) SI of the answer ``now`` by the coordinates, taken to one side.
 
     Parameters
@@ -329,7 +351,7 @@ def _step(J: np.ndarray, r: np.ndarray, low: np.ndarray, high: np.ndarray, dampi
     return lsq_linear(top, right, bounds=(np.minimum(low, 0.0) - gap, np.maximum(high, 0.0) + gap), method="bvls").x
 
 
-def _answer_of(system: System, model: Hypothesis) -> np.ndarray | None:
+def _answer_of(system: Answering, model: Hypothesis) -> np.ndarray | None:
     """What a model answers (n,) SI; None where it cannot be computed."""
     (answer,) = system.answers([model])
     if answer is None:
@@ -339,11 +361,11 @@ def _answer_of(system: System, model: Hypothesis) -> np.ndarray | None:
 
 
 def _quality(fit: BestFit) -> tuple[bool, float]:
-    """Smaller is better; a gross misfit is worse than any other, and its chi2 is that of the rows alone."""
+    """Smaller is better; a gross misfit is worse than any other, and its chi2 is that without the scatter of tests."""
     return fit.by_rows is not None, fit.chi2
 
 
-def settled(system: System, fit: BestFit, covariance: Covariance) -> BestFit:
+def settled(system: Answering, fit: BestFit, covariance: Covariance, renew: Slopes | None = None) -> BestFit:
     """The fit itself, or where its search gave up the best of several.
 
     It begins again where it stopped, with new derivatives, and then to either side. Rough answers can stop a search that has
@@ -354,7 +376,7 @@ def settled(system: System, fit: BestFit, covariance: Covariance) -> BestFit:
         if best.converged:
             break
         try:
-            ends.append(refit(system, _moved(best.model, share), covariance))
+            ends.append(refit(system, _moved(best.model, share), covariance, renew=renew))
         except RunError:
             continue  # no model there: the next start may have one
         best = min(ends, key=_quality)
@@ -371,11 +393,13 @@ def _moved(model: Hypothesis, share: float) -> Hypothesis:
     return model.at(np.clip(model.x + share * typical, low, high))
 
 
-def renewed(system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS) -> tuple[System, BestFit]:
+def renewed(
+    system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS, renew: Slopes | None = None
+) -> tuple[System, BestFit]:
     """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
     for _ in range(times):
         here = system.at(fit.model)
         if here is system:
             break
-        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes)
+        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes, renew=renew)
     return system, fit

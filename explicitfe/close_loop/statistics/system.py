@@ -176,8 +176,8 @@ class Series:
 Answer = list[np.ndarray]
 
 
-class System(Protocol):
-    """A dataset with its forward model."""
+class Answering(Protocol):
+    """What a fit needs to know: measured series, and what a model answers."""
 
     @property
     def series(self) -> Sequence[Series]:
@@ -187,18 +187,25 @@ class System(Protocol):
     def base(self) -> tuple[Parameter, ...]:
         """Parameters of the baseline."""
 
+    def exact(self, model: Hypothesis) -> bool:
+        """Whether a model's answers are free of numerical roughness, so that small differences between them mean something."""
+
+    def costly(self, model: Hypothesis) -> bool:
+        """Whether an answer takes the run of a mesh, so that what decides nothing is left undone."""
+
+    def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
+        """What each model predicts of the series, in SI at their rows; None where it cannot be computed."""
+
+
+class System(Answering, Protocol):
+    """A dataset with its forward model."""
+
     def start(self) -> Hypothesis:
         """The baseline, at constants to begin with."""
 
     def at(self, model: Hypothesis) -> System:
         """The same data with the forward model that is best near a model, such as with what a finer mesh changes there; itself
         where there is only one."""
-
-    def exact(self, model: Hypothesis) -> bool:
-        """Whether a model's answers are free of numerical roughness, so that small differences between them mean something."""
-
-    def costly(self, model: Hypothesis) -> bool:
-        """Whether an answer takes the run of a mesh, so that what decides nothing is left undone."""
 
     def candidates(self, model: Hypothesis) -> list[Candidate]:
         """Terms that may be added to a model, or the reason why these data cannot show one."""
@@ -210,8 +217,11 @@ class System(Protocol):
         """Name -> change (n,) SI of all rows by one standard deviation of an error that many rows share, such as that of the
         estimated loading protocol."""
 
-    def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
-        """What each model predicts of the series, in SI at their rows; None where it cannot be computed."""
+    def has_sketch(self, effect: str) -> bool:
+        """Whether :meth:`sketched` can answer with an effect."""
+
+    def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
+        """Fast answers, for differences between models where an answer is costly; None where there are none."""
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What other numerics answer, such as a finer mesh or smaller steps."""

@@ -188,6 +188,14 @@ class Trajectories:
         runs = zip(self.curves, self.runs.of(self._jobs(model)), strict=True)
         return {curve.id: run for curve, run in runs if isinstance(run, str)}
 
+    def has_sketch(self, effect: str) -> bool:
+        """There are no fast answers."""
+        return False
+
+    def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
+        """None for each model."""
+        return [None] * len(models)
+
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.
 

@@ -46,6 +46,7 @@ class Compressible(MaterialEffect):
         "volume_stiffening": Sought((0.5,), 0.0, 2.0),
     }
     requires: ClassVar[tuple[str, ...]] = ("tool",)
+    changes_volume = True
     poisson: float = Field(ge=0.0, lt=0.5, description="Poisson's ratio")
     volume_stiffening: float = Field(
         default=LAW_STIFFENING, ge=0.0, le=2.0, description="s = -U'''(1) / K: 0 is K/2 (J - 1)^2, 1 is Simo and Taylor's energy"

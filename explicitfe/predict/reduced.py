@@ -1,0 +1,128 @@
+"""A specimen under a tool with one degree of freedom: its deformation is one of those that an elastic body takes on a ramp.
+
+The elastic states of one coarse run are a curve in the space of all deformations, with the depth of the tool as its parameter. A
+material with a memory follows its own path at every element, while the body is kept on this curve; by virtual work its stress
+gives the force of the tool. The force at a given depth is then exact to first order in what the material differs from the elastic
+one (Ritz's method), and a test costs milliseconds. Answers are compared with each other, so that errors of the mesh cancel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicitfe.effects import Effect, physics_of, readings_of
+from explicitfe.effects.complete import ABSENT
+from explicitfe.effects.effect import MaterialEffect, with_leaves
+from explicitfe.effects.material.viscoelastic import PronySeries
+from explicitfe.materials.yeoh import Yeoh
+from explicitfe.measured.course import Course
+from explicitfe.measured.curve import Curve
+from explicitfe.predict.reading import reading
+from explicitfe.predict.setup import setup_of
+from explicitfe.predict.tissue import Numerics
+from explicitfe.predict.under_a_tool import course_of_test
+from explicitfe.solve import ritz
+from explicitfe.solve.load_outcome import Stuck
+from explicitfe.solve.ritz import Family
+
+# States of the ramp.
+STATES = 33
+# Powers of the depth in the deformation gradients. Contact begins at single nodes, which makes a run ripple; the smooth part of
+# it is what is needed. A round tool touches a circle that grows with the root of the depth.
+POWERS = (1.0, 2.0, 3.0, 4.0, 5.0)
+POWERS_OF_A_SPHERE = (0.5, 1.0, 1.5, 2.0, 3.0)
+# The ramp goes beyond the largest depth that was measured, for models that are softer.
+DEPTH_MARGIN = 1.25
+# A body that keeps its volume does no work in the change of volume, which is left out of virtual work: it would be a small
+# difference of large numbers.
+POINT_POISSON_RATIO = 0.3
+# Local coordinates of a hexahedron's corners.
+CORNERS = np.array([(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
+
+
+def is_reducible(effect: type[Effect]) -> bool:
+    """Whether an effect changes the stress of an element alone, and leaves its volume as it is."""
+    return effect in {type(one) for one in ABSENT} or issubclass(effect, PronySeries)
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedSpecimen:
+    """The elastic states of a specimen under a tool.
+
+    Attributes
+    ----------
+    ends_m : smallest and largest depth of the tool.
+    family : of deformations, by the share of the largest depth.
+    tied : the tool can pull.
+    """
+
+    ends_m: tuple[float, float]
+    family: Family
+    tied: bool
+
+    def follow(self, law: Yeoh, effects: Sequence[MaterialEffect], course: Course, by_force: bool) -> np.ndarray:
+        """Force or depth (n,) at the instants of a course; a tool that cannot pull leaves the body.
+
+        Raises
+        ------
+        RunError : a state has no finite stress.
+        """
+        law = law.model_copy(update={"poisson": POINT_POISSON_RATIO})
+        largest = self.ends_m[1]
+        kind = ritz.BY_FORCE if by_force else ritz.TIED if self.tied else ritz.BY_DEPTH
+        imposed = course.imposed if by_force else course.imposed / largest
+        share, force = self.family.follow(law, effects, course.time_s, imposed, kind)
+        return largest * share if by_force else force
+
+    def answers(self, test: Sequence[Curve], law: Yeoh, effects: Sequence[Effect], density: float) -> list[np.ndarray]:
+        """What the curves of a test measure, SI."""
+        by_force = test[0].imposed == "force_N"
+        course, time_s, _, contact_power = course_of_test(test, effects, density)
+        for effect in effects:
+            law = effect.in_law(law)
+        values = course.at(self.follow(law, with_leaves(physics_of(effects)), course, by_force), time_s, contact_power)
+        parts = np.split(values, np.cumsum([len(curve.time_s) for curve in test])[:-1])
+        return [reading(part, curve, readings_of(effects), by_force) for part, curve in zip(parts, test, strict=True)]
+
+
+def reduced_specimen(curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
+    """The elastic states of the specimen of a test, down to the depth that was measured; None where they cannot be computed."""
+    assert curve.tool is not None
+    tied = curve.tool.shape == "bonded-disc"
+    setup = setup_of(curve, law.poisson, numerics.refinement)
+    measured = curve.displacement_m
+    largest = DEPTH_MARGIN * float(measured.max())
+    least = DEPTH_MARGIN * min(float(measured.min()), 0.0) if tied else 0.0
+    shares, states, forces = [], [], []
+    for end in (largest, least):
+        if end == 0.0:
+            continue
+        body = setup.relaxation(law.C10_Pa, law.C20_Pa, tolerance=numerics.tolerance)
+        mesh = body.model.mesh
+        slopes, volumes = _at_centres(mesh.points[mesh.hexes])
+        for part in np.arange(1, STATES) / (STATES - 1):
+            reached = body.move(float(part * end), at_s=0.0)
+            if isinstance(reached, Stuck):
+                break
+            shares.append(float(part * end) / largest)
+            states.append(np.einsum("eai,eaj->eij", body.displacement[mesh.hexes], slopes))
+            forces.append(reached.force_N)
+    if len(shares) < STATES // 2:
+        return None
+    powers = POWERS_OF_A_SPHERE if curve.tool.shape == "sphere" else POWERS
+    family = Family.fitted(np.array(shares), np.array(states).reshape(len(shares), -1, 9), volumes / largest, powers)
+    light = law.model_copy(update={"poisson": POINT_POISSON_RATIO})
+    _, work = family.follow(light, (), np.zeros(len(shares)), np.array(shares), ritz.TIED)
+    factor = float(work @ forces / (work @ work))
+    ends = (min(0.0, *shares), max(shares))
+    return ReducedSpecimen((ends[0] * largest, ends[1] * largest), family.scaled(factor, ends), tied)
+
+
+def _at_centres(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives (p, 8, 3) of the shape functions at the centres of hexahedra with corners (p, 8, 3), and their volumes (p,)."""
+    slopes = CORNERS / 8.0
+    jacobian = np.einsum("eai,aj->eij", corners, slopes)
+    return np.einsum("aj,eji->eai", slopes, np.linalg.inv(jacobian)), 8.0 * np.linalg.det(jacobian)

@@ -1,0 +1,75 @@
+"""Fast answers near a baseline, with a system whose full answers are known functions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from explicitfe.close_loop.statistics.refit import BestFit
+from explicitfe.close_loop.statistics.sketch import Sketch
+from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
+from explicitfe.effects.effect import Sought
+
+ROWS = np.linspace(0.1, 1.0, 12)
+BASE = (Parameter("a", Sought((1.0,), 0.0, 10.0), 1.0), Parameter("b", Sought((1.0,), 0.0, 10.0), 1.0))
+HISTORY = Term("slow", (Parameter("slow.g", Sought((0.2,), 0.0, 1.0), 0.2),))
+SHAPE = Term(
+    "shape", (Parameter("shape.size", Sought((0.3,), 0.0, 1.0), 0.3), Parameter("shape.place", Sought((0.5,), 0.0, 1.0), 0.5))
+)
+
+
+class Series:
+    measured = ROWS
+
+
+class Known:
+    """Full answers a x + b x^2 (1 - g) + size sin x; fast ones are 8 % off in a and b and have no ``shape``."""
+
+    series = (Series(),)
+    base = BASE
+
+    def has_sketch(self, effect: str) -> bool:
+        return effect == "slow"
+
+    def sketched(self, models):
+        return [[self.full(model) * 0.92 + 0.3] for model in models]
+
+    def full(self, model: Hypothesis) -> np.ndarray:
+        a, b = model.x[:2]
+        strength = {term.effect: value for term, value in zip(model.terms, model.x[2:], strict=False)}
+        return a * ROWS + b * ROWS**2 * (1.0 - strength.get("slow", 0.0)) + strength.get("shape", 0.0) * np.sin(ROWS)
+
+
+def sketch(baseline: Hypothesis) -> Sketch:
+    system = Known()
+    slopes = np.column_stack([ROWS, ROWS**2])
+    answer = system.full(baseline)
+    fit = BestFit(baseline, answer, slopes, 0.0 * answer, slopes, (), True)
+    return Sketch(system, fit, {"shape": np.sin(ROWS)})
+
+
+def test_the_baseline_and_its_slopes_are_those_of_the_full_system():
+    baseline = Hypothesis(BASE, (), np.array([2.0, 3.0]))
+    one = sketch(baseline)
+    (answer,) = one.answers([baseline])
+    assert answer[0] == pytest.approx(one.system.full(baseline), rel=1e-12)
+    moved = baseline.at([2.3, 3.4])
+    (answer,) = one.answers([moved])
+    assert answer[0] == pytest.approx(one.system.full(moved), rel=1e-9)  # linear in both
+    assert one.slopes(baseline) == pytest.approx(one.baseline.slopes, rel=1e-6)
+
+
+def test_history_is_fast_and_shapes_are_linear():
+    """What history changes is as wrong as the fast answers, 8 %; a shape without a fast answer has a slope by its strength."""
+    baseline = Hypothesis(BASE, (), np.array([2.0, 3.0]))
+    one = sketch(baseline)
+    slow = baseline.plus(HISTORY, (0.2,))
+    (answer,) = one.answers([slow])
+    assert answer[0] - one.system.full(baseline) == pytest.approx(-0.92 * 0.2 * 3.0 * ROWS**2, rel=1e-9)
+    assert one.of_history(slow) == pytest.approx(-0.92 * 0.2 * 3.0 * ROWS**2, rel=1e-9)
+    shaped = slow.plus(SHAPE, (0.3, 0.5))
+    slopes = one.slopes(shaped)
+    assert slopes[:, 3] == pytest.approx(np.sin(ROWS), rel=1e-6)
+    assert np.isnan(slopes[:, 4]).all()
+    unknown = baseline.plus(Term("other", HISTORY.parameters), (0.1,))
+    assert one.answers([unknown]) == [None]

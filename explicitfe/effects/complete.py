@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from explicitfe.compiled.jit import Template
-from explicitfe.effects.effect import Description, MaterialEffect, Sought
+from explicitfe.effects.effect import Description, Effect, MaterialEffect, Sought
 from explicitfe.effects.material.fibres import Fibres
 from explicitfe.effects.material.nonlinear_relaxation import NonlinearSeries, note_invariant
 from explicitfe.effects.material.payne import Payne
@@ -77,3 +77,8 @@ def complete(effects: Sequence[MaterialEffect]) -> Sequence[MaterialEffect]:
     exponent = series[0].exponent if series and isinstance(series[0], NonlinearSeries) else 0.0
     whole = AnySeries(g=tuple(map(float, g)), tau_s=tuple(map(float, tau_s)), exponent=exponent)
     return [whole, *(own.get(type(effect), effect) for effect in ABSENT)]
+
+
+def is_isochoric(effect: type[Effect]) -> bool:
+    """Whether an effect changes the stress of an element alone and leaves its volume as it is."""
+    return effect in {type(one) for one in ABSENT} or issubclass(effect, PronySeries)

@@ -92,6 +92,7 @@ class Correction:
     remembered : curve -> (k,) a further factor of its rows, where a tissue remembers.
     smooth : (m,) fine answer over the smooth part of the coarse one. How a mesh ripples depends on the constants too, so answers
         that are read off a ramp are smoothed instead.
+    limit : (m,) a further factor, to the incompressible limit, for a tissue that has one.
     """
 
     depth_m: np.ndarray
@@ -99,10 +100,15 @@ class Correction:
     errors: Mapping[str, np.ndarray]
     remembered: Mapping[str, np.ndarray] = field(default_factory=dict)
     smooth: np.ndarray | None = None
+    limit: np.ndarray | None = None
 
-    def of_ramp(self, answer: np.ndarray, programme: np.ndarray, by_force: bool) -> np.ndarray:
+    def of_ramp(self, answer: np.ndarray, programme: np.ndarray, by_force: bool, incompressible: bool = True) -> np.ndarray:
         """A smooth answer (k,) to a ramp, see :func:`smoothed`, corrected."""
-        return answer * self._at(self.factor if self.smooth is None else self.smooth, answer, programme, by_force)
+        factor = self.factor if self.smooth is None else self.smooth
+        return answer * self._at(self._with_limit(factor, incompressible), answer, programme, by_force)
+
+    def _with_limit(self, factor: np.ndarray, incompressible: bool) -> np.ndarray:
+        return factor * self.limit if incompressible and self.limit is not None else factor
 
     def applied(
         self,
@@ -111,6 +117,7 @@ class Correction:
         by_force: bool,
         followed: Sequence[Curve] = (),
         compliance_m_N: float = 0.0,
+        incompressible: bool = True,
     ) -> np.ndarray:
         """A coarse answer (k,) to a true programme (k,), corrected.
 
@@ -118,10 +125,12 @@ class Correction:
         ----------
         followed : curves whose own courses the answer follows, row by row, one after the other.
         compliance_m_N : of the rig, whose part of the displacement needs no correction.
+        incompressible : whether the tissue has an incompressible limit.
         """
         rig = compliance_m_N * (programme if by_force else answer)
         tissue, moved = (answer - rig, programme) if by_force else (answer, programme - rig)
-        corrected = tissue * self._at(self.factor, tissue, moved, by_force) + (rig if by_force else 0.0)
+        factor = self._with_limit(self.factor, incompressible)
+        corrected = tissue * self._at(factor, tissue, moved, by_force) + (rig if by_force else 0.0)
         if followed and all(curve.id in self.remembered for curve in followed):
             corrected = corrected * np.concatenate([self.remembered[curve.id] for curve in followed])
         return corrected
@@ -295,17 +304,24 @@ def _correction(ramp: Curve, answers: Mapping[str, np.ndarray], numerics: Numeri
         rounding = _projected(columns, (fine - rows["rounder"]) / fine, fine)
         factor = factor * (1.0 + rounding)
         errors["the sharp edge"] = ERROR_SHARE_OF_EDGE * rounding
+    limit = np.ones(len(load))
     if "softer" in rows:
-        limit = _projected(columns, (usual - rows["softer"]) / usual, fine)
-        factor = factor * (1.0 + limit)
-        errors["the incompressible limit"] = ERROR_SHARE_OF_LIMIT * limit
+        step = _projected(columns, (usual - rows["softer"]) / usual, fine)
+        limit = 1.0 + step
+        errors["the incompressible limit"] = ERROR_SHARE_OF_LIMIT * step
     if remembers:
         ripple = factor - _projected(columns, factor, fine)
         errors[RIPPLE_IN_MEMORY] = (numerics.refinement * MESH_RATIO / finest) ** RIPPLE_ORDER * REMEMBERED_SHARE * ripple
     depth = usual if by_force else load
     order = np.argsort(depth, kind="stable")
     smooth = factor * usual / smoothed(usual, load)
-    return Correction(depth[order], factor[order], {name: column[order] for name, column in errors.items()}, smooth=smooth[order])
+    return Correction(
+        depth[order],
+        factor[order],
+        {name: column[order] for name, column in errors.items()},
+        smooth=smooth[order],
+        limit=limit[order],
+    )
 
 
 # ---- smooth functions of the load ----

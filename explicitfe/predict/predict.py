@@ -136,7 +136,9 @@ def predict_test(
     correction = corrections.get(first.id)
     if correction is None:
         return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress)
-    corrected = partial(correction.applied, followed=test, compliance_m_N=without_compliance(tissue)[1])
+    corrected = partial(
+        correction.applied, followed=test, compliance_m_N=without_compliance(tissue)[1], incompressible=tissue.incompressible
+    )
     return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress, corrected)
 
 

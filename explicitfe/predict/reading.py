@@ -9,7 +9,6 @@ import numpy as np
 
 from explicitfe.effects import Measurement, Rig
 from explicitfe.effects.record import Record
-from explicitfe.effects.tool.compliance import Compliance
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.experiment import cycle_of
 from explicitfe.predict.tissue import Tissue
@@ -76,5 +75,5 @@ def without_compliance(tissue: Tissue) -> tuple[Tissue, float]:
         rig = effect.on_rig(rig)
     if rig.compliance_m_N == 0.0 or rig.preload_N > 0.0:
         return tissue, 0.0
-    own = tuple(effect for effect in tissue.effects.chosen if isinstance(effect, Compliance))
+    own = tuple(effect for effect in tissue.effects.chosen if effect.on_rig(Rig()).compliance_m_N > 0.0)
     return tissue.model_copy(update={"effects": tissue.effects.without(own)}), rig.compliance_m_N

@@ -14,9 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.effects import Effect, physics_of, readings_of
-from explicitfe.effects.complete import ABSENT
 from explicitfe.effects.effect import MaterialEffect, with_leaves
-from explicitfe.effects.material.viscoelastic import PronySeries
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.course import Course
 from explicitfe.measured.curve import Curve
@@ -29,11 +27,11 @@ from explicitfe.solve.load_outcome import Stuck
 from explicitfe.solve.ritz import Family
 
 # States of the ramp.
-STATES = 33
+RAMP_STATES = 33
 # Powers of the depth in the deformation gradients. Contact begins at single nodes, which makes a run ripple; the smooth part of
 # it is what is needed. A round tool touches a circle that grows with the root of the depth.
-POWERS = (1.0, 2.0, 3.0, 4.0, 5.0)
-POWERS_OF_A_SPHERE = (0.5, 1.0, 1.5, 2.0, 3.0)
+FLAT_TOOL_POWERS = (1.0, 2.0, 3.0, 4.0, 5.0)
+SPHERE_POWERS = (0.5, 1.0, 1.5, 2.0, 3.0)
 # The ramp goes beyond the largest depth that was measured, for models that are softer.
 DEPTH_MARGIN = 1.25
 # A body that keeps its volume does no work in the change of volume, which is left out of virtual work: it would be a small
@@ -41,11 +39,6 @@ DEPTH_MARGIN = 1.25
 POINT_POISSON_RATIO = 0.3
 # Local coordinates of a hexahedron's corners.
 CORNERS = np.array([(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
-
-
-def is_reducible(effect: type[Effect]) -> bool:
-    """Whether an effect changes the stress of an element alone, and leaves its volume as it is."""
-    return effect in {type(one) for one in ABSENT} or issubclass(effect, PronySeries)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,16 +96,16 @@ def reduced_specimen(curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpec
         body = setup.relaxation(law.C10_Pa, law.C20_Pa, tolerance=numerics.tolerance)
         mesh = body.model.mesh
         slopes, volumes = _at_centres(mesh.points[mesh.hexes])
-        for part in np.arange(1, STATES) / (STATES - 1):
+        for part in np.arange(1, RAMP_STATES) / (RAMP_STATES - 1):
             reached = body.move(float(part * end), at_s=0.0)
             if isinstance(reached, Stuck):
                 break
             shares.append(float(part * end) / largest)
             states.append(np.einsum("eai,eaj->eij", body.displacement[mesh.hexes], slopes))
             forces.append(reached.force_N)
-    if len(shares) < STATES // 2:
+    if len(shares) < RAMP_STATES // 2:
         return None
-    powers = POWERS_OF_A_SPHERE if curve.tool.shape == "sphere" else POWERS
+    powers = SPHERE_POWERS if curve.tool.shape == "sphere" else FLAT_TOOL_POWERS
     family = Family.fitted(np.array(shares), np.array(states).reshape(len(shares), -1, 9), volumes / largest, powers)
     light = law.model_copy(update={"poisson": POINT_POISSON_RATIO})
     _, work = family.follow(light, (), np.zeros(len(shares)), np.array(shares), ritz.TIED)

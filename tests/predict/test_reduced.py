@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from explicitfe.effects import EFFECTS
+from explicitfe.effects.complete import is_isochoric
 from explicitfe.effects.material.softening import Softening
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve
 from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
-from explicitfe.predict.reduced import is_reducible, reduced_specimen
+from explicitfe.predict.reduced import reduced_specimen
 from explicitfe.predict.tissue import Numerics
 from explicitfe.predict.under_a_tool import predict_under_a_tool
 
@@ -80,10 +82,8 @@ def test_a_force_and_its_depth_belong_together():
 
 
 def test_effects_of_the_volume_are_refused():
-    from explicitfe.effects import EFFECTS
-
-    assert is_reducible(EFFECTS["viscoelastic"])
-    assert is_reducible(EFFECTS["softening"])
-    assert not is_reducible(EFFECTS["drainage"])
-    assert not is_reducible(EFFECTS["compressible"])
-    assert not is_reducible(EFFECTS["friction"])
+    assert is_isochoric(EFFECTS["viscoelastic"])
+    assert is_isochoric(EFFECTS["softening"])
+    assert not is_isochoric(EFFECTS["drainage"])
+    assert not is_isochoric(EFFECTS["compressible"])
+    assert not is_isochoric(EFFECTS["friction"])

@@ -27,6 +27,7 @@ class Plan:
     by_force : the force is imposed.
     by_ramp : the run is a ramp.
     compliance_m_N : of the rig, which the run leaves out.
+    incompressible : the tissue has an incompressible limit.
     """
 
     job: Job
@@ -35,6 +36,7 @@ class Plan:
     by_force: bool = False
     by_ramp: bool = False
     compliance_m_N: float = 0.0
+    incompressible: bool = False
 
     def read(self, answer: Sequence[np.ndarray], corrections: Mapping[str, Correction]) -> dict[str, np.ndarray]:
         """Curve -> what it would measure, SI."""
@@ -53,9 +55,9 @@ class Plan:
             if curve.id in corrections:
                 own = corrections[curve.id]
                 values = (
-                    own.of_ramp(values, programme, self.by_force)
+                    own.of_ramp(values, programme, self.by_force, self.incompressible)
                     if self.by_ramp
-                    else own.applied(values, programme, self.by_force, (curve,))
+                    else own.applied(values, programme, self.by_force, (curve,), incompressible=self.incompressible)
                 )
             if self.by_force:
                 values = values + self.compliance_m_N * programme
@@ -94,7 +96,15 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
             (tuple(as_it_is(curve, readings) for curve in test), text), test, readings, by_force, compliance_m_N=compliance
         )
     alike = [c for c in curves if kind_of(c) == kind_of(first)]
-    return Plan(((ramp_of(first, alike, readings),), text), test, readings, by_force, by_ramp=True, compliance_m_N=compliance)
+    return Plan(
+        ((ramp_of(first, alike, readings),), text),
+        test,
+        readings,
+        by_force,
+        by_ramp=True,
+        compliance_m_N=compliance,
+        incompressible=tissue.incompressible,
+    )
 
 
 def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:

@@ -19,13 +19,13 @@ from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.statistics.covariance import stack
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
 from explicitfe.effects import EFFECTS, Effect, cause_of
+from explicitfe.effects.complete import is_isochoric
 from explicitfe.effects.effect import Sought, with_leaves
 from explicitfe.errors import InputError, RunError
 from explicitfe.forces.response import layout_of
 from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.predict.correction import Correction, corrections_of
 from explicitfe.predict.experiment import effects_of, experiments
-from explicitfe.predict.reduced import is_reducible
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
 
 # Poisson's ratio of the baseline on a mesh, from which answers are extrapolated to the incompressible limit.
@@ -251,7 +251,7 @@ class Specimens:
     def has_sketch(self, effect: str) -> bool:
         """Whether a reduced specimen has an effect: one of the material that leaves its volume as it is, or of the reading."""
         kind = EFFECTS[effect]
-        return not self.homogeneous and (kind.acts_on == "reading" or is_reducible(EFFECTS.get(kind.extends, kind)))
+        return not self.homogeneous and (kind.acts_on == "reading" or is_isochoric(EFFECTS.get(kind.extends, kind)))
 
     def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What reduced specimens answer; None where one cannot be computed."""

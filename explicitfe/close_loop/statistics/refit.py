@@ -253,7 +253,8 @@ def _descend(
             left = covariance.at(new).whiten(y - new)
             better = float(left @ left) < float(r @ r)
             if better:
-                slopes = _update(slopes, new - answer, moved.x - model.x) if renew is None else _renewed(slopes, renew(moved))
+                fast = None if renew is None else renew(moved)
+                slopes = _update(slopes, new - answer, moved.x - model.x, fast)
                 poor = float(r @ r - left @ left) < POOR_GAIN_SHARE * gain
                 model, answer, r, fresh = moved, new, left, False
                 damping *= 1.0 if poor else 0.1
@@ -278,18 +279,15 @@ def _descend(
     return _Position(model, answer, slopes, fresh, converged)
 
 
-def _renewed(slopes: np.ndarray, fast: np.ndarray | None) -> np.ndarray:
-    """Fast derivatives (n, p) where they are known, those from before elsewhere."""
-    return slopes if fast is None else np.where(np.isfinite(fast), fast, slopes)
-
-
-def _update(slopes: np.ndarray, change: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _update(slopes: np.ndarray, change: np.ndarray, step: np.ndarray, fast: np.ndarray | None = None) -> np.ndarray:
     """Derivatives (n, p) that give the change (n,) along a step (p,); a zero among them stays zero (Schubert 1970).
 
-    A test therefore learns nothing from what the constants of other tests did.
+    A test therefore learns nothing from what the constants of other tests did. Fast derivatives are taken where they are finite.
     """
-    steps = np.where(slopes != 0.0, step, 0.0)
-    length = np.maximum(steps @ step, 1e-300)
+    open_ones = np.ones(slopes.shape, dtype=bool) if fast is None else ~np.isfinite(fast)
+    slopes = slopes if fast is None else np.where(open_ones, slopes, fast)
+    steps = np.where(open_ones & (slopes != 0.0), step, 0.0)
+    length = np.maximum((steps**2).sum(axis=1), 1e-300)
     return slopes + ((change - slopes @ step) / length)[:, None] * steps
 
 

@@ -82,7 +82,7 @@ class Sketch:
         return None if slopes is None else self.baseline.slopes - slopes
 
     def slopes(self, model: Hypothesis) -> np.ndarray | None:
-        """Derivatives (n, p) SI at a model, NaN for the shapes of effects without a fast answer; None if there are none."""
+        """Derivatives (n, p) SI at a model, NaN for effects without a fast answer; None if there are none."""
         (answer,) = self.answers([model])
         if answer is None:
             return None
@@ -90,7 +90,7 @@ class Sketch:
         at = len(model.base)
         for term in model.terms:
             if not self.system.has_sketch(term.effect):
-                slopes[:, at + 1 : at + len(term.parameters)] = np.nan
+                slopes[:, at : at + len(term.parameters)] = np.nan
             at += len(term.parameters)
         return slopes
 

@@ -114,6 +114,7 @@ class _Comparing:
         watch("screening of the candidates", SCREENING_PROGRESS)
         self.library = system.candidates(fit.model)
         self.cause_of = {c.effect: c.cause for c in self.library}
+        self.slow = {c.effect for c in self.library if c.slow}
         tested = [c for c in self.library if not c.reason]
         self.table: dict[Key, Changes] = {}
         if system.costly(fit.model):
@@ -221,8 +222,8 @@ class _Comparing:
             ]
             if not waiting or count >= most:
                 return count
-            # Fewer terms first: what one explains, more need not.
-            entry = max(waiting, key=lambda one: (-len(one.key), self._log_posterior(one)))
+            # Fewer terms and fast ones first: what they explain, others need not.
+            entry = max(waiting, key=lambda one: (-len(one.key), self.slow.isdisjoint(one.key), self._log_posterior(one)))
             if self.sketch is not None and entry.key not in self.sketched:
                 self._fit_sketch(entry, self.sketch)
                 continue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -217,17 +216,6 @@ def test_constant_column():
     estimate = estimate_protocol(np.arange(20.0), np.full(20, 0.3), None)
     np.testing.assert_array_equal(estimate.fitted, np.full(20, 0.3))
     assert estimate.form == "column"
-
-
-def test_1000_rows_take_less_than_50_ms():
-    machine = MACHINES["steps"]
-    assert len(machine.time_s) == 1000
-    seconds = []
-    for seed in range(5):
-        column, begin = machine.rows(seed), time.process_time()
-        estimate_protocol(machine.time_s, column, machine.sd)
-        seconds.append(time.process_time() - begin)
-    assert min(seconds) < 0.05
 
 
 OTHER_PROGRAMS = SHARED_DATA / "other-programs"

@@ -19,7 +19,7 @@ from explicitfe.predict.under_a_tool import predict_under_a_tool
 pytestmark = pytest.mark.slow
 
 LAW = Yeoh(C10_Pa=230.0, C20_Pa=110.0, poisson=0.499)
-NUMERICS = Numerics(refinement=0.4, density=1.0, tolerance=5e-4)
+NUMERICS = Numerics(refinement=0.6, density=1.0, tolerance=2e-4)
 TIME_s = np.linspace(0.0, 20.0, 41)
 SHARE = np.interp(TIME_s, [0.0, 5.0, 10.0, 15.0, 20.0], [0.0, 1.0, 1.0, 0.1, 0.8])
 
@@ -50,23 +50,24 @@ def simulated(curve: Curve, *effects) -> np.ndarray:
 @pytest.mark.parametrize("control", ["force", "displacement"])
 @pytest.mark.parametrize("effect", [Viscoelastic(g=(0.2,), tau_s=(3.0,)), Softening(inverse_r=0.3, m_Pa=5.0)])
 def test_what_history_changes(control, effect):
-    """The family is exact to first order in the strength. Second order and the ripple of a coarse mesh remain: 4 to 9 % were
-    measured at these strengths, and twice that is allowed.
+    """The family is exact to first order in the strength. Second order and the ripple of the mesh remain: 1 to 8 % were
+    measured at these strengths (1 to 7 % at refinement 0.8), and twice the largest is allowed.
     """
     curve = pressed(control)
     reduced = reduced_specimen(curve, LAW, NUMERICS)
     plain, changed = (reduced.answers((curve,), LAW, effects, 1.0)[0] for effects in ((), (effect,)))
     change = simulated(curve, effect) - simulated(curve)
-    assert np.linalg.norm(changed - plain - change) < 0.18 * np.linalg.norm(change)
+    assert np.linalg.norm(changed - plain - change) < 0.16 * np.linalg.norm(change)
 
 
 def test_the_elastic_force_is_that_of_the_run():
-    """The scale is fitted to the run, so only its shape is tested: contact makes a coarse mesh ripple by some per cent."""
+    """The scale is fitted to the run, so only its shape is tested: contact makes its mesh ripple by 1.1 % of the force at this
+    refinement, and the largest of 41 ripples is three times that."""
     curve = pressed("displacement")
     reduced = reduced_specimen(curve, LAW, NUMERICS)
     force = simulated(curve)
     (answer,) = reduced.answers((curve,), LAW, (), 1.0)
-    assert np.abs(answer - force).max() < 0.04 * force.max()
+    assert np.abs(answer - force).max() < 0.05 * force.max()
 
 
 def test_a_force_and_its_depth_belong_together():

@@ -264,7 +264,7 @@ class Specimens:
             try:
                 for test in tests:
                     law = tissue.law(test[0])
-                    specimen = self.simulator.reduced(test[0], law, COARSE)
+                    specimen = self.simulator.reduced(test[0], law, CORRECTED)
                     if specimen is None:
                         break
                     values = specimen.answers(test, law, effects_of(test[0], tissue), COARSE.density)
@@ -365,7 +365,8 @@ class Specimens:
             reason = f"requires {' and '.join(lacking)}, absent from these data; informative data: {effect.about.needs}"
             return replace(term, trials=(), reason=reason)
         refusal = self._refusal(term, model)
-        return replace(term, trials=(), reason=refusal) if refusal else term
+        slow = effect.needs_half_body or (_needs_history(effect) and not self.has_sketch(name))
+        return replace(term, trials=(), reason=refusal) if refusal else replace(term, slow=slow)
 
     def _refusal(self, term: Candidate, model: Hypothesis) -> str:
         """Why a model cannot have a term beside those that it has; "" if it can."""

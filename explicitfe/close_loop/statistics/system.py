@@ -69,6 +69,7 @@ class Candidate:
     cause : the mechanism of which the effect is a form, such as "relaxation".
     trials : values of the parameters at which signatures are computed: each shape with a middle strength of each sign.
     reason : why these data cannot show it; "" if they may.
+    slow : its runs take many times longer than others, so that it is fitted after them.
     """
 
     effect: str
@@ -76,6 +77,7 @@ class Candidate:
     term: Term
     trials: tuple[tuple[float, ...], ...] = ()
     reason: str = ""
+    slow: bool = False
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ DAMPING_AFTER_FAILURE = 1.0
 SMALLEST_DAMPING = 1e-9
 # A parameter this near to an end of its range, as a share of the range, is at its bound.
 BOUND_SHARE = 1e-6
-# Mean square of the residual over the noise of the rows from which on a misfit is gross: against it the scatter of tests and the
-# errors of assumed lengths would be used up, so the model is fitted as if they did not differ.
+# Mean square of the residual over the noise of the rows from which on a misfit is gross: against it the scatter between equal
+# tests would be used up, so the model is fitted as if they did not differ.
 GROSS_MISFIT = 9.0
 # A search that gave up begins again with each coordinate moved by this share of its typical length, to either side.
 MOVED_START_SHARE = 0.5

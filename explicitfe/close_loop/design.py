@@ -16,7 +16,8 @@ from pydantic import Field, ValidationError
 from explicitfe.close_loop.compared import needed_decrease
 from explicitfe.close_loop.search import covariance_of
 from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import COARSE, Specimens
+from explicitfe.close_loop.specimens.specimens import Specimens
+from explicitfe.close_loop.specimens.trials import COARSE
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import SMALLEST_NOISE_SHARE, RowNoise, Scatter
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives

@@ -28,7 +28,7 @@ from explicitfe.close_loop.evidence import (
 from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
 from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
-from explicitfe.close_loop.statistics.refit import BestFit, refit, renewed, settled
+from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
 from explicitfe.close_loop.statistics.signatures import Changes, Screening, Signature, screen, signatures
 from explicitfe.close_loop.statistics.sketch import ERROR_SHARE, Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
@@ -41,8 +41,8 @@ ASSUMED = "assumed "
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
-# Signatures near a baseline that is rejected may be wrong by a factor of two, and the decrease of chi2 by its square.
-LINEAR_GAIN_FACTOR = 4.0
+# The decrease of chi2 by a signature near a baseline that is rejected may be wrong by this factor.
+LINEAR_GAIN_FACTOR = 2.0
 # Shares of the search at which its stages begin.
 BASELINE_PROGRESS, SYSTEMATIC_PROGRESS, SCREENING_PROGRESS = 0.02, 0.1, 0.2
 FITS_PROGRESS, FINISH_PROGRESS = 0.4, 0.9
@@ -78,7 +78,7 @@ def compare(
     spread = scatter(system.series, rows)
     by_tests = Covariance(system.series, rows, spread, system.systematic())
     start = system.start()
-    renew = Sketch(system).slopes if system.costly(start) else None
+    renew = None if system.exact(start) else Sketch(system).slopes
     fit = settled(system, refit(system, start, by_tests, renew=renew), by_tests, renew)
     system, fit = renewed(system, fit, by_tests, renew=renew)
     if estimated:
@@ -253,7 +253,8 @@ class _Comparing:
         """Whether a fit could change the probabilities: with the largest gain that its signatures allow it comes near the best.
 
         Where no mesh is needed, all single effects are fitted. On one, those without fast answers are, as long as the best
-        hypothesis leaves more than noise: constants of a baseline that is rejected are too far off for what is linear.
+        hypothesis leaves more than noise: constants of a baseline that is rejected are too far off for what is linear. Those
+        whose runs take many times longer are fitted only then, and only if their signatures could bring them near the best.
         """
         more = 0.5 * max(screening.bound - screening.gain, 0.0)
         if terms == 1 and len(entry.key) == 1:
@@ -261,8 +262,9 @@ class _Comparing:
                 return True
             if not self._is_sketchable(entry.key):
                 top = max(self.fitted.values(), key=self._log_posterior)
-                if top.evidence.other + log_odds_of_other() > 0.0:
-                    return True
+                unexplained, fast = top.evidence.other + log_odds_of_other() > 0.0, self.slow.isdisjoint(entry.key)
+                if unexplained == fast:
+                    return fast
                 more = 0.5 * (LINEAR_GAIN_FACTOR * screening.bound - screening.gain)
         return self._log_posterior(entry) + more > best + np.log(THRESHOLDS.negligible_probability)
 
@@ -285,7 +287,8 @@ class _Comparing:
                 continue
             best = fit if best is None or fit.whitened < best.whitened else best
         least = min((one.fit for one in subsets if one.fit is not None), key=lambda f: f.whitened, default=None)
-        if best is not None and self.sketch is not None and least is not None and best.whitened > least.whitened:
+        rough = best is not None and self._fast_slopes(best.model) is not None
+        if best is not None and rough and least is not None and best.whitened > least.whitened:
             # Without strength the further term leaves what the subset leaves; another search would take as many runs again.
             subset = max((one for one in subsets if one.fit is least), key=self._log_posterior)
             evidence = replace(subset.evidence, closed=subset.evidence.closed - self._cost_beyond(subset, key))
@@ -322,7 +325,11 @@ class _Comparing:
         """The best fit of a hypothesis by the simulator."""
         system = self.fitted[()].system
         assert system is not None
-        return refit(system, start, self.covariance, renew=None if self.sketch is None else self.sketch.slopes)
+        return refit(system, start, self.covariance, renew=self._fast_slopes(start))
+
+    def _fast_slopes(self, model: Hypothesis) -> Slopes | None:
+        """Derivatives by fast answers, where those of the simulator are rough."""
+        return None if self.sketch is None or self.sketch.system.exact(model) else self.sketch.slopes
 
     def _from_subset(self, subset: Entry, key: Key) -> Hypothesis | None:
         """The subset at its best, with the term that it lacks at the start of its best trial."""
@@ -390,9 +397,7 @@ class _Comparing:
                     self.watch(f"numerical error with {' + '.join(entry.key)}", FINISH_PROGRESS)
                     system, fit = renewed(system, fit, covariance, times=1)
                     covariance = covariance_of(system, fit.model, self.covariance.rows, self.covariance.scatter, assumed)
-                    fit = refit(
-                        system, fit.model, covariance, slopes=fit.slopes, renew=self.sketch.slopes if self.sketch else None
-                    )
+                    fit = refit(system, fit.model, covariance, slopes=fit.slopes, renew=self._fast_slopes(fit.model))
                 self.fitted[entry.key] = self._entry(fit, system, covariance, with_forms=True)
                 finished.append(self.fitted[entry.key])
             except RunError as error:

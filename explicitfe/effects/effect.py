@@ -128,6 +128,7 @@ class Effect(BaseModel, ABC):
     remembers : the material has a memory, so that a whole history must be computed.
     depends_on_path : what came before changes the answer: it has a memory, or a contact that slips or sticks.
     changes_volume : the tissue is compressible with it, so that it has no incompressible limit.
+    in_revolution : a body of revolution stays one with it, and the section of it shows it.
     needs_half_body : at least a half of the body is computed with it, where a sector or a quarter does otherwise: a large mesh.
     """
 
@@ -148,6 +149,7 @@ class Effect(BaseModel, ABC):
     remembers: ClassVar[bool] = False
     depends_on_path: ClassVar[bool] = False
     needs_half_body: ClassVar[bool] = False
+    in_revolution: ClassVar[bool] = True
     changes_volume: ClassVar[bool] = False
 
     @model_validator(mode="after")
@@ -209,6 +211,21 @@ class Effect(BaseModel, ABC):
     def in_materials(self, effects: Sequence[MaterialEffect]) -> tuple[MaterialEffect, ...]:
         """The effects that the kernels compute beside the law, with this one among them, or in one of them."""
         return tuple(effects)
+
+    @property
+    def base_compliance_m_Pa(self) -> float:
+        """Sideways displacement of a bonded base per stress [m/Pa]."""
+        return 0.0
+
+    def stiffness_at(self, r_m: np.ndarray, depth_m: np.ndarray, height_m: float, spread_m: np.ndarray) -> np.ndarray:
+        """Factor (n,) of the moduli at points of a specimen.
+
+        Parameters
+        ----------
+        r_m, depth_m, height_m : distance from the tool's axis, depth below the surface, and height of the specimen.
+        spread_m : (n,) length over which a jump is spread, about an element.
+        """
+        return np.ones(len(r_m))
 
     def prepare(self, specimen: SpecimenT, tool: ToolT) -> tuple[SpecimenT, ToolT]:
         """The tables of a specimen and its tool with the effect in them, before they are meshed."""

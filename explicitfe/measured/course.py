@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline, PchipInterpolator
 
 # Numbers of instants for a motion over the whole range of the protocol, and for a long hold. A ramp, a hold and a return then
 # need about 40. ``density`` multiplies them.
@@ -57,13 +57,16 @@ class Course:
         bends_after = np.where(self.bends >= number, self.bends + parts - 1, self.bends)
         return Course(finer(self.time_s), finer(self.imposed), bends_after)
 
-    def at(self, answers: np.ndarray, time_s: np.ndarray, contact_power: float | None = None) -> np.ndarray:
+    def at(
+        self, answers: np.ndarray, time_s: np.ndarray, contact_power: float | None = None, *, smooth: bool = False
+    ) -> np.ndarray:
         """Interpolate a response at the instants (n,) to other times (k,).
 
         Parameters
         ----------
         contact_power : when the tool loses or regains contact, the response depends on the distance with this power; None if it
             never loses contact.
+        smooth : the response has no kink between two bends, so that it need not be interpolated monotonically.
         """
         values = np.empty(len(time_s))
         for start, end in zip(self.bends[:-1], self.bends[1:], strict=True):
@@ -73,7 +76,8 @@ class Course:
             t, y = self.time_s[start : end + 1], answers[start : end + 1]
             if contact_power is not None:
                 t, y = _with_ends_of_contact(t, y, contact_power)
-            values[inside] = PchipInterpolator(t, y)(time_s[inside]) if len(t) > 2 else np.interp(time_s[inside], t, y)
+            between = CubicSpline if smooth and contact_power is None and len(t) > 3 else PchipInterpolator
+            values[inside] = between(t, y)(time_s[inside]) if len(t) > 2 else np.interp(time_s[inside], t, y)
         return values
 
 

@@ -29,6 +29,7 @@ class CurveAnswer:
     iterations : of dynamic relaxation; 0 for a homogeneous state.
     seconds : time that it took.
     assumed : what was supposed about the test because the dataset does not state it, in words.
+    variants : values of tissues that differ by little and were computed beside this one; None where that failed.
     """
 
     values: np.ndarray
@@ -36,6 +37,7 @@ class CurveAnswer:
     iterations: int
     seconds: float
     assumed: tuple[str, ...] = field(default=())
+    variants: tuple[np.ndarray | None, ...] = field(default=())
 
 
 def experiments(curves: Sequence[Curve]) -> list[tuple[Curve, ...]]:

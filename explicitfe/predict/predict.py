@@ -112,6 +112,7 @@ def predict_test(
     density: float | None = None,
     tolerance: float | None = None,
     corrections: Mapping[str, Correction] = MappingProxyType({}),
+    variants: Sequence[Tissue] = (),
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[CurveAnswer]:
     """What a tissue answers to the curves of one test, see :func:`experiments`; options as for :func:`predict`.
@@ -119,6 +120,7 @@ def predict_test(
     Parameters
     ----------
     corrections : curve -> the correction of its answer; what has none is as it is computed.
+    variants : tissues with the same effects and slightly other numbers, for :attr:`CurveAnswer.variants`.
 
     Raises
     ------
@@ -133,13 +135,13 @@ def predict_test(
         progress(1.0)
         return answers
     numerics = _with_numerics(tissue, refinement, density, tolerance).numerics
+    others = [(one.law(first), effects_of(first, one)) for one in variants]
+    numbers = (law, homogeneous_law, effects, numerics, progress)
     correction = corrections.get(first.id)
     if correction is None:
-        return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress)
-    corrected = partial(
-        correction.applied, followed=test, compliance_m_N=without_compliance(tissue)[1], incompressible=tissue.incompressible
-    )
-    return predict_under_a_tool(test, law, homogeneous_law, effects, numerics, progress, corrected)
+        return predict_under_a_tool(test, *numbers, keeps_volume=tissue.incompressible, variants=others)
+    corrected = partial(correction.applied, compliance_m_N=without_compliance(tissue)[1])
+    return predict_under_a_tool(test, *numbers, corrected, tissue.incompressible, others)
 
 
 def kernels_of_test(test: Sequence[Curve], tissue: Tissue) -> str:

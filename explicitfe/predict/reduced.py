@@ -21,9 +21,11 @@ from explicitfe.measured.curve import Curve
 from explicitfe.predict.reading import reading
 from explicitfe.predict.setup import setup_of
 from explicitfe.predict.tissue import Numerics
-from explicitfe.predict.under_a_tool import course_of_test
+from explicitfe.predict.under_a_tool import as_cylinder, course_of_test
+from explicitfe.scenario.indentation import ToolTable
 from explicitfe.solve import ritz
 from explicitfe.solve.load_outcome import Stuck
+from explicitfe.solve.revolution import Revolution
 from explicitfe.solve.ritz import Family
 
 # States of the ramp.
@@ -37,8 +39,8 @@ DEPTH_MARGIN = 1.25
 # A body that keeps its volume does no work in the change of volume, which is left out of virtual work: it would be a small
 # difference of large numbers.
 POINT_POISSON_RATIO = 0.3
-# Local coordinates of a hexahedron's corners.
-CORNERS = np.array([(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1), (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)])
+# Divides the element sizes of the body.
+REDUCED_FINENESS = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +95,22 @@ def reduced_specimen(curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpec
     for end in (largest, least):
         if end == 0.0:
             continue
-        body = setup.relaxation(law.C10_Pa, law.C20_Pa, tolerance=numerics.tolerance)
-        mesh = body.model.mesh
-        slopes, volumes = _at_centres(mesh.points[mesh.hexes])
+        body = Revolution(as_cylinder(setup.specimen, law), ToolTable.model_validate(setup.tool), law, fineness=REDUCED_FINENESS)
+        weights = body.section.quads.weights
+        if isinstance(body.settle(), Stuck):
+            return None
         for part in np.arange(1, RAMP_STATES) / (RAMP_STATES - 1):
             reached = body.move(float(part * end), at_s=0.0)
             if isinstance(reached, Stuck):
                 break
             shares.append(float(part * end) / largest)
-            states.append(np.einsum("eai,eaj->eij", body.displacement[mesh.hexes], slopes))
+            states.append(_means(body.gradients, weights))
             forces.append(reached.force_N)
+        volumes = weights.sum(axis=1)
     if len(shares) < RAMP_STATES // 2:
         return None
     powers = SPHERE_POWERS if curve.tool.shape == "sphere" else FLAT_TOOL_POWERS
-    family = Family.fitted(np.array(shares), np.array(states).reshape(len(shares), -1, 9), volumes / largest, powers)
+    family = Family.fitted(np.array(shares), np.array(states), volumes / largest, powers)
     light = law.model_copy(update={"poisson": POINT_POISSON_RATIO})
     _, work = family.follow(light, (), np.zeros(len(shares)), np.array(shares), ritz.TIED)
     factor = float(work @ forces / (work @ work))
@@ -114,8 +118,6 @@ def reduced_specimen(curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpec
     return ReducedSpecimen((ends[0] * largest, ends[1] * largest), family.scaled(factor, ends), tied)
 
 
-def _at_centres(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives (p, 8, 3) of the shape functions at the centres of hexahedra with corners (p, 8, 3), and their volumes (p,)."""
-    slopes = CORNERS / 8.0
-    jacobian = np.einsum("eai,aj->eij", corners, slopes)
-    return np.einsum("aj,eji->eai", slopes, np.linalg.inv(jacobian)), 8.0 * np.linalg.det(jacobian)
+def _means(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Means (m, 9) over elements of columns (m q, 9) at their points with weights (m, q)."""
+    return np.einsum("mqi,mq->mi", columns.reshape(*weights.shape, -1), weights) / weights.sum(axis=1)[:, None]

@@ -15,6 +15,7 @@ viscoelastic = { g = [0.3, 0.2], tau_s = [1.0, 20.0] }
 refinement = 1.0
 density = 1.0
 tolerance = 1e-4
+section = 0.0
 finer = 0.0
 """
 
@@ -65,6 +66,9 @@ class Numerics(Table):
     refinement: float = Field(default=1.0, ge=0.1, le=10.0, description="divides the element sizes")
     density: float = Field(default=1.0, ge=0.1, le=100.0, description="multiplies the numbers of instants")
     tolerance: float = Field(default=1e-4, ge=1e-9, le=1e-2, description="relative force residual of an equilibrium")
+    section: float = Field(
+        default=0.0, ge=0.0, le=10.0, description="refinement of the section, where a body of revolution is solved; 0: hexahedra"
+    )
     finer: float = Field(
         default=0.0, ge=0.0, le=10.0, description="refinement to which ramps correct the answers; 0: as they are computed"
     )

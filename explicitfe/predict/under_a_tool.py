@@ -17,11 +17,12 @@ from explicitfe.model.specimen import specimen_model
 from explicitfe.predict.experiment import CurveAnswer, start_times
 from explicitfe.predict.platens import STEPS_TO_LOSS_OF_CONTACT, Platens
 from explicitfe.predict.reading import reading, true_programme
-from explicitfe.predict.setup import is_uniform, setup_of
+from explicitfe.predict.setup import SpecimenKeys, is_uniform, setup_of
 from explicitfe.predict.tissue import Numerics
 from explicitfe.scenario.indentation import SpecimenTable, ToolTable
 from explicitfe.solve.equilibrium import Relaxation
 from explicitfe.solve.load_outcome import Stuck
+from explicitfe.solve.revolution import Revolution, ToolState
 
 # A tool may lose contact in the next step if 1.2 times the fall of the force in the last step would bring it to zero: 20 % more
 # is on the safe side.
@@ -77,6 +78,8 @@ def predict_under_a_tool(
     numerics: Numerics,
     progress: Callable[[float], None],
     corrected: Callable[[np.ndarray, np.ndarray, bool], np.ndarray] = lambda answer, programme, by_force: answer,
+    keeps_volume: bool = True,
+    variants: Sequence[tuple[Yeoh, Sequence[Effect]]] = (),
 ) -> list[CurveAnswer]:
     """Predict the curves of a test with a tool.
 
@@ -84,6 +87,8 @@ def predict_under_a_tool(
     ----------
     law, homogeneous_law : the elastic law in elements, and in a homogeneous state between platens.
     corrected : (answer, true programme, whether the force is imposed) -> what a finer mesh would answer.
+    keeps_volume : the volume of the tissue does not change, where the section of a body of revolution is solved.
+    variants : laws and effects of tissues that differ by little, which are computed beside this one there.
 
     Raises
     ------
@@ -93,7 +98,7 @@ def predict_under_a_tool(
     first = test[0]
     assert first.specimen is not None and first.tool is not None
     by_force = first.imposed == "force_N"
-    readings, physics = readings_of(effects), physics_of(effects)
+    physics = physics_of(effects)
     setup = setup_of(first, law.poisson, numerics.refinement)
     course, time_s, programme, contact_power = course_of_test(test, effects, numerics.density)
     uniform = is_homogeneous(first, physics)
@@ -105,7 +110,15 @@ def predict_under_a_tool(
             contact_power = contact_power if loses_contact else None
         except RunError:  # The simulator takes smaller steps and may get there.
             uniform = False
-    if not uniform:
+    of_variants: list[np.ndarray | None] = [None] * len(variants)
+    if not uniform and numerics.section > 0.0 and all(effect.in_revolution for effect in physics):
+        specimen, tool = as_cylinder(setup.specimen, law), ToolTable.model_validate(setup.tool)
+        others = [(one, physics_of(own)) for one, own in variants]
+        course = _at_few_rows(course, time_s, programme)
+        section = Revolution(specimen, tool, law, physics, numerics.section, keeps_volume, others)
+        course, answers, iterations, columns = _drive(section, course, by_force, contact_power is not None, first.id, progress)
+        of_variants = [None if np.isnan(column).any() else column for column in columns.T]
+    elif not uniform:
         symmetry = setup.specimen["symmetry"]
         if symmetry == "sector" and any(effect.breaks_symmetry for effect in physics):
             symmetry = "quarter"
@@ -114,23 +127,54 @@ def predict_under_a_tool(
         # Tests are shared out among processes, so each has one thread: a prediction must not depend on the number of cores.
         body = Relaxation(specimen_model(specimen, tool, physics), numerics.tolerance, threads=1)
         body.compile()
-        course, answers, iterations = _drive(body, course, by_force, contact_power is not None, first.id, progress)
-    values = course.at(answers, time_s, contact_power)
+        course, answers, iterations, _ = _drive(body, course, by_force, contact_power is not None, first.id, progress)
+    # On one ramp of the section nothing ripples, slips or softens.
+    smooth = numerics.section > 0.0 and not uniform and not any(effect.depends_on_path for effect in physics)
+    power = None if smooth and len(course.bends) == 2 else contact_power
+    at_rows = [None if one is None else course.at(one, time_s, power, smooth=smooth) for one in (answers, *of_variants)]
     if not uniform:
-        values = corrected(values, programme, by_force)
+        at_rows = [None if one is None else corrected(one, programme, by_force) for one in at_rows]
     seconds = (time.perf_counter() - begin) / len(test)
     instants, iterations_of_each = len(course.time_s) // len(test), iterations // len(test)
-    predictions = []
+    predictions, start = [], 0
     for curve in test:
-        true, values = values[: len(curve.time_s)], values[len(curve.time_s) :]
-        read = reading(true, curve, readings, by_force)
-        predictions.append(CurveAnswer(read, instants, iterations_of_each, seconds, setup.assumed))
+        own = slice(start, start + len(curve.time_s))
+        start = own.stop
+        kinds = [readings_of(effects), *(readings_of(others) for _, others in variants)]
+        read = [
+            None if true is None else reading(true[own], curve, its, by_force) for true, its in zip(at_rows, kinds, strict=True)
+        ]
+        assert read[0] is not None
+        predictions.append(CurveAnswer(read[0], instants, iterations_of_each, seconds, setup.assumed, variants=tuple(read[1:])))
     return predictions
 
 
+def _at_few_rows(course: Course, time_s: np.ndarray, programme: np.ndarray) -> Course:
+    """The course, or where rows (k,) are fewer than its instants the rows themselves: nothing is interpolated then."""
+    before = course.time_s < time_s[0]
+    if len(time_s) + np.count_nonzero(before) >= len(course.time_s):
+        return course
+    instants = np.concatenate([course.time_s[before], time_s])
+    return Course(instants, np.concatenate([course.imposed[before], programme]), np.array([0, len(instants) - 1]))
+
+
+def as_cylinder(keys: SpecimenKeys, law: Yeoh) -> SpecimenTable:
+    """The specimen, or instead of a block a cylinder with the same face; corrections make up for the difference."""
+    own: dict[str, object] = dict(keys)
+    size = own.pop("size_mm", None)
+    if size is not None:
+        own |= {"radius_mm": float(np.sqrt(size[0] * size[1] / np.pi)), "height_mm": size[2]}  # type: ignore[index]
+    return SpecimenTable.model_validate({**own, "symmetry": "sector", "material": law.model_dump()})
+
+
 def _drive(
-    body: Relaxation, course: Course, by_force: bool, loses_contact: bool, name: str, progress: Callable[[float], None]
-) -> tuple[Course, np.ndarray, int]:
+    body: Relaxation | Revolution,
+    course: Course,
+    by_force: bool,
+    loses_contact: bool,
+    name: str,
+    progress: Callable[[float], None],
+) -> tuple[Course, np.ndarray, int, np.ndarray]:
     """Impose a course on a body.
 
     Returns
@@ -138,11 +182,13 @@ def _drive(
     course : finer than the given one where the tool loses contact.
     answers : force [N] or displacement [m] at its instants.
     iterations : of dynamic relaxation.
+    variants : (n, v) answers of the variants of a body of revolution; NaN where one was lost.
     """
     settled = body.settle()
     if isinstance(settled, Stuck):
         raise RunError(f'curve "{name}": the body does not come to rest before the tool moves.')
     answers: list[float] = []
+    variants: list[list[float]] = []
     iterations = settled.iterations
     push = body.press if by_force else body.move
     number = finer_until = 0
@@ -164,9 +210,11 @@ def _drive(
                 "Use stiffer constants, a smaller Poisson's ratio or a smaller refinement."
             )
         answers.append(reached.displacement_m if by_force else reached.force_N)
+        beside = reached.variants if isinstance(reached, ToolState) else ()
+        variants.append([np.nan if one is None else one[by_force] for one in beside])
         number += 1
         progress(number / len(course.time_s))
-    return course, np.array(answers), iterations
+    return course, np.array(answers), iterations, np.array(variants).reshape(len(answers), -1)
 
 
 def _reason_of(stuck: Stuck, goal: float, time_s: float, by_force: bool) -> str:

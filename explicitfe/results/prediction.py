@@ -74,6 +74,7 @@ class Prediction(Document, PredictionPart):
     dataset, model : name of the dataset, path of the model file.
     effects : names of the model's effects.
     refinement, density, tolerance : how tests under a tool were computed.
+    section : refinement of the section in which bodies of revolution were solved; 0 if none was.
     finer : refinement to which fine ramps corrected the answers; 0 if none did.
     curves : id -> curve.
     error : "fit", "holdout" or "all" (curves without a side) -> mean error.
@@ -87,6 +88,7 @@ class Prediction(Document, PredictionPart):
     refinement: float
     density: float
     tolerance: float
+    section: float = 0.0
     finer: float = 0.0
     curves: dict[str, PredictedCurve]
     error: dict[str, PredictionError]

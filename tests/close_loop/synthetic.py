@@ -66,6 +66,9 @@ class Linear:
     def exact(self, model: Hypothesis) -> bool:
         return self.smooth
 
+    def has_slopes(self, model: Hypothesis) -> bool:
+        return False
+
     def costly(self, model: Hypothesis) -> bool:
         return not self.smooth
 

@@ -88,7 +88,7 @@ def discover(system: Specimens, last: Entry) -> Discovery | None:
     assert named is not None and covariance is not None
     tests = list(dict.fromkeys(one.test for one in system.series))
     quiet = last.evidence.other + log_odds_of_other() < 0.0
-    if quiet or not system.exact(model) or len(system.groups) > 1 or len(tests) < FEWEST_TESTS:
+    if quiet or system.costly(model) or len(system.groups) > 1 or len(tests) < FEWEST_TESTS:
         return None
     start = _with_stiff_law(_without_relaxation(model))
     fit = _fitted(system, start, covariance)

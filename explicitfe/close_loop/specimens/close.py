@@ -24,7 +24,8 @@ from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.specimens.lengths import with_assumed_lengths
 from explicitfe.close_loop.specimens.series import determined
 from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import COARSE, CORRECTED, Specimens
+from explicitfe.close_loop.specimens.specimens import CORRECTED, Specimens
+from explicitfe.close_loop.specimens.trials import COARSE
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.lack_of_fit import lack_of_fit
@@ -252,7 +253,7 @@ class _SpecimenLoop:
     def _proposed_tests(self, outcome: Outcome) -> list[NextExperiment]:
         """Tests that would settle best what is open; none where a run of a mesh is expensive and hardly anything is open."""
         settled = outcome.verdict in ("no-missing-effect", "effect-found") and outcome.sure > THRESHOLDS.majority_probability
-        if settled and not self.system.exact(outcome.final.model):
+        if settled and self.system.costly(outcome.final.model):
             return []
         assert outcome.final.covariance is not None
         causes = survivors(self.system, outcome.comparison)

@@ -187,7 +187,7 @@ def _ramp(alike: Sequence[Curve], share: float) -> Curve:
     for curve in alike:
         assert curve.tool is not None
         driven.append(replace(curve, tool=curve.tool.model_copy(update={"control": "displacement"})))
-    ramp = ramp_of(driven[0], driven, ())
+    ramp = ramp_of(driven[0], driven, (), rounded=False)
     return replace(ramp, columns=ramp.columns | {"displacement_m": share * ramp.displacement_m})
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from explicitfe.effects import Effect, Measurement, readings_of
+from explicitfe.effects import Effect, Measurement, physics_of, readings_of
 from explicitfe.measured.curve import Curve, programme_of
 from explicitfe.predict.correction import Correction, Job, for_ramps, kind_of, ramp_of, smoothed
 from explicitfe.predict.reading import as_it_is, reading, true_programme, without_compliance
@@ -27,7 +27,7 @@ class Plan:
     by_force : the force is imposed.
     by_ramp : the run is a ramp.
     compliance_m_N : of the rig, which the run leaves out.
-    incompressible : the tissue has an incompressible limit.
+    by_hexahedra : the run is one of hexahedra, whose answer ripples with the depth.
     """
 
     job: Job
@@ -36,7 +36,7 @@ class Plan:
     by_force: bool = False
     by_ramp: bool = False
     compliance_m_N: float = 0.0
-    incompressible: bool = False
+    by_hexahedra: bool = True
 
     def read(self, answer: Sequence[np.ndarray], corrections: Mapping[str, Correction]) -> dict[str, np.ndarray]:
         """Curve -> what it would measure, SI."""
@@ -48,17 +48,13 @@ class Plan:
             else:
                 given = true_programme(programme_of(curve), curve, self.readings, self.by_force)
                 ramp = programme_of(courses[0])
-                smooth = smoothed(answer[0], ramp) if corrections else answer[0]
+                rippled = corrections and self.by_hexahedra
+                smooth = smoothed(answer[0], ramp) if rippled else answer[0]
                 machine = ramp if self.by_force else ramp + self.compliance_m_N * smooth
                 programme = np.interp(given, machine, ramp) if self.compliance_m_N > 0.0 and not self.by_force else given
                 values = PchipInterpolator(ramp, smooth)(np.clip(programme, 0.0, ramp[-1]))
             if curve.id in corrections:
-                own = corrections[curve.id]
-                values = (
-                    own.of_ramp(values, programme, self.by_force, self.incompressible)
-                    if self.by_ramp
-                    else own.applied(values, programme, self.by_force, (curve,), incompressible=self.incompressible)
-                )
+                values = corrections[curve.id].applied(values, programme, self.by_force)
             if self.by_force:
                 values = values + self.compliance_m_N * programme
             by_curve[curve.id] = reading(values, curve, self.readings, self.by_force)
@@ -103,8 +99,13 @@ def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], ho
         by_force,
         by_ramp=True,
         compliance_m_N=compliance,
-        incompressible=tissue.incompressible,
+        by_hexahedra=not is_section(tissue),
     )
+
+
+def is_section(tissue: Tissue) -> bool:
+    """Whether tests under a tool are computed in a section of a body of revolution."""
+    return tissue.numerics.section > 0.0 and all(effect.in_revolution for effect in physics_of(tissue.effects.chosen))
 
 
 def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:

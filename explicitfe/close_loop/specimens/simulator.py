@@ -21,15 +21,23 @@ from explicitfe.predict.predict import kernels_of_test, predict_test
 from explicitfe.predict.reduced import ReducedSpecimen, reduced_specimen
 from explicitfe.predict.tissue import Numerics, parse_tissue
 
+Jobs = tuple[tuple[Curve, ...], tuple[str, ...]]  # a test, and the texts of a tissue and of others that differ from it by little
 
-def _answer(job: Job) -> Run:
-    test, text = job
+
+def _answer(job: Jobs) -> list[Run | None]:
+    """What the curves of a test answer with each tissue; None for one that could not be computed beside the first."""
+    test, (text, *others) = job
     try:
-        tissue = parse_tissue(text)
+        tissue, variants = parse_tissue(text), [parse_tissue(other) for other in others]
         with announcing(kernels_of_test(test, tissue)):
-            return [p.values for p in predict_test(test, tissue)]
+            answers = predict_test(test, tissue, variants=variants)
     except (RunError, InputError, ValueError) as error:  # ValueError: values that a table of the scenario refuses
-        return str(error)
+        return [str(error), *[None] * len(others)]
+    runs: list[Run | None] = [[answer.values for answer in answers]]
+    for number in range(len(others)):
+        values = [answer.variants[number] for answer in answers] if answers[0].variants else [None]
+        runs.append(None if any(v is None for v in values) else [v for v in values if v is not None])
+    return runs
 
 
 class Simulator:
@@ -55,29 +63,42 @@ class Simulator:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def run(self, jobs: Sequence[Job]) -> list[Run]:
-        """What the curves of each test answer in SI, or why they cannot."""
+    def run(self, jobs: Sequence[Job], beside: Sequence[Sequence[str]] = ()) -> list[Run]:
+        """What the curves of each test answer in SI, or why they cannot.
+
+        Parameters
+        ----------
+        beside : for each job texts of tissues that differ by little. They are computed with it where that is cheap, for later.
+        """
         keys = [(*map(_identity, test), text) for test, text in jobs]
-        wanted = {key: job for key, job in zip(keys, jobs, strict=True) if key not in self._kept}
+        wanted: dict[tuple[str, ...], Jobs] = {}
+        for number, (key, (test, text)) in enumerate(zip(keys, jobs, strict=True)):
+            if key not in self._kept and key not in wanted:
+                others = tuple(dict.fromkeys(beside[number])) if beside else ()
+                wanted[key] = test, (text, *(other for other in others if other != text))
         todo = list(wanted.items())
         self._batch = 0, len(todo)
         # The first run is done here: it compiles the kernels, which the other processes then load.
         if todo and (self._pool is None or len(todo) == 1 or self.processes == 1):
-            self._compute(*todo[0])
+            self._keep(todo[0][1], _answer(todo[0][1]))
             todo = todo[1:]
         if self.processes > 1 and len(todo) > 1 and any(_on_a_mesh(job) for _, job in todo):
             try:
                 self._pool = self._pool or WorkerPool(self.processes)
-                for (key, _), run in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
-                    self._keep(key, run)
+                for (_, job), runs in zip(todo, self._pool.map(_answer, [job for _, job in todo]), strict=True):
+                    self._keep(job, runs)
                 todo = []
             except BrokenProcessPool:  # a script that is read from standard input can start no process
                 stopping.check()
                 self._pool, self.processes = None, 1
                 todo = [entry for entry in todo if entry[0] not in self._kept]
-        for key, job in todo:
-            self._compute(key, job)
+        for _, job in todo:
+            self._keep(job, _answer(job))
         return [self._kept[key] for key in keys]
+
+    def known(self, jobs: Sequence[Job]) -> list[Run | None]:
+        """As :meth:`run`, but None for what has not been computed."""
+        return [self._kept.get((*map(_identity, test), text)) for test, text in jobs]
 
     def reduced(self, curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
         """The reduced specimen of a test, with the elastic states of the first law that asks for it."""
@@ -86,20 +107,25 @@ class Simulator:
             self._reduced[kind] = reduced_specimen(curve, law, numerics)
         return self._reduced[kind]
 
-    def _compute(self, key: tuple[str, ...], job: Job) -> None:
-        self._keep(key, _answer(job))
-
-    def _keep(self, key: tuple[str, ...], run: Run) -> None:
-        self._kept[key] = run
+    def _keep(self, job: Jobs, runs: Sequence[Run | None]) -> None:
+        test, texts = job
+        for text, run in zip(texts, runs, strict=True):
+            if run is not None:
+                self._kept.setdefault((*map(_identity, test), text), run)
         self.runs += 1
         done, count = self._batch
         self._batch = done + 1, count
         self.watch(f"simulation {self.runs}" + (f", {done + 1} of {count} of this step" if count > 1 else ""))
 
 
-def _on_a_mesh(job: Job) -> bool:
+def same_courses(test: Sequence[Curve], other: Sequence[Curve]) -> bool:
+    """Whether a model answers alike to the curves of two tests."""
+    return len(test) == len(other) and all(a is b or _identity(a) == _identity(b) for a, b in zip(test, other, strict=True))
+
+
+def _on_a_mesh(job: Jobs) -> bool:
     """Whether a run is that of a mesh, and not of one homogeneous state."""
-    (first, *_), text = job
+    (first, *_), (text, *_) = job
     return first.tool is not None and (first.tool.shape != "platen" or not _is_pointwise(text))
 
 

@@ -15,9 +15,9 @@ from explicitfe.close_loop.specimens.lengths import with_errors_of_lengths
 from explicitfe.close_loop.specimens.plan import Plan, plan_of
 from explicitfe.close_loop.specimens.scales import scales_of
 from explicitfe.close_loop.specimens.series import determined, peers_of, series_of
-from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.statistics.covariance import stack
-from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
+from explicitfe.close_loop.specimens.simulator import Simulator, same_courses
+from explicitfe.close_loop.specimens.trials import COARSE, changes_by_trials, needs_history
+from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate, steps_of
 from explicitfe.effects import EFFECTS, Effect, cause_of
 from explicitfe.effects.complete import is_isochoric
 from explicitfe.effects.effect import Sought, with_leaves
@@ -37,16 +37,12 @@ C10_BOUND_FACTORS = (1e-4, 1e4)
 # A step of C20, as a share of C10, that changes an answer noticeably.
 C20_STEP_RATIO = 0.3
 EXACT = Numerics()
-# With which tests are planned and candidates are tried, by differences of answers; ramps have the instants of the search.
-COARSE = Numerics(refinement=0.4, density=0.4, tolerance=5e-4, finer=1.5)
 # With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
-CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, finer=1.5)
+CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, section=0.6, finer=1.5)
 # The check of a history adds instants and tightens the tolerance by these factors.
 CHECK_DENSITY_FACTOR = 2.0
 CHECK_TOLERANCE_FACTOR = 0.25
 SMALLEST_TOLERANCE = 1e-5
-# Shares of a trial's strength that are tried until the model can be computed.
-TRIED_SHARES = (1.0, 0.5, 0.25, 0.1)
 # What data need that a further test of the same kind can give.
 CAN_BE_ADDED = {"time", "unloading", "repeats"}
 
@@ -104,8 +100,9 @@ class Specimens:
     def base(self) -> tuple[Parameter, ...]:
         """C10 and C20 of each group, about the constants to begin with."""
         parameters = []
-        begin = {"poisson": MESH_POISSON_RATIO, "incompressible": self.homogeneous, "numerics": self.numerics}
-        elastic = Tissue(**begin, constants={EVERY: Constants(C10_Pa=RAMP_C10_PA)})
+        numerics = COARSE if self.numerics.section > 0.0 else self.numerics
+        constants = {EVERY: Constants(C10_Pa=RAMP_C10_PA)}
+        elastic = Tissue(poisson=MESH_POISSON_RATIO, incompressible=True, numerics=numerics, constants=constants)
         for group in self.groups:
             curves = [c for c in self.curves if c.constants == group]
             C10, C20 = first_constants(curves, Baseline(elastic, self.known, self.homogeneous, self.simulator.run))
@@ -115,17 +112,25 @@ class Specimens:
             parameters.append(Parameter("C20_Pa", Sought((C20_STEP_RATIO * C10,), 0.0, LARGEST_C20_RATIO * C10), C20, label))
         return tuple(parameters)
 
-    def exact(self, model: Hypothesis) -> bool:
-        """Whether a model needs no mesh, so that its answers are free of numerical roughness."""
+    def pointwise(self, model: Hypothesis) -> bool:
+        """Whether one point of material answers for each test."""
         return self.homogeneous and all(EFFECTS[name].pointwise for name in model.effects)
+
+    def exact(self, model: Hypothesis) -> bool:
+        """Whether a model needs no hexahedra, whose answers are rough."""
+        return self.pointwise(model) or (self.numerics.section > 0.0 and all(EFFECTS[e].in_revolution for e in model.effects))
 
     def costly(self, model: Hypothesis) -> bool:
         """Whether a model needs a mesh."""
-        return not self.exact(model)
+        return not self.pointwise(model)
+
+    def has_slopes(self, model: Hypothesis) -> bool:
+        """Whether derivatives are computed in the same run: in a section of the body."""
+        return self.exact(model) and not self.pointwise(model)
 
     def at(self, model: Hypothesis) -> Specimens:
         """The same tests, with what a finer mesh changes taken at a model."""
-        if self.exact(model):
+        if self.pointwise(model):
             return self
         tissue = self.tissue(model)
         corrections: dict[str, Correction] = {}
@@ -133,6 +138,10 @@ class Specimens:
             curves = [c for c in self.curves if c.constants == group]
             corrections |= corrections_of(_for_group(tissue, group), curves, self.simulator.run)
         return replace(self, corrections=corrections)
+
+    def with_numerics(self, numerics: Numerics) -> Specimens:
+        """The same tests, computed otherwise and not corrected."""
+        return replace(self, numerics=numerics, corrections={})
 
     def start(self) -> Hypothesis:
         """The elastic model, at constants to begin with."""
@@ -150,7 +159,7 @@ class Specimens:
         changes_volume = any(EFFECTS[name].changes_volume for name in hypothesis.effects)
         tissue = Tissue(
             poisson=MESH_POISSON_RATIO,
-            incompressible=self.exact(hypothesis) or not (self.homogeneous or changes_volume),
+            incompressible=not changes_volume,
             constants_by=self.constants_by,
             constants=constants,
             numerics=numerics or self.numerics,
@@ -176,77 +185,23 @@ class Specimens:
         return columns
 
     def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
-        """Change (n,) SI of the prediction by each trial, by differences on one mesh.
+        """Change (n,) SI of the prediction by each trial, see close_loop/specimens/trials.py."""
+        return changes_by_trials(self, model, candidates)
 
-        A trial that follows whole histories is compared with the same effect without strength, because a model without history
-        is read off one ramp.
-        """
-        if not self.exact(model):
-            known = [c for c in candidates if self.has_sketch(c.effect) and EFFECTS[c.effect].acts_on != "reading"]
-            table = dict(zip([c.effect for c in known], self._sketched_changes(model, known), strict=True))
-            others = iter(self._simulated_changes(model, [c for c in candidates if c.effect not in table]))
-            return [table[c.effect] if c.effect in table else next(others) for c in candidates]
-        return self._simulated_changes(model, candidates)
-
-    def _sketched_changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
-        """As :meth:`changes`, by the reduced specimens."""
-        bare = Hypothesis(model.base, (), model.x[: len(model.base)])
-        models = [bare.plus(one.term, values) for one in candidates for values in one.trials]
-        before, *answers = self.sketched([bare, *models])
-        remaining = iter([None if y is None or before is None else stack(y) - stack(before) for y in answers])
-        return [[next(remaining) for _ in one.trials] for one in candidates]
-
-    def _simulated_changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
-        """As :meth:`changes`, by the simulator."""
-        plain = self._sketch(model)
-        jobs: list[tuple[Specimens, Hypothesis, Hypothesis]] = []
-        for one in candidates:
-            effect = EFFECTS[one.effect]
-            pointwise = self.homogeneous and effect.pointwise and self.exact(model)
-            by_ramp = not (self.homogeneous or _needs_history(effect) or effect.needs_half_body)
-            system, base = (self, model) if pointwise or by_ramp else (replace(self, numerics=COARSE, corrections={}), plain)
-            none = base
-            if not pointwise and (self.homogeneous or _needs_history(effect)):
-                none = base.plus(one.term, (one.term.parameters[0].sought.none, *one.trials[0][1:]))
-            jobs += [(system, base.plus(one.term, values), none) for values in one.trials]
-        before = self._each([(system, none) for system, _, none in jobs])
-        differences: list[np.ndarray | None] = [None] * len(jobs)
-        # An effect can leave a body too soft for an imposed force: its signature is then that of a weaker one.
-        for share in TRIED_SHARES:
-            open_jobs = [k for k, one in enumerate(differences) if one is None and before[k] is not None]
-            weaker = [(jobs[k][0], jobs[k][1].weakened(share)) for k in open_jobs]
-            for k, answer in zip(open_jobs, self._each(weaker), strict=True):
-                without = before[k]
-                if answer is not None and without is not None:
-                    differences[k] = (stack(answer) - stack(without)) / share
-        remaining = iter(differences)
-        return [[next(remaining) for _ in one.trials] for one in candidates]
-
-    def _each(self, jobs: Sequence[tuple[Specimens, Hypothesis]]) -> list[Answer | None]:
-        """Answers of models that are computed with different numerics, each kind together."""
-        answers: dict[int, Answer | None] = {}
-        for exact in (True, False):
-            own = [k for k, (system, _) in enumerate(jobs) if (system is self) == exact]
-            if own:
-                system = jobs[own[0]][0]
-                answers |= dict(zip(own, system.answers([jobs[k][1] for k in own]), strict=True))
-        return [answers[k] for k in range(len(jobs))]
-
-    def _sketch(self, model: Hypothesis) -> Hypothesis:
-        """The model without effects that need whole histories: others change about as much, and take a fraction of the time."""
-        if self.exact(model):
-            return model
-        kept = [k for k, term in enumerate(model.terms) if not _needs_history(EFFECTS[term.effect])]
-        x, start = list(model.x[: len(model.base)]), len(model.base)
-        for k, term in enumerate(model.terms):
-            if k in kept:
-                x += list(model.x[start : start + len(term.parameters)])
-            start += len(term.parameters)
-        return Hypothesis(model.base, tuple(model.terms[k] for k in kept), np.array(x))
+    def beside(self, model: Hypothesis, others: Sequence[Hypothesis]) -> list[Answer | None]:
+        """Answers of a model and of others that differ from it by little, as far as they are computed in the same run."""
+        tissues = [self.tissue(one) for one in (model, *others)]
+        self._answers(tissues[:1], self.curves, [tissues[1:]])
+        return self._answers(tissues, self.curves, only_known=True)
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, SI; None where it cannot be computed."""
-        return self._answers([self.tissue(m) for m in models], self.curves)
+        # What derivatives need is computed in the same run, where a section of the body is solved.
+        beside = [
+            [self.tissue(m.shifted(k, step)) for k, step in enumerate(steps_of(m, exact=True))] if self.has_slopes(m) else []
+            for m in models
+        ]
+        return self._answers([self.tissue(m) for m in models], self.curves, beside)
 
     def has_sketch(self, effect: str) -> bool:
         """Whether a reduced specimen has an effect: one of the material that leaves its volume as it is, or of the reading."""
@@ -365,7 +320,7 @@ class Specimens:
             reason = f"requires {' and '.join(lacking)}, absent from these data; informative data: {effect.about.needs}"
             return replace(term, trials=(), reason=reason)
         refusal = self._refusal(term, model)
-        slow = effect.needs_half_body or (_needs_history(effect) and not self.has_sketch(name))
+        slow = effect.needs_half_body or (needs_history(effect) and not self.has_sketch(name))
         return replace(term, trials=(), reason=refusal) if refusal else replace(term, slow=slow)
 
     def _refusal(self, term: Candidate, model: Hypothesis) -> str:
@@ -403,18 +358,37 @@ class Specimens:
     def _plan(self, tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], *, ramps: bool = True) -> Plan:
         return plan_of(_for_group(tissue, test[0].constants), test, curves, self.homogeneous, ramps=ramps)
 
-    def _answers(self, tissues: Sequence[Tissue], curves: Sequence[Curve]) -> list[Answer | None]:
-        """What each tissue answers in the tests of some curves, SI; None where one of them cannot be computed."""
+    def _answers(
+        self,
+        tissues: Sequence[Tissue],
+        curves: Sequence[Curve],
+        beside: Sequence[Sequence[Tissue]] = (),
+        *,
+        only_known: bool = False,
+    ) -> list[Answer | None]:
+        """What each tissue answers in the tests of some curves, SI; None where one of them cannot be computed.
+
+        Parameters
+        ----------
+        beside : for each tissue others that differ by little, which are computed in the same run for later.
+        only_known : compute nothing.
+        """
         driven = [driven_of(c).curve for c in curves]
         tests = experiments(driven)
         plans = [[self._plan(tissue, test, driven) for test in tests] for tissue in tissues]
-        runs = iter(self.simulator.run([plan.job for row in plans for plan in row]))
+        jobs = [plan.job for row in plans for plan in row]
+        texts: list[list[str]] = []
+        for others, row in zip(beside or [()] * len(plans), plans, strict=True):
+            for test, plan in zip(tests, row, strict=True):
+                own = [self._plan(other, test, driven).job for other in others]
+                texts.append([text for courses, text in own if same_courses(courses, plan.job[0])])
+        runs = iter(self.simulator.known(jobs) if only_known else self.simulator.run(jobs, texts))
         answers: list[Answer | None] = []
         for row in plans:
             by_curve: dict[str, np.ndarray] = {}
             for plan in row:
                 run = next(runs)
-                if not isinstance(run, str):
+                if run is not None and not isinstance(run, str):
                     by_curve |= plan.read(run, self.corrections)
             whole = len(by_curve) == len(curves)
             answers.append([by_curve[c.id][driven_of(c).rows][determined(c)] for c in curves] if whole else None)
@@ -431,11 +405,6 @@ def _for_group(tissue: Tissue, group: str) -> Tissue:
     if group not in tissue.constants:
         return tissue
     return tissue.model_copy(update={"constants": {group: tissue.constants[group]}})
-
-
-def _needs_history(effect: type[Effect]) -> bool:
-    """Whether a body has to follow the whole course of a test; a machine that misreads does not change what the body does."""
-    return effect.acts_on != "reading" and effect.depends_on_path
 
 
 def _is_homogeneous(curve: Curve) -> bool:

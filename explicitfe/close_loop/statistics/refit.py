@@ -13,21 +13,17 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
-from explicitfe.close_loop.statistics.system import Answer, Answering, Hypothesis, System, values_by_name
+from explicitfe.close_loop.statistics.system import Answer, Answering, Hypothesis, System, steps_of, values_by_name
 from explicitfe.errors import RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.
-# Derivatives are taken over this share of a parameter's typical length: a larger one where roughness would drown a small one.
-STEP_SHARE, ROUGH_STEP_SHARE = 1e-3, 0.04
-# The typical length is no less than this share of the coordinate itself.
-LEAST_TYPICAL_SHARE = 0.1
 # The search ends where a further step would gain less chi2 than the sum of this number and of this share of chi2; where every
 # answer is a run of a mesh, sooner.
 ENOUGH_CHI2, ENOUGH_CHI2_SHARE = 0.02, 1e-5
 COSTLY_ENOUGH_CHI2, COSTLY_ENOUGH_CHI2_SHARE = 0.5, 3e-3
 # A search that ended otherwise has still converged if a further step would gain less than this share of chi2.
 STALLED_CHI2_SHARE, ROUGH_STALLED_CHI2_SHARE = 1e-2, 1e-1
-MOST_STEPS, ROUGH_MOST_STEPS = 40, 8
+MOST_STEPS, MOST_STEPS_WITH_SLOPES, ROUGH_MOST_STEPS = 40, 12, 8
 # A search of costly answers ends after so many steps in a row that led nowhere: the answers are too rough to go on.
 COSTLY_VAIN_STEPS = 3
 # So often derivatives are taken again where answers are rough; elsewhere they may be at every step.
@@ -231,7 +227,9 @@ def _descend(
     damping, converged = FIRST_DAMPING, False
     renewals = MOST_STEPS if exact else ROUGH_NEW_DERIVATIVES
     vain = 0
-    for _ in range(MOST_STEPS if exact else ROUGH_MOST_STEPS):
+    included = system.has_slopes(position.model)
+    most = MOST_STEPS_WITH_SLOPES if included else MOST_STEPS
+    for _ in range(most if exact else ROUGH_MOST_STEPS):
         J = _jacobian(covariance, y, answer, slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
         step = _step(J / size, r, size * (low - model.x), size * (high - model.x), damping) / size
@@ -254,16 +252,16 @@ def _descend(
             better = float(left @ left) < float(r @ r)
             if better:
                 fast = None if renew is None else renew(moved)
-                slopes = _update(slopes, new - answer, moved.x - model.x, fast)
                 poor = float(r @ r - left @ left) < POOR_GAIN_SHARE * gain
-                model, answer, r, fresh = moved, new, left, False
+                slopes = derivatives(system, moved, new) if included else _update(slopes, new - answer, moved.x - model.x, fast)
+                model, answer, r, fresh = moved, new, left, included
                 damping *= 1.0 if poor else 0.1
         vain = 0 if better else vain + 1
         if better and not poor:
             continue
         if costly and vain >= COSTLY_VAIN_STEPS:
             break
-        if not fresh and renewals > 0:
+        if not fresh and renewals > 0 and not included:
             slopes, fresh, renewals = derivatives(system, model, answer, renew and renew(model)), True, renewals - 1
         elif not better:
             damping = max(10.0 * damping, DAMPING_AFTER_FAILURE) if costly else 10.0 * damping
@@ -307,21 +305,13 @@ def derivatives(system: Answering, model: Hypothesis, now: np.ndarray, known: np
     The side is the one inside the bounds on which the model can be computed. A parameter with no such side has the derivative 0,
     so that it stays where it is.
     """
-    share = STEP_SHARE if system.exact(model) else ROUGH_STEP_SHARE
-    steps = [share * max(p.typical, LEAST_TYPICAL_SHARE * abs(x)) for p, x in zip(model.parameters, model.x, strict=True)]
-    steps = [-step if x + step > p.high else step for p, x, step in zip(model.parameters, model.x, steps, strict=True)]
-
-    def shifted(k: int, step: float) -> Hypothesis:
-        x = model.x.copy()
-        x[k] += step
-        return model.at(x)
-
+    steps = steps_of(model, exact=system.exact(model))
     wanted = [k for k in range(len(steps)) if known is None or not np.isfinite(known[:, k]).all()]
     answers: list[Answer | None] = [None] * len(steps)
-    for k, answer in zip(wanted, system.answers([shifted(k, steps[k]) for k in wanted]), strict=True):
+    for k, answer in zip(wanted, system.answers([model.shifted(k, steps[k]) for k in wanted]), strict=True):
         answers[k] = answer
     back = [k for k in wanted if answers[k] is None and model.parameters[k].low <= model.x[k] - steps[k]]
-    for k, answer in zip(back, system.answers([shifted(k, -steps[k]) for k in back]), strict=True):
+    for k, answer in zip(back, system.answers([model.shifted(k, -steps[k]) for k in back]), strict=True):
         answers[k], steps[k] = answer, -steps[k]
     columns = []
     for k, (answer, step) in enumerate(zip(answers, steps, strict=True)):

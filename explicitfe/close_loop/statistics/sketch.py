@@ -50,6 +50,9 @@ class Sketch:
     def costly(self, model: Hypothesis) -> bool:
         return True  # a fit need be no more accurate than the answers
 
+    def has_slopes(self, model: Hypothesis) -> bool:
+        return False
+
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """Answers of models; None where one has an effect without a fast answer and without a secant."""
         parts = [_split(model, self.system.has_sketch) for model in models]

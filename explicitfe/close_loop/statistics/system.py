@@ -128,10 +128,29 @@ class Hypothesis:
         x[place] = none + share * (x[place] - none)
         return self.at(x)
 
+    def shifted(self, number: int, step: float) -> Hypothesis:
+        """The model with one coordinate moved."""
+        x = self.x.copy()
+        x[number] += step
+        return self.at(x)
+
     def of_terms(self) -> list[tuple[str, dict[str, float]]]:
         """The effect of each term, and its values by the names that the effect gives its parameters."""
         values = iter(self.values[len(self.base) :])
         return [(term.effect, {p.name.rpartition(".")[2]: next(values) for p in term.parameters}) for term in self.terms]
+
+
+# Derivatives are taken over this share of a parameter's typical length: a larger one where roughness would drown a small one.
+STEP_SHARE, ROUGH_STEP_SHARE = 1e-3, 0.04
+# The typical length is no less than this share of the coordinate itself.
+LEAST_TYPICAL_SHARE = 0.1
+
+
+def steps_of(model: Hypothesis, *, exact: bool) -> list[float]:
+    """Steps of the coordinates over which derivatives are taken, inside the bounds."""
+    share = STEP_SHARE if exact else ROUGH_STEP_SHARE
+    steps = [share * max(p.typical, LEAST_TYPICAL_SHARE * abs(x)) for p, x in zip(model.parameters, model.x, strict=True)]
+    return [-step if x + step > p.high else step for p, x, step in zip(model.parameters, model.x, steps, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,6 +213,9 @@ class Answering(Protocol):
 
     def costly(self, model: Hypothesis) -> bool:
         """Whether an answer takes the run of a mesh, so that what decides nothing is left undone."""
+
+    def has_slopes(self, model: Hypothesis) -> bool:
+        """Whether an answer comes with those that derivatives need, so that these cost little."""
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
         """What each model predicts of the series, in SI at their rows; None where it cannot be computed."""

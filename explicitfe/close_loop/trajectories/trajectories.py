@@ -119,6 +119,10 @@ class Trajectories:
             parameters.append(Parameter("scale", Sought((s,), low * s, high * s, kind="log", none=s), s))
         return tuple(parameters)
 
+    def has_slopes(self, model: Hypothesis) -> bool:
+        """No: each derivative takes a run."""
+        return False
+
     def exact(self, model: Hypothesis) -> bool:
         """Always: one mesh and one step make answers smooth."""
         return True

@@ -38,6 +38,7 @@ class Fibres(MaterialEffect):
         "k2": Sought((0.1, 1.0, 5.0), 0.01, 50.0, kind="log"),
     }
     requires: ClassVar[tuple[str, ...]] = ("two directions",)
+    in_revolution = False
     k1_Pa: float = Field(ge=0.0, description="stiffness [Pa]")
     k2: float = Field(default=1.0, gt=0.0, description="how fast they stiffen")
     direction: tuple[float, float, float] = Field(default=(0.0, 0.0, 1.0), description="of the fibres in the reference shape")

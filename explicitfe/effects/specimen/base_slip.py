@@ -37,6 +37,10 @@ class BaseSlip(Effect):
     def strength(self) -> float:
         return self.compliance_mm_kPa
 
+    @property
+    def base_compliance_m_Pa(self) -> float:
+        return 1e-6 * self.compliance_mm_kPa
+
     def apply(self, model: ModelT) -> ModelT:
         if self.compliance_mm_kPa == 0.0:
             return model

@@ -46,6 +46,10 @@ class InclusionBelowTool(Effect):
     def strength(self) -> float:
         return self.ratio - 1.0
 
+    def stiffness_at(self, r_m: np.ndarray, depth_m: np.ndarray, height_m: float, spread_m: np.ndarray) -> np.ndarray:
+        inside = 1e-3 * self.radius_mm - np.hypot(r_m, depth_m - 1e-3 * self.depth_mm)
+        return 1.0 + (self.ratio - 1.0) * np.clip(0.5 + inside / spread_m, 0.0, 1.0)
+
     def apply(self, model: ModelT) -> ModelT:
         mesh = model.mesh
         centre = np.array([0.0, 0.0, mesh.points[:, 2].max() - 1e-3 * self.depth_mm])

@@ -35,6 +35,9 @@ class StiffnessGradient(Effect):
     def strength(self) -> float:
         return self.g
 
+    def stiffness_at(self, r_m: np.ndarray, depth_m: np.ndarray, height_m: float, spread_m: np.ndarray) -> np.ndarray:
+        return 1.0 + self.g * (2.0 * depth_m / height_m - 1.0)
+
     def apply(self, model: ModelT) -> ModelT:
         mesh = model.mesh
         z = mesh.points[mesh.hexes].mean(axis=1)[:, 2]

@@ -31,6 +31,7 @@ class Adhesion(Effect):
     }
     requires: ClassVar[tuple[str, ...]] = ("tool", "force that pulls")
     acts_on = "tool"
+    in_revolution = False
     depends_on_path = True
     stress_Pa: float = Field(ge=0.0, description="largest pull [Pa]")
     reach_mm: float = Field(default=0.2, gt=0.0, description="gap at which nothing is left of it [mm]")

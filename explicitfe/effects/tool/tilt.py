@@ -29,6 +29,7 @@ class Tilt(Effect):
     sought: ClassVar[Mapping[str, Sought]] = {"angle_deg": Sought((2.0, 5.0), 0.0, 12.0, kind="square")}
     requires: ClassVar[tuple[str, ...]] = ("tool", "flat tool")
     acts_on = "tool"
+    in_revolution = False
     needs_half_body = True
     angle_deg: float = Field(ge=-20.0, le=20.0, description="angle [degrees]")
 

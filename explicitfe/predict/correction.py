@@ -1,6 +1,6 @@
 """What a finer mesh would answer: a run on the usual mesh corrected by a factor of the depth, read off a few elastic ramps.
 
-How much a mesh is too stiff depends on where the surface is, hardly on time and little on the constants. The ratio of what the
+The relative error of a mesh depends on the depth of the tool, hardly on time and little on the constants. The ratio of what the
 tissue answers to one ramp on a fine mesh and on the usual one therefore corrects any load history of the same test. The ramps
 are computed for the tissue with its elastic effects. The same ratio corrects what the usual run leaves out: a block that is
 computed as a cylinder of the same face, or a tool that leans, which needs hexahedra.
@@ -31,7 +31,7 @@ RAMP_ROWS = 49
 # Density of the instants of a ramp of hexahedra, whose ripple more of them follow, and of a section; the tolerance of ramps of
 # hexahedra: with 2e-4 the depth changes by 1 micrometre.
 RAMP_DENSITY, SMOOTH_DENSITY, FINE_TOLERANCE = 2.0, 1.0, 5e-4
-# The largest load of a ramp is rounded up to a power of this ratio, so that it does not follow every change of a reading.
+# The largest load of a ramp is rounded up to a power of this ratio, so that small changes of a reading share one cached ramp.
 RAMP_STEP_RATIO = 1.05
 # A section is computed on two meshes that differ by this ratio. The error of the finer one is this share of the difference: under
 # a flat tool it falls with the power 1.7 or faster, so that the rest is less than the difference.
@@ -160,7 +160,7 @@ def _ladder(ramp: Curve, tissue: Tissue) -> dict[str, Job]:
     """The ramp as usual, on a fine mesh and on one between them; with a sharp edge also with twice the rounding."""
     assert ramp.specimen is not None and ramp.tool is not None
     numerics = tissue.numerics
-    # What is left out of the ramps may need hexahedra, or a volume that changes.
+    # The usual run is computed as that of the whole tissue, which may need hexahedra or a finite bulk modulus.
     usual = _with(_bare(tissue), section=numerics.section if all(e.in_revolution for e in tissue.effects.chosen) else 0.0)
     if any("drain" in effect.leaves() for effect in with_leaves(tissue.effects.chosen)):
         usual = usual.model_copy(update={"incompressible": False})

@@ -211,7 +211,7 @@ class Revolution:
     # ---- the way to a load ----
 
     def _approach(self, goal: float, by_force: bool, at_s: float, goals: Sequence[float]) -> ToolState | Stuck:
-        """Take the increment in steps that Newton's method can follow; time goes on with them."""
+        """Apply an increment of load and time in adaptive substeps."""
         main, before = self.main, self.iterations
 
         def coordinate(one: SectionTissue) -> float:
@@ -328,7 +328,7 @@ class Revolution:
                 fresh = True
 
     def _converge(self, one: SectionTissue, weights: tuple[float, float], goal: float) -> bool:
-        """Go on with one factorization; False where the steps do not become smaller."""
+        """Iterate with the present factorization; False if the iteration diverges."""
         last = np.inf
         least = VARIANT_TOLERANCE_SHARE * max(abs(self.main.depth - self.main.touch), LEAST_WAY_SHARE * self.section.height)
         for _ in range(VARIANT_ITERATIONS):

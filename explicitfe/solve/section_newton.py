@@ -16,8 +16,8 @@ from explicitfe.solve.tool_surface import add_forces, assemble, touch
 
 # Differences [smallest element].
 DIFFERENCE_STEP = 1e-6
-# A load has converged where the last step has moved no node by more than this share of the tool's way, or of this share of the
-# height.
+# Convergence tolerance of the Newton step, relative to the displacement of the tool. The displacement counts as at least this
+# share of the height.
 TOLERANCE_SHARE, LEAST_WAY_SHARE = 1e-6, 1e-2
 MOST_ITERATIONS, MOST_CUTS = 12, 4
 # A step with old derivatives is kept unless the next one would be longer by this ratio. Share of a step that leaves a kink.

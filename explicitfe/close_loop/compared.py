@@ -114,11 +114,6 @@ class ComparedCauses:
         return strength.value(min(max(x, ends[0]), ends[1]))
 
 
-def name_of(candidate: Candidate) -> Key:
-    """A name that is equal for a term of the same number of the same effect."""
-    return (candidate.effect, candidate.term.parameters[0].name)
-
-
 def forms_by_cause(library: Sequence[Candidate]) -> dict[str, int]:
     """Cause -> number of its forms in these data."""
     forms: dict[str, set[str]] = {}

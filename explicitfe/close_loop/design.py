@@ -124,7 +124,8 @@ def design_test(
         simulator.watch = lambda words: progress(
             "design", Share(SYSTEM_PROGRESS + left * float(-np.expm1(-simulator.runs / usual)), words)
         )
-        known = signatures(system, fit, covariance, candidates)
+        tested = [c for c in candidates if not c.reason]
+        known = signatures(fit, covariance, tested, system.changes(fit.model, tested))
         progress("design", 1.0)
     finally:
         simulator.close()

@@ -99,9 +99,15 @@ def _starts(model: Hypothesis) -> list[int]:
 def _unseen(system: Specimens, comparison: ComparedCauses, best: Survivor, most: int) -> list[Survivor]:
     """The most probable model with each effect that these data cannot show but another test of the kind might.
 
-    The data do not change its probability, and it is as strong as is usual.
+    The data do not change its probability, and it is as strong as is usual. Effects that need a mesh where the most probable
+    model needs none are left out: a proposal is not worth their time.
     """
-    candidates = [c for c in system.possible(best.model) if c.effect in comparison.not_testable]
+    candidates = [
+        c
+        for c in system.possible(best.model)
+        if c.effect in comparison.not_testable
+        and system.costly(best.model.plus(c.term, usual_values(c))) == system.costly(best.model)
+    ]
     models = [best.model.plus(c.term, usual_values(c)) for c in candidates[:most]]
     odds = 1.0 / max(comparison.prior.causes + len(candidates) - 1, 1)
     unseen: list[Survivor] = []

@@ -14,23 +14,20 @@ from itertools import combinations
 
 import numpy as np
 
-from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, name_of, needed_decrease, without_term
+from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, needed_decrease, without_term
 from explicitfe.close_loop.evidence import (
     Causes,
-    Evidence,
     Prior,
     cost_of_term,
     evidence_of,
-    log_discrepancy,
     log_odds_of_other,
     posterior_of,
 )
 from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
-from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
 from explicitfe.close_loop.statistics.signatures import Changes, Screening, Signature, screen, signatures
-from explicitfe.close_loop.statistics.sketch import ERROR_SHARE, Sketch
+from explicitfe.close_loop.statistics.sketch import ERROR_SHARE, Sketch, SketchedFit
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
@@ -116,11 +113,12 @@ class _Comparing:
         self.cause_of = {c.effect: c.cause for c in self.library}
         self.slow = {c.effect for c in self.library if c.slow}
         tested = [c for c in self.library if not c.reason]
-        self.table: dict[Key, Changes] = {}
-        if system.costly(fit.model):
-            self.table = {name_of(c): d for c, d in zip(tested, system.changes(fit.model, tested), strict=True)}
-        self.sketch = Sketch(system, fit, self._secants(tested)) if self.table else None
-        self.sketched: set[Key] = set()
+        meshed = [c for c in tested if system.costly(fit.model.plus(c.term, c.trials[0]))]
+        changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
+        self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
+        self.sketch = Sketch(system, fit, self._secants()) if system.costly(fit.model) else None
+        self.sketched: dict[Key, SketchedFit] = {}
+        self.sketch_error = ERROR_SHARE  # the largest share of what history changes that fits have shown
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library), max_effects)
@@ -139,11 +137,13 @@ class _Comparing:
             if self.max_effects == 0:
                 break
             for parent in parents:
-                self._screen_children(parent, pairs=terms == 1)
+                self._screen_children(parent)
+            if terms == 2:
+                self._screen_children(self.fitted[()], pairs=True)  # with what the fits of the single effects have shown
             if not self._fit_plausible(terms):
                 break
             level = [one for one in self.fitted.values() if len(one.key) == terms]
-            parents = sorted(level, key=self._log_posterior, reverse=True)[:MOST_PARENTS]
+            parents = sorted(level, key=self._closeness, reverse=True)[:MOST_PARENTS]
         self._exchange()
         self._finish()
         return self._comparison()
@@ -157,13 +157,13 @@ class _Comparing:
                 if smaller not in self.fitted and smaller not in self.failed:
                     self._fit(smaller, [without_term(best.model, best.key[k])])
                 if smaller in self.fitted:
-                    self._screen_children(self.fitted[smaller], pairs=False)
+                    self._screen_children(self.fitted[smaller])
             self._fit_plausible(None)
             if max(self.fitted.values(), key=self._log_posterior) is best:
                 return
 
-    def _screen_children(self, parent: Entry, *, pairs: bool) -> None:
-        """Screen the parent with one further term, and where asked with each pair of further terms."""
+    def _screen_children(self, parent: Entry, *, pairs: bool = False) -> None:
+        """Screen the parent with one further term, or with each pair of further terms."""
         assert parent.fit is not None and parent.covariance is not None and parent.system is not None
         candidates = [c for c in parent.system.candidates(parent.model) if not c.reason and c.effect in self._allowed(parent)]
         if not candidates:
@@ -173,7 +173,9 @@ class _Comparing:
         residual = outside(parent.fit.movable, parent.fit.residual)
         groups: list[tuple[Signature, ...]] = [(one,) for one in tested]
         if pairs:
-            groups += [pair for pair in combinations(tested, 2) if pair[0].candidate.cause != pair[1].candidate.cause]
+            # A slow effect is tried beside others that were fitted, but not in pairs of which neither effect is known to help.
+            fast = [one for one in tested if self._is_fast(parent.model.plus(one.candidate.term, one.values[0]))]
+            groups = [pair for pair in combinations(fast, 2) if pair[0].candidate.cause != pair[1].candidate.cause]
         for group in groups:
             if len({*parent.causes, *(one.candidate.cause for one in group)}) > self.max_effects:
                 continue
@@ -189,20 +191,28 @@ class _Comparing:
         if key in self.fitted or key in self.failed:
             return
         screening = screen(residual, group)
+        if len(group) > 1:
+            slack = sum(self._slack(parent, one, residual) for one in group)
+            screening = replace(screening, bound=min(screening.bound, screening.gain + slack))
         model = parent.model
         for one, values in zip(group, screening.starts, strict=True):
             model = model.plus(one.candidate.term, values)
         assert parent.covariance is not None
         cost = sum(self._cost(one.candidate.effect, len(one.candidate.term.parameters)) for one in group)
-        closed = parent.evidence.closed + 0.5 * screening.gain - cost
-        lack = parent.evidence.lack
-        left = LackOfFit(max(lack.chi2 - screening.gain, 0.0), lack.free, lack.p)
-        evidence = Evidence(closed, -np.inf, log_discrepancy(left.chi2, left.free), left)
+        evidence = replace(parent.evidence, closed=parent.evidence.closed - cost).with_gain(screening.gain)
         causes = parent.causes | {one.candidate.cause for one in group}
         entry = Entry(key, causes, evidence, model, bound=screening.bound, parent=parent.key)
         before = self.screened.get(key)
         if before is None or evidence.closed > before[0].evidence.closed:
             self.screened[key] = entry, screening
+
+    def _slack(self, parent: Entry, one: Signature, residual: np.ndarray) -> float:
+        """Decrease of chi2 by an effect beyond that of its best trial: what its fit found, or what its trials allow together."""
+        alone = screen(residual, (one,))
+        fitted = self.fitted.get(tuple(sorted((*parent.key, one.candidate.effect))))
+        if fitted is None or fitted.fit is None or parent.fit is None:
+            return alone.bound - alone.gain
+        return max(parent.fit.whitened - fitted.fit.whitened - alone.gain, 0.0)
 
     def _fit_plausible(self, terms: int | None) -> int:
         """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
@@ -223,54 +233,71 @@ class _Comparing:
             if not waiting or count >= most:
                 return count
             # Fewer terms and fast ones first: what they explain, others need not.
-            entry = max(waiting, key=lambda one: (-len(one.key), self.slow.isdisjoint(one.key), self._log_posterior(one)))
+            entry = max(waiting, key=lambda one: (-len(one.key), self._is_fast(one.model), self._closeness(one)))
             if self.sketch is not None and entry.key not in self.sketched:
                 self._fit_sketch(entry, self.sketch)
                 continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
             self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
             self._fit(entry.key, [entry.model])
+            done = self.fitted.get(entry.key)
+            if done is not None and done.fit is not None and entry.key in self.sketched:
+                self.sketch_error = max(self.sketch_error, self.sketched[entry.key].error_of(done.fit.whitened))
             count += 1
 
     def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
         """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
-        self.sketched.add(entry.key)
+        screening = self.screened[entry.key][1]
+        self.sketched[entry.key] = SketchedFit(0.0, 0.0)
         try:
             fit = refit(sketch, entry.model, self.covariance)
         except RunError:
             return
         one = self._entry(fit, self.system, self.covariance)
-        history = outside(fit.movable, self.covariance.whiten(sketch.of_history(fit.model)))
-        slack = ERROR_SHARE**2 * float(history @ history)
-        screening = self.screened[entry.key][1]
-        if not self._is_sketchable(entry.key):
-            slack += max(screening.bound - screening.gain, 0.0)
+        baseline = self.fitted[()].fit
+        assert baseline is not None
+        history = outside(baseline.movable, self.covariance.whiten(sketch.of_history(fit.model)))
+        self.sketched[entry.key] = SketchedFit(fit.whitened, float(np.linalg.norm(history)))
         gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
+        slack = 0.0 if self._is_sketchable(entry.key) else max(screening.bound - screening.gain, 0.0)
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain + slack, parent=entry.parent)
         self.screened[entry.key] = entry, Screening(gain, gain + slack, screening.starts)
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that its signatures allow it comes near the best.
 
-        Where no mesh is needed, all single effects are fitted. On one, those without fast answers are, as long as the best
-        hypothesis leaves more than noise: constants of a baseline that is rejected are too far off for what is linear. Those
-        whose runs take many times longer are fitted only then, and only if their signatures could bring them near the best.
+        Single effects are always fitted where that needs no mesh. Where the baseline needs one too and the best hypothesis leaves
+        more than noise, they are fitted as well, because constants of a baseline that is rejected are too far off for what is
+        linear; those with fast answers or slow runs only if they could come nearer to the data than any other.
         """
-        more = 0.5 * max(screening.bound - screening.gain, 0.0)
+        more = screening.bound - screening.gain
+        if entry.key in self.sketched:
+            more += self.sketched[entry.key].possible_gain(self.sketch_error)
+        top = max(self.fitted.values(), key=self._log_posterior)
+        nearest = np.inf
         if terms == 1 and len(entry.key) == 1:
-            if self.sketch is None:
+            if not self.system.costly(entry.model):
                 return True
             if not self._is_sketchable(entry.key):
-                top = max(self.fitted.values(), key=self._log_posterior)
-                unexplained, fast = top.evidence.other + log_odds_of_other() > 0.0, self.slow.isdisjoint(entry.key)
-                if unexplained == fast:
-                    return fast
-                more = 0.5 * (LINEAR_GAIN_FACTOR * screening.bound - screening.gain)
-        return self._log_posterior(entry) + more > best + np.log(THRESHOLDS.negligible_probability)
+                more = LINEAR_GAIN_FACTOR * screening.bound - screening.gain
+            if top.evidence.other + log_odds_of_other() > 0.0:
+                if self._is_fast(entry.model) and not self._is_sketchable(entry.key):
+                    return True
+                nearest = max(map(self._closeness, self.fitted.values()))
+            elif not self._is_fast(entry.model):
+                return False
+        evidence = entry.evidence.with_gain(max(more, 0.0))
+        prior = self.prior.log(entry.causes)
+        return evidence.closed + prior > nearest or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)
+
+    def _is_fast(self, model: Hypothesis) -> bool:
+        """Whether a model takes no more time than others: no slow effect, and no mesh where the baseline needs none."""
+        mesh = self.system.costly(model) and not self.system.costly(self.fitted[()].model)
+        return not mesh and self.slow.isdisjoint(model.effects)
 
     def _is_sketchable(self, key: Key) -> bool:
         """Whether all effects have fast answers."""
-        return all(self.system.has_sketch(name) for name in key)
+        return self.sketch is not None and all(self.system.has_sketch(name) for name in key)
 
     def _fit(self, key: Key, starts: Sequence[Hypothesis]) -> None:
         """Fit a hypothesis from its screening and, where it ends worse than a subset, from that subset."""
@@ -310,12 +337,12 @@ class _Comparing:
         else:
             self.fitted[key] = self._entry(best, system, covariance)
 
-    def _secants(self, candidates: Sequence[Candidate]) -> dict[str, np.ndarray]:
+    def _secants(self) -> dict[str, np.ndarray]:
         """Effect -> change (n,) SI by a unit of the coordinate of its strength, from the table of responses."""
         secants: dict[str, np.ndarray] = {}
-        for one in candidates:
+        for one, changes in self.table.values():
             strength = one.term.parameters[0].sought
-            for values, change in zip(one.trials, self.table[name_of(one)], strict=True):
+            for values, change in zip(one.trials, changes, strict=True):
                 if change is not None:
                     size = strength.coordinate(values[0]) - strength.coordinate(strength.none)
                     secants.setdefault(one.effect, change / size)
@@ -368,18 +395,19 @@ class _Comparing:
                 if system.costly(fit.model) or self.cause_of[name] == cause:
                     bare = without_term(bare, name)
             forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
-            if self.table:
-                forms = [c for c in forms if name_of(c) in self.table]
-            table = [self.table[name_of(c)] for c in forms] if self.table else system.changes(bare, forms)
-            columns += [one.secants for one in signatures(system, fit, covariance, forms, table) if one.values]
+            columns += [one.secants for one in self._signatures(fit, covariance, forms, bare) if one.values]
         return np.concatenate(columns, axis=1) if columns else None
 
-    def _signatures(self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate]) -> list[Signature]:
-        """Signatures near a model; from the table of responses where an answer takes the run of a mesh."""
-        if not self.table:
-            return signatures(self.system, fit, covariance, candidates)
-        known = [c for c in candidates if name_of(c) in self.table]
-        return signatures(self.system, fit, covariance, known, [self.table[name_of(c)] for c in known])
+    def _signatures(
+        self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate], model: Hypothesis | None = None
+    ) -> list[Signature]:
+        """Signatures near a fitted model, or near another; those that take the run of a mesh are from the table of responses."""
+        own = {c.effect: replace(c, trials=self.table[c.effect][0].trials) for c in candidates if c.effect in self.table}
+        others = [c for c in candidates if c.effect not in own]
+        changes = dict(zip([c.effect for c in others], self.system.changes(model or fit.model, others), strict=True))
+        changes |= {name: list(self.table[name][1]) for name in own}
+        every = [own.get(c.effect, c) for c in candidates]
+        return signatures(fit, covariance, every, [changes[c.effect] for c in every])
 
     def _finish(self) -> None:
         """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""
@@ -402,11 +430,13 @@ class _Comparing:
                 finished.append(self.fitted[entry.key])
             except RunError as error:
                 self.failed[entry.key] = str(error)
-        if self.table:
+        if self.sketch is not None:
             # What was screened beside a model with another numerical error is screened again.
             self.screened = {key: one for key, one in self.screened.items() if one[0].parent not in {e.key for e in finished}}
             for entry in finished:
-                self._screen_children(entry, pairs=not entry.key)
+                self._screen_children(entry)
+                if not entry.key:
+                    self._screen_children(entry, pairs=True)
 
     # ---- numbers ----
 
@@ -425,6 +455,10 @@ class _Comparing:
 
     def _log_posterior(self, entry: Entry) -> float:
         return entry.evidence.best + self.prior.log(entry.causes)
+
+    def _closeness(self, entry: Entry) -> float:
+        """Log posterior if the residual is noise: it orders the search, because a smooth residual may be large at little cost."""
+        return entry.evidence.closed + self.prior.log(entry.causes)
 
     def _is_visible(self, one: Signature) -> bool:
         """Whether the largest plausible strength could make a cause as probable as a verdict asks for."""

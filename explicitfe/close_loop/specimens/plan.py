@@ -14,6 +14,10 @@ from explicitfe.predict.correction import Correction, Job, for_ramps, kind_of, r
 from explicitfe.predict.reading import as_it_is, reading, true_programme, without_compliance
 from explicitfe.predict.tissue import Tissue
 
+# A pull of a tied disc up to this share of its largest push counts as the opposite of a push: the stiffness changes by about
+# this share.
+SMALL_PULL_SHARE = 0.02
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -52,7 +56,10 @@ class Plan:
                 smooth = smoothed(answer[0], ramp) if rippled else answer[0]
                 machine = ramp if self.by_force else ramp + self.compliance_m_N * smooth
                 programme = np.interp(given, machine, ramp) if self.compliance_m_N > 0.0 and not self.by_force else given
-                values = PchipInterpolator(ramp, smooth)(np.clip(programme, 0.0, ramp[-1]))
+                # A tool that is not tied rests without load; a small pull of a tied one is the opposite of a push.
+                least = -ramp[-1] if _is_tied(curve) else 0.0
+                inside = np.clip(programme, least, ramp[-1])
+                values = np.sign(inside) * PchipInterpolator(ramp, smooth)(np.abs(inside))
             if curve.id in corrections:
                 values = corrections[curve.id].applied(values, programme, self.by_force)
             if self.by_force:
@@ -109,7 +116,13 @@ def is_section(tissue: Tissue) -> bool:
 
 
 def _forgets_its_past(curve: Curve, effects: Sequence[Effect]) -> bool:
-    """Whether neither time nor what came before changes the answer; a tied disc pulls too, and needs its whole course."""
+    """Whether neither time nor what came before changes the answer; a tied disc that pulls needs its whole course."""
     assert curve.tool is not None
     by_path = any(effect.depends_on_path for effect in effects)
-    return not by_path and curve.tool.shape != "bonded-disc" and curve.tool.friction in (0.0, "unknown", "stick")
+    programme = programme_of(curve)
+    pulls = _is_tied(curve) and programme.min() < -SMALL_PULL_SHARE * programme.max()
+    return not by_path and not pulls and curve.tool.friction in (0.0, "unknown", "stick")
+
+
+def _is_tied(curve: Curve) -> bool:
+    return curve.tool is not None and curve.tool.shape == "bonded-disc"

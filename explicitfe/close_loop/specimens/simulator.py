@@ -54,6 +54,7 @@ class Simulator:
         self.watch: Callable[[str], object] = lambda words: None  # called after each run, with the number of the run in words
         self._batch = (0, 0)  # runs that are done, and runs, of the last call of run()
         self._kept: dict[tuple[str, ...], Run] = {}
+        self._asked: set[tuple[str, ...]] = set()  # what was computed or tried, with others beside it or alone
         self._reduced: dict[str, ReducedSpecimen | None] = {}
         self._pool: WorkerPool | None = None
 
@@ -63,19 +64,21 @@ class Simulator:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def run(self, jobs: Sequence[Job], beside: Sequence[Sequence[str]] = ()) -> list[Run]:
+    def run(self, jobs: Sequence[Job], beside: Sequence[Sequence[str]] = (), *, again: bool = False) -> list[Run]:
         """What the curves of each test answer in SI, or why they cannot.
 
         Parameters
         ----------
         beside : for each job texts of tissues that differ by little. They are computed with it where that is cheap, for later.
+        again : repeat a known run for texts beside it that are new.
         """
         keys = [(*map(_identity, test), text) for test, text in jobs]
         wanted: dict[tuple[str, ...], Jobs] = {}
         for number, (key, (test, text)) in enumerate(zip(keys, jobs, strict=True)):
-            if key not in self._kept and key not in wanted:
-                others = tuple(dict.fromkeys(beside[number])) if beside else ()
+            others = [other for other in dict.fromkeys(beside[number] if beside else ()) if (*key[:-1], other) not in self._asked]
+            if key not in wanted and (key not in self._kept or (again and others)):
                 wanted[key] = test, (text, *(other for other in others if other != text))
+            self._asked |= {(*key[:-1], other) for other in (text, *others)}
         todo = list(wanted.items())
         self._batch = 0, len(todo)
         # The first run is done here: it compiles the kernels, which the other processes then load.

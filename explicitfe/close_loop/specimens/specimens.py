@@ -191,7 +191,7 @@ class Specimens:
     def beside(self, model: Hypothesis, others: Sequence[Hypothesis]) -> list[Answer | None]:
         """Answers of a model and of others that differ from it by little, as far as they are computed in the same run."""
         tissues = [self.tissue(one) for one in (model, *others)]
-        self._answers(tissues[:1], self.curves, [tissues[1:]])
+        self._answers(tissues[:1], self.curves, [tissues[1:]], again=True)
         return self._answers(tissues, self.curves, only_known=True)
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
@@ -364,6 +364,7 @@ class Specimens:
         curves: Sequence[Curve],
         beside: Sequence[Sequence[Tissue]] = (),
         *,
+        again: bool = False,
         only_known: bool = False,
     ) -> list[Answer | None]:
         """What each tissue answers in the tests of some curves, SI; None where one of them cannot be computed.
@@ -371,6 +372,7 @@ class Specimens:
         Parameters
         ----------
         beside : for each tissue others that differ by little, which are computed in the same run for later.
+        again : repeat a known run for others that are new.
         only_known : compute nothing.
         """
         driven = [driven_of(c).curve for c in curves]
@@ -382,7 +384,7 @@ class Specimens:
             for test, plan in zip(tests, row, strict=True):
                 own = [self._plan(other, test, driven).job for other in others]
                 texts.append([text for courses, text in own if same_courses(courses, plan.job[0])])
-        runs = iter(self.simulator.known(jobs) if only_known else self.simulator.run(jobs, texts))
+        runs = iter(self.simulator.known(jobs) if only_known else self.simulator.run(jobs, texts, again=again))
         answers: list[Answer | None] = []
         for row in plans:
             by_curve: dict[str, np.ndarray] = {}

@@ -79,6 +79,7 @@ def _simulated_changes(specimens: Trying, model: Hypothesis, candidates: Sequenc
         by_ramp = not (specimens.homogeneous or needs_history(effect) or effect.needs_half_body)
         numerics = LEANING if effect.needs_half_body else COARSE
         system, base = (specimens, model) if pointwise or by_ramp else (specimens.with_numerics(numerics), plain)
+        base = model if effect.extends else base
         none = base
         if not pointwise and (specimens.homogeneous or needs_history(effect) or not effect.in_revolution):
             none = base.plus(one.term, (one.term.parameters[0].sought.none, *one.trials[0][1:]))

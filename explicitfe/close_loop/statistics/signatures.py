@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from explicitfe.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.close_loop.statistics.refit import BestFit
-from explicitfe.close_loop.statistics.system import Candidate, System
+from explicitfe.close_loop.statistics.system import Candidate
 
 # A fit begins with a strength of at least this share of the trial, and inside the bounds by this share of their range.
 LEAST_START_SHARE, BOUND_MARGIN_SHARE = 0.02, 0.05
@@ -43,22 +43,16 @@ class Signature:
 
 
 def signatures(
-    system: System,
-    fit: BestFit,
-    covariance: Covariance,
-    candidates: Sequence[Candidate],
-    table: Sequence[Changes] | None = None,
+    fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate], table: Sequence[Changes]
 ) -> list[Signature]:
-    """Signatures of all candidates near one model at its best.
+    """Signatures of candidates near one model at its best.
 
     Parameters
     ----------
-    table : changes of each candidate's trials, where they are known already; the system computes them if left out.
+    table : changes of each candidate's trials.
     """
-    tested = [c for c in candidates if not c.reason]
-    changes = system.changes(fit.model, tested) if table is None else table
     computed_signatures = []
-    for candidate, columns in zip(tested, changes, strict=True):
+    for candidate, columns in zip(candidates, table, strict=True):
         computed = [(values, d) for values, d in zip(candidate.trials, columns, strict=True) if d is not None]
         rows = len(fit.answer)
         raw = np.array([d for _, d in computed]).reshape(len(computed), rows).T

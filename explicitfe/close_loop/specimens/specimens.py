@@ -198,7 +198,7 @@ class Specimens:
         """What each model predicts of the series, SI; None where it cannot be computed."""
         # What derivatives need is computed in the same run, where a section of the body is solved.
         beside = [
-            [self.tissue(m.shifted(k, step)) for k, step in enumerate(steps_of(m, exact=True))] if self.has_slopes(m) else []
+            [self.tissue(m.shifted(k, step)) for k, step in enumerate(steps_of(self, m))] if self.has_slopes(m) else []
             for m in models
         ]
         return self._answers([self.tissue(m) for m in models], self.curves, beside)

@@ -305,7 +305,7 @@ def derivatives(system: Answering, model: Hypothesis, now: np.ndarray, known: np
     The side is the one inside the bounds on which the model can be computed. A parameter with no such side has the derivative 0,
     so that it stays where it is.
     """
-    steps = steps_of(model, exact=system.exact(model))
+    steps = steps_of(system, model)
     wanted = [k for k in range(len(steps)) if known is None or not np.isfinite(known[:, k]).all()]
     answers: list[Answer | None] = [None] * len(steps)
     for k, answer in zip(wanted, system.answers([model.shifted(k, steps[k]) for k in wanted]), strict=True):

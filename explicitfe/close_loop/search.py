@@ -26,8 +26,8 @@ from explicitfe.close_loop.evidence import (
 from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
-from explicitfe.close_loop.statistics.signatures import Changes, Screening, Signature, screen, signatures
-from explicitfe.close_loop.statistics.sketch import ERROR_SHARE, Sketch, SketchedFit
+from explicitfe.close_loop.statistics.signatures import Changes, Estimate, Screening, Signature, screen, signatures
+from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
@@ -38,8 +38,9 @@ ASSUMED = "assumed "
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
-# The decrease of chi2 by a signature near a baseline that is rejected may be wrong by this factor.
-LINEAR_GAIN_FACTOR = 2.0
+# Estimates of what effects change are right to this share to begin with (fast answers under a flat tool were off by 1 to 18 %),
+# and to the largest share that fits have shown.
+FIRST_ERROR_SHARE = 0.1
 # Shares of the search at which its stages begin.
 BASELINE_PROGRESS, SYSTEMATIC_PROGRESS, SCREENING_PROGRESS = 0.02, 0.1, 0.2
 FITS_PROGRESS, FINISH_PROGRESS = 0.4, 0.9
@@ -117,8 +118,8 @@ class _Comparing:
         changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
         self.sketch = Sketch(system, fit, self._secants()) if system.costly(fit.model) else None
-        self.sketched: dict[Key, SketchedFit] = {}
-        self.sketch_error = ERROR_SHARE  # the largest share of what history changes that fits have shown
+        self.estimates: dict[Key, Estimate] = {}
+        self.error_share = {True: FIRST_ERROR_SHARE, False: FIRST_ERROR_SHARE}  # of fast answers, and of signatures
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library), max_effects)
@@ -191,9 +192,6 @@ class _Comparing:
         if key in self.fitted or key in self.failed:
             return
         screening = screen(residual, group)
-        if len(group) > 1:
-            slack = sum(self._slack(parent, one, residual) for one in group)
-            screening = replace(screening, bound=min(screening.bound, screening.gain + slack))
         model = parent.model
         for one, values in zip(group, screening.starts, strict=True):
             model = model.plus(one.candidate.term, values)
@@ -205,14 +203,8 @@ class _Comparing:
         before = self.screened.get(key)
         if before is None or evidence.closed > before[0].evidence.closed:
             self.screened[key] = entry, screening
-
-    def _slack(self, parent: Entry, one: Signature, residual: np.ndarray) -> float:
-        """Decrease of chi2 by an effect beyond that of its best trial: what its fit found, or what its trials allow together."""
-        alone = screen(residual, (one,))
-        fitted = self.fitted.get(tuple(sorted((*parent.key, one.candidate.effect))))
-        if fitted is None or fitted.fit is None or parent.fit is None:
-            return alone.bound - alone.gain
-        return max(parent.fit.whitened - fitted.fit.whitened - alone.gain, 0.0)
+            assert parent.fit is not None
+            self.estimates[key] = Estimate(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
 
     def _fit_plausible(self, terms: int | None) -> int:
         """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
@@ -234,21 +226,21 @@ class _Comparing:
                 return count
             # Fewer terms and fast ones first: what they explain, others need not.
             entry = max(waiting, key=lambda one: (-len(one.key), self._is_fast(one.model), self._closeness(one)))
-            if self.sketch is not None and entry.key not in self.sketched:
+            if self.sketch is not None and not self.estimates[entry.key].fast:
                 self._fit_sketch(entry, self.sketch)
                 continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
             self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
             self._fit(entry.key, [entry.model])
             done = self.fitted.get(entry.key)
-            if done is not None and done.fit is not None and entry.key in self.sketched:
-                self.sketch_error = max(self.sketch_error, self.sketched[entry.key].error_of(done.fit.whitened))
+            if done is not None and done.fit is not None:
+                estimate = self.estimates[entry.key]
+                self.error_share[estimate.fast] = max(self.error_share[estimate.fast], estimate.error_of(done.fit.whitened))
             count += 1
 
     def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
         """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
-        screening = self.screened[entry.key][1]
-        self.sketched[entry.key] = SketchedFit(0.0, 0.0)
+        self.estimates[entry.key] = self.estimates[entry.key]._replace(fast=True)
         try:
             fit = refit(sketch, entry.model, self.covariance)
         except RunError:
@@ -257,11 +249,12 @@ class _Comparing:
         baseline = self.fitted[()].fit
         assert baseline is not None
         history = outside(baseline.movable, self.covariance.whiten(sketch.of_history(fit.model)))
-        self.sketched[entry.key] = SketchedFit(fit.whitened, float(np.linalg.norm(history)))
+        self.estimates[entry.key] = Estimate(fit.whitened, float(np.linalg.norm(history)), fast=True)
+        screening = self.screened[entry.key][1]
         gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
         slack = 0.0 if self._is_sketchable(entry.key) else max(screening.bound - screening.gain, 0.0)
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain + slack, parent=entry.parent)
-        self.screened[entry.key] = entry, Screening(gain, gain + slack, screening.starts)
+        self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain + slack)
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that its signatures allow it comes near the best.
@@ -270,22 +263,21 @@ class _Comparing:
         more than noise, they are fitted as well, because constants of a baseline that is rejected are too far off for what is
         linear; those with fast answers or slow runs only if they could come nearer to the data than any other.
         """
-        more = screening.bound - screening.gain
-        if entry.key in self.sketched:
-            more += self.sketched[entry.key].possible_gain(self.sketch_error)
+        estimate = self.estimates[entry.key]
+        more = estimate.possible_gain(self.error_share[estimate.fast], sum(len(one.measured) for one in self.system.series))
+        if len(entry.key) == 1:
+            more = max(more, screening.bound - screening.gain)
         top = max(self.fitted.values(), key=self._log_posterior)
         nearest = np.inf
+        if top.evidence.other + log_odds_of_other() > 0.0:
+            nearest = max(map(self._closeness, self.fitted.values()))
         if terms == 1 and len(entry.key) == 1:
             if not self.system.costly(entry.model):
                 return True
-            if not self._is_sketchable(entry.key):
-                more = LINEAR_GAIN_FACTOR * screening.bound - screening.gain
-            if top.evidence.other + log_odds_of_other() > 0.0:
-                if self._is_fast(entry.model) and not self._is_sketchable(entry.key):
-                    return True
-                nearest = max(map(self._closeness, self.fitted.values()))
-            elif not self._is_fast(entry.model):
+            if not self._is_fast(entry.model) and nearest == np.inf:
                 return False
+            if self._is_fast(entry.model) and nearest < np.inf and not self._is_sketchable(entry.key):
+                return True
         evidence = entry.evidence.with_gain(max(more, 0.0))
         prior = self.prior.log(entry.causes)
         return evidence.closed + prior > nearest or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)

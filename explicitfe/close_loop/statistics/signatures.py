@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -83,6 +84,37 @@ def scaled_trial(candidate: Candidate, values: tuple[float, ...], factor: float)
     return (strength.value(float(inside)), *values[1:])
 
 
+# Noise along one direction, in standard deviations.
+NOISE_SDS = 2.0
+
+
+class Estimate(NamedTuple):
+    """An estimated fit.
+
+    Attributes
+    ----------
+    chi2 : whitened sum of squares that it would leave.
+    change : whitened norm of what the effects change of the prediction, in which the estimate has a relative error.
+    fast : the estimate is a fit with fast answers, and not one of signatures.
+    """
+
+    chi2: float
+    change: float
+    fast: bool
+
+    def possible_gain(self, error_share: float, rows: int) -> float:
+        """Decrease of chi2 by a true fit beyond the estimate, if what the effects change is known up to a share of it.
+
+        The error may be what the estimate leaves beyond noise, but of noise (``rows``, n) it can explain one direction only.
+        """
+        along = float(np.sqrt(max(self.chi2 - rows, 0.0))) + NOISE_SDS
+        return float(along**2 - max(along - error_share * self.change, 0.0) ** 2)
+
+    def error_of(self, chi2: float) -> float:
+        """The share by which the estimate was wrong, by what a true fit left; of the residual where the change is smaller."""
+        return max(float(np.sqrt(self.chi2) - np.sqrt(chi2)), 0.0) / max(self.change, float(np.sqrt(chi2)), 1e-300)
+
+
 @dataclass(frozen=True)
 class Screening:
     """What candidates explain of a residual together, where the prediction is linear in their strengths.
@@ -91,11 +123,13 @@ class Screening:
     ----------
     gain : decrease of chi2 by one trial of each candidate at its best strength.
     bound : decrease by any non-negative combination of all their trials: an upper bound over the shapes between the trials.
+    change : whitened norm of what they change of the prediction.
     starts : values of each candidate's parameters with which a fit begins.
     """
 
     gain: float
     bound: float
+    change: float
     starts: tuple[tuple[float, ...], ...]
 
 
@@ -105,7 +139,7 @@ def screen(residual: np.ndarray, members: Sequence[Signature]) -> Screening:
     owner = np.repeat(np.arange(len(members)), [one.secants.shape[1] for one in members])
     size = np.linalg.norm(columns, axis=0)
     if not len(size) or not size.any():
-        return Screening(0.0, 0.0, tuple(one.candidate.trials[0] for one in members))
+        return Screening(0.0, 0.0, 0.0, tuple(one.candidate.trials[0] for one in members))
     unit = columns / np.maximum(size, 1e-300)
     Q, R = np.linalg.qr(unit)
     mixed, left = nnls(R, Q.T @ residual)
@@ -125,4 +159,4 @@ def screen(residual: np.ndarray, members: Sequence[Signature]) -> Screening:
         scaled_trial(one.candidate, one.values[k - int(np.searchsorted(owner, number))], float(f))
         for number, (one, k, f) in enumerate(zip(members, best, factors, strict=True))
     )
-    return Screening(max(gain, 0.0), max(inside - left**2, gain, 0.0), starts)
+    return Screening(max(gain, 0.0), max(inside - left**2, gain, 0.0), float(np.linalg.norm(change)), starts)

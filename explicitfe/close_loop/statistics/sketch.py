@@ -9,38 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from explicitfe.close_loop.statistics.covariance import stack
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, System
-
-# Differences of fast answers are right to this share of what history changes: relaxation and softening under
-# a flat tool were off by 1 to 8 %, a permanent set by 18 %.
-ERROR_SHARE = 0.1
-
-
-class SketchedFit(NamedTuple):
-    """The end of a fit with fast answers.
-
-    Attributes
-    ----------
-    chi2 : whitened sum of squares that it left.
-    history : whitened norm of what the effects with fast answers change there, outside the span of the constants.
-    """
-
-    chi2: float
-    history: float
-
-    def possible_gain(self, error_share: float) -> float:
-        """Decrease of chi2 by a fit with full answers, if fast ones err by a share of what history changes."""
-        return self.chi2 - max(np.sqrt(self.chi2) - error_share * self.history, 0.0) ** 2
-
-    def error_of(self, chi2: float) -> float:
-        """The share of what history changes by which the fast answers were wrong, by the chi2 of a fit with full answers."""
-        return (np.sqrt(self.chi2) - np.sqrt(chi2)) / self.history if self.history > 0.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -320,18 +320,41 @@ class Revolution:
             own = (weights[0], one.rig.compliance_m_N if weights[0] else weights[1])
             if one is self._probe:
                 own, goal = (0.0, 1.0), main.force
-            while not one.lost:
-                one.u, one.depth, one.pressures = begin
-                if self._converge(one, own, goal):
-                    break
-                one.lost = fresh or self.newton.evaluate(main, with_stiffness=True) is None or not self.newton.factorize()
-                fresh = True
+            if one.lost or self._converge(one, begin, own, goal):
+                continue
+            if not fresh:
+                fresh = self._factorize(main)
+                if fresh and self._converge(one, begin, own, goal):
+                    continue
+            # It touches the tool elsewhere than the first tissue: Newton's method with derivatives of its own.
+            one.lost = not self._converge(one, begin, own, goal, alone=True)
+            fresh = self._factorize(main)
 
-    def _converge(self, one: SectionTissue, weights: tuple[float, float], goal: float) -> bool:
-        """Iterate with the present factorization; False if the iteration diverges."""
+    def _factorize(self, one: SectionTissue) -> bool:
+        """Take the derivatives at a state; False where that is impossible."""
+        return self.newton.evaluate(one, with_stiffness=True) is not None and self.newton.factorize()
+
+    def _converge(
+        self,
+        one: SectionTissue,
+        begin: tuple[np.ndarray, float, np.ndarray],
+        weights: tuple[float, float],
+        goal: float,
+        *,
+        alone: bool = False,
+    ) -> bool:
+        """Iterate from a state; False if the iteration diverges.
+
+        Parameters
+        ----------
+        alone : with derivatives at each step, and not with the present factors.
+        """
         last = np.inf
+        one.u, one.depth, one.pressures = begin
         least = VARIANT_TOLERANCE_SHARE * max(abs(self.main.depth - self.main.touch), LEAST_WAY_SHARE * self.section.height)
         for _ in range(VARIANT_ITERATIONS):
+            if alone and not self._factorize(one):
+                return False
             rows = self.newton.evaluate(one)
             if rows is None:
                 return False

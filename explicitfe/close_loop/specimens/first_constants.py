@@ -28,6 +28,8 @@ RAMP_C10_PA = 200.0
 C20_RATIOS = (0.0, 0.05, 0.2, 0.5, 1.0)
 # Where a force is imposed, C10 is sought between the smallest one that carries it and this multiple of it.
 LARGEST_SIZE_RATIO, SIZES = 100.0, 200
+# Every fourth row of a usual ramp does to begin with.
+ROWS_STRIDE = 4
 # A ramp that does not reach the largest measured depth is repeated to these shares of it. Where the force is imposed, a stiffer
 # body carries it at a smaller depth.
 DEPTH_SHARES = (1.0, 0.5, 0.25)
@@ -188,7 +190,9 @@ def _ramp(alike: Sequence[Curve], share: float) -> Curve:
         assert curve.tool is not None
         driven.append(replace(curve, tool=curve.tool.model_copy(update={"control": "displacement"})))
     ramp = ramp_of(driven[0], driven, (), rounded=False)
-    return replace(ramp, columns=ramp.columns | {"displacement_m": share * ramp.displacement_m})
+    few = slice(None, None, ROWS_STRIDE)
+    columns = {name: values[few] for name, values in ramp.columns.items()}
+    return replace(ramp, time_s=ramp.time_s[few], columns=columns | {"displacement_m": share * columns["displacement_m"]})
 
 
 def _read(curve: Curve, ramp: _Ramp | str) -> _Response | str:

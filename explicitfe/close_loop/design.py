@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, ValidationError
 
+from explicitfe.close_loop.baseline import covariance_of
 from explicitfe.close_loop.compared import needed_decrease
-from explicitfe.close_loop.search import covariance_of
 from explicitfe.close_loop.specimens.simulator import Simulator
 from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.close_loop.specimens.trials import COARSE

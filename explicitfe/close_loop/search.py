@@ -1,19 +1,20 @@
 """The comparison of hypotheses: sets of causes are screened, fitted and weighed by their evidence; from a system to an outcome.
 
-Every single effect is screened from its signature, and so is every pair; larger sets are built from the most probable smaller
-ones. A hypothesis that could matter is fitted with the simulator from its best screening, and from its fitted subsets if it
-ends worse than one of them; on a mesh the number of fits is limited. A set that was not fitted keeps the evidence of its
-screening, which is linear in the strengths.
+Every single effect is screened from its signature, and so is every pair; larger sets are built from the smaller ones that are
+nearest to the data. On a mesh fits are estimated further with fast answers. A hypothesis that could matter, by the errors that
+estimates have shown, is fitted with the simulator, and again from its fitted subsets if it ends worse than one of them. A set
+that was not fitted keeps the evidence of its estimate.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
+from explicitfe.close_loop.baseline import ASSUMED, Watch, covariance_of, fitted_baseline
 from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, needed_decrease, without_term
 from explicitfe.close_loop.evidence import (
     Causes,
@@ -23,17 +24,15 @@ from explicitfe.close_loop.evidence import (
     log_odds_of_other,
     posterior_of,
 )
-from explicitfe.close_loop.statistics.covariance import Covariance, outside, stack
-from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
-from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
+from explicitfe.close_loop.statistics.covariance import Covariance, outside
+from explicitfe.close_loop.statistics.noise import RowNoise
+from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed
 from explicitfe.close_loop.statistics.signatures import Changes, Estimate, Screening, Signature, screen, signatures
 from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.errors import RunError
 
-# Systematic errors of assumed quantities have names that begin so; the others are of the numerics and of the protocol.
-ASSUMED = "assumed "
 # A cause may use several terms: two more in a set than it has causes.
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
@@ -42,13 +41,10 @@ MOST_PARENTS = 6
 # and to the largest share that fits have shown.
 FIRST_ERROR_SHARE = 0.1
 # Shares of the search at which its stages begin.
-BASELINE_PROGRESS, SYSTEMATIC_PROGRESS, SCREENING_PROGRESS = 0.02, 0.1, 0.2
-FITS_PROGRESS, FINISH_PROGRESS = 0.4, 0.9
+SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
 
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 6, 3: 3}
-
-Watch = Callable[[str, float], None]
 
 
 def compare(
@@ -70,35 +66,8 @@ def compare(
     ------
     RunError : the baseline cannot be computed.
     """
-    watch("fit of the elastic model", BASELINE_PROGRESS)
-    estimated = rows is None
-    rows = row_noise(system.series) if rows is None else rows
-    spread = scatter(system.series, rows)
-    by_tests = Covariance(system.series, rows, spread, system.systematic())
-    start = system.start()
-    renew = None if system.exact(start) else Sketch(system).slopes
-    fit = settled(system, refit(system, start, by_tests, renew=renew), by_tests, renew)
-    system, fit = renewed(system, fit, by_tests, renew=renew)
-    if estimated:
-        rows = row_noise_beside(system.series, rows, fit.answer)
-        spread = scatter(system.series, rows)
-    watch("systematic errors", SYSTEMATIC_PROGRESS)
-    assumed = {f"{ASSUMED}{name}": stack(answer) - fit.answer for name, answer in system.assumptions(fit.model).items()}
-    covariance = covariance_of(system, fit.model, rows, spread, assumed)
-    fit = refit(system, fit.model, covariance, slopes=fit.slopes, renew=renew)
-    fit = settled(system, refit(system, fit.model, covariance), covariance, renew)  # with derivatives by the simulator at the end
+    system, covariance, fit = fitted_baseline(system, rows, watch)
     return _Comparing(system, covariance, fit, max_effects, watch).run()
-
-
-def covariance_of(
-    system: System, model: Hypothesis, rows: Sequence[RowNoise], spread: Scatter, assumed: Mapping[str, np.ndarray]
-) -> Covariance:
-    """Covariance at a model: noise of rows, scatter between tests, numerical errors, and what is assumed (name -> (n,) SI)."""
-    (answer,) = system.answers([model])
-    assert answer is not None
-    base = stack(answer)
-    numerical = {name: stack(other) - base for name, other in system.checks(model).items()}
-    return Covariance(system.series, rows, spread, {**numerical, **system.systematic(), **assumed})
 
 
 class _Comparing:
@@ -118,6 +87,7 @@ class _Comparing:
         changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
         self.sketch = Sketch(system, fit, self._secants()) if system.costly(fit.model) else None
+        self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
         self.estimates: dict[Key, Estimate] = {}
         self.error_share = {True: FIRST_ERROR_SHARE, False: FIRST_ERROR_SHARE}  # of fast answers, and of signatures
         self.at_baseline = self._signatures(fit, covariance, tested)
@@ -143,7 +113,7 @@ class _Comparing:
                 self._screen_children(self.fitted[()], pairs=True)  # with what the fits of the single effects have shown
             if not self._fit_plausible(terms):
                 break
-            level = [one for one in self.fitted.values() if len(one.key) == terms]
+            level = [one for one in (self.sketches | self.fitted).values() if len(one.key) == terms]
             parents = sorted(level, key=self._closeness, reverse=True)[:MOST_PARENTS]
         self._exchange()
         self._finish()
@@ -167,6 +137,8 @@ class _Comparing:
         """Screen the parent with one further term, or with each pair of further terms."""
         assert parent.fit is not None and parent.covariance is not None and parent.system is not None
         candidates = [c for c in parent.system.candidates(parent.model) if not c.reason and c.effect in self._allowed(parent)]
+        if parent.key and parent.key not in self.fitted:
+            candidates = [c for c in candidates if c.effect in self.table]
         if not candidates:
             return
         known = self._signatures(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
@@ -246,6 +218,7 @@ class _Comparing:
         except RunError:
             return
         one = self._entry(fit, self.system, self.covariance)
+        self.sketches[entry.key] = one
         baseline = self.fitted[()].fit
         assert baseline is not None
         history = outside(baseline.movable, self.covariance.whiten(sketch.of_history(fit.model)))

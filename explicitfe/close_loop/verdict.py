@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from explicitfe.close_loop.baseline import ASSUMED
 from explicitfe.close_loop.compared import ComparedCauses, Entry
 from explicitfe.close_loop.evidence import Causes, evidence_of, log_odds_of_other
-from explicitfe.close_loop.search import ASSUMED
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, outside
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.thresholds import THRESHOLDS

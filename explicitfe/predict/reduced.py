@@ -83,12 +83,14 @@ class ReducedSpecimen:
         return [reading(part, curve, readings_of(effects), by_force) for part, curve in zip(parts, test, strict=True)]
 
 
-def reduced_specimen(curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
-    """The elastic states of the specimen of a test, down to the depth that was measured; None where they cannot be computed."""
+def reduced_specimen(alike: Sequence[Curve], law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
+    """The elastic states of a specimen, down to the largest depth of some tests that differ in their course only; None where they
+    cannot be computed."""
+    curve = alike[0]
     assert curve.tool is not None
     tied = curve.tool.shape == "bonded-disc"
     setup = setup_of(curve, law.poisson, numerics.refinement)
-    measured = curve.displacement_m
+    measured = np.concatenate([one.displacement_m for one in alike])
     largest = DEPTH_MARGIN * float(measured.max())
     least = DEPTH_MARGIN * min(float(measured.min()), 0.0) if tied else 0.0
     shares, states, forces = [], [], []

@@ -54,7 +54,7 @@ def test_what_history_changes(control, effect):
     measured at these strengths (1 to 7 % at refinement 0.8), and twice the largest is allowed.
     """
     curve = pressed(control)
-    reduced = reduced_specimen(curve, LAW, NUMERICS)
+    reduced = reduced_specimen([curve], LAW, NUMERICS)
     plain, changed = (reduced.answers((curve,), LAW, effects, 1.0)[0] for effects in ((), (effect,)))
     change = simulated(curve, effect) - simulated(curve)
     assert np.linalg.norm(changed - plain - change) < 0.16 * np.linalg.norm(change)
@@ -64,7 +64,7 @@ def test_the_elastic_force_is_that_of_the_run():
     """The scale is fitted to the run, so only its shape is tested: contact makes its mesh ripple by 1.1 % of the force at this
     refinement, and the largest of 41 ripples is three times that."""
     curve = pressed("displacement")
-    reduced = reduced_specimen(curve, LAW, NUMERICS)
+    reduced = reduced_specimen([curve], LAW, NUMERICS)
     force = simulated(curve)
     (answer,) = reduced.answers((curve,), LAW, (), 1.0)
     assert np.abs(answer - force).max() < 0.05 * force.max()
@@ -74,7 +74,7 @@ def test_a_force_and_its_depth_belong_together():
     """A depth that was found for a force gives this force when it is imposed."""
     curve = pressed("force")
     effect = Viscoelastic(g=(0.3,), tau_s=(3.0,))
-    reduced = reduced_specimen(curve, LAW, NUMERICS)
+    reduced = reduced_specimen([curve], LAW, NUMERICS)
     (depth,) = reduced.answers((curve,), LAW, (effect,), 4.0)
     moved = pressed("displacement")
     moved = type(moved)(**{**moved.__dict__, "columns": {"displacement_m": depth, "force_N": 0.6 * SHARE}})

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from explicitfe.close_loop.specimens.plan import plan_of
 from explicitfe.close_loop.specimens.series import determined
@@ -28,8 +29,8 @@ RAMP_C10_PA = 200.0
 C20_RATIOS = (0.0, 0.05, 0.2, 0.5, 1.0)
 # Where a force is imposed, C10 is sought between the smallest one that carries it and this multiple of it.
 LARGEST_SIZE_RATIO, SIZES = 100.0, 200
-# Every fourth row of a usual ramp does to begin with.
-ROWS_STRIDE = 4
+# Every second row of a usual ramp does to begin with, with a cubic between them that is read at so many places.
+ROWS_STRIDE, PLACES = 2, 129
 # A ramp that does not reach the largest measured depth is repeated to these shares of it. Where the force is imposed, a stiffer
 # body carries it at a smaller depth.
 DEPTH_SHARES = (1.0, 0.5, 0.25)
@@ -176,7 +177,9 @@ def _ramps(curves: Sequence[Curve], texts: Mapping[float, str], baseline: Baseli
         for key, ramp, run in zip(todo, ramps, runs, strict=True):
             if not isinstance(run, str):
                 last = int(np.argmax(run[0])) + 1  # a force above the largest one is not carried
-                done[key] = ramp.displacement_m[:last], np.maximum.accumulate(run[0][:last])
+                depth_m = np.linspace(0.0, ramp.displacement_m[last - 1], PLACES)
+                force_N = PchipInterpolator(ramp.displacement_m[:last], run[0][:last])(depth_m) if last > 1 else np.zeros(PLACES)
+                done[key] = depth_m, np.maximum.accumulate(force_N)
             else:
                 done.setdefault(key, run)
         todo = [key for key in todo if isinstance(done[key], str) and kinds[key[1]][0].imposed == "force_N"]

@@ -103,11 +103,12 @@ class Simulator:
         """As :meth:`run`, but None for what has not been computed."""
         return [self._kept.get((*map(_identity, test), text)) for test, text in jobs]
 
-    def reduced(self, curve: Curve, law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
-        """The reduced specimen of a test, with the elastic states of the first law that asks for it."""
+    def reduced(self, curve: Curve, curves: Sequence[Curve], law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:
+        """The reduced specimen of a test and of those among others that differ from it in their course only, with the elastic
+        states of the first law that asks for it."""
         kind = kind_of(curve)
         if kind not in self._reduced:
-            self._reduced[kind] = reduced_specimen(curve, law, numerics)
+            self._reduced[kind] = reduced_specimen([one for one in curves if kind_of(one) == kind], law, numerics)
         return self._reduced[kind]
 
     def _keep(self, job: Jobs, runs: Sequence[Run | None]) -> None:

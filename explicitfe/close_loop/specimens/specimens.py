@@ -219,7 +219,7 @@ class Specimens:
             try:
                 for test in tests:
                     law = tissue.law(test[0])
-                    specimen = self.simulator.reduced(test[0], law, CORRECTED)
+                    specimen = self.simulator.reduced(test[0], driven, law, CORRECTED)
                     if specimen is None:
                         break
                     values = specimen.answers(test, law, effects_of(test[0], tissue), COARSE.density)

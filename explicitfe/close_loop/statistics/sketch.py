@@ -1,7 +1,7 @@
 """A system with fast answers near its baseline: what a full model changes is computed by a reduced one, or is linear.
 
-At the baseline the fast answers and their derivatives by the constants are those of the full model (Echeverria & Hemker 2005,
-manifold mapping).
+Fast answers have the factor of the depth that makes them full ones at the baseline. It holds for other constants too, where a
+correction that is linear in them would not.
 """
 
 from __future__ import annotations
@@ -11,10 +11,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from explicitfe.close_loop.statistics.covariance import stack
 from explicitfe.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, System
+
+# Degree of the ratio of full to fast answers, which changes slowly with the depth.
+FACTOR_DEGREE = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,32 +58,24 @@ class Sketch:
         parts = [_split(model, self.system.has_sketch) for model in models]
         fast = self.system.sketched([part for part, _ in parts])
         lengths = np.cumsum([len(one.measured) for one in self.series])
-        shift = np.zeros(lengths[-1]) if self._shift is None else self._shift
-        tilt = np.zeros((lengths[-1], len(self.base))) if self._tilt is None else self._tilt
         answers: list[Answer | None] = []
-        for (part, others), answer in zip(parts, fast, strict=True):
+        for (_, others), answer in zip(parts, fast, strict=True):
             if answer is None or not set(others) <= set(self.secants):
                 answers.append(None)
                 continue
             linear = sum((x * self.secants[name] for name, x in others.items()), np.zeros(lengths[-1]))
-            answers.append(np.split(shift + tilt @ part.x[: len(self.base)] + stack(answer) + linear, lengths[:-1]))
+            corrected = np.concatenate([_corrected(y, factor) for y, factor in zip(answer, self._factors, strict=True)])
+            answers.append(np.split(corrected + linear, lengths[:-1]))
         return answers
 
     @cached_property
-    def _shift(self) -> np.ndarray | None:
-        """What full answers at the baseline have beyond fast ones and beyond the tilt (n,) SI."""
-        if self.baseline is None or self._tilt is None:
-            return None
-        (fast,) = self.system.sketched([self.baseline.model])
-        return None if fast is None else self.baseline.answer - stack(fast) - self._tilt @ self.baseline.model.x
-
-    @cached_property
-    def _tilt(self) -> np.ndarray | None:
-        """Derivatives (n, p) of full answers less those of fast ones at the baseline."""
-        if self.baseline is None:
-            return None
-        slopes = Sketch(self.system).slopes(self.baseline.model)
-        return None if slopes is None else self.baseline.slopes - slopes
+    def _factors(self) -> list[Polynomial | None]:
+        """Full over fast answers at the baseline, as a polynomial of the fast answer, one for each series."""
+        fast = None if self.baseline is None else self.system.sketched([self.baseline.model])[0]
+        if self.baseline is None or fast is None:
+            return [None] * len(self.series)
+        ends = np.cumsum([len(y) for y in fast])[:-1]
+        return [_factor(y, full) for y, full in zip(fast, np.split(self.baseline.answer, ends), strict=True)]
 
     def slopes(self, model: Hypothesis) -> np.ndarray | None:
         """Derivatives (n, p) SI at a model, NaN for effects without a fast answer; None if there are none."""
@@ -102,6 +98,18 @@ class Sketch:
         if answer is None or before is None:
             return np.zeros(sum(len(one.measured) for one in self.series))
         return stack(answer) - stack(before)
+
+
+def _factor(fast: np.ndarray, full: np.ndarray) -> Polynomial:
+    """The polynomial p of least squares with fast p(fast) = full (k,)."""
+    largest = max(float(np.abs(fast).max()), 1e-300)
+    columns = fast[:, None] * (fast[:, None] / largest) ** np.arange(FACTOR_DEGREE + 1)
+    return Polynomial(np.linalg.lstsq(columns, full, rcond=None)[0], domain=[-largest, largest], window=[-1.0, 1.0])
+
+
+def _corrected(fast: np.ndarray, factor: Polynomial | None) -> np.ndarray:
+    """Fast answers (k,) with a factor of the baseline, which is not extrapolated."""
+    return fast if factor is None else fast * factor(np.clip(fast, *factor.domain))
 
 
 def _split(model: Hypothesis, has_sketch: Callable[[str], bool]) -> tuple[Hypothesis, dict[str, float]]:

@@ -23,7 +23,7 @@ class Series:
 
 
 class Known:
-    """Full answers a x + b x^2 (1 - g) + size sin x; fast ones are 8 % off in a and b and have no ``shape``."""
+    """Full answers a x + b x^2 (1 - g) + size sin x; fast ones are 1 to 10 % smaller and have no ``shape``."""
 
     series = (Series(),)
     base = BASE
@@ -32,7 +32,7 @@ class Known:
         return effect == "slow"
 
     def sketched(self, models):
-        return [[self.full(model) * 0.92 + 0.3] for model in models]
+        return [[self.full(model) / (1.1 - 0.02 * self.full(model))] for model in models]
 
     def full(self, model: Hypothesis) -> np.ndarray:
         a, b = model.x[:2]
@@ -48,29 +48,41 @@ def sketch(baseline: Hypothesis) -> Sketch:
     return Sketch(system, fit, {"shape": np.sin(ROWS)})
 
 
-def test_the_baseline_and_its_slopes_are_those_of_the_full_system():
+def test_a_factor_of_the_answer_makes_fast_answers_full_ones():
+    """The fast answers lack a factor that is linear in the full ones, and so close to a cubic in the fast ones."""
     baseline = Hypothesis(BASE, (), np.array([2.0, 3.0]))
     one = sketch(baseline)
     (answer,) = one.answers([baseline])
-    assert answer[0] == pytest.approx(one.system.full(baseline), rel=1e-12)
-    moved = baseline.at([2.3, 3.4])
+    assert answer[0] == pytest.approx(one.system.full(baseline), rel=1e-4)
+    moved = baseline.at([1.6, 3.3])  # smaller answers than those of the baseline
     (answer,) = one.answers([moved])
-    assert answer[0] == pytest.approx(one.system.full(moved), rel=1e-9)  # linear in both
-    assert one.slopes(baseline) == pytest.approx(one.baseline.slopes, rel=1e-6)
+    assert answer[0] == pytest.approx(one.system.full(moved), rel=1e-4)
+    assert one.slopes(baseline)[:-1] == pytest.approx(
+        one.baseline.slopes[:-1], rel=2e-3
+    )  # beyond the last row the factor is constant
+
+
+def test_the_factor_is_not_extrapolated():
+    baseline = Hypothesis(BASE, (), np.array([2.0, 3.0]))
+    one = sketch(baseline)
+    fast = one.system.sketched([baseline, baseline.at([3.0, 4.5])])
+    largest = one.answers([baseline])[0][0][-1] / fast[0][0][-1]
+    assert one.answers([baseline.at([3.0, 4.5])])[0][0][-1] == pytest.approx(largest * fast[1][0][-1], rel=1e-9)
 
 
 def test_history_is_fast_and_shapes_are_linear():
-    """What history changes is as wrong as the fast answers, 8 %; an effect without a fast answer is linear in its
-    strength, with derivatives that are left open."""
+    """History changes the fast answer; an effect without a fast answer is linear in its strength, with derivatives left open."""
     baseline = Hypothesis(BASE, (), np.array([2.0, 3.0]))
     one = sketch(baseline)
     slow = baseline.plus(HISTORY, (0.2,))
     (answer,) = one.answers([slow])
-    assert answer[0] - one.system.full(baseline) == pytest.approx(-0.92 * 0.2 * 3.0 * ROWS**2, rel=1e-9)
-    assert one.of_history(slow) == pytest.approx(-0.92 * 0.2 * 3.0 * ROWS**2, rel=1e-9)
+    assert answer[0] == pytest.approx(one.system.full(slow), rel=1e-4)
+    assert one.of_history(slow) == pytest.approx(
+        one.system.sketched([slow])[0][0] - one.system.sketched([baseline])[0][0], rel=1e-9
+    )
     shaped = slow.plus(SHAPE, (0.3, 0.5))
     slopes = one.slopes(shaped)
-    assert slopes[:, 2] == pytest.approx(-0.92 * 3.0 * ROWS**2, rel=1e-6)
+    assert slopes[:-1, 2] == pytest.approx(-3.0 * ROWS[:-1] ** 2, rel=2e-3)
     assert np.isnan(slopes[:, 3:]).all()
     (answer,) = one.answers([shaped])
     assert answer[0] - one.answers([slow])[0][0] == pytest.approx(0.3 * np.sin(ROWS), rel=1e-9)

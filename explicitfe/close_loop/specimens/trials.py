@@ -63,10 +63,13 @@ def changes_by_trials(specimens: Trying, model: Hypothesis, candidates: Sequence
 def _sketched_changes(specimens: Trying, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
     """As :func:`changes_by_trials`, by the reduced specimens."""
     bare = Hypothesis(model.base, (), model.x[: len(model.base)])
-    models = [bare.plus(one.term, values) for one in candidates for values in one.trials]
-    before, *answers = specimens.sketched([bare, *models])
-    remaining = iter([None if y is None or before is None else stack(y) - stack(before) for y in answers])
-    return [[next(remaining) for _ in one.trials] for one in candidates]
+    bases = [model if EFFECTS[one.effect].extends else bare for one in candidates for _ in one.trials]
+    trials = [(one.term, values) for one in candidates for values in one.trials]
+    models = [base.plus(term, values) for base, (term, values) in zip(bases, trials, strict=True)]
+    answers = iter(specimens.sketched([*bases, *models]))
+    before = [next(answers) for _ in bases]
+    changes = iter([None if y is None or x is None else stack(y) - stack(x) for x, y in zip(before, answers, strict=True)])
+    return [[next(changes) for _ in one.trials] for one in candidates]
 
 
 def _simulated_changes(specimens: Trying, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:

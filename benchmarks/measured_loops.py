@@ -16,7 +16,7 @@ from pathlib import Path
 from explicitfe import close_loop
 from explicitfe.results.loop_report import LoopReport, MeanError
 
-HEAD = ("dataset", "verdict", "fitted, %", "held out, %", "left out in turn, %", "composed law: held out, left out, %", "s")
+HEAD = ("dataset", "verdict", "fitted, %", "held out, %", "composed law: held out, left out, %", "s")
 
 
 def percent(error: MeanError | float | None) -> str:
@@ -28,14 +28,12 @@ def row(report: LoopReport, seconds: float) -> tuple[str, ...]:
     """One line of the table."""
     first, last = report.baseline.error, report.final.error
     verdict = f"{report.verdict}: {', '.join(report.effects) or '–'}; left: {report.remainder}"
-    in_turn = [step.cv_nrmse for step in report.steps if step.cv_nrmse is not None]
     law = report.discovered_law
     return (
         str(report.dataset),
         verdict,
         f"{percent(first.fit)} → {percent(last.fit)}",
         f"{percent(first.holdout)} → {percent(last.holdout)}",
-        f"{percent(in_turn[0])} → {percent(in_turn[-1])}" if in_turn else "–",
         "–" if law is None else f"{percent(law.error_holdout)}, {percent(law.cv_nrmse)}: {law.text}",
         f"{seconds:.0f}",
     )

@@ -37,9 +37,9 @@ from explicitfe.errors import RunError
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
-# Estimates of what effects change are right to this share to begin with (fast answers under a flat tool were off by 1 to 18 %),
-# and to the largest share that fits have shown.
-FIRST_ERROR_SHARE = 0.1
+# Estimates of what effects change are right to these shares to begin with, and to the largest share that fits have shown: fast
+# answers under a flat tool were off by 1 to 18 %, signatures of homogeneous tests by up to 23 %.
+FIRST_ERROR_SHARE = {True: 0.1, False: 0.3}
 # Shares of the search at which its stages begin.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
 
@@ -88,8 +88,9 @@ class _Comparing:
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
         self.sketch = Sketch(system, fit, self._secants()) if system.costly(fit.model) else None
         self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
+        self.sketched: set[Key] = set()
         self.estimates: dict[Key, Estimate] = {}
-        self.error_share = {True: FIRST_ERROR_SHARE, False: FIRST_ERROR_SHARE}  # of fast answers, and of signatures
+        self.error_share = dict(FIRST_ERROR_SHARE)  # of fast answers, and of signatures
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library), max_effects)
@@ -198,7 +199,7 @@ class _Comparing:
                 return count
             # Fewer terms and fast ones first: what they explain, others need not.
             entry = max(waiting, key=lambda one: (-len(one.key), self._is_fast(one.model), self._closeness(one)))
-            if self.sketch is not None and not self.estimates[entry.key].fast:
+            if self.sketch is not None and entry.key not in self.sketched:
                 self._fit_sketch(entry, self.sketch)
                 continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
@@ -212,7 +213,7 @@ class _Comparing:
 
     def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
         """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
-        self.estimates[entry.key] = self.estimates[entry.key]._replace(fast=True)
+        self.sketched.add(entry.key)
         try:
             fit = refit(sketch, entry.model, self.covariance)
         except RunError:
@@ -221,11 +222,12 @@ class _Comparing:
         self.sketches[entry.key] = one
         baseline = self.fitted[()].fit
         assert baseline is not None
-        history = outside(baseline.movable, self.covariance.whiten(sketch.of_history(fit.model)))
-        self.estimates[entry.key] = Estimate(fit.whitened, float(np.linalg.norm(history)), fast=True)
+        change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
+        fast = self._is_sketchable(entry.key)
+        self.estimates[entry.key] = Estimate(fit.whitened, float(np.linalg.norm(change)), fast)
         screening = self.screened[entry.key][1]
         gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
-        slack = 0.0 if self._is_sketchable(entry.key) else max(screening.bound - screening.gain, 0.0)
+        slack = 0.0 if fast else max(screening.bound - screening.gain, 0.0)
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain + slack, parent=entry.parent)
         self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain + slack)
 

@@ -1,7 +1,7 @@
 """A system with fast answers near its baseline: what a full model changes is computed by a reduced one, or is linear.
 
-Fast answers have the factor of the depth that makes them full ones at the baseline. It holds for other constants too, where a
-correction that is linear in them would not.
+Fast answers have the factor of the depth that makes them full ones at the baseline, as far as a polynomial does, and what is left
+is added. The factor holds for other constants too, where a correction that is linear in them would not.
 """
 
 from __future__ import annotations
@@ -64,18 +64,32 @@ class Sketch:
                 answers.append(None)
                 continue
             linear = sum((x * self.secants[name] for name, x in others.items()), np.zeros(lengths[-1]))
-            corrected = np.concatenate([_corrected(y, factor) for y, factor in zip(answer, self._factors, strict=True)])
-            answers.append(np.split(corrected + linear, lengths[:-1]))
+            answers.append(np.split(self._corrected(answer) + self._shift + linear, lengths[:-1]))
         return answers
+
+    def _corrected(self, fast: Answer) -> np.ndarray:
+        """Fast answers of all series with their factors (n,)."""
+        return np.concatenate([_times(factor, y) for factor, y in zip(self._factors, fast, strict=True)])
+
+    @cached_property
+    def _fast_baseline(self) -> Answer | None:
+        return None if self.baseline is None else self.system.sketched([self.baseline.model])[0]
 
     @cached_property
     def _factors(self) -> list[Polynomial | None]:
         """Full over fast answers at the baseline, as a polynomial of the fast answer, one for each series."""
-        fast = None if self.baseline is None else self.system.sketched([self.baseline.model])[0]
+        fast = self._fast_baseline
         if self.baseline is None or fast is None:
             return [None] * len(self.series)
         ends = np.cumsum([len(y) for y in fast])[:-1]
         return [_factor(y, full) for y, full in zip(fast, np.split(self.baseline.answer, ends), strict=True)]
+
+    @cached_property
+    def _shift(self) -> np.ndarray | float:
+        """What is left of the full answers at the baseline (n,)."""
+        if self.baseline is None or self._fast_baseline is None:
+            return 0.0
+        return self.baseline.answer - self._corrected(self._fast_baseline)
 
     def slopes(self, model: Hypothesis) -> np.ndarray | None:
         """Derivatives (n, p) SI at a model, NaN for effects without a fast answer; None if there are none."""
@@ -90,11 +104,10 @@ class Sketch:
             at += len(term.parameters)
         return slopes
 
-    def of_history(self, model: Hypothesis) -> np.ndarray:
-        """What the effects with a fast answer change (n,) SI."""
-        part, _ = _split(model, self.system.has_sketch)
+    def of_terms(self, model: Hypothesis) -> np.ndarray:
+        """What the terms of a model change (n,) SI."""
         bare = Hypothesis(model.base, (), model.x[: len(model.base)])
-        answer, before = self.system.sketched([part, bare])
+        answer, before = self.answers([model, bare])
         if answer is None or before is None:
             return np.zeros(sum(len(one.measured) for one in self.series))
         return stack(answer) - stack(before)
@@ -107,7 +120,7 @@ def _factor(fast: np.ndarray, full: np.ndarray) -> Polynomial:
     return Polynomial(np.linalg.lstsq(columns, full, rcond=None)[0], domain=[-largest, largest], window=[-1.0, 1.0])
 
 
-def _corrected(fast: np.ndarray, factor: Polynomial | None) -> np.ndarray:
+def _times(factor: Polynomial | None, fast: np.ndarray) -> np.ndarray:
     """Fast answers (k,) with a factor of the baseline, which is not extrapolated."""
     return fast if factor is None else fast * factor(np.clip(fast, *factor.domain))
 

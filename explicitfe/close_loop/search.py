@@ -27,7 +27,7 @@ from explicitfe.close_loop.evidence import (
 from explicitfe.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.close_loop.statistics.noise import RowNoise
 from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed
-from explicitfe.close_loop.statistics.signatures import Changes, Estimate, Screening, Signature, screen, signatures
+from explicitfe.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
 from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
@@ -89,7 +89,7 @@ class _Comparing:
         self.sketch = Sketch(system, fit, self._secants()) if system.costly(fit.model) else None
         self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
         self.sketched: set[Key] = set()
-        self.estimates: dict[Key, Estimate] = {}
+        self.estimates: dict[Key, EstimatedFit] = {}
         self.error_share = dict(FIRST_ERROR_SHARE)  # of fast answers, and of signatures
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
@@ -177,7 +177,7 @@ class _Comparing:
         if before is None or evidence.closed > before[0].evidence.closed:
             self.screened[key] = entry, screening
             assert parent.fit is not None
-            self.estimates[key] = Estimate(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
+            self.estimates[key] = EstimatedFit(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
 
     def _fit_plausible(self, terms: int | None) -> int:
         """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
@@ -224,7 +224,7 @@ class _Comparing:
         assert baseline is not None
         change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
         fast = self._is_sketchable(entry.key)
-        self.estimates[entry.key] = Estimate(fit.whitened, float(np.linalg.norm(change)), fast)
+        self.estimates[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast)
         screening = self.screened[entry.key][1]
         gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
         slack = 0.0 if fast else max(screening.bound - screening.gain, 0.0)

@@ -88,8 +88,8 @@ def scaled_trial(candidate: Candidate, values: tuple[float, ...], factor: float)
 NOISE_SDS = 2.0
 
 
-class Estimate(NamedTuple):
-    """An estimated fit.
+class EstimatedFit(NamedTuple):
+    """What a fit would leave, by an estimate.
 
     Attributes
     ----------

@@ -111,14 +111,21 @@ def predict_under_a_tool(
         except RunError:  # The simulator takes smaller steps and may get there.
             uniform = False
     of_variants: list[np.ndarray | None] = [None] * len(variants)
-    if not uniform and numerics.section > 0.0 and all(effect.in_revolution for effect in physics):
+    in_section = not uniform and numerics.section > 0.0 and all(effect.in_revolution for effect in physics)
+    if in_section:
         specimen, tool = as_cylinder(setup.specimen, law), ToolTable.model_validate(setup.tool)
         others = [(one, physics_of(own)) for one, own in variants]
-        course = _at_few_rows(course, time_s, programme)
+        few = _at_few_rows(course, time_s, programme)
         section = Revolution(specimen, tool, law, physics, numerics.section, keeps_volume, others)
-        course, answers, iterations, columns = _drive(section, course, by_force, contact_power is not None, first.id, progress)
-        of_variants = [None if np.isnan(column).any() else column for column in columns.T]
-    elif not uniform:
+        try:
+            course, answers, iterations, columns = _drive(section, few, by_force, contact_power is not None, first.id, progress)
+            of_variants = [None if np.isnan(column).any() else column for column in columns.T]
+        except RunError:
+            # Where a platen presses a specimen flat, its side folds onto the platen, which relaxation can follow.
+            if first.tool.shape != "platen":
+                raise
+            in_section = False
+    if not uniform and not in_section:
         symmetry = setup.specimen["symmetry"]
         if symmetry == "sector" and any(effect.breaks_symmetry for effect in physics):
             symmetry = "quarter"
@@ -129,7 +136,7 @@ def predict_under_a_tool(
         body.compile()
         course, answers, iterations, _ = _drive(body, course, by_force, contact_power is not None, first.id, progress)
     # On one ramp of the section nothing ripples, slips or softens.
-    smooth = numerics.section > 0.0 and not uniform and not any(effect.depends_on_path for effect in physics)
+    smooth = in_section and not any(effect.depends_on_path for effect in physics)
     power = None if smooth and len(course.bends) == 2 else contact_power
     at_rows = [None if one is None else course.at(one, time_s, power, smooth=smooth) for one in (answers, *of_variants)]
     if not uniform:

@@ -14,7 +14,7 @@ from explicitfe.close_loop.evidence import Evidence, Posterior, Prior, cost_of_t
 from explicitfe.close_loop.statistics.covariance import measured_rows
 from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.refit import refit
-from explicitfe.close_loop.statistics.signatures import screen, signatures
+from explicitfe.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
 from explicitfe.close_loop.thresholds import THRESHOLDS
 
 TESTS, SD = 4, 0.01
@@ -228,3 +228,27 @@ def test_the_posterior_in_words():
     posterior = Posterior({NONE: 0.5, frozenset({"a", "b"}): 0.3}, {NONE: 0.15, frozenset({"a"}): 0.05}, 0.0)
     assert posterior.by_words == {"nothing": 0.5, "a + b": 0.3, "other": 0.15, "a": 0.05}
     assert list(posterior.sets) == [NONE, frozenset({"a", "b"}), frozenset({"a"})]
+
+
+def test_an_estimate_bounds_the_fit_by_the_error_that_it_has():
+    """A change of norm 50 that is wrong by a tenth can lower chi2 by what 5 standard deviations along the misfit explain, and
+    never by more than the misfit and the noise of one direction."""
+    rows, misfit = 200, 20.0
+    one = EstimatedFit(rows + misfit**2, 50.0, fast=True)
+    along = misfit + NOISE_SDS
+    assert one.possible_gain(0.1, rows) == pytest.approx(along**2 - (along - 5.0) ** 2)
+    assert one.possible_gain(1.0, rows) == pytest.approx(along**2)
+    assert EstimatedFit(rows, 0.0, fast=True).possible_gain(1.0, rows) == 0.0
+    # The error is seen in the norm of the residual, as a share of the change or, for a faint one, of the residual itself.
+    assert EstimatedFit(900.0, 50.0, fast=False).error_of(625.0) == pytest.approx(0.1)
+    assert EstimatedFit(900.0, 1.0, fast=False).error_of(625.0) == pytest.approx(0.2)
+    assert one.error_of(1e4) == 0.0
+
+
+def test_the_evidence_of_a_gain_cannot_use_a_misfit_twice():
+    """Where a smooth discrepancy takes up a misfit, explaining a hundredth of it changes little."""
+    lack = LackOfFit(1e4, 20, 0.0)
+    before = Evidence(-0.5 * 1e4, -np.inf, log_discrepancy(lack.chi2, lack.free), lack)
+    assert before.best > -200.0
+    assert before.with_gain(100.0).best == pytest.approx(before.best, abs=1.0)
+    assert before.with_gain(1e4).best == pytest.approx(0.0, abs=1e-9)

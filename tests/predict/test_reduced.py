@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -77,7 +79,7 @@ def test_a_force_and_its_depth_belong_together():
     reduced = reduced_specimen([curve], LAW, NUMERICS)
     (depth,) = reduced.answers((curve,), LAW, (effect,), 4.0)
     moved = pressed("displacement")
-    moved = type(moved)(**{**moved.__dict__, "columns": {"displacement_m": depth, "force_N": 0.6 * SHARE}})
+    moved = replace(moved, columns={"displacement_m": depth, "force_N": 0.6 * SHARE})
     (force,) = reduced.answers((moved,), LAW, (effect,), 4.0)
     assert np.abs(force - 0.6 * SHARE).max() < 0.01 * 0.6
 
@@ -88,3 +90,14 @@ def test_effects_of_the_volume_are_refused():
     assert not is_isochoric(EFFECTS["drainage"])
     assert not is_isochoric(EFFECTS["compressible"])
     assert not is_isochoric(EFFECTS["friction"])
+
+
+def test_states_reach_the_deepest_test_of_a_kind():
+    """A test to 1 mm comes first; beyond its depth the states of one to 5 mm are those of that test alone, whose force is 5 times
+    as large and more."""
+    deep = pressed("displacement")
+    shallow = replace(deep, columns={name: 0.2 * values for name, values in deep.columns.items()})
+    both = reduced_specimen([shallow, deep], LAW, NUMERICS)
+    alone = reduced_specimen([deep], LAW, NUMERICS)
+    (answer,), (expected,) = (one.answers((deep,), LAW, (), 1.0) for one in (both, alone))
+    assert answer == pytest.approx(expected, rel=1e-9)

@@ -37,8 +37,8 @@ from explicitfe.errors import RunError
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
-# Estimates of what effects change are right to these shares to begin with, and to the largest share that fits have shown: fast
-# answers under a flat tool were off by 1 to 18 %, signatures of homogeneous tests by up to 23 %.
+# Initial relative errors of the change that an effect causes, by fast answers (True; 1 to 18 % were measured under a flat tool)
+# and by signatures (False; up to 23 % in homogeneous tests). Later the largest error counts that the fits have shown.
 FIRST_ERROR_SHARE = {True: 0.1, False: 0.3}
 # Shares of the search at which its stages begin.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
@@ -90,7 +90,7 @@ class _Comparing:
         self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
         self.sketched: set[Key] = set()
         self.estimates: dict[Key, EstimatedFit] = {}
-        self.error_share = dict(FIRST_ERROR_SHARE)  # of fast answers, and of signatures
+        self.error_share = dict(FIRST_ERROR_SHARE)
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library), max_effects)

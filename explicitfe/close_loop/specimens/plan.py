@@ -56,10 +56,12 @@ class Plan:
                 smooth = smoothed(answer[0], ramp) if rippled else answer[0]
                 machine = ramp if self.by_force else ramp + self.compliance_m_N * smooth
                 programme = np.interp(given, machine, ramp) if self.compliance_m_N > 0.0 and not self.by_force else given
-                # A tool that is not tied rests without load; a small pull of a tied one is the opposite of a push.
+                # A tool that is not tied keeps its first answer, such as a preload, where it is lifted; a small pull of a tied
+                # one is the opposite of a push.
                 least = -ramp[-1] if _is_tied(curve) else 0.0
                 inside = np.clip(programme, least, ramp[-1])
-                values = np.sign(inside) * PchipInterpolator(ramp, smooth)(np.abs(inside))
+                change = PchipInterpolator(ramp, smooth)(np.abs(inside)) - smooth[0]
+                values = smooth[0] + np.sign(inside) * change
             if curve.id in corrections:
                 values = corrections[curve.id].applied(values, programme, self.by_force)
             if self.by_force:

@@ -54,7 +54,7 @@ class Simulator:
         self.watch: Callable[[str], object] = lambda words: None  # called after each run, with the number of the run in words
         self._batch = (0, 0)  # runs that are done, and runs, of the last call of run()
         self._kept: dict[tuple[str, ...], Run] = {}
-        self._asked: set[tuple[str, ...]] = set()  # what was computed or tried, with others beside it or alone
+        self._asked: set[tuple[str, ...]] = set()  # test and text of each tissue that was computed or tried
         self._reduced: dict[str, ReducedSpecimen | None] = {}
         self._pool: WorkerPool | None = None
 
@@ -70,7 +70,7 @@ class Simulator:
         Parameters
         ----------
         beside : for each job texts of tissues that differ by little. They are computed with it where that is cheap, for later.
-        again : repeat a known run for texts beside it that are new.
+        again : repeat a run whose result is known if a text in ``beside`` has not been computed yet.
         """
         keys = [(*map(_identity, test), text) for test, text in jobs]
         wanted: dict[tuple[str, ...], Jobs] = {}

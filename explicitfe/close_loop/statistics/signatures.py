@@ -94,7 +94,7 @@ class EstimatedFit(NamedTuple):
     Attributes
     ----------
     chi2 : whitened sum of squares that it would leave.
-    change : whitened norm of what the effects change of the prediction, in which the estimate has a relative error.
+    change : whitened norm of the change of the prediction by the effects; the relative error of the estimate refers to it.
     fast : the estimate is a fit with fast answers, and not one of signatures.
     """
 
@@ -103,15 +103,15 @@ class EstimatedFit(NamedTuple):
     fast: bool
 
     def possible_gain(self, error_share: float, rows: int) -> float:
-        """Decrease of chi2 by a true fit beyond the estimate, if what the effects change is known up to a share of it.
+        """Largest further decrease of chi2 by a true fit, for a relative error of the change of the prediction.
 
-        The error may be what the estimate leaves beyond noise, but of noise (``rows``, n) it can explain one direction only.
+        The error can at most remove the misfit beyond noise (``rows`` is its expected chi2) and noise along one direction.
         """
         along = float(np.sqrt(max(self.chi2 - rows, 0.0))) + NOISE_SDS
         return float(along**2 - max(along - error_share * self.change, 0.0) ** 2)
 
     def error_of(self, chi2: float) -> float:
-        """The share by which the estimate was wrong, by what a true fit left; of the residual where the change is smaller."""
+        """Relative error of the estimate, by the chi2 of a true fit; relative to the residual where the change is smaller."""
         return max(float(np.sqrt(self.chi2) - np.sqrt(chi2)), 0.0) / max(self.change, float(np.sqrt(chi2)), 1e-300)
 
 
@@ -123,7 +123,7 @@ class Screening:
     ----------
     gain : decrease of chi2 by one trial of each candidate at its best strength.
     bound : decrease by any non-negative combination of all their trials: an upper bound over the shapes between the trials.
-    change : whitened norm of what they change of the prediction.
+    change : whitened norm of the change of the prediction.
     starts : values of each candidate's parameters with which a fit begins.
     """
 

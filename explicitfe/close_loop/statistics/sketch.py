@@ -1,7 +1,7 @@
 """A system with fast answers near its baseline: what a full model changes is computed by a reduced one, or is linear.
 
-Fast answers have the factor of the depth that makes them full ones at the baseline, as far as a polynomial does, and what is left
-is added. The factor holds for other constants too, where a correction that is linear in them would not.
+Fast answers are multiplied by a polynomial of the answer, fitted to the full answers at the baseline, and the remaining
+difference there is added. The polynomial holds for other constants too, where a correction that is linear in them would not.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Sketch:
 
     @cached_property
     def _shift(self) -> np.ndarray | float:
-        """What is left of the full answers at the baseline (n,)."""
+        """Difference between full and corrected fast answers at the baseline (n,) SI."""
         if self.baseline is None or self._fast_baseline is None:
             return 0.0
         return self.baseline.answer - self._corrected(self._fast_baseline)

@@ -47,7 +47,9 @@ def fitted_baseline(system: System, rows: Sequence[RowNoise] | None, watch: Watc
     assumed = {f"{ASSUMED}{name}": stack(answer) - fit.answer for name, answer in system.assumptions(fit.model).items()}
     covariance = covariance_of(system, fit.model, rows, spread, assumed)
     fit = refit(system, fit.model, covariance, slopes=fit.slopes, renew=renew)
-    fit = settled(system, refit(system, fit.model, covariance), covariance, renew)  # with derivatives by the simulator at the end
+    if renew is not None:
+        fit = refit(system, fit.model, covariance)  # with derivatives by the simulator at the end
+    fit = settled(system, fit, covariance, renew)
     return system, covariance, fit
 
 

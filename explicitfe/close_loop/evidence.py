@@ -2,10 +2,10 @@
 
 A hypothesis is a set of effects, each a form of a cause. Its evidence is that of the Bayesian information criterion (Schwarz
 1978), which is the prior of unit information (Kass & Wasserman 1995): each further parameter costs half the logarithm of the
-number of independent rows. The prior of a strength is as wide as its plausible values, whose standard deviation is half the
-largest one, where this is wider than unit information: data that would show a plausible effect at a hundred times the noise make
-one at three times the noise improbable (Lindley 1957). Before the data, each number of causes is equally probable, each set of
-causes of one size, and each form of a cause.
+number of independent rows. The prior of a strength is normal and as wide as its plausible values, whose standard deviation is
+half the largest one, where this is wider than unit information: data that would show a plausible effect at a hundred times the
+noise make one at three times the noise improbable (Lindley 1957), and a strength far beyond the plausible ones is improbable
+itself. Before the data, each number of causes is equally probable, each set of causes of one size, and each form of a cause.
 
 Three versions of each hypothesis compete (Kennedy & O'Hagan 2001). In the first the residual is noise. In the second it contains
 a model-form error of the causes that are there: any combination of what their other forms would change. In the third it contains
@@ -24,6 +24,7 @@ from scipy.special import logsumexp
 from explicitfe.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit, lack_of_fit
 from explicitfe.close_loop.statistics.refit import BestFit
+from explicitfe.close_loop.statistics.system import Parameter
 from explicitfe.close_loop.thresholds import THRESHOLDS
 from explicitfe.results.verdict_text import JOINED_BY, NOTHING, OTHER
 
@@ -33,6 +34,8 @@ DISCREPANCY_SIZES = np.geomspace(0.3, 1e4, 60)
 PLAUSIBLE_SDS = 2.0
 # Directions of a model-form error whose singular value is a smaller share of the largest are none.
 FORM_RANK_SHARE = 1e-3
+# Precision that keeps finite what the data do not determine, as a share of that of one parameter alone.
+SMALLEST_PRECISION_SHARE = 1e-10
 # Causes that are less probable are not listed.
 LEAST_LISTED_PROBABILITY = 1e-3
 
@@ -104,6 +107,29 @@ def cost_of_term(parameters: int, rows: float, visible: float) -> float:
     return float(0.5 * (parameters - 1) * unit + 0.5 * max(unit, np.log1p(visible / PLAUSIBLE_SDS**2)))
 
 
+def prior_sd(strength: Parameter) -> float:
+    """Standard deviation of the prior of a strength, in its coordinate."""
+    sought = strength.sought
+    return max(abs(sought.coordinate(v) - sought.coordinate(sought.none)) for v in sought.values) / PLAUSIBLE_SDS
+
+
+def log_prior_of_strengths(fit: BestFit) -> float:
+    """Log of the normal priors of the strengths at the fitted ones, each as wide as the prior and the data leave it together.
+
+    With :func:`cost_of_term` this is the evidence of a normal prior and a normal likelihood.
+    """
+    size = np.maximum(np.linalg.norm(fit.jacobian, axis=0), 1e-300)
+    precision = (fit.jacobian / size).T @ (fit.jacobian / size)
+    spread = np.diag(np.linalg.inv(precision + SMALLEST_PRECISION_SHARE * np.eye(len(size)))) / size**2
+    total, at = 0.0, len(fit.model.base)
+    for term in fit.model.terms:
+        strength = term.parameters[0]
+        away = fit.model.x[at] - strength.sought.coordinate(strength.sought.none)
+        total -= 0.5 * float(away**2 / (prior_sd(strength) ** 2 + spread[at]))
+        at += len(term.parameters)
+    return total
+
+
 def evidence_of(fit: BestFit, covariance: Covariance, cost: float, forms: np.ndarray | None = None) -> Evidence:
     """Evidence of a fitted hypothesis.
 
@@ -112,7 +138,7 @@ def evidence_of(fit: BestFit, covariance: Covariance, cost: float, forms: np.nda
     cost : of its parameters in addition to those of the baseline, see :func:`cost_of_term`.
     forms : (n, m) whitened changes by other forms of its causes.
     """
-    closed = -0.5 * fit.whitened - 0.5 * covariance.log_determinant - cost
+    closed = -0.5 * fit.whitened - 0.5 * covariance.log_determinant - cost + log_prior_of_strengths(fit)
     directions = _form_directions(fit, forms)
     along = 0.0 if directions is None else float(np.sum((directions.T @ fit.residual) ** 2))
     count = 0 if directions is None else directions.shape[1]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.close_loop.compared import ComparedCauses, Entry
+from explicitfe.close_loop.evidence import prior_sd
 from explicitfe.close_loop.information import Foretold, entropy_bits, expected_bits, separation
 from explicitfe.close_loop.proposals import ProposedCurve, proposals
 from explicitfe.close_loop.specimens.specimens import Specimens
@@ -24,16 +25,15 @@ from explicitfe.measured.rig import RigLimits
 from explicitfe.results.loop_report import NextExperiment
 
 # Causes that compete: where each answer is the run of a mesh, fewer.
-MOST_CAUSES, MOST_CAUSES_ON_A_MESH = 8, 3
+MOST_CAUSES, MOST_CAUSES_ON_A_MESH = 4, 3
 # Causes that the data cannot show are considered besides, so many of them.
-MOST_UNSEEN, MOST_UNSEEN_ON_A_MESH = 6, 1
+MOST_UNSEEN, MOST_UNSEEN_ON_A_MESH = 3, 1
 TRIED_REPEATS = (1, 2, 3, 5)
 MOST_LISTED = 3
 # Precision that keeps a parameter finite which the data do not determine, as a share of the largest.
 SMALLEST_PRECISION_SHARE = 1e-10
-# The prior's standard deviations in the largest plausible strength; a uniform prior over a range has the variance of its square
-# over the second number.
-PLAUSIBLE_SDS, UNIFORM_VARIANCE_DIVISOR = 2.0, 12.0
+# A uniform prior over a range has the variance of its square over this number.
+UNIFORM_VARIANCE_DIVISOR = 12.0
 # Causes that are less probable do not compete.
 LEAST_PROBABILITY = 0.005
 # Of tests that are expected to yield at least this share of the largest information the quickest is proposed, if it yields this
@@ -84,10 +84,8 @@ def _survivor(entry: Entry, probability: float) -> Survivor:
 def prior_precision(parameters: Sequence[Parameter]) -> np.ndarray:
     """Precision (q,) of a term's parameters before the data, in their coordinates: a plausible strength, a range of shapes."""
     strength, *shapes = parameters
-    none = strength.sought.coordinate(strength.sought.none)
-    sd = max(abs(strength.sought.coordinate(v) - none) for v in strength.sought.values) / PLAUSIBLE_SDS
     widths = [max(shape.high - shape.low, 1e-300) for shape in shapes]
-    return np.array([sd**-2.0, *(UNIFORM_VARIANCE_DIVISOR / width**2 for width in widths)])
+    return np.array([prior_sd(strength) ** -2.0, *(UNIFORM_VARIANCE_DIVISOR / width**2 for width in widths)])
 
 
 def _starts(model: Hypothesis) -> list[int]:

@@ -8,6 +8,7 @@ that was not fitted keeps the evidence of its estimate.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -43,6 +44,7 @@ FIRST_ERROR_SHARE = {True: 0.1, False: 0.3}
 # Shares of the search at which its stages begin.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
 
+NOTHING_FURTHER = Screening(0.0, 0.0, 0.0, ())
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 6, 3: 3}
 
@@ -86,10 +88,12 @@ class _Comparing:
         meshed = [c for c in tested if system.costly(fit.model.plus(c.term, c.trials[0]))]
         changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
-        self.sketch = Sketch(system, fit, self._secants()) if system.costly(fit.model) else None
+        self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
         self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
         self.sketched: set[Key] = set()
         self.estimates: dict[Key, EstimatedFit] = {}
+        self.beside: dict[Key, dict[Key, EstimatedFit | None]] = {}  # fitted hypothesis -> estimates of others beside it
+        self.near: dict[Key, dict[str, Signature]] = {}
         self.error_share = dict(FIRST_ERROR_SHARE)
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
@@ -174,7 +178,10 @@ class _Comparing:
         causes = parent.causes | {one.candidate.cause for one in group}
         entry = Entry(key, causes, evidence, model, bound=screening.bound, parent=parent.key)
         before = self.screened.get(key)
-        if before is None or evidence.closed > before[0].evidence.closed:
+        # What is estimated near a fitted model with more of the terms is more certain.
+        fitted_terms = len(parent.key) if parent.key in self.fitted and key not in self.sketched else 0
+        known_terms = 0 if before is None or before[0].parent not in self.fitted else len(before[0].parent)
+        if before is None or (fitted_terms, evidence.closed) > (known_terms, before[0].evidence.closed):
             self.screened[key] = entry, screening
             assert parent.fit is not None
             self.estimates[key] = EstimatedFit(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
@@ -185,7 +192,7 @@ class _Comparing:
         most = (MOST_FITS_ON_A_MESH if costly else MOST_FITS)[min(terms or 3, 3)]
         count = 0
         if self.sketch is not None and terms == 1:
-            for entry, _ in [one for key, one in self.screened.items() if len(key) == 1]:
+            for entry, _ in [one for key, one in self.screened.items() if len(key) == 1 and self._is_sketchable(key)]:
                 self._fit_sketch(entry, self.sketch)
         while True:
             best = max(map(self._log_posterior, self.fitted.values()))
@@ -197,9 +204,9 @@ class _Comparing:
             ]
             if not waiting or count >= most:
                 return count
-            # Fewer terms and fast ones first: what they explain, others need not.
-            entry = max(waiting, key=lambda one: (-len(one.key), self._is_fast(one.model), self._closeness(one)))
-            if self.sketch is not None and entry.key not in self.sketched:
+            # Fast ones and fewer terms first: what they explain, others need not.
+            entry = max(waiting, key=lambda one: (self._is_fast(one.model), -len(one.key), self._closeness(one)))
+            if self.sketch is not None and self._is_sketchable(entry.key) and entry.key not in self.sketched:
                 self._fit_sketch(entry, self.sketch)
                 continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
@@ -223,39 +230,70 @@ class _Comparing:
         baseline = self.fitted[()].fit
         assert baseline is not None
         change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
-        fast = self._is_sketchable(entry.key)
-        self.estimates[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast)
+        self.estimates[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
         screening = self.screened[entry.key][1]
         gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
-        slack = 0.0 if fast else max(screening.bound - screening.gain, 0.0)
-        entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain + slack, parent=entry.parent)
-        self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain + slack)
+        entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain, parent=entry.parent)
+        self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain)
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
-        """Whether a fit could change the probabilities: with the largest gain that its signatures allow it comes near the best.
+        """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
 
-        Single effects are always fitted where that needs no mesh. Where the baseline needs one too and the best hypothesis leaves
-        more than noise, they are fitted as well, because constants of a baseline that is rejected are too far off for what is
-        linear; those with fast answers or slow runs only if they could come nearer to the data than any other.
+        Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other, and only there
+        slow effects are fitted. Single effects are always fitted where that needs no mesh.
         """
+        if terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model):
+            return True
+        top = max(self.fitted.values(), key=self._log_posterior)
+        explained = top.evidence.other + log_odds_of_other() <= 0.0
+        if explained and not self._is_fast(entry.model):
+            return False
+        evidence, prior = entry.evidence.with_gain(self._possible_gain(entry, screening)), self.prior.log(entry.causes)
+        nearest = np.inf if explained else max(map(self._closeness, self.fitted.values()))
+        return evidence.closed + prior > nearest or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)
+
+    def _possible_gain(self, entry: Entry, screening: Screening) -> float:
+        """Largest decrease of chi2 by a fit beyond its estimate.
+
+        No model leaves less than the same model with further terms: what a hypothesis could explain beside the terms of the
+        nearest fitted one bounds it too.
+        """
+        rows = sum(len(one.measured) for one in self.system.series)
         estimate = self.estimates[entry.key]
-        more = estimate.possible_gain(self.error_share[estimate.fast], sum(len(one.measured) for one in self.system.series))
+        more = estimate.possible_gain(self.error_share[estimate.fast], rows)
         if len(entry.key) == 1:
             more = max(more, screening.bound - screening.gain)
-        top = max(self.fitted.values(), key=self._log_posterior)
-        nearest = np.inf
-        if top.evidence.other + log_odds_of_other() > 0.0:
-            nearest = max(map(self._closeness, self.fitted.values()))
-        if terms == 1 and len(entry.key) == 1:
-            if not self.system.costly(entry.model):
-                return True
-            if not self._is_fast(entry.model) and nearest == np.inf:
-                return False
-            if self._is_fast(entry.model) and nearest < np.inf and not self._is_sketchable(entry.key):
-                return True
-        evidence = entry.evidence.with_gain(max(more, 0.0))
-        prior = self.prior.log(entry.causes)
-        return evidence.closed + prior > nearest or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)
+        nearest = max(self.fitted.values(), key=self._closeness)
+        union = self._estimate_beside(nearest, entry.key)
+        if union is not None:
+            # The way there may be as long as that of the hypothesis alone.
+            union = union._replace(change=max(union.change, estimate.change))
+            more = min(more, estimate.chi2 - union.chi2 + union.possible_gain(self.error_share[False], rows))
+        return max(more, 0.0)
+
+    def _estimate_beside(self, fitted: Entry, key: Key) -> EstimatedFit | None:
+        """Estimate for the terms of a fitted hypothesis together with others; None where these have no signatures beside it."""
+        known = self.beside.setdefault(fitted.key, {})
+        if key not in known:
+            known[key] = None
+            lacking = list((Counter(key) - Counter(fitted.key)).elements())
+            near = self._near(fitted)
+            if fitted.fit is not None and all(name in near for name in lacking):
+                residual = outside(fitted.fit.movable, fitted.fit.residual)
+                screening = screen(residual, [near[name] for name in lacking]) if lacking else NOTHING_FURTHER
+                known[key] = EstimatedFit(max(fitted.fit.whitened - screening.bound, 0.0), screening.change, fast=False)
+        return known[key]
+
+    def _near(self, fitted: Entry) -> dict[str, Signature]:
+        """Effect -> signature beside a fitted hypothesis."""
+        if fitted.key not in self.near:
+            assert fitted.fit is not None and fitted.covariance is not None and fitted.system is not None
+            costly = self.system.costly(fitted.model)
+            candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in self.visible]
+            candidates = [c for c in candidates if c.effect in self.table or not costly]
+            known = self._signatures(fitted.fit, fitted.covariance, candidates)
+            self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
+        return self.near[fitted.key]
 
     def _is_fast(self, model: Hypothesis) -> bool:
         """Whether a model takes no more time than others: no slow effect, and no mesh where the baseline needs none."""
@@ -303,17 +341,6 @@ class _Comparing:
             self.failed[key] = reason
         else:
             self.fitted[key] = self._entry(best, system, covariance)
-
-    def _secants(self) -> dict[str, np.ndarray]:
-        """Effect -> change (n,) SI by a unit of the coordinate of its strength, from the table of responses."""
-        secants: dict[str, np.ndarray] = {}
-        for one, changes in self.table.values():
-            strength = one.term.parameters[0].sought
-            for values, change in zip(one.trials, changes, strict=True):
-                if change is not None:
-                    size = strength.coordinate(values[0]) - strength.coordinate(strength.none)
-                    secants.setdefault(one.effect, change / size)
-        return secants
 
     def _refit(self, start: Hypothesis) -> BestFit:
         """The best fit of a hypothesis by the simulator."""

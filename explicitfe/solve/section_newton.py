@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from explicitfe.compiled.simd import WIDTH
 from explicitfe.forces import response
 from explicitfe.solve import quad9
 from explicitfe.solve.section import RevolvedSection
 from explicitfe.solve.section_tissue import SectionTissue
 from explicitfe.solve.tool_surface import add_forces, assemble, touch
 
-# Differences [smallest element].
+# Differences of deformation gradients.
 DIFFERENCE_STEP = 1e-6
 # Convergence tolerance of the Newton step, relative to the displacement of the tool. The displacement counts as at least this
 # share of the height.
@@ -50,15 +49,14 @@ class SectionNewton:
         self.section, self.main = section, main
         self.giving, self.iterations = 1.0, 0
         self._bulk, mass = bulk_modulus_Pa, section.quads.mass
-        self._inverse, self._softness = bulk_modulus_Pa * np.linalg.inv(mass), mass / bulk_modulus_Pa
+        self._inverse, self._softness = bulk_modulus_Pa * section.quads.inverse, mass / bulk_modulus_Pa
         self._usual_stiffness = 2.0 * np.pi * shear_modulus_Pa * section.height
         count = len(section.quads.nodes)
         self._forces_of, self._stiffness_of = quad9.kernels(law, response.layout_of(main.materials))
         points, lanes = 9 * count, len(main.blocks.nodes)
-        self.work = quad9.QuadWork(np.zeros((points, 5)), np.zeros((points, 2)), np.zeros((lanes, 9, WIDTH)))
-        self.forces, self._shifted = np.zeros((count, 18)), np.zeros((count, 18))
+        self.work = quad9.work_for(points, lanes)
+        self.forces, self._growth = np.zeros((count, 18)), np.zeros((count, quad9.LINEAR))
         self._stiffness = np.zeros((count, 18, 18))
-        self._growth, self._grown = np.zeros((count, quad9.LINEAR)), np.zeros((count, quad9.LINEAR))
         self._coupling, self._spread = np.zeros((count, 18, quad9.LINEAR)), np.zeros((count, 18, quad9.LINEAR))
         surface = len(section.surface.areas)
         self.contact, self.contact_stiffness = np.zeros((surface, 7)), np.zeros((surface, 7, 7))
@@ -201,14 +199,12 @@ class SectionNewton:
         own = (one.u, one.pressures)
         others = (self._bulk, section.quads, one.blocks, self.work, self.forces, self._growth)
         if with_stiffness:
-            step = DIFFERENCE_STEP * section.smallest
-            changes = (self._shifted, self._grown, self._stiffness, self._coupling, self._spread)
-            fine = self._stiffness_of(*own, step, *others, *changes)
+            fine = self._stiffness_of(*own, DIFFERENCE_STEP, *others, self._stiffness, self._coupling, self._spread)
             if fine:
                 self._spread = self._spread @ self._inverse
                 self._stiffness += self._spread @ self._coupling.transpose(0, 2, 1)
         else:
-            fine = self._forces_of(*own, -1, 0.0, *others)
+            fine = self._forces_of(*own, *others)
         if not fine:
             return None
         self._growth -= np.einsum("mkl,ml->mk", self._softness, one.pressures)

@@ -212,7 +212,7 @@ class _SpecimenLoop:
         for model, entry in zip(models, (before, after), strict=True):
             errors: dict[str, CurveError] = {}
             answers.append({})
-            for curve, answer in system.at(entry.model).answers_or_reasons(entry.model):
+            for curve, answer in system.at(entry.model).answers_or_reasons(entry.model, ramps=True):
                 if isinstance(answer, str):
                     errors[curve.id] = CurveError(split=curve.split, rmse=None, nrmse=None, floor=None, message=answer)
                     continue
@@ -251,7 +251,12 @@ class _SpecimenLoop:
         return rows
 
     def _proposed_tests(self, outcome: Outcome) -> list[NextExperiment]:
-        """Tests that would settle best what is open; none where a run of a mesh is expensive and hardly anything is open."""
+        """Tests that would settle best what is open; none where a run of a mesh is expensive and hardly anything is open.
+
+        Nor are there any where something that no candidate describes is probable: what tells wrong causes apart settles nothing.
+        """
+        if outcome.verdict == "unexplained":
+            return []
         settled = outcome.verdict in ("no-missing-effect", "effect-found") and outcome.sure > THRESHOLDS.majority_probability
         if settled and self.system.costly(outcome.final.model):
             return []

@@ -12,6 +12,9 @@ from explicitfe.measured.curve import Curve, programme_of
 
 # Under a tool the strain is about the depth over the tool's radius, and no larger than this.
 LARGEST_STRAIN_UNDER_A_TOOL = 0.6
+# An edge may be rounder by about the stated rounding, and by no less than the first of these shares of the tool's radius; by the
+# second one where it is called sharp, which it is where nobody measured it.
+KNOWN_EDGE_SHARE, SHARP_EDGE_SHARE = 0.1, 0.3
 
 
 def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
@@ -54,6 +57,10 @@ def scales_of(curves: Sequence[Curve], C10: float, C20: float) -> Scales:
                     "drift_N_s": largest["force_N"] / duration,
                     "slip_mm_kPa": height_mm / (1e-3 * C10),
                     "radius_mm": 1e3 * length,
+                    "edge_mm": max(
+                        curve.tool.edge_radius_mm or 0.0,
+                        (KNOWN_EDGE_SHARE if curve.tool.edge_radius_mm else SHARP_EDGE_SHARE) * 1e3 * length,
+                    ),
                 },
             )
     square = max(squares)

@@ -38,7 +38,9 @@ C10_BOUND_FACTORS = (1e-4, 1e4)
 C20_STEP_RATIO = 0.3
 EXACT = Numerics()
 # With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
-CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, section=0.6, finer=1.5)
+CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, section=0.6, finer=1.0)
+# Ramps for the first constants: their forces are right to two per cent.
+FIRST_SECTION = 0.25
 # The check of a history adds instants and tightens the tolerance by these factors.
 CHECK_DENSITY_FACTOR = 2.0
 CHECK_TOLERANCE_FACTOR = 0.25
@@ -100,7 +102,8 @@ class Specimens:
     def base(self) -> tuple[Parameter, ...]:
         """C10 and C20 of each group, about the constants to begin with."""
         parameters = []
-        numerics = COARSE if self.numerics.section > 0.0 else self.numerics
+        by_section = self.numerics.section > 0.0
+        numerics = COARSE.model_copy(update={"section": FIRST_SECTION}) if by_section else self.numerics
         constants = {EVERY: Constants(C10_Pa=RAMP_C10_PA)}
         elastic = Tissue(poisson=MESH_POISSON_RATIO, incompressible=True, numerics=numerics, constants=constants)
         for group in self.groups:
@@ -194,11 +197,17 @@ class Specimens:
         self._answers(tissues[:1], self.curves, [tissues[1:]], again=True)
         return self._answers(tissues, self.curves, only_known=True)
 
-    def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
-        """What each model predicts of the series, SI; None where it cannot be computed."""
-        # What derivatives need is computed in the same run, where a section of the body is solved.
+    def answers(self, models: Sequence[Hypothesis], *, with_slopes: bool = True) -> list[Answer | None]:
+        """What each model predicts of the series, SI; None where it cannot be computed.
+
+        Parameters
+        ----------
+        with_slopes : compute what derivatives need in the same run, for later, where a section of the body is solved.
+        """
         beside = [
-            [self.tissue(m.shifted(k, step)) for k, step in enumerate(steps_of(self, m))] if self.has_slopes(m) else []
+            [self.tissue(m.shifted(k, step)) for k, step in enumerate(steps_of(self, m))]
+            if with_slopes and self.has_slopes(m)
+            else []
             for m in models
         ]
         return self._answers([self.tissue(m) for m in models], self.curves, beside)

@@ -13,7 +13,7 @@ from explicitfe.effects import EFFECTS, Effect
 from explicitfe.predict.tissue import Numerics
 
 # With which tests are planned and candidates are tried, by differences of answers; ramps have the instants of the search.
-COARSE = Numerics(refinement=0.4, density=0.4, tolerance=5e-4, section=0.4, finer=1.5)
+COARSE = Numerics(refinement=0.4, density=0.4, tolerance=5e-4, section=0.4, finer=1.0)
 # With which a tool that leans is tried, on half of a body.
 LEANING = Numerics(refinement=0.3, density=0.5, tolerance=1e-3)
 # Share of a trial's strength with which an effect is computed beside the model without it.
@@ -39,7 +39,7 @@ class Trying(Protocol):
 
     def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]: ...
 
-    def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]: ...
+    def answers(self, models: Sequence[Hypothesis], *, with_slopes: bool = True) -> list[Answer | None]: ...
 
     def beside(self, model: Hypothesis, others: Sequence[Hypothesis]) -> list[Answer | None]: ...
 
@@ -117,7 +117,7 @@ def _each(jobs: Sequence[tuple[Trying, Hypothesis]]) -> list[Answer | None]:
     answers: dict[int, Answer | None] = {}
     for numerics in dict.fromkeys(repr(system.numerics) for system, _ in jobs):
         own = [k for k, (system, _) in enumerate(jobs) if repr(system.numerics) == numerics]
-        answers |= dict(zip(own, jobs[own[0]][0].answers([jobs[k][1] for k in own]), strict=True))
+        answers |= dict(zip(own, jobs[own[0]][0].answers([jobs[k][1] for k in own], with_slopes=False), strict=True))
     return [answers[k] for k in range(len(jobs))]
 
 

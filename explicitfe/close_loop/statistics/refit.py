@@ -356,8 +356,8 @@ def _quality(fit: BestFit) -> tuple[bool, float]:
 def settled(system: Answering, fit: BestFit, covariance: Covariance, renew: Slopes | None = None) -> BestFit:
     """The fit itself, or where its search gave up the best of several.
 
-    It begins again where it stopped, with new derivatives, and then to either side. Rough answers can stop a search that has
-    arrived; two searches that end about as low confirm each other.
+    It begins again where it stopped, with new derivatives, and then to either side. The answers of a mesh, which are rough, can
+    stop a search that has arrived; two searches that end about as low confirm each other.
     """
     ends, best = [fit], fit
     for share in (0.0, -MOVED_START_SHARE, MOVED_START_SHARE):
@@ -370,7 +370,7 @@ def settled(system: Answering, fit: BestFit, covariance: Covariance, renew: Slop
         best = min(ends, key=_quality)
         alike = [end for end in ends if (end.by_rows is None) == (best.by_rows is None)]
         as_low = sum(end.chi2 <= (1.0 + ROUGH_STALLED_CHI2_SHARE) * best.chi2 for end in alike)
-        confirmed = as_low > 1 and not system.exact(best.model)
+        confirmed = as_low > 1 and system.costly(best.model)
         best = replace(best, converged=best.converged or confirmed)
     return best
 

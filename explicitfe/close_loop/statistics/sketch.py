@@ -1,4 +1,4 @@
-"""A system with fast answers near its baseline: what a full model changes is computed by a reduced one, or is linear.
+"""A system with fast answers near its baseline, from reduced specimens.
 
 Fast answers are multiplied by a polynomial of the answer, fitted to the full answers at the baseline, and the remaining
 difference there is added. The polynomial holds for other constants too, where a correction that is linear in them would not.
@@ -6,8 +6,8 @@ difference there is added. The polynomial holds for other constants too, where a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,12 +29,10 @@ class Sketch:
     ----------
     system : with the full answers.
     baseline : its model without effects at its best; without it only differences between answers mean something.
-    secants : effect -> change (n,) SI by a unit of the coordinate of its strength, for those that have no fast answer.
     """
 
     system: System
     baseline: BestFit | None = None
-    secants: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def series(self) -> Sequence[Series]:
@@ -54,17 +52,14 @@ class Sketch:
         return False
 
     def answers(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
-        """Answers of models; None where one has an effect without a fast answer and without a secant."""
-        parts = [_split(model, self.system.has_sketch) for model in models]
-        fast = self.system.sketched([part for part, _ in parts])
-        lengths = np.cumsum([len(one.measured) for one in self.series])
+        """Answers of models; None where one has an effect without a fast answer."""
+        known = [all(map(self.system.has_sketch, model.effects)) for model in models]
+        fast = iter(self.system.sketched([model for model, k in zip(models, known, strict=True) if k]))
+        ends = np.cumsum([len(one.measured) for one in self.series])[:-1]
         answers: list[Answer | None] = []
-        for (_, others), answer in zip(parts, fast, strict=True):
-            if answer is None or not set(others) <= set(self.secants):
-                answers.append(None)
-                continue
-            linear = sum((x * self.secants[name] for name, x in others.items()), np.zeros(lengths[-1]))
-            answers.append(np.split(self._corrected(answer) + self._shift + linear, lengths[:-1]))
+        for has_all in known:
+            answer = next(fast) if has_all else None
+            answers.append(None if answer is None else np.split(self._corrected(answer) + self._shift, ends))
         return answers
 
     def _corrected(self, fast: Answer) -> np.ndarray:
@@ -93,15 +88,15 @@ class Sketch:
 
     def slopes(self, model: Hypothesis) -> np.ndarray | None:
         """Derivatives (n, p) SI at a model, NaN for effects without a fast answer; None if there are none."""
-        (answer,) = self.answers([model])
+        kept = [self.system.has_sketch(term.effect) for term in model.terms]
+        sizes = [len(model.base), *(len(term.parameters) for term in model.terms)]
+        finite = np.repeat([True, *kept], sizes)
+        fast = Hypothesis(model.base, tuple(term for term, k in zip(model.terms, kept, strict=True) if k), model.x[finite])
+        (answer,) = self.answers([fast])
         if answer is None:
             return None
-        slopes = derivatives(self, model, stack(answer))
-        at = len(model.base)
-        for term in model.terms:
-            if not self.system.has_sketch(term.effect):
-                slopes[:, at : at + len(term.parameters)] = np.nan
-            at += len(term.parameters)
+        slopes = np.full((sum(map(len, answer)), len(finite)), np.nan)
+        slopes[:, finite] = derivatives(self, fast, stack(answer))
         return slopes
 
     def of_terms(self, model: Hypothesis) -> np.ndarray:
@@ -123,18 +118,3 @@ def _factor(fast: np.ndarray, full: np.ndarray) -> Polynomial:
 def _times(factor: Polynomial | None, fast: np.ndarray) -> np.ndarray:
     """Fast answers (k,) with a factor of the baseline, which is not extrapolated."""
     return fast if factor is None else fast * factor(np.clip(fast, *factor.domain))
-
-
-def _split(model: Hypothesis, has_sketch: Callable[[str], bool]) -> tuple[Hypothesis, dict[str, float]]:
-    """The model with the terms that have a fast answer, and the strengths of the others less those of no effect."""
-    x, kept, others, at = list(model.x[: len(model.base)]), [], {}, len(model.base)
-    for term in model.terms:
-        own = model.x[at : at + len(term.parameters)]
-        at += len(term.parameters)
-        if has_sketch(term.effect):
-            kept.append(term)
-            x += list(own)
-        else:
-            strength = term.parameters[0].sought
-            others[term.effect] = float(own[0]) - strength.coordinate(strength.none)
-    return Hypothesis(model.base, tuple(kept), np.array(x)), others

@@ -24,7 +24,7 @@ class Edge(Effect):
         needs="small depths: the flat face touches first, then the edge",
         neighbours="C10 and C20 themselves, contact-offset, tilt",
     )
-    sought: ClassVar[Mapping[str, Sought]] = {"rounder_mm": Sought((0.07, 0.15, 0.3), 0.0, 0.5, scale="radius_mm")}
+    sought: ClassVar[Mapping[str, Sought]] = {"rounder_mm": Sought((0.25, 0.5, 1.0), 0.0, 1.6, scale="edge_mm")}
     requires: ClassVar[tuple[str, ...]] = ("tool", "edge")
     acts_on = "tool"
     rounder_mm: float = Field(ge=0.0, description="radius of the rounding, beyond the stated one [mm]")

@@ -165,12 +165,10 @@ class Prior:
     ----------
     causes : how many causes the data could show.
     forms : cause -> how many forms it has.
-    most : the largest number of causes of a hypothesis.
     """
 
     causes: int
     forms: Mapping[str, int]
-    most: int
 
     def log(self, causes: Iterable[str]) -> float:
         """Log prior of one form of a set of causes: uniform over sizes, over sets of one size, and over forms."""

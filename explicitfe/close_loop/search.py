@@ -46,7 +46,7 @@ SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
 
 NOTHING_FURTHER = Screening(0.0, 0.0, 0.0, ())
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
-MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 6, 3: 3}
+MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
 
 
 def compare(
@@ -97,7 +97,7 @@ class _Comparing:
         self.error_share = dict(FIRST_ERROR_SHARE)
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
-        self.prior = Prior(len(causes), forms_by_cause(self.library), max_effects)
+        self.prior = Prior(len(causes), forms_by_cause(self.library))
         visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
         self.visible = visible
         causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in visible}

@@ -10,12 +10,22 @@ import pytest
 from scipy.stats import norm
 from synthetic import Linear, Planted, compared, elastic, programme, white
 
-from explicitfe.close_loop.evidence import Evidence, Posterior, Prior, cost_of_term, log_discrepancy, posterior_of
+from explicitfe.close_loop.evidence import (
+    Evidence,
+    Posterior,
+    Prior,
+    cost_of_term,
+    log_discrepancy,
+    log_prior_of_strengths,
+    posterior_of,
+)
 from explicitfe.close_loop.statistics.covariance import measured_rows
 from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
-from explicitfe.close_loop.statistics.refit import refit
+from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
+from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
 from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.effects.effect import Sought
 
 TESTS, SD = 4, 0.01
 D = programme(TESTS)
@@ -197,6 +207,20 @@ def test_the_cost_of_a_strength_is_that_of_its_prior(visible):
     assert cost_of_term(3, 100.0, 0.0) == pytest.approx(1.5 * np.log(100.0))
 
 
+@pytest.mark.parametrize("measured", [0.0, 0.3, 2.5])
+def test_cost_and_prior_of_a_strength_are_the_evidence_of_normal_laws(measured):
+    """One strength with a normal prior and a normal likelihood: cost, prior and likelihood at the optimum give the integral."""
+    largest, visible = 0.8, 2.0e3  # the largest plausible strength, and the decrease of chi2 by it
+    term = Term("one", (Parameter("one.s", Sought((0.1, 0.3, largest), -5.0, 5.0), 0.3),))
+    slope = np.array([[np.sqrt(visible) / largest]])
+    model = Hypothesis((), (term,), np.array([measured]))
+    fit = BestFit(model, np.zeros(1), slope, np.zeros(1), slope, (), True)
+    strengths = np.linspace(-4.0, 4.0, 400_001)
+    likelihood = np.exp(-0.5 * (slope[0, 0] * (strengths - measured)) ** 2)
+    exact = np.log(np.trapezoid(likelihood * norm.pdf(strengths, scale=0.5 * largest), strengths))
+    assert log_prior_of_strengths(fit) - cost_of_term(1, 100.0, visible) == pytest.approx(exact, rel=1e-5)
+
+
 def test_a_discrepancy_costs_what_it_does_not_explain():
     """Monotone in chi2; against it where the residual is noise (chi2 = free), for it where it is many times that."""
     gains = [log_discrepancy(chi2, 10) for chi2 in (0.0, 10.0, 30.0, 100.0)]
@@ -206,7 +230,7 @@ def test_a_discrepancy_costs_what_it_does_not_explain():
 
 def test_the_prior_is_uniform_over_sizes_sets_and_forms():
     """Sum over all sets of one size is the same for each size."""
-    prior = Prior(4, {"a": 2}, 2)
+    prior = Prior(4, {"a": 2})
     assert np.exp(prior.log(NONE)) == pytest.approx(1.0)
     singles = 2 * np.exp(prior.log({"a"})) + sum(np.exp(prior.log({name})) for name in "bcd")
     pairs = sum(np.exp(prior.log({"a", name})) * 2 for name in "bcd") + 3 * np.exp(prior.log({"b", "c"}))
@@ -217,11 +241,11 @@ def test_the_posterior_of_two_hypotheses():
     """Without discrepancies it is the softmax of log evidence plus log prior."""
     lack = LackOfFit(0.0, 0, 1.0)
     entries = [(NONE, Evidence(-10.0, -np.inf, -np.inf, lack)), (frozenset({"a"}), Evidence(-8.0, -np.inf, -np.inf, lack))]
-    posterior = posterior_of(entries, Prior(1, {"a": 1}, 1))
+    posterior = posterior_of(entries, Prior(1, {"a": 1}))
     assert posterior.inclusion["a"] == pytest.approx(1.0 / (1.0 + np.exp(-2.0)))
     assert posterior.something_else == 0.0 and posterior.form == 0.0
     opened = [(NONE, replace(entries[0][1], other=50.0)), entries[1]]
-    assert posterior_of(opened, Prior(1, {"a": 1}, 1)).something_else > 0.999
+    assert posterior_of(opened, Prior(1, {"a": 1})).something_else > 0.999
 
 
 def test_the_posterior_in_words():

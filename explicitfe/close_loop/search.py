@@ -8,7 +8,6 @@ that was not fitted keeps the evidence of its estimate.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -17,6 +16,7 @@ import numpy as np
 
 from explicitfe.close_loop.baseline import ASSUMED, Watch, covariance_of, fitted_baseline
 from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, needed_decrease, without_term
+from explicitfe.close_loop.estimates import Estimates
 from explicitfe.close_loop.evidence import (
     Causes,
     Prior,
@@ -38,13 +38,9 @@ from explicitfe.errors import RunError
 FURTHER_TERMS = 2
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
-# Initial relative errors of the change that an effect causes, by fast answers (True; 1 to 18 % were measured under a flat tool)
-# and by signatures (False; up to 23 % in homogeneous tests). Later the largest error counts that the fits have shown.
-FIRST_ERROR_SHARE = {True: 0.1, False: 0.3}
 # Shares of the search at which its stages begin.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
 
-NOTHING_FURTHER = Screening(0.0, 0.0, 0.0, ())
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
 
@@ -91,10 +87,8 @@ class _Comparing:
         self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
         self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
         self.sketched: set[Key] = set()
-        self.estimates: dict[Key, EstimatedFit] = {}
-        self.beside: dict[Key, dict[Key, EstimatedFit | None]] = {}  # fitted hypothesis -> estimates of others beside it
+        self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
         self.near: dict[Key, dict[str, Signature]] = {}
-        self.error_share = dict(FIRST_ERROR_SHARE)
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library))
@@ -184,7 +178,7 @@ class _Comparing:
         if before is None or (fitted_terms, evidence.closed) > (known_terms, before[0].evidence.closed):
             self.screened[key] = entry, screening
             assert parent.fit is not None
-            self.estimates[key] = EstimatedFit(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
+            self.estimates.known[key] = EstimatedFit(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
 
     def _fit_plausible(self, terms: int | None) -> int:
         """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
@@ -214,8 +208,7 @@ class _Comparing:
             self._fit(entry.key, [entry.model])
             done = self.fitted.get(entry.key)
             if done is not None and done.fit is not None:
-                estimate = self.estimates[entry.key]
-                self.error_share[estimate.fast] = max(self.error_share[estimate.fast], estimate.error_of(done.fit.whitened))
+                self.estimates.learn(entry.key, done.fit.whitened)
             count += 1
 
     def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
@@ -230,7 +223,7 @@ class _Comparing:
         baseline = self.fitted[()].fit
         assert baseline is not None
         change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
-        self.estimates[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
+        self.estimates.known[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
         screening = self.screened[entry.key][1]
         gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain, parent=entry.parent)
@@ -248,41 +241,11 @@ class _Comparing:
         explained = top.evidence.other + log_odds_of_other() <= 0.0
         if explained and not self._is_fast(entry.model):
             return False
-        evidence, prior = entry.evidence.with_gain(self._possible_gain(entry, screening)), self.prior.log(entry.causes)
-        nearest = np.inf if explained else max(map(self._closeness, self.fitted.values()))
-        return evidence.closed + prior > nearest or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)
-
-    def _possible_gain(self, entry: Entry, screening: Screening) -> float:
-        """Largest decrease of chi2 by a fit beyond its estimate.
-
-        No model leaves less than the same model with further terms: what a hypothesis could explain beside the terms of the
-        nearest fitted one bounds it too.
-        """
-        rows = sum(len(one.measured) for one in self.system.series)
-        estimate = self.estimates[entry.key]
-        more = estimate.possible_gain(self.error_share[estimate.fast], rows)
-        if len(entry.key) == 1:
-            more = max(more, screening.bound - screening.gain)
         nearest = max(self.fitted.values(), key=self._closeness)
-        union = self._estimate_beside(nearest, entry.key)
-        if union is not None:
-            # The way there may be as long as that of the hypothesis alone.
-            union = union._replace(change=max(union.change, estimate.change))
-            more = min(more, estimate.chi2 - union.chi2 + union.possible_gain(self.error_share[False], rows))
-        return max(more, 0.0)
-
-    def _estimate_beside(self, fitted: Entry, key: Key) -> EstimatedFit | None:
-        """Estimate for the terms of a fitted hypothesis together with others; None where these have no signatures beside it."""
-        known = self.beside.setdefault(fitted.key, {})
-        if key not in known:
-            known[key] = None
-            lacking = list((Counter(key) - Counter(fitted.key)).elements())
-            near = self._near(fitted)
-            if fitted.fit is not None and all(name in near for name in lacking):
-                residual = outside(fitted.fit.movable, fitted.fit.residual)
-                screening = screen(residual, [near[name] for name in lacking]) if lacking else NOTHING_FURTHER
-                known[key] = EstimatedFit(max(fitted.fit.whitened - screening.bound, 0.0), screening.change, fast=False)
-        return known[key]
+        evidence = entry.evidence.with_gain(self.estimates.possible_gain(entry.key, screening, nearest))
+        prior = self.prior.log(entry.causes)
+        least = np.inf if explained else self._closeness(nearest)
+        return evidence.closed + prior > least or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)
 
     def _near(self, fitted: Entry) -> dict[str, Signature]:
         """Effect -> signature beside a fitted hypothesis."""

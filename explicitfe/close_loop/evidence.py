@@ -118,7 +118,7 @@ def log_prior_of_strengths(fit: BestFit) -> float:
 
     With :func:`cost_of_term` this is the evidence of a normal prior and a normal likelihood.
     """
-    size = np.maximum(np.linalg.norm(fit.jacobian, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(fit.jacobian, axis=0), 1e-150)
     precision = (fit.jacobian / size).T @ (fit.jacobian / size)
     spread = np.diag(np.linalg.inv(precision + SMALLEST_PRECISION_SHARE * np.eye(len(size)))) / size**2
     total, at = 0.0, len(fit.model.base)

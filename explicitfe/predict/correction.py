@@ -179,11 +179,13 @@ def _ladder(ramp: Curve, tissue: Tissue) -> dict[str, Job]:
     if ramp.specimen.size_mm is not None:
         between = FINEST_IN_SPACE / MESH_RATIO
         return jobs | {"fine": job(ramp, refinement=FINEST_IN_SPACE), "coarse": job(ramp, refinement=between)}
-    jobs |= {"fine": job(ramp, section=numerics.finer), "between": job(ramp, section=numerics.finer / MESH_RATIO)}
+    # The tissue at a small rounding is stretched so much that Newton's method does not converge on the finest mesh.
+    finest = numerics.finer / MESH_RATIO if _is_sharp(ramp) else numerics.finer
+    jobs |= {"fine": job(ramp, section=finest), "between": job(ramp, section=finest / MESH_RATIO)}
     if _is_sharp(ramp):
         assert ramp.tool.radius_mm is not None
         rounded = ramp.tool.model_copy(update={"edge_radius_mm": 2.0 * ramp.tool.radius_mm / RADIUS_OVER_SHARP_EDGE})
-        jobs["rounder"] = job(replace(ramp, tool=rounded), section=numerics.finer)
+        jobs["rounder"] = job(replace(ramp, tool=rounded), section=finest)
     return jobs
 
 

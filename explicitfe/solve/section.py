@@ -13,8 +13,10 @@ from explicitfe.solve import quad9
 # Size of the smallest elements at the tool's edge over its rounding, over the radius of a ball and of a bonded disc, and at the
 # side under a platen over the largest; size of the largest over the smaller of radius and height; ratio of neighbours. Larger
 # elements at the edge leave steps in the depth where they pass it: 2.1 micrometres (root mean square, flat tool of 14 mm to
-# 0.8 N) with 0.33 of the rounding and 0.6 with 0.18, and Newton's method needs fewer steps.
+# 0.8 N) with 0.33 of the rounding and 0.6 with 0.18, and Newton's method needs fewer steps. Elements smaller than the last of
+# these shares of the radius are stretched so much at a nearly sharp edge that it needs many times the steps, or fails.
 EDGE_CELL_SHARE_OF_ROUNDING, EDGE_CELL_SHARE_OF_BALL, EDGE_CELL_SHARE_OF_DISC, SIDE_CELL_SHARE = 0.18, 0.08, 0.0075, 0.2
+EDGE_CELL_SHARE_OF_RADIUS = 0.012
 LARGEST_CELL_SHARE, CELL_GROWTH_RATIO = 0.2, 1.6
 # The fine zone of a flat tool begins at this share of its radius. Tissue slides outwards under a frictionless tool and is
 # stretched where it passes the edge: at 5.6 mm under a radius of 14 mm the tissue at the edge came from 0.85 of the radius, and
@@ -138,7 +140,7 @@ def lines(specimen: SpecimenTable, tool: ToolTable, fineness: float) -> tuple[np
     largest = LARGEST_CELL_SHARE * min(radius, height) / fineness
     breaks: list[float] = []
     if tool.shape == "flat-cylinder":
-        size = EDGE_CELL_SHARE_OF_ROUNDING * 1e-3 * tool.rounding_mm / fineness
+        size = max(EDGE_CELL_SHARE_OF_ROUNDING * 1e-3 * tool.rounding_mm, EDGE_CELL_SHARE_OF_RADIUS * reach) / fineness
         zones = [(FINE_SECTION_START_SHARE * reach, reach + 0.5 * size, size)]
     elif tool.shape == "sphere":
         size = EDGE_CELL_SHARE_OF_BALL * reach / fineness

@@ -118,9 +118,11 @@ def log_prior_of_strengths(fit: BestFit) -> float:
 
     With :func:`cost_of_term` this is the evidence of a normal prior and a normal likelihood.
     """
-    size = np.maximum(np.linalg.norm(fit.jacobian, axis=0), 1e-150)
+    norm = np.linalg.norm(fit.jacobian, axis=0)
+    size = np.where(norm > 0.0, norm, 1.0)
     precision = (fit.jacobian / size).T @ (fit.jacobian / size)
-    spread = np.diag(np.linalg.inv(precision + SMALLEST_PRECISION_SHARE * np.eye(len(size)))) / size**2
+    variance = np.diag(np.linalg.inv(precision + SMALLEST_PRECISION_SHARE * np.eye(len(size)))) / size**2
+    spread = np.where(norm > 0.0, variance, np.inf)
     total, at = 0.0, len(fit.model.base)
     for term in fit.model.terms:
         strength = term.parameters[0]

@@ -109,8 +109,7 @@ def main() -> None:
                 report = close_loop(folder, processes=options.processes)
                 seconds = time.perf_counter() - begin
                 best = max(report.posterior.items(), key=lambda entry: entry[1], default=("-", 0.0))
-                parameters = report.document["final"]["parameters"].items()
-                values = ", ".join(f"{key} {one.get('all', one)['value']:.3g}" for key, one in parameters)
+                values = ", ".join(f"{key} {one.get('all', one)['value']:.3g}" for key, one in report.final.parameters.items())
                 before, after = (model.error.holdout for model in (report.baseline, report.final))
                 error = " -> ".join(
                     "-" if one is None or one.nrmse is None else f"{100.0 * one.nrmse:.2f}" for one in (before, after)

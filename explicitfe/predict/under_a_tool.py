@@ -31,8 +31,6 @@ FALL_MARGIN_FACTOR = 1.2
 CONTACT_POWERS = {"sphere": 1.5}
 # Newton's method may fail where soft tissue snaps over a sharp edge. It then tries a section whose elements pass it elsewhere.
 SECTION_SHARES = (1.0, 0.85)
-# A variant that was lost at more loads, or at the last one, says too little; one with a memory is lost for good.
-LEAST_SHARE_OF_VARIANT = 0.8
 # A test is given up when its loads need more iterations than this on average, so that its cost has a bound. At the usual numerics
 # they need 700 to 3000, at a Poisson's ratio of 0.4999 about 5000.
 MOST_MEAN_ITERATIONS = 30_000
@@ -131,7 +129,7 @@ def predict_under_a_tool(
                     continue
                 raise
             course, answers, iterations, columns = driven
-            of_variants = [_completed(column, answers) for column in columns.T]
+            of_variants = [None if np.isnan(column).any() else column for column in columns.T]
             break
     if not uniform and not in_section:
         symmetry = setup.specimen["symmetry"]
@@ -162,15 +160,6 @@ def predict_under_a_tool(
         assert read[0] is not None
         predictions.append(CurveAnswer(read[0], instants, iterations_of_each, seconds, setup.assumed, variants=tuple(read[1:])))
     return predictions
-
-
-def _completed(variant: np.ndarray, answers: np.ndarray) -> np.ndarray | None:
-    """Answers (n,) of a variant; its difference from the first tissue is interpolated at the few loads at which it was lost."""
-    known = np.isfinite(variant)
-    if not known[-1] or np.count_nonzero(known) < LEAST_SHARE_OF_VARIANT * len(variant):
-        return None
-    at = np.arange(len(variant))
-    return answers + np.interp(at, at[known], (variant - answers)[known])
 
 
 def _at_few_rows(course: Course, time_s: np.ndarray, programme: np.ndarray) -> Course:

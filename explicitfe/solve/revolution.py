@@ -113,7 +113,6 @@ class Revolution:
         layout = response.layout_of(self.main.materials)
         for (_, own), one in zip(every[1:], self.variants, strict=True):
             one.lost = not self._is_alike(one, layout, own)
-        self._alike = [one for one in self.variants if not one.lost]
         self._probe = None if section.tied else self.variants[-1]
         if self._probe is not None:
             self._probe.profile[4] *= 1.0 + STIFFER_SHARE
@@ -312,11 +311,10 @@ class Revolution:
         main, fresh = self.main, False  # whether the factors are those of the equilibrium itself
         u, depth, pressures = (main.u, main.depth, main.pressures) if again else self._followed
         self._followed = main.u, main.depth, main.pressures
-        for one in self._alike:
-            if one.lost and (one is self._probe or not self._has_memory):  # it begins anew as the first tissue
-                one.lost, one.u, one.depth, one.pressures = False, u, depth, pressures
-                if one is self._probe:
-                    one.touch, one.blocks.old[:], one.anchors[:] = main.touch, main.blocks.old, main.anchors
+        if self._probe is not None and self._probe.lost:  # it begins anew as the first tissue
+            probe = self._probe
+            probe.lost, probe.u, probe.depth, probe.pressures, probe.touch = False, u, depth, pressures, main.touch
+            probe.blocks.old[:], probe.anchors[:] = main.blocks.old, main.anchors
         for one, goal in zip(self.variants, goals, strict=True):
             begin = one.u + (main.u - u), one.depth + (main.depth - depth), one.pressures + (main.pressures - pressures)
             own = (weights[0], one.rig.compliance_m_N if weights[0] else weights[1])

@@ -63,13 +63,3 @@ def test_a_test_has_a_bound_on_its_iterations(monkeypatch):
     monkeypatch.setattr(under_a_tool, "MOST_MEAN_ITERATIONS", int(0.5 * mean))
     with pytest.raises(RunError, match=r'curve "ramp": given up at .* s after \d+ iterations for \d of \d+ instants: .* stiffer'):
         predict_test((glued(),), tissue(200.0))
-
-
-def test_a_variant_that_was_lost_at_few_loads_is_completed():
-    """Its difference from the first tissue is interpolated; what is lost at the end or at many loads is None."""
-    answers = np.linspace(1.0, 2.0, 11)
-    variant = answers + 0.1 * np.arange(11)
-    lost = np.where(np.isin(np.arange(11), [4, 5]), np.nan, variant)
-    assert under_a_tool._completed(lost, answers) == pytest.approx(variant)
-    assert under_a_tool._completed(np.where(np.arange(11) == 10, np.nan, variant), answers) is None
-    assert under_a_tool._completed(np.where(np.arange(11) < 4, np.nan, variant), answers) is None

@@ -96,9 +96,7 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for the datasets")
     options = parser.parse_args()
-    print(
-        "| hidden | verdict | best set of causes | probability | model | held-out error, % | s |\n|---|---|---|---|---|---|---|"
-    )
+    print(f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}", flush=True)
     with tempfile.TemporaryDirectory() as temporary:
         for name, (strengths, tissue_of) in HIDDEN.items():
             for number, strength in enumerate(strengths if options.only in (None, name) else ()):
@@ -109,11 +107,10 @@ def main() -> None:
                 report = close_loop(folder, processes=options.processes)
                 seconds = time.perf_counter() - begin
                 best = max(report.posterior.items(), key=lambda entry: entry[1], default=("-", 0.0))
-                values = ", ".join(f"{key} {one.get('all', one)['value']:.3g}" for key, one in report.final.parameters.items())
-                before, after = (model.error.holdout for model in (report.baseline, report.final))
-                error = " -> ".join(
-                    "-" if one is None or one.nrmse is None else f"{100.0 * one.nrmse:.2f}" for one in (before, after)
-                )
+                parameters = report.document["final"]["parameters"].items()
+                values = ", ".join(f"{key} {one.get('all', one)['value']:.3g}" for key, one in parameters)
+                missed = [model.error.holdout for model in (report.baseline, report.final)]
+                error = " -> ".join("-" if one is None else f"{100.0 * (one.nrmse or 0.0):.2f}" for one in missed)
                 cells = (f"{name} {strength:g}", report.verdict, best[0], f"{best[1]:.2f}", values, error, f"{seconds:.0f}")
                 print(f"| {' | '.join(cells)} |", flush=True)
 

@@ -4,6 +4,17 @@
 
 A specimen of 20 mm is pressed with flat tools of 14 and 8 mm, three times each, to a fifth of its height and back; the noise is
 0.3 % of the largest force and 0.002 mm. A row of the table is one dataset. It needs scikit-fem, and minutes for a dataset.
+Gradients, 26 November 2026, one core (two runs at a time on two cores):
+
+| hidden | verdict | best set of causes | probability | found | held-out error, % | s |
+|---|---|---|---|---|---|---|
+| gradient -0.6 | effect-found | stiffness-gradient | 0.89 | -0.566 | 1.50 -> 0.49 | 171 |
+| gradient -0.3 | ambiguous | nothing | 0.62 | | 0.89 -> 0.89 | 128 |
+| gradient 0.15 | no-missing-effect | nothing | 0.92 | | 0.79 -> 0.79 | 159 |
+| gradient 0.4 | effect-found | stiffness-gradient | 0.89 | 0.365 | 1.27 -> 0.61 | 146 |
+| gradient 0.75 | effect-found | stiffness-gradient | 0.94 | 0.758 | 2.50 -> 0.65 | 154 |
+
+Layers and inclusions have not been run.
 """
 
 from __future__ import annotations

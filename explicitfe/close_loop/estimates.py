@@ -60,7 +60,7 @@ class Estimates:
         return max(more, 0.0)
 
     def _of_union(self, fitted: Entry, key: Key) -> EstimatedFit | None:
-        """Estimate for the terms of a fitted hypothesis and others; None where these have no signatures beside it."""
+        """Estimated fit with the terms of both a fitted hypothesis and a key; None if a term has no signature near the former."""
         if (fitted.key, key) not in self._beside:
             estimate = None
             lacking = list((Counter(key) - Counter(fitted.key)).elements())

@@ -251,3 +251,34 @@ def test_a_load_that_no_state_carries_is_stuck():
     body = Revolution(SPECIMEN, ToolTable(shape="bonded-disc", radius_mm=14.0), LAW, (), 0.4)
     body.settle()
     assert isinstance(body.move(0.03), Stuck)
+
+
+def test_the_stiffness_of_elements_is_the_derivative_of_their_forces():
+    """Against central differences of the forces and of the growth, in a strained state with random disturbances."""
+    newton = Revolution(SPECIMEN, PUNCH, LAW, fineness=0.3).newton
+    quads, blocks = newton.section.quads, newton.main.blocks
+    rng = np.random.default_rng(3)
+    size = newton.section.smallest
+    r, z = newton.section.points.T
+    u = np.column_stack([0.1 * r, -0.15 * z + 0.2 * r * z]).ravel() + 0.01 * size * rng.standard_normal(2 * len(r))
+    u[0::2] = np.where(r > 0.0, u[0::2], 0.0)
+    pressures = 50.0 * rng.standard_normal(newton.main.pressures.shape)
+    forces, growth = np.zeros((len(quads.nodes), 18)), np.zeros((len(quads.nodes), 3))
+
+    def answer(moved):
+        assert newton._forces_of(moved, pressures, newton._bulk, quads, blocks, newton.work, forces, growth)
+        return forces.copy(), growth.copy()
+
+    arguments = (newton._bulk, quads, blocks, newton.work, forces, growth)
+    assert newton._stiffness_of(u, pressures, 1e-6, *arguments, newton._stiffness, newton._coupling, newton._spread)
+    stiffness, coupling = newton._stiffness.copy(), newton._coupling.copy()
+    step = 1e-5 * size
+    for element in rng.integers(0, len(quads.nodes), 4):
+        for column in range(18):
+            shift = np.zeros_like(u)
+            shift[2 * quads.nodes[element, column // 2] + column % 2] = step
+            (high, more), (low, less) = answer(u + shift), answer(u - shift)
+            own, grown = stiffness[element], coupling[element]
+            # Forward differences over 1e-6 are right to about 1e-5.
+            assert own[:, column] == pytest.approx((high - low)[element] / (2.0 * step), abs=3e-5 * np.abs(own).max())
+            assert grown[column] == pytest.approx((more - less)[element] / (2.0 * step), abs=3e-5 * np.abs(grown).max())

@@ -11,6 +11,9 @@ from explicitfe.cli.answer import console, print_answer
 from explicitfe.cli.options import DatasetArgument, JsonOption
 from explicitfe.view.progress import following
 
+# Causes of tests under a tool are named within this time on one core; real data on a mesh may need more.
+USUAL_MINUTES = 2.5
+
 
 def close_loop(
     dataset: DatasetArgument,
@@ -38,6 +41,7 @@ def close_loop(
     max_effects: Annotated[
         int, typer.Option("--max-effects", help="Largest number of effects to add; several terms of one effect count separately.")
     ] = 3,
+    minutes: Annotated[float, typer.Option("--minutes", help="Begin no further fit after this time.")] = USUAL_MINUTES,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing report.")] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -60,6 +64,7 @@ def close_loop(
             constants_by=constants_by,
             effects=effects or (),
             max_effects=max_effects,
+            minutes=minutes,
             overwrite=overwrite,
             progress=progress,
         )

@@ -8,9 +8,10 @@ import numpy as np
 
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
-from explicitfe.close_loop.statistics.refit import BestFit, refit, renewed, settled
+from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
 from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Hypothesis, System
+from explicitfe.close_loop.time_limit import TimeLimit
 
 # Systematic errors of assumed quantities have names that begin so; the others are of the numerics and of the protocol.
 ASSUMED = "assumed "
@@ -51,6 +52,21 @@ def fitted_baseline(system: System, rows: Sequence[RowNoise] | None, watch: Watc
         fit = refit(system, fit.model, covariance)  # with derivatives by the simulator at the end
     fit = settled(system, fit, covariance, renew)
     return system, covariance, fit
+
+
+def with_own_numerics(
+    system: System, covariance: Covariance, fit: BestFit, renew: Slopes | None, limit: TimeLimit
+) -> tuple[System, Covariance, BestFit]:
+    """A fit with the numerical error of its own model, which was so far that of the baseline.
+
+    Raises
+    ------
+    RunError : the model cannot be computed so.
+    """
+    assumed = {name: d for name, d in covariance.floors.items() if name.startswith(ASSUMED)}
+    system, fit = renewed(system, fit, covariance, times=1, limit=limit)
+    covariance = covariance_of(system, fit.model, covariance.rows, covariance.scatter, assumed)
+    return system, covariance, refit(system, fit.model, covariance, slopes=fit.slopes, renew=renew, limit=limit)
 
 
 def covariance_of(

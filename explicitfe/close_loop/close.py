@@ -10,6 +10,7 @@ from explicitfe.close_loop.report import SUMMARY, write
 from explicitfe.close_loop.specimens.close import close_specimens
 from explicitfe.close_loop.specimens.groups import grouping_of, reported_groups
 from explicitfe.close_loop.split import split, with_added
+from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, nearest, shortened, silent
@@ -30,6 +31,7 @@ def close_loop(
     constants_by: str | None = None,
     effects: Sequence[str] = (),
     max_effects: int = USUAL_MAX_EFFECTS,
+    minutes: float | None = None,
     processes: int | None = None,
     overwrite: bool = False,
     progress: Progress = silent,
@@ -47,6 +49,8 @@ def close_loop(
         tests on several specimens show that one set cannot serve all of them.
     effects : names of those that are considered; all if left out.
     max_effects : most effects (or terms of one) that are added.
+    minutes : the search begins no further fit after this time, but spends at least as much on fits as on the baseline; None is no
+        limit. Hypotheses that were not fitted keep their estimates, and a warning names them.
     processes : at most so many; one a core if left out.
     progress : called with the stage and the share of it that is done.
 
@@ -63,6 +67,8 @@ def close_loop(
     for name in effects:
         if dataset.test != "trajectory" and name not in EFFECTS:
             raise InputError(f"--effects {shortened(name)}: unknown effect; {nearest(name, EFFECTS)}")
+    if minutes is not None and not minutes > 0.0:
+        raise InputError(f"--minutes {minutes:g}: must be larger than 0.")
     if max_effects < 0:
         raise InputError(f"--max-effects {max_effects}: must be 0 or more.")
     target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
@@ -78,10 +84,11 @@ def close_loop(
         dataset = dataset.regrouped(constants_by)
         more = [other.regrouped(constants_by) for other in more]
     sides = with_added(split(dataset, holdout), dataset, more)
+    limit = TimeLimit(minutes)
     if dataset.test == "trajectory":
-        documents = close_trajectories(dataset, sides, effects, max_effects, processes, progress)
+        documents = close_trajectories(dataset, sides, effects, max_effects, limit, processes, progress)
     else:
-        documents = close_specimens(dataset, sides, constants_by, effects, max_effects, processes, progress)
+        documents = close_specimens(dataset, sides, constants_by, effects, max_effects, limit, processes, progress)
     if grouping is not None and documents.report.verdict != "failed":
         documents.report.groups = reported_groups(grouping, documents.report.final)
         documents.report.warnings = [grouping.text, *documents.report.warnings]

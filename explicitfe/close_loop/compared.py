@@ -69,6 +69,7 @@ class ComparedCauses:
     not_testable : effect -> why these data cannot show it.
     failed : effects of a hypothesis -> why it could not be computed.
     cause_of : effect -> cause, of all candidates.
+    left : hypotheses that could matter and were not fitted, because the limit on the time was reached.
     """
 
     baseline: Entry
@@ -79,6 +80,7 @@ class ComparedCauses:
     not_testable: Mapping[str, str]
     failed: Mapping[Key, str]
     cause_of: Mapping[str, str]
+    left: Sequence[Key] = ()
 
     def best_of(self, causes: Causes) -> Entry | None:
         """The most probable fitted hypothesis of a set of causes."""

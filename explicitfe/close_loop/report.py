@@ -50,6 +50,8 @@ WITHOUT_EFFECT = "its interval includes zero effect"
 WHOLE_RANGE = "its interval is its whole range"
 # The report lists at most so many hypotheses.
 MOST_HYPOTHESES = 40
+# Hypotheses that a warning names.
+MOST_NAMED = 5
 # Intervals of constants hold those of all models whose probability is at least this share of that of the final one.
 ALIKE_SHARE = 0.05
 # A residual with a smaller p-value is no noise, and widens the intervals.
@@ -322,6 +324,15 @@ def _mean_error(curves: Mapping[str, CurveError], side: Side) -> MeanError | Non
         return None
     nrmse, rmse = (float(np.mean(column)) for column in zip(*errors, strict=True))
     return MeanError(nrmse=nrmse, rmse=rmse)
+
+
+def limit_warning(comparison: ComparedCauses) -> list[str]:
+    """A sentence on the hypotheses that were not fitted because the time was up, if there are any."""
+    if not comparison.left:
+        return []
+    names = ", ".join(" + ".join(key) for key in comparison.left[:MOST_NAMED])
+    more = f" and {len(comparison.left) - MOST_NAMED} more" if len(comparison.left) > MOST_NAMED else ""
+    return [f"the search reached its time limit; estimated instead of fitted: {names}{more}. Give a larger --minutes to go on."]
 
 
 def bound_warnings(stage: str, fit: BestFit) -> list[str]:

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from explicitfe.close_loop.baseline import ASSUMED, Watch, covariance_of, fitted_baseline
+from explicitfe.close_loop.baseline import Watch, fitted_baseline, with_own_numerics
 from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, needed_decrease, without_term
 from explicitfe.close_loop.estimates import Estimates
 from explicitfe.close_loop.evidence import (
@@ -27,11 +27,12 @@ from explicitfe.close_loop.evidence import (
 )
 from explicitfe.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.close_loop.statistics.noise import RowNoise
-from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed
+from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit
 from explicitfe.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
 from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.errors import RunError
 
 # A cause may use several terms: two more in a set than it has causes.
@@ -50,6 +51,7 @@ def compare(
     *,
     max_effects: int,
     rows: Sequence[RowNoise] | None = None,
+    limit: TimeLimit = NO_LIMIT,
     watch: Watch = lambda stage, share: None,
 ) -> ComparedCauses:
     """Compare all sets of causes with the data.
@@ -58,6 +60,7 @@ def compare(
     ----------
     max_effects : the largest number of causes of a hypothesis.
     rows : noise of the rows; estimated if left out.
+    limit : where it is reached, the other hypotheses keep their estimates.
     watch : called with what is done now and the share of the whole that is done.
 
     Raises
@@ -65,15 +68,18 @@ def compare(
     RunError : the baseline cannot be computed.
     """
     system, covariance, fit = fitted_baseline(system, rows, watch)
-    return _Comparing(system, covariance, fit, max_effects, watch).run()
+    return _Comparing(system, covariance, fit, max_effects, limit, watch).run()
 
 
 class _Comparing:
     """One comparison: the table of responses near the baseline, and the hypotheses by the effects of their terms."""
 
-    def __init__(self, system: System, covariance: Covariance, fit: BestFit, max_effects: int, watch: Watch) -> None:
+    def __init__(
+        self, system: System, covariance: Covariance, fit: BestFit, max_effects: int, limit: TimeLimit, watch: Watch
+    ) -> None:
         self.system, self.covariance, self.watch = system, covariance, watch
-        self.max_effects = max_effects
+        self.max_effects, self.limit = max_effects, limit
+        self.left: list[Key] = []  # hypotheses that could matter when the limit was reached
         self.failed: dict[Key, str] = {}
         self.screened: dict[Key, tuple[Entry, Screening]] = {}
         watch("screening of the candidates", SCREENING_PROGRESS)
@@ -97,6 +103,7 @@ class _Comparing:
         causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in visible}
         self.prior = replace(self.prior, causes=len(causes))
         self.fitted: dict[Key, Entry] = {(): self._entry(fit, system, covariance)}
+        limit.begin_fits()
 
     # ---- the comparison ----
 
@@ -121,6 +128,8 @@ class _Comparing:
     def _exchange(self) -> None:
         """Drop each term of the best hypothesis and replace it by others, as long as another becomes the best."""
         for _ in range(FURTHER_TERMS):
+            if self.limit.reached():
+                return
             best = max(self.fitted.values(), key=self._log_posterior)
             for k in range(len(best.key)):
                 smaller = best.key[:k] + best.key[k + 1 :]
@@ -196,6 +205,9 @@ class _Comparing:
                 if key not in self.fitted and key not in self.failed and (terms is None or len(key) <= terms + 1)
                 if self._could_matter(entry, screening, best, terms)
             ]
+            if self.limit.reached():
+                self.left = [one.key for one in waiting]
+                return 0
             if not waiting or count >= most:
                 return count
             # Fast ones and fewer terms first: what they explain, others need not.
@@ -206,6 +218,8 @@ class _Comparing:
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
             self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
             self._fit(entry.key, [entry.model])
+            if self.limit.reached():
+                self.left = [one.key for one in waiting]  # the fit itself may have ended early
             done = self.fitted.get(entry.key)
             if done is not None and done.fit is not None:
                 self.estimates.learn(entry.key, done.fit.whitened)
@@ -290,7 +304,7 @@ class _Comparing:
             self.fitted[key] = replace(subset, key=key, causes=frozenset(self.cause_of[name] for name in key), evidence=evidence)
             return
         if least is not None and (best is None or best.whitened > least.whitened):
-            for one in sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
+            for one in [] if self.limit.reached() else sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
                 started = self._from_subset(one, key)
                 if started is None:
                     continue
@@ -300,6 +314,8 @@ class _Comparing:
                     reason = reason or str(error)
                     continue
                 best = fit if best is None or fit.whitened < best.whitened else best
+        if self.limit.reached() and best is not None and least is not None and best.whitened > least.whitened:
+            return  # it ended early, and says less than its estimate
         if best is None:
             self.failed[key] = reason
         else:
@@ -309,7 +325,7 @@ class _Comparing:
         """The best fit of a hypothesis by the simulator."""
         system = self.fitted[()].system
         assert system is not None
-        return refit(system, start, self.covariance, renew=self._fast_slopes(start))
+        return refit(system, start, self.covariance, renew=self._fast_slopes(start), limit=self.limit)
 
     def _fast_slopes(self, model: Hypothesis) -> Slopes | None:
         """Derivatives by fast answers, where those of the simulator are rough."""
@@ -371,18 +387,18 @@ class _Comparing:
         entries = sorted(self.fitted.values(), key=self._log_posterior, reverse=True)
         finished: list[Entry] = []
         best = self._log_posterior(entries[0])
-        assumed = {name: d for name, d in self.covariance.floors.items() if name.startswith(ASSUMED)}
         for entry in entries:
             if self._log_posterior(entry) < best + np.log(THRESHOLDS.negligible_probability):
+                break
+            if finished and self.limit.reached():
                 break
             assert entry.fit is not None and entry.system is not None and entry.covariance is not None
             system, fit, covariance = entry.system, entry.fit, entry.covariance
             try:
                 if system.costly(entry.model) and entry.key:
                     self.watch(f"numerical error with {' + '.join(entry.key)}", FINISH_PROGRESS)
-                    system, fit = renewed(system, fit, covariance, times=1)
-                    covariance = covariance_of(system, fit.model, self.covariance.rows, self.covariance.scatter, assumed)
-                    fit = refit(system, fit.model, covariance, slopes=fit.slopes, renew=self._fast_slopes(fit.model))
+                    slopes = self._fast_slopes(fit.model)
+                    system, covariance, fit = with_own_numerics(system, covariance, fit, slopes, self.limit)
                 self.fitted[entry.key] = self._entry(fit, system, covariance, with_forms=True)
                 finished.append(self.fitted[entry.key])
             except RunError as error:
@@ -436,5 +452,5 @@ class _Comparing:
                     else "the model cannot be computed with it"
                 )
         return ComparedCauses(
-            self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed, self.cause_of
+            self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed, self.cause_of, self.left
         )

@@ -28,6 +28,8 @@ LEAST_RESISTANCE, MOST_CREEP_STEPS, CREEP_SHARE = 1e-5, 80, 0.2
 GOOD_RATIO = 0.2
 # No step moves a node further than this share of the height.
 LONGEST_STEP_SHARE = 0.1
+# Derivatives are symmetric up to this share of the largest one: differences of gradients err by some 1e-6.
+ASYMMETRY_SHARE = 2e-5
 TINY = 1e-300
 
 Step = tuple[np.ndarray, float, np.ndarray]  # displacements [m], depth [m], and pressures [Pa]
@@ -65,6 +67,7 @@ class SectionNewton:
         self._factors: Any = None
         self._factors_are_old = False
         self._resistance = 0.0
+        self._symmetric = False
 
     def forget_factors(self) -> None:
         """Take the derivatives again where they are needed next."""
@@ -201,6 +204,7 @@ class SectionNewton:
         if with_stiffness:
             fine = self._stiffness_of(*own, DIFFERENCE_STEP, *others, self._stiffness, self._coupling, self._spread)
             if fine:
+                self._symmetric = self._make_symmetric()
                 self._spread = self._spread @ self._inverse
                 self._stiffness += self._spread @ self._coupling.transpose(0, 2, 1)
         else:
@@ -221,40 +225,83 @@ class SectionNewton:
         return rows if np.isfinite(rows).all() else None
 
     def factorize(self, resistance: float = 0.0, *, definite: bool = False) -> bool:
-        """Assemble and factorize the stiffness of the state evaluated last."""
-        section = self.section
-        n, band = section.count, section.band
-        matrix = np.zeros((3 * band + 1, n), order="F")
-        rows, column, row = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
-        assemble(section.element_numbers, self.forces, self._stiffness, band, rows, matrix, column, row)
-        column[:-1] *= self._sign
-        row[:-1] *= self._sign
-        assemble(section.surface_numbers, self.contact, self.contact_stiffness, band, rows, matrix, column, row)
-        springs = self.main.springs
-        if len(springs):
-            assemble(section.base_numbers, np.zeros(springs.shape[:2]), springs, band, rows, matrix, column, row)
+        """Assemble and factorize the stiffness of the state evaluated last; with a resistance that makes it definite."""
+        if self._symmetric and _is_near(self.contact_stiffness, self.contact_stiffness.transpose(0, 2, 1)):
+            lower, column, row = self._assembled(0, self.section.band + 1)
+            if definite and not self._make_definite(lower, lower, resistance):
+                return False
+            factors, info = lapack.dpbtrf(lower, lower=1, overwrite_ab=True)
+            if info == 0:
+                self._keep(factors, None, column, row)
+                return True
+        band, n = self.section.band, self.section.count
+        matrix, column, row = self._assembled(2 * band, 3 * band + 1)
         if definite:
             lower = 0.5 * matrix[2 * band :]
             for k in range(band + 1):  # the symmetric part; column j of row k holds the entry (j + k, j)
                 lower[k, : n - k] += 0.5 * matrix[2 * band - k, k:]
-            usual = self._usual_stiffness
-            while True:
-                shifted = lower.copy()
-                shifted[0] += resistance * usual
-                if lapack.dpbtrf(shifted, lower=1, overwrite_ab=True)[1] == 0:
-                    break
-                if resistance > 1.0:
-                    return False
-                resistance = max(4.0 * resistance, LEAST_RESISTANCE)
-            self._resistance = resistance
-            matrix[2 * band] += resistance * usual
+            if not self._make_definite(lower, matrix[2 * band :], resistance):
+                return False
         factors, pivots, info = lapack.dgbtrf(matrix, band, band, overwrite_ab=True)
-        if info != 0:
-            return False
-        self._factors = (factors, pivots, self._solve(factors, pivots, column[:-1]), row[:-1], float(column[-1]))
-        self._factors_are_old = False
+        if info == 0:
+            self._keep(factors, pivots, column, row)
+        return bool(info == 0)
+
+    def _make_symmetric(self) -> bool:
+        """Whether the derivatives of the elements are symmetric, as those of a potential are.
+
+        The coupling is then made so exactly, because the bulk modulus would magnify what differences leave of an asymmetry.
+        """
+        coupling, spread, stiffness = self._coupling, self._spread, self._stiffness
+        ratio = np.einsum("mak,mak->m", coupling, spread) / np.maximum(np.einsum("mak,mak->m", spread, spread), TINY)
+        alike = ratio[:, None, None] * spread
+        symmetric = _is_near(coupling, alike) and _is_near(stiffness, stiffness.transpose(0, 2, 1))
+        if symmetric:
+            self._coupling[:] = alike
+        return symmetric
+
+    def _assembled(self, diagonal: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Matrix (height, n) in band storage, its diagonal in one row; column and row (n + 1,) of the tool's depth."""
+        section, springs = self.section, self.main.springs
+        n = section.count
+        matrix = np.zeros((height, n), order="F")
+        rows, column, row = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+        assemble(section.element_numbers, self.forces, self._stiffness, diagonal, rows, matrix, column, row)
+        column[:-1] *= self._sign
+        row[:-1] *= self._sign
+        assemble(section.surface_numbers, self.contact, self.contact_stiffness, diagonal, rows, matrix, column, row)
+        if len(springs):
+            assemble(section.base_numbers, np.zeros(springs.shape[:2]), springs, diagonal, rows, matrix, column, row)
+        return matrix, column, row
+
+    def _make_definite(self, lower: np.ndarray, changed: np.ndarray, resistance: float) -> bool:
+        """Add the least resistance to the diagonal of a matrix (its first row) that makes its symmetric part definite."""
+        usual = self._usual_stiffness
+        while True:
+            shifted = lower.copy()
+            shifted[0] += resistance * usual
+            if lapack.dpbtrf(shifted, lower=1, overwrite_ab=True)[1] == 0:
+                break
+            if resistance > 1.0:
+                return False
+            resistance = max(4.0 * resistance, LEAST_RESISTANCE)
+        self._resistance = resistance
+        changed[0] += resistance * usual
         return True
 
-    def _solve(self, factors: np.ndarray, pivots: np.ndarray, right: np.ndarray) -> np.ndarray:
-        solution, _ = lapack.dgbtrs(factors, self.section.band, self.section.band, right, pivots)
+    def _keep(self, factors: np.ndarray, pivots: np.ndarray | None, column: np.ndarray, row: np.ndarray) -> None:
+        """Keep a factorization, and what the depth of the tool changes; without pivots it is that of Cholesky."""
+        self._factors = (factors, pivots, self._solve(factors, pivots, column[:-1]), row[:-1], float(column[-1]))
+        self._factors_are_old = False
+
+    def _solve(self, factors: np.ndarray, pivots: np.ndarray | None, right: np.ndarray) -> np.ndarray:
+        if pivots is None:
+            solution, _ = lapack.dpbtrs(factors, right, lower=1)
+        else:
+            solution, _ = lapack.dgbtrs(factors, self.section.band, self.section.band, right, pivots)
         return solution
+
+
+def _is_near(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two arrays differ by no more than differences err."""
+    return float(np.abs(one - other).max(initial=0.0)) <= ASYMMETRY_SHARE * float(np.abs(one).max(initial=0.0))

@@ -94,6 +94,8 @@ def tissue_in_section(
     lanes = np.ones(len(blocks.nodes) * WIDTH)
     lanes[:count] = factor
     scaled = law.scaled(np.tile(np.array(law.constants(), dtype=float), (len(lanes), 1)), lanes)
+    if law.poisson == CONSTANT_VOLUME_POISSON_RATIO:  # one bulk modulus keeps the volume everywhere and the equations symmetric
+        scaled[:, -1] = law.constants()[-1]
     blocks.constants[:] = scaled.reshape(-1, WIDTH, scaled.shape[1]).transpose(0, 2, 1)
     dead = np.zeros(2 * len(section.points))
     weight = law.density_kg_m3 * specimen.gravity_m_s2[2] * (quads.weights @ quad9.SHAPE)

@@ -66,13 +66,13 @@ def touch(u, depth, tool, surface, anchors, forces, stiffness, tractions):
 
 
 @kernel
-def assemble(numbers, forces, stiffness, band, rows, matrix, column, row):
+def assemble(numbers, forces, stiffness, diagonal, rows, matrix, column, row):
     """Add forces (m, k) and stiffness (m, k, k) of parts with unknowns ``numbers`` (m, k) to the system.
 
     Parameters
     ----------
     numbers : -1 is held, and the number of unknowns stands for the tool.
-    matrix : (3 band + 1, n) of LAPACK's gbtrf, its diagonal in row 2 band.
+    matrix : in band storage of LAPACK, with its diagonal in row ``diagonal``; entries above its first row are left out.
     rows : (n + 1,) receives the forces, the last one on the tool.
     column, row : (n + 1,) derivatives by the tool's depth, and of the force on the tool.
     """
@@ -93,8 +93,8 @@ def assemble(numbers, forces, stiffness, band, rows, matrix, column, row):
                     column[i] += stiffness[m, a, b]
                 elif i == last:
                     row[j] += stiffness[m, a, b]
-                else:
-                    matrix[2 * band + i - j, j] += stiffness[m, a, b]
+                elif diagonal + i >= j:
+                    matrix[diagonal + i - j, j] += stiffness[m, a, b]
 
 
 @kernel

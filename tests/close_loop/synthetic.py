@@ -15,6 +15,7 @@ from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
+from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.close_loop.verdict import Outcome, conclude
 from explicitfe.effects.effect import Sought
 
@@ -192,7 +193,10 @@ def white(system: Linear, sd: float = 0.01) -> Covariance:
     return Covariance(system.series, rows, Scatter(0.0, 0.0, "unknown", 0))
 
 
-def compared(system: Linear, max_effects: int = 2, sd: float | None = None) -> tuple[ComparedCauses, Outcome]:
+def compared(
+    system: Linear, max_effects: int = 2, sd: float | None = None, minutes: float | None = None
+) -> tuple[ComparedCauses, Outcome]:
     """The comparison and its outcome; with noise of known sd if one is given, which is estimated or stated elsewhere."""
-    comparison = compare(system, max_effects=max_effects, rows=None if sd is None else white(system, sd).rows)
+    rows = None if sd is None else white(system, sd).rows
+    comparison = compare(system, max_effects=max_effects, rows=rows, limit=TimeLimit(minutes))
     return comparison, conclude(comparison)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,12 +21,14 @@ from explicitfe.close_loop.evidence import (
     log_prior_of_strengths,
     posterior_of,
 )
+from explicitfe.close_loop.report import limit_warning
 from explicitfe.close_loop.statistics.covariance import measured_rows
 from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
 from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
 from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.effects.effect import Sought
 
 TESTS, SD = 4, 0.01
@@ -132,6 +136,31 @@ def test_without_effects():
     for strength, verdict in ((0.0, "no-missing-effect"), (0.1, "unexplained")):
         comparison, outcome = compared(holding(1, None, extra=strength * np.sin(7.0 * D)), max_effects=0)
         assert outcome.verdict == verdict and [e.key for e in comparison.entries] == [()]
+
+
+def test_a_search_that_runs_out_of_time(monkeypatch):
+    """Hypotheses that were not fitted keep their estimates, which are exact for a linear system, and are named."""
+    monkeypatch.setattr(TimeLimit, "reached", lambda self: self.minutes is not None)
+    system = holding(3, {"bump-3": 0.1, "bump-7": 0.03})
+    whole, _ = compared(system)
+    ended, outcome = compared(system, minutes=1.0)
+    assert [e.key for e in ended.entries if e.fit is not None] == [()] and ("bump-3",) in ended.left and not whole.left
+    assert outcome.final.key == () and sum(ended.posterior.sets.values()) == pytest.approx(1.0)
+    assert ended.posterior.inclusion["bump-3"] > 0.99
+    (sentence,) = limit_warning(ended)
+    assert "bump-3" in sentence and "--minutes" in sentence and limit_warning(whole) == []
+
+
+def test_a_limit_leaves_fits_as_much_time_as_the_preparation(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(sys.modules[TimeLimit.__module__], "time", SimpleNamespace(perf_counter=lambda: now[0]))
+    limit = TimeLimit(1.0, now[0])
+    now[0] = 50.0
+    limit.begin_fits()
+    for second, reached in ((70.0, False), (99.0, False), (101.0, True)):
+        now[0] = second
+        assert limit.reached() == reached
+    assert not TimeLimit().reached()
 
 
 def test_a_hypothesis_that_cannot_be_computed_is_listed():

@@ -282,3 +282,29 @@ def test_the_stiffness_of_elements_is_the_derivative_of_their_forces():
             # Forward differences over 1e-6 are right to about 1e-5.
             assert own[:, column] == pytest.approx((high - low)[element] / (2.0 * step), abs=3e-5 * np.abs(own).max())
             assert grown[column] == pytest.approx((more - less)[element] / (2.0 * step), abs=3e-5 * np.abs(grown).max())
+
+
+@pytest.mark.parametrize(
+    "effects", [(), (EFFECTS["stiffness-gradient"](g=0.6),), (EFFECTS["layer"](thickness_mm=4.0, ratio=0.3),)]
+)
+def test_symmetric_equations_are_solved_by_cholesky(effects):
+    """The step is that of a factorization with pivots; without friction and memory no other is needed."""
+    body = Revolution(SPECIMEN, PUNCH, LAW, effects, fineness=0.4)
+    pressed(body, np.array([0.05, 0.1]))
+    newton, main = body.newton, body.main
+    rows = newton.evaluate(main, with_stiffness=True)
+    assert newton._symmetric and newton.factorize() and newton._factors[1] is None
+    right = np.random.default_rng(1).standard_normal(newton.section.count)
+    by_cholesky = newton._solve(*newton._factors[:2], right)
+    newton._symmetric = False
+    assert rows is not None and newton.factorize() and newton._factors[1] is not None
+    by_pivots = newton._solve(*newton._factors[:2], right)
+    # Derivatives by differences are symmetric to 2e-5 of the largest; the least stiff direction is some thousand times softer.
+    assert by_cholesky == pytest.approx(by_pivots, abs=2e-2 * np.abs(by_pivots).max())
+
+
+def test_friction_needs_pivots():
+    body = Revolution(SPECIMEN, PUNCH.model_copy(update={"friction": 0.3}), LAW, fineness=0.4)
+    pressed(body, np.array([0.05, 0.1, 0.2]))
+    body.newton.evaluate(body.main, with_stiffness=True)
+    assert body.newton.factorize() and body.newton._factors[1] is not None

@@ -18,6 +18,7 @@ from explicitfe.close_loop.report import (
     add_outcome,
     bound_warnings,
     errors_of_model,
+    limit_warning,
     new_report,
 )
 from explicitfe.close_loop.search import compare
@@ -33,6 +34,7 @@ from explicitfe.close_loop.statistics.noise import row_noise
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import values_by_name
 from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.close_loop.verdict import Outcome, conclude, numerical_errors, numerical_shares
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import Progress, RunError, Share, Stage
@@ -79,13 +81,14 @@ def close_specimens(
     constants_by: str | None,
     effects: Sequence[str],
     max_effects: int,
+    limit: TimeLimit,
     processes: int | None,
     progress: Progress,
 ) -> LoopDocuments:
     """The report, curves for its pictures, and the tissues before and after."""
     simulator = Simulator(processes)
     try:
-        loop = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), max_effects, progress)
+        loop = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), max_effects, limit, progress)
         documents = loop.close()
     finally:
         simulator.close()
@@ -104,10 +107,11 @@ class _SpecimenLoop:
         constants_by: str | None,
         effects: tuple[str, ...],
         max_effects: int,
+        limit: TimeLimit,
         progress: Progress,
     ) -> None:
         self.dataset, self.sides, self.simulator = dataset, sides, simulator
-        self.max_effects, self.progress = max_effects, progress
+        self.max_effects, self.limit, self.progress = max_effects, limit, progress
         self.system = Specimens(dataset, sides.fit, simulator, CORRECTED, constants_by, effects)
         self._stage: tuple[Stage, float, float] = ("trace", 0.0, 0.0)
         self._step = ""
@@ -150,6 +154,7 @@ class _SpecimenLoop:
                 compare(
                     self.system,
                     max_effects=self.max_effects,
+                    limit=self.limit,
                     watch=lambda step, share: self._begin_step(step, share, min(share + STEP_PROGRESS_SHARE, 1.0)),
                 )
             )
@@ -167,7 +172,7 @@ class _SpecimenLoop:
         self._enter("predict", PREDICT_PROGRESS, 1.0)
         report.proposed_tests = self._proposed_tests(outcome)
         report.next_experiment = next(iter(report.proposed_tests), None)
-        report.warnings = self._warnings(report, before, after)
+        report.warnings = [*limit_warning(outcome.comparison), *self._warnings(report, before, after)]
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
         files |= add_discovered_law(report, self.system, self.sides.holdout, after)
         self._enter("predict", 1.0, 1.0)

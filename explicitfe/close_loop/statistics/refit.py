@@ -14,6 +14,7 @@ from scipy.optimize import lsq_linear
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.close_loop.statistics.system import Answer, Answering, Hypothesis, System, steps_of, values_by_name
+from explicitfe.close_loop.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.errors import RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.
@@ -105,6 +106,7 @@ def refit(
     target: np.ndarray | None = None,
     slopes: np.ndarray | None = None,
     renew: Slopes | None = None,
+    limit: TimeLimit = NO_LIMIT,
 ) -> BestFit:
     """The best parameters of a model, by the method of Levenberg and Marquardt inside the bounds; never worse than the start.
 
@@ -112,9 +114,10 @@ def refit(
     ----------
     start : the model with parameters to begin with.
     target : (n,) SI; what is to be met, the measured rows if left out.
-    slopes : (n, p) SI; derivatives near the start, NaN where they are unknown. They are used where answers are rough, because
-        they save many runs.
+    slopes : (n, p) SI; derivatives near the start, NaN where they are unknown. They are used where an answer takes the run of a
+        mesh, because they save many runs.
     renew : fast derivatives at any model, used in the same way wherever they are taken.
+    limit : where it is reached, the search ends with what it has found.
 
     Raises
     ------
@@ -126,7 +129,9 @@ def refit(
     model, answer = _computable(system, start.at(np.clip(start.x, low, high)))
     if slopes is None and renew is not None:
         slopes = renew(model)
-    if slopes is None or system.exact(start):
+    if slopes is not None and system.has_slopes(start) and np.array_equal(model.x, start.x):
+        position = _Position(model, answer, slopes, True, False)
+    elif slopes is None or system.exact(start):
         position = _Position(model, answer, derivatives(system, model, answer), True, False)
     else:
         position = _Position(model, answer, derivatives(system, model, answer, slopes), False, False)
@@ -142,17 +147,17 @@ def refit(
     by_rows: float | None = None
     if rows is not covariance and system.costly(start) and start.terms:
         # Both fits cost, and the second would be thrown away where the first leaves no gross misfit.
-        weighted = _descend(system, position, covariance, y, renew)
+        weighted = _descend(system, position, covariance, y, renew, limit)
         if _misfit(weighted, covariance, y) < small:
             return _best_fit(weighted, covariance, y, None)
-    position = _descend(system, position, rows, y, renew)
+    position = _descend(system, position, rows, y, renew, limit)
     if misfit_by_rows(position) >= small:
         by_rows = misfit_by_rows(position)
     elif rows is not covariance:
-        position = _descend(system, position, covariance, y, renew)
+        position = _descend(system, position, covariance, y, renew, limit)
         if _misfit(begin, covariance, y) < _misfit(position, covariance, y):
             # The way without scatter led to a worse place than it began at.
-            position = _descend(system, begin, covariance, y, renew)
+            position = _descend(system, begin, covariance, y, renew, limit)
     return _best_fit(position, covariance, y, by_rows)
 
 
@@ -214,7 +219,7 @@ class _Position:
 
 
 def _descend(
-    system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None = None
+    system: Answering, position: _Position, covariance: Covariance, y: np.ndarray, renew: Slopes | None, limit: TimeLimit
 ) -> _Position:
     """The least chi2 downhill from a position."""
     model, answer, slopes, fresh = position.model, position.answer, position.slopes, position.fresh
@@ -230,6 +235,8 @@ def _descend(
     included = system.has_slopes(position.model)
     most = MOST_STEPS_WITH_SLOPES if included else MOST_STEPS
     for _ in range(most if exact else ROUGH_MOST_STEPS):
+        if limit.reached():
+            break
         J = _jacobian(covariance, y, answer, slopes)
         size = np.maximum(np.linalg.norm(J, axis=0), 1e-12 * max(float(np.linalg.norm(J)), 1e-300))
         step = _step(J / size, r, size * (low - model.x), size * (high - model.x), damping) / size
@@ -382,12 +389,17 @@ def _moved(model: Hypothesis, share: float) -> Hypothesis:
 
 
 def renewed(
-    system: System, fit: BestFit, covariance: Covariance, times: int = MOST_RENEWALS, renew: Slopes | None = None
+    system: System,
+    fit: BestFit,
+    covariance: Covariance,
+    times: int = MOST_RENEWALS,
+    renew: Slopes | None = None,
+    limit: TimeLimit = NO_LIMIT,
 ) -> tuple[System, BestFit]:
     """A fit with the forward model that is best at its own parameters, which is taken again as they move; and that model."""
     for _ in range(times):
         here = system.at(fit.model)
         if here is system:
             break
-        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes, renew=renew)
+        system, fit = here, refit(here, fit.model, covariance, slopes=fit.slopes, renew=renew, limit=limit)
     return system, fit

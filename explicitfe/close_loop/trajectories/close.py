@@ -12,12 +12,14 @@ from explicitfe.close_loop.report import (
     add_outcome,
     bound_warnings,
     errors_of_model,
+    limit_warning,
     new_report,
 )
 from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Answer
+from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.close_loop.verdict import conclude
 from explicitfe.errors import InputError, Progress, RunError, Share
@@ -34,6 +36,7 @@ def close_trajectories(
     sides: Split,
     effects: Sequence[str],
     max_effects: int,
+    limit: TimeLimit,
     processes: int | None,
     progress: Progress,
 ) -> LoopDocuments:
@@ -53,6 +56,7 @@ def close_trajectories(
             system,
             max_effects=max_effects,
             rows=system.rows,
+            limit=limit,
             watch=lambda step, share: progress("trace", Share(share, step)),
         )
         outcome = conclude(comparison)
@@ -72,7 +76,7 @@ def close_trajectories(
     report.effect_titles |= {name: system.levers[name].title.partition(" [")[0] for name in report.effect_titles}
     report.next_experiment = None
     report.sensitivity_to_assumed = {}
-    report.warnings = _warnings(sides, before, after)
+    report.warnings = [*limit_warning(comparison), *_warnings(sides, before, after)]
     files = {SCENARIO_FILE: system.scenario_text(after.model), BASELINE_FILE: system.scenario_text(before.model)}
     return LoopDocuments(report, curves, files)
 

@@ -41,7 +41,7 @@ def close_loop(
     max_effects: Annotated[
         int, typer.Option("--max-effects", help="Largest number of effects to add; several terms of one effect count separately.")
     ] = 3,
-    minutes: Annotated[float, typer.Option("--minutes", help="Begin no further fit after this time.")] = USUAL_MINUTES,
+    minutes: Annotated[float, typer.Option("--minutes", help="Time after which the search ends.")] = USUAL_MINUTES,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing report.")] = False,
     as_json: JsonOption = False,
 ) -> None:

@@ -49,8 +49,8 @@ def close_loop(
         tests on several specimens show that one set cannot serve all of them.
     effects : names of those that are considered; all if left out.
     max_effects : most effects (or terms of one) that are added.
-    minutes : the search begins no further fit after this time, but spends at least as much on fits as on the baseline; None is no
-        limit. Hypotheses that were not fitted keep their estimates, and a warning names them.
+    minutes : the search ends after this time, but fits may take as long as what precedes them; None is no limit. Hypotheses that
+        were not fitted keep their estimates, and a warning names them.
     processes : at most so many; one a core if left out.
     progress : called with the stage and the share of it that is done.
 

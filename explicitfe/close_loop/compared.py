@@ -82,6 +82,12 @@ class ComparedCauses:
     cause_of: Mapping[str, str]
     left: Sequence[Key] = ()
 
+    @property
+    def nearest(self) -> Entry:
+        """The fitted hypothesis that is most probable if its residual is noise: the nearest to the data for its parameters."""
+        fitted = [one for one in self.entries if one.fit is not None]
+        return max(fitted, key=lambda one: one.evidence.closed + self.prior.log(one.causes))
+
     def best_of(self, causes: Causes) -> Entry | None:
         """The most probable fitted hypothesis of a set of causes."""
         own = [one for one in self.entries if one.causes == causes and one.fit is not None]

@@ -9,7 +9,9 @@ itself. Before the data, each number of causes is equally probable, each set of 
 
 Three versions of each hypothesis compete (Kennedy & O'Hagan 2001). In the first the residual is noise. In the second it contains
 a model-form error of the causes that are there: any combination of what their other forms would change. In the third it contains
-something else: any smooth curve between the bends of the loading protocol. The size of such a discrepancy is integrated out.
+something else: any smooth curve between the bends of the loading protocol. The size of such a discrepancy is integrated out. In
+each version the noise may be larger than it was stated or estimated; its factor is integrated out too. A misfit without shape
+therefore counts as noise, and one with a shape does not, because few smooth curves describe it.
 """
 
 from __future__ import annotations
@@ -32,6 +34,8 @@ from explicitfe.results.verdict_text import JOINED_BY, NOTHING, OTHER
 DISCREPANCY_SIZES = np.geomspace(0.3, 1e4, 60)
 # The standard deviations of the prior of a strength in its largest plausible value.
 PLAUSIBLE_SDS = 2.0
+# The noise may be larger than known by any factor up to this one.
+LARGEST_NOISE_FACTOR = 1e4
 # Directions of a model-form error whose singular value is a smaller share of the largest are none.
 FORM_RANK_SHARE = 1e-3
 # Precision that keeps finite what the data do not determine, as a share of that of one parameter alone.
@@ -51,6 +55,17 @@ def log_discrepancy(chi2: float, free: int) -> float:
     return float(logsumexp(logs) - np.log(len(logs)))
 
 
+def log_larger_noise(chi2: float, rows: float) -> float:
+    """Log evidence of noise that may be larger than known over that of noise as it is known, where ``rows`` leave ``chi2``.
+
+    Rows count as independent: a misfit that lasts over many rows has a shape. The factor of the standard deviation has a uniform prior on a logarithmic scale; the integral over it is Laplace's.
+    """
+    if chi2 <= rows or rows < 1.0:
+        return 0.0
+    gain = 0.5 * (chi2 - rows - rows * np.log(chi2 / rows)) + 0.5 * np.log(np.pi / rows) - np.log(np.log(LARGEST_NOISE_FACTOR))
+    return float(np.logaddexp(0.0, np.log(THRESHOLDS.larger_noise_odds) + gain))
+
+
 @dataclass(frozen=True, eq=False)
 class Evidence:
     """Log evidence of one hypothesis, without its prior.
@@ -61,12 +76,15 @@ class Evidence:
     form : gain by a model-form error of its causes.
     other : gain by something else.
     lack : lack of fit beside a model-form error.
+    chi2, rows : whitened sum of squares of the residual, and how many rows leave it.
     """
 
     closed: float
     form: float
     other: float
     lack: LackOfFit
+    chi2: float = 0.0
+    rows: float = 0.0
 
     @property
     def best(self) -> float:
@@ -76,12 +94,22 @@ class Evidence:
     def with_gain(self, gain: float) -> Evidence:
         """Where further parameters lower chi2 by a gain, as far as it is known without a fit: without a model-form error."""
         left = replace(self.lack, chi2=max(self.lack.chi2 - gain, 0.0))
-        return Evidence(self.closed + 0.5 * gain, -np.inf, log_discrepancy(left.chi2, left.free), left)
+        chi2 = max(self.chi2 - gain, 0.0)
+        noise = log_larger_noise(chi2, self.rows)
+        closed = self.closed + 0.5 * gain + noise - log_larger_noise(self.chi2, self.rows)
+        other = _gain_of_discrepancy(left.chi2, left.free, chi2, self.rows)
+        return Evidence(closed, -np.inf, other, left, chi2, self.rows)
 
     @property
     def total(self) -> float:
         """All three versions together, with the prior odds of each."""
         return self.closed + float(np.logaddexp.reduce([0.0, self.form + log_odds_of_form(), self.other + log_odds_of_other()]))
+
+
+def _gain_of_discrepancy(along: float, free: int, chi2: float, rows: float) -> float:
+    """Log evidence of a discrepancy with ``along`` of the ``chi2`` of all rows over that of noise alone."""
+    rest = log_larger_noise(max(chi2 - along, 0.0), rows - free)
+    return log_discrepancy(along, free) + rest - log_larger_noise(chi2, rows)
 
 
 def log_odds_of_form() -> float:
@@ -140,13 +168,15 @@ def evidence_of(fit: BestFit, covariance: Covariance, cost: float, forms: np.nda
     cost : of its parameters in addition to those of the baseline, see :func:`cost_of_term`.
     forms : (n, m) whitened changes by other forms of its causes.
     """
-    closed = -0.5 * fit.whitened - 0.5 * covariance.log_determinant - cost + log_prior_of_strengths(fit)
+    chi2, rows = fit.whitened, float(len(fit.residual))
+    closed = -0.5 * chi2 - 0.5 * covariance.log_determinant - cost + log_prior_of_strengths(fit) + log_larger_noise(chi2, rows)
     directions = _form_directions(fit, forms)
     along = 0.0 if directions is None else float(np.sum((directions.T @ fit.residual) ** 2))
     count = 0 if directions is None else directions.shape[1]
     lack = lack_of_fit(fit, covariance)
     beyond = lack if directions is None else lack_of_fit(fit, covariance, directions)
-    return Evidence(float(closed), log_discrepancy(along, count), log_discrepancy(lack.chi2, lack.free), beyond)
+    form = _gain_of_discrepancy(along, count, chi2, rows)
+    return Evidence(float(closed), form, _gain_of_discrepancy(lack.chi2, lack.free, chi2, rows), beyond, chi2, rows)
 
 
 def _form_directions(fit: BestFit, forms: np.ndarray | None) -> np.ndarray | None:

@@ -332,7 +332,10 @@ def limit_warning(comparison: ComparedCauses) -> list[str]:
         return []
     names = ", ".join(" + ".join(key) for key in comparison.left[:MOST_NAMED])
     more = f" and {len(comparison.left) - MOST_NAMED} more" if len(comparison.left) > MOST_NAMED else ""
-    return [f"the search reached its time limit; estimated instead of fitted: {names}{more}. Give a larger --minutes to go on."]
+    return [
+        f"the search reached its time limit; not fitted, or not to the end: {names}{more}. What assumed lengths change was not "
+        "computed. Give a larger --minutes to go on."
+    ]
 
 
 def bound_warnings(stage: str, fit: BestFit) -> list[str]:

@@ -239,21 +239,21 @@ class _Comparing:
         change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
         self.estimates.known[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
         screening = self.screened[entry.key][1]
-        gain = screening.gain + 2.0 * (one.evidence.closed - entry.evidence.closed)
+        gain = screening.gain + entry.evidence.chi2 - one.evidence.chi2
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain, parent=entry.parent)
         self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain)
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
 
-        Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other, and only there
-        slow effects are fitted. Single effects are always fitted where that needs no mesh.
+        Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow
+        effects are fitted only if their estimate is the best. Single effects are always fitted where that needs no mesh.
         """
         if terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model):
             return True
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
-        if explained and not self._is_fast(entry.model):
+        if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= best:
             return False
         nearest = max(self.fitted.values(), key=self._closeness)
         evidence = entry.evidence.with_gain(self.estimates.possible_gain(entry.key, screening, nearest))
@@ -315,7 +315,8 @@ class _Comparing:
                     continue
                 best = fit if best is None or fit.whitened < best.whitened else best
         if self.limit.reached() and best is not None and least is not None and best.whitened > least.whitened:
-            return  # it ended early, and says less than its estimate
+            self.failed[key] = "its fit had not converged when the search reached its time limit"
+            return
         if best is None:
             self.failed[key] = reason
         else:

@@ -42,6 +42,12 @@ class Thresholds:
     something_else_odds: float = threshold(
         0.1, "odds", "Prior odds that something is present that no candidate describes: about what measured data sets have shown."
     )
+    larger_noise_odds: float = threshold(
+        0.1,
+        "odds",
+        "Prior odds that the noise of the rows is larger than the dataset says: sources state that of the sensor, and rows also "
+        "scatter by friction of the drive, rounding and cycles that differ.",
+    )
     negligible_probability: float = threshold(
         0.05,
         "probability relative to the best",

@@ -67,7 +67,8 @@ def conclude(comparison: ComparedCauses) -> Outcome:
     remainder: Remainder = "form" if posterior.form > THRESHOLDS.majority_probability else "at-floor"
     if posterior.something_else > THRESHOLDS.majority_probability:
         verdict: Verdict = "unexplained"
-        remainder, sure, wanted = "unexplained", posterior.something_else, top
+        # A smooth curve could stand for what every hypothesis leaves, so the model that leaves least says most.
+        remainder, sure, wanted = "unexplained", posterior.something_else, comparison.nearest.causes
     elif present:
         verdict, wanted = "effect-found", frozenset(present)
         sure = posterior.sets.get(wanted, 0.0)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import norm
 from synthetic import Linear, Planted, compared, elastic, programme, white
 
@@ -18,6 +19,7 @@ from explicitfe.close_loop.evidence import (
     Prior,
     cost_of_term,
     log_discrepancy,
+    log_larger_noise,
     log_prior_of_strengths,
     posterior_of,
 )
@@ -305,3 +307,45 @@ def test_the_evidence_of_a_gain_cannot_use_a_misfit_twice():
     assert before.best > -200.0
     assert before.with_gain(100.0).best == pytest.approx(before.best, abs=1.0)
     assert before.with_gain(1e4).best == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("rows", [30, 300, 3000])
+@pytest.mark.parametrize("factor", [1.2, 3.0, 100.0])
+def test_larger_noise_is_the_integral_over_its_factor(rows, factor):
+    """Laplace's integral against a sum, where the noise is larger by more than the width of the integrand."""
+    chi2 = rows * factor**2
+    grid = np.linspace(np.log(factor) - 1.0, np.log(factor) + 1.0, 20001)
+    grid = grid[grid >= 0.0]
+    logs = -rows * grid - 0.5 * chi2 * np.exp(-2.0 * grid) + 0.5 * chi2
+    exact = logsumexp(logs) + np.log((grid[1] - grid[0]) / np.log(1e4) * THRESHOLDS.larger_noise_odds)
+    if exact > 3.0:  # else the noise is as large as stated, too
+        assert log_larger_noise(chi2, rows) == pytest.approx(exact, abs=0.1)
+    assert log_larger_noise(float(rows), rows) == 0.0
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.1])
+def test_noise_that_is_larger_than_stated_is_noise(strength):
+    """A misfit without shape is no sign that something else is missing, and hides no strong effect; one with a shape is."""
+    hidden = {"bump-3": strength}
+    system = elastic(np.random.default_rng(5), tests=TESTS, sd=0.02, effects=TEN, hidden=hidden)
+    system = replace(system, series=[replace(one, noise_sd=0.01) for one in system.series])
+    comparison, outcome = compared(system, sd=0.01)
+    assert comparison.baseline.fit.whitened > 3.0 * comparison.baseline.evidence.rows
+    assert (outcome.verdict, outcome.present) == (("effect-found", ("bump-3",)) if strength else ("no-missing-effect", ()))
+
+
+def test_the_nearest_model_of_unexplained_data_leaves_least():
+    """A smooth curve could stand for what each of them leaves."""
+    comparison, outcome = compared(holding(1, {"bump-3": 1.0}, extra=0.1 * np.sin(7.0 * D)))
+    left = {e.key: e.fit.whitened for e in comparison.entries if e.fit is not None}
+    assert outcome.verdict == "unexplained" and "bump-3" in outcome.final.key
+    assert left[outcome.final.key] < left["bump-3",] + 1e-6 and comparison.nearest is outcome.final
+
+
+def test_a_gross_misfit_is_fitted_by_the_rows_alone():
+    """Errors of lengths that are far too small for a misfit would draw the constants away from the data."""
+    system = holding(2, None, extra=5.0 * D**2 - 5.0 * D**5)
+    floor = {"assumed length": 0.05 * measured_rows(system.series)}
+    plain = refit(system, system.start(), white(system))
+    shared = refit(system, system.start(), replace(white(system), floors=floor))
+    assert shared.by_rows == pytest.approx(plain.whitened) and shared.model.values == pytest.approx(plain.model.values)

@@ -168,7 +168,7 @@ class _SpecimenLoop:
         report = self._new_report()
         add_outcome(report, outcome)
         curves = self._add_errors(report, before, after)
-        report.sensitivity_to_assumed = self._sensitivity(before, after)
+        report.sensitivity_to_assumed = {} if self.limit.reached() else self._sensitivity(before, after)
         self._enter("predict", PREDICT_PROGRESS, 1.0)
         report.proposed_tests = self._proposed_tests(outcome)
         report.next_experiment = next(iter(report.proposed_tests), None)

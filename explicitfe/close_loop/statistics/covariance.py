@@ -61,6 +61,10 @@ class Covariance:
             else replace(self, scatter=replace(self.scatter, scale=0.0, offset=0.0))
         )
 
+    def of_rows(self) -> Covariance:
+        """The noise of the rows alone."""
+        return replace(self.without_scatter(), floors={}) if self.floors else self.without_scatter()
+
     @cached_property
     def shared(self) -> np.ndarray:
         """(n, m) V, whitened by the rows: what many rows have in common. Whitened by the rows, Sigma is 1 + V V^T."""

@@ -67,7 +67,7 @@ class BestFit:
     residual, jacobian : (n,) target - answer and (n, p) slopes, whitened.
     at_bound : names of parameters at a bound.
     converged : False where the search gave up, which says nothing about the model.
-    by_rows : sum of squares without the scatter of tests where the misfit is gross; None elsewhere.
+    by_rows : sum of squares by the noise of the rows alone where the misfit is gross; None elsewhere.
     """
 
     model: Hypothesis
@@ -81,7 +81,7 @@ class BestFit:
 
     @property
     def chi2(self) -> float:
-        """The sum of squares that the fit made small: without the scatter of tests where the misfit is gross, else by Sigma."""
+        """The sum of squares that the fit made small: by the rows alone where the misfit is gross, else by Sigma."""
         return self.whitened if self.by_rows is None else self.by_rows
 
     @property
@@ -135,13 +135,10 @@ def refit(
         position = _Position(model, answer, derivatives(system, model, answer), True, False)
     else:
         position = _Position(model, answer, derivatives(system, model, answer, slopes), False, False)
-    # The model is first fitted as if equal tests did not differ. Against a gross misfit no scale of a test is unlikely enough:
-    # all would be spent on it, and the constants would go anywhere.
-    rows = covariance.without_scatter()
+    # The model is first fitted to the rows alone. Against a gross misfit no scale of a test and no error of a length is unlikely
+    # enough: all would be spent on it, and the constants would go anywhere.
+    rows, alike = covariance.of_rows(), covariance.without_scatter()
     small = GROSS_MISFIT * len(y)
-
-    def misfit_by_rows(at: _Position) -> float:
-        return float(np.sum(rows.whiten(y - at.answer) ** 2))
 
     begin = position
     by_rows: float | None = None
@@ -151,12 +148,12 @@ def refit(
         if _misfit(weighted, covariance, y) < small:
             return _best_fit(weighted, covariance, y, None)
     position = _descend(system, position, rows, y, renew, limit)
-    if misfit_by_rows(position) >= small:
-        by_rows = misfit_by_rows(position)
+    if _misfit(position, alike, y) >= small:
+        by_rows = _misfit(position, rows, y)
     elif rows is not covariance:
         position = _descend(system, position, covariance, y, renew, limit)
         if _misfit(begin, covariance, y) < _misfit(position, covariance, y):
-            # The way without scatter led to a worse place than it began at.
+            # The way by the rows alone led to a worse place than it began at.
             position = _descend(system, begin, covariance, y, renew, limit)
     return _best_fit(position, covariance, y, by_rows)
 
@@ -356,7 +353,7 @@ def _answer_of(system: Answering, model: Hypothesis) -> np.ndarray | None:
 
 
 def _quality(fit: BestFit) -> tuple[bool, float]:
-    """Smaller is better; a gross misfit is worse than any other, and its chi2 is that without the scatter of tests."""
+    """Smaller is better; a gross misfit is worse than any other, and its chi2 is that by the rows alone."""
     return fit.by_rows is not None, fit.chi2
 
 

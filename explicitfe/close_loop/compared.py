@@ -130,6 +130,15 @@ def forms_by_cause(library: Sequence[Candidate]) -> dict[str, int]:
     return {cause: max(len(names), 1) for cause, names in forms.items()}
 
 
+def not_testable(library: Sequence[Candidate], invisible: Sequence[Signature]) -> dict[str, str]:
+    """Effect -> why these data cannot show it, of candidates with a reason and of those whose signature is too small."""
+    reasons = {c.effect: c.reason for c in library if c.reason}
+    for one in invisible:
+        change = f"not detectable with these data: the largest plausible strength changes chi2 by {one.visible:.2g}"
+        reasons[one.candidate.effect] = change if one.values else "the model cannot be computed with it"
+    return reasons
+
+
 def without_term(model: Hypothesis, effect: str) -> Hypothesis:
     """The model without the last term of an effect."""
     last = max(k for k, term in enumerate(model.terms) if term.effect == effect)

@@ -58,7 +58,8 @@ def log_discrepancy(chi2: float, free: int) -> float:
 def log_larger_noise(chi2: float, rows: float) -> float:
     """Log evidence of noise that may be larger than known over that of noise as it is known, where ``rows`` leave ``chi2``.
 
-    Rows count as independent: a misfit that lasts over many rows has a shape. The factor of the standard deviation has a uniform prior on a logarithmic scale; the integral over it is Laplace's.
+    Rows count as independent: a misfit that lasts over many rows has a shape. The factor of the standard deviation has a uniform
+    prior on a logarithmic scale; the integral over it is Laplace's.
     """
     if chi2 <= rows or rows < 1.0:
         return 0.0

@@ -15,7 +15,7 @@ from itertools import combinations
 import numpy as np
 
 from explicitfe.close_loop.baseline import Watch, fitted_baseline, with_own_numerics
-from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, needed_decrease, without_term
+from explicitfe.close_loop.compared import ComparedCauses, Entry, Key, forms_by_cause, needed_decrease, not_testable, without_term
 from explicitfe.close_loop.estimates import Estimates
 from explicitfe.close_loop.evidence import (
     Causes,
@@ -444,14 +444,7 @@ class _Comparing:
         entries = [*self.fitted.values(), *(e for key, (e, _) in self.screened.items() if key not in self.fitted)]
         posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
         entries.sort(key=self._log_posterior, reverse=True)
-        reasons = {c.effect: c.reason for c in self.library if c.reason}
-        for one in self.at_baseline:
-            if one.candidate.effect not in self.visible:
-                reasons[one.candidate.effect] = (
-                    f"not detectable with these data: the largest plausible strength changes chi2 by {one.visible:.2g}"
-                    if one.values
-                    else "the model cannot be computed with it"
-                )
+        reasons = not_testable(self.library, [one for one in self.at_baseline if one.candidate.effect not in self.visible])
         return ComparedCauses(
             self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed, self.cause_of, self.left
         )

@@ -47,12 +47,6 @@ class Covariance:
         """Which rows (n,) belong to a test."""
         return np.concatenate([np.full(len(one.measured), one.test == test) for one in self.series])
 
-    def of_test(self, test: str) -> Covariance:
-        """The covariance of the rows and of the scatter of one test. What all tests share, the others know."""
-        numbers = [k for k, one in enumerate(self.series) if one.test == test]
-        shape = None if self.shape is None else self.shape[self.rows_of(test)]
-        return Covariance([self.series[k] for k in numbers], [self.rows[k] for k in numbers], self.scatter, {}, shape)
-
     def without_scatter(self) -> Covariance:
         """As if equal tests did not differ."""
         return (

@@ -20,7 +20,7 @@ PARTS_OF_A_CURVE = 4
 def intervals(fit: BestFit, covariance: Covariance, worse: float = 1.0) -> list[tuple[float, float]]:
     """95 % intervals of the values, from the curvature at the optimum.
 
-    Where the misfit is gross the model was fitted without the scatter of tests, which moves its parameters.
+    Where the misfit is gross the model was fitted by the noise of the rows alone.
 
     Parameters
     ----------

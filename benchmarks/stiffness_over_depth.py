@@ -39,7 +39,7 @@ TOOL_RADII_MM, EDGE_MM, DEPTH_MM, REPEATS, ROWS = (14.0, 8.0), 1.0, 4.0, 3, 13
 FORCE_SD_SHARE, DISPLACEMENT_SD_MM = 0.003, 0.002
 LAYER_MM, INCLUSION_RADIUS_MM, INCLUSION_DEPTH_MM = 2.0, 5.0, 8.0
 C10_PA, C20_PA = 190.0, 90.0
-FINENESS = 0.6
+FINENESS, MINUTES = 0.6, 2.5
 HEAD = ("hidden", "verdict", "best set of causes", "probability", "model", "held-out error, %", "s")
 
 
@@ -115,7 +115,7 @@ def main() -> None:
                 if not folder.exists():
                     write_dataset(folder, tissue_of(strength), np.random.default_rng(number))
                 begin = time.perf_counter()
-                report = close_loop(folder, processes=options.processes)
+                report = close_loop(folder, minutes=MINUTES, processes=options.processes)
                 seconds = time.perf_counter() - begin
                 best = max(report.posterior.items(), key=lambda entry: entry[1], default=("-", 0.0))
                 parameters = report.document["final"]["parameters"].items()

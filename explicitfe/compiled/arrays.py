@@ -246,6 +246,62 @@ class Ties(NamedTuple):
     moves: np.ndarray  # 1 where a bone moves by a given course, int64, (bones,)
 
 
+class Actions(NamedTuple):
+    """What acts on a body during a step, with its values at the instants t_0, t_1, ... of a course.
+
+    A new force is a field here, and a line in ``solve/step.py`` that adds it.
+    """
+
+    dead: DeadLoads
+    fibres: FollowerFibres
+    activation: np.ndarray  # scale of each load, (profiles, instants)
+    muscles: np.ndarray  # activation of the muscles that pull by a stress along their fibres, (instants, M)
+    bones: Bones
+    bone_placement: np.ndarray  # (instants, bones, PLACEMENT)
+    ties: Ties
+    tie_placement: np.ndarray  # that of the bones that hold the ties, (instants, bones, PLACEMENT)
+    motion: Motion
+    planned: np.ndarray  # work array: next velocities of the nodes with prescribed motion [m/s], (k, 3)
+
+
+class BoneRecord(NamedTuple):
+    """What bones do at an instant; empty arrays where nobody asks."""
+
+    sums: np.ndarray  # (bones, BONE_SUMS)
+    pressure: np.ndarray  # [Pa], (bones, points)
+
+
+class Shared(NamedTuple):
+    """What the parts of a body share."""
+
+    blocks: Blocks  # of all elements
+    nodes: Nodes
+    external: np.ndarray  # work array for the external forces [N], (N, 4)
+    alpha: float  # mass-proportional damping [1/s]
+    unrecorded: BoneRecord  # empty
+
+
+class Recurrence(NamedTuple):
+    """How a velocity follows from the last one, v+ = keep v- + gain f / m, and the times for which both count in the work."""
+
+    keep: float
+    gain: float  # [s]
+    ahead: float  # time of the velocity after the instant [s]
+    behind: float  # time of the velocity before it [s]
+
+
+class Span(NamedTuple):
+    """Steps of a course, and how it looks at the stable step meanwhile."""
+
+    dt_before: float  # step that led to the first instant [s]; it differs from dt where the step has just been changed
+    dt: float  # [s]
+    steps: int
+    looking: int  # NO_LOOKS, AUTOMATIC_STEP, ... of solve/course.py
+    turns: int  # most turns of a look
+    length: float  # over which a look differences forces [m]
+    contact_frequency: float  # bound of the frequency of contact [1/s]
+
+
 # Entries of the placement of a bone at an instant: rotation R by rows, shift s, spin [rad/s], speed of the origin [m/s]; a point
 # X of the bone at rest is at R X + s.
 ROTATION, SHIFT, SPIN, SPEED, PLACEMENT = 0, 9, 12, 15, 18

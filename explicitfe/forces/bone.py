@@ -151,23 +151,26 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
 
 
 @leaf
-def rest_on_bones(
-    force, row, external, u, v, bones, placement, instant, near, far, nodes, keep, gain, ahead, behind, sums, pressure
-):
+def rest_on_bones(force, row, state, shared, actions, instant, near, far, recurrence, record):
     """Add the contact force on the points from ``near`` to ``far`` to the node rows ``force``, whose first is ``row``.
 
     Parameters
     ----------
-    force : all other forces but ``external`` on entry [N].
-    v : (N, 4) m/s. Velocity of the half step before; keep and gain lead from it to the next, v+ = keep v- + gain f / m.
-    ahead, behind : s. The velocities before and after count for these times in the work at this instant.
-    sums : (bones, BONE_SUMS). Receives what each bone does, and ``pressure`` (bones, points) [Pa]; both empty: nobody asks.
+    force : all other forces but the external ones on entry [N].
+    state : State; its velocity is that of the half step before.
+    shared, actions, recurrence : Body, Actions, Recurrence.
+    record : BoneRecord. Receives what each bone does.
 
     Returns
     -------
     loss, work : J. What the dampers and friction lose, and the work of the bones that move.
     stored : J. Elastic energy of the contact now.
     """
+    u, v, _ = state
+    external, nodes = shared.external, shared.nodes
+    bones, placement = actions.bones, actions.bone_placement
+    keep, gain, ahead, behind = recurrence
+    sums, pressure = record
     loss = work = stored = 0.0
     asked = len(sums) > 0
     moving = 0

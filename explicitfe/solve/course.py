@@ -5,7 +5,19 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from explicitfe.compiled.arrays import CEILING, CORNER, IN_ALL, IN_LOOKS, IN_SAMPLES, PERIOD, SINCE, SMALLEST_J, STIFFEST, WAIT
+from explicitfe.compiled.arrays import (
+    CEILING,
+    CORNER,
+    IN_ALL,
+    IN_LOOKS,
+    IN_SAMPLES,
+    PERIOD,
+    SINCE,
+    SMALLEST_J,
+    STIFFEST,
+    WAIT,
+    BoneRecord,
+)
 from explicitfe.compiled.threads import asked_to_stop, ticks, wait
 from explicitfe.solve.look import (
     MAXIMUM,
@@ -33,37 +45,7 @@ NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP, FIXED_STEP, LIMIT_ALONE = range(5)  # w
 SETTLED_SHARE, NEVER_SETTLED = -1.0, -1.0
 
 
-def course(
-    state,
-    external,
-    part,
-    looks,
-    looker,
-    whole,
-    nodes,
-    loads,
-    fibres,
-    activation,
-    muscles,
-    bones,
-    bone_placement,
-    ties,
-    tie_placement,
-    motion,
-    planned,
-    nobody,
-    samples,
-    alpha,
-    dt_before,
-    dt,
-    instant,
-    steps,
-    looking,
-    turns,
-    length,
-    contact_frequency,
-    ledgers,
-):
+def course(state, part, looks, looker, shared, actions, samples, instant, span, ledgers):
     """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
 
     The threads of all parts call this at the same time. It ends early, after the step in which an element has turned inside out
@@ -72,17 +54,14 @@ def course(
 
     Parameters
     ----------
-    state, external, part, nodes, loads, ..., nobody, alpha, dt_before, dt : as for ``step.advance``; the instants are those of
-        the steps, and one more.
+    state, part, shared, actions : as for ``step.advance``; the instants are those of the steps, and one more.
     looks, looker : of the whole mesh and of the part.
-    whole : Blocks of the whole mesh.
     samples : Samples; the instants are counted from the first one here.
     instant : 0, where it begins: no literal, for which the compiler would make machine code of its own.
-    looking : NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP (the same, for a body that nothing calms), FIXED_STEP or LIMIT_ALONE.
-    turns, length : see ``highest_frequency``.
-    contact_frequency : see ``limit_of``.
+    span : Span.
     ledgers : (parts, LEDGER). That of each part, changed in place.
     """
+    dt_before, dt, steps, looking, turns, length, contact_frequency = span
     watch = looker.watch
     margins = margins_of(looking == UNDAMPED_STEP)
     ledger = ledgers[part.number]
@@ -92,26 +71,7 @@ def course(
         if taken < len(samples.instant) and samples.instant[taken] == instant:
             if part.number == 0:
                 now = ticks()
-                gather(
-                    state,
-                    external,
-                    whole,
-                    nodes,
-                    loads,
-                    fibres,
-                    activation,
-                    bones,
-                    bone_placement,
-                    ties,
-                    tie_placement,
-                    motion,
-                    instant,
-                    alpha,
-                    dt_before,
-                    ledgers,
-                    samples,
-                    taken,
-                )
+                gather(state, shared, actions, instant, dt_before, ledgers, samples, taken)
                 looks.spent[IN_SAMPLES] += ticks() - now
             taken += 1
             wait(part.gate, part.parts)
@@ -123,26 +83,14 @@ def course(
                 now = ticks()
                 ahead = 0.0
                 if looking != LIMIT_ALONE:
-                    scan(state, part, looks, looker, nodes, dt)
+                    scan(state, part, looks, looker, shared.nodes, dt)
                     ahead = steps_ahead(part, looks)
                 sought = is_due(watch, ahead)
                 if sought:
                     barrier = -smallest(looks.sums, part, MAXIMUM, -part.blocks.corner[STIFFEST])
                     nearest = part.blocks.corner[CORNER]  # a look evaluates forces beside the present state
-                    highest = highest_frequency(
-                        state,
-                        part,
-                        looks,
-                        looker,
-                        bones,
-                        bone_placement,
-                        ties,
-                        tie_placement,
-                        instant,
-                        turns,
-                        NEVER_SETTLED if looking == LIMIT_ALONE else SETTLED_SHARE,
-                        length,
-                    )
+                    settled = NEVER_SETTLED if looking == LIMIT_ALONE else SETTLED_SHARE
+                    highest = highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length)
                     limit = limit_of(highest, contact_frequency)
                     note_limit(watch, limit)
                     if looking == LIMIT_ALONE:
@@ -160,31 +108,8 @@ def course(
             end = min(end, instant + int(watch[WAIT]))
         if taken < len(samples.instant):
             end = min(end, samples.instant[taken])
-        reached = advance(
-            state,
-            external,
-            part,
-            nodes,
-            loads,
-            fibres,
-            activation,
-            muscles,
-            bones,
-            bone_placement,
-            ties,
-            tie_placement,
-            motion,
-            planned,
-            nobody,
-            alpha,
-            dt_before,
-            dt,
-            math.inf if looking == NO_LOOKS else watch[CEILING],
-            margins.fall,
-            instant,
-            end,
-            ledger,
-        )
+        stiffest = math.inf if looking == NO_LOOKS else watch[CEILING]
+        reached = advance(state, part, shared, actions, dt_before, dt, stiffest, margins.fall, instant, end, ledger)
         watch[SINCE] += reached - instant
         watch[WAIT] -= reached - instant
         watch[PERIOD] += reached - instant
@@ -200,26 +125,7 @@ def course(
     return instant
 
 
-def gather(
-    state,
-    external,
-    whole,
-    nodes,
-    loads,
-    fibres,
-    activation,
-    bones,
-    bone_placement,
-    ties,
-    tie_placement,
-    motion,
-    instant,
-    alpha,
-    dt,
-    ledgers,
-    samples,
-    number,
-):
+def gather(state, shared, actions, instant, dt, ledgers, samples, number):
     """Write the present state, that of an instant, into a sample."""
     rows, lanes = samples.rows, samples.lanes
     ledger = samples.ledger
@@ -231,31 +137,8 @@ def gather(
                 ledger[entry] += theirs
             elif not theirs >= ledger[entry]:
                 ledger[entry] = theirs
-    energies = snapshot(
-        state,
-        external,
-        whole,
-        nodes,
-        loads,
-        fibres,
-        activation,
-        bones,
-        bone_placement,
-        ties,
-        tie_placement,
-        motion,
-        instant,
-        alpha,
-        dt,
-        ledger,
-        rows[0],
-        rows[1],
-        samples.contact[number],
-        samples.point_pressure,
-        lanes[0],
-        lanes[1],
-        lanes[2],
-    )
+    record = BoneRecord(samples.contact[number], samples.point_pressure)
+    energies = snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes)
     for k, energy in enumerate(energies):
         samples.energies[number, k] = energy
     samples.smallest_J[number] = ledger[SMALLEST_J]
@@ -271,6 +154,7 @@ def gather(
         block, at = lane // lanes.shape[2], lane % lanes.shape[2]
         samples.J[number, element] = lanes[0, block, at]
         samples.hourglass[number, element] = lanes[2, block, at]
+    bones = actions.bones
     for bone in range(len(bones.start)):
         for point in range(len(bones.node)):
             samples.pressure[number, bone, samples.touching[point]] = samples.point_pressure[bone, point]

@@ -129,7 +129,7 @@ def smallest(sums, part, place, value):
     return result
 
 
-def evaluate(state, part, looks, looker, bones, bone_placement, ties, tie_placement, instant):
+def evaluate(state, part, looks, looker, actions, instant):
     """Minus the internal force at ``looks.shifted`` into ``looks.response``, with ties and the stiffness of contact."""
     force = looker.force
     force[:] = 0.0
@@ -139,20 +139,20 @@ def evaluate(state, part, looks, looker, bones, bone_placement, ties, tie_placem
         store(force, at, load(force, at) + load(looker.lower, at))
     for at in range(0, part.own * ROW, WIDTH):
         store(looks.response, at + part.first * ROW, load(force, at))
-    hold(looks.response, looks.shifted, state, part, bones, bone_placement, ties, tie_placement, instant)
+    hold(looks.response, looks.shifted, state, part, actions, instant)
 
 
-def hold(force, u, state, part, bones, bone_placement, ties, tie_placement, instant):
+def hold(force, u, state, part, actions, instant):
     """Add to all rows the pull of ties at displacement u, and the change of contact since the present state, linearised."""
-    if len(bones.node) + len(ties.node) > 0:
+    if len(actions.bones.node) + len(actions.ties.node) > 0:
         wait(part.gate, part.parts)
         if part.number == 0:
-            add_contact_stiffness(force, u, state.u, bones, bone_placement, instant)
-            add_ties(force, u, ties, tie_placement, instant)
+            add_contact_stiffness(force, u, state.u, actions.bones, actions.bone_placement, instant)
+            add_ties(force, u, actions.ties, actions.tie_placement, instant)
         wait(part.gate, part.parts)
 
 
-def highest_frequency(state, part, looks, looker, bones, bone_placement, ties, tie_placement, instant, turns, settled, length):
+def highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length):
     """Highest angular frequency [1/s] of the present state, whose force is there; NaN where the force is not finite.
 
     Lanczos iteration on A = M^-1/2 K M^-1/2 (Parlett 1998, chapter 13), a power iteration that uses all its vectors: the tangent
@@ -167,7 +167,7 @@ def highest_frequency(state, part, looks, looker, bones, bone_placement, ties, t
     for at in range(first, last, WIDTH):
         store(looks.base, at, load(state.force, at))
     start_vector(part, looks)
-    hold(looks.base, state.u, state, part, bones, bone_placement, ties, tie_placement, instant)
+    hold(looks.base, state.u, state, part, actions, instant)
     done = 0
     eigenvalue = 0.0
     for turn in range(turns):
@@ -180,7 +180,7 @@ def highest_frequency(state, part, looks, looker, bones, bone_placement, ties, t
         for at in range(first, last, WIDTH):
             store(looks.shifted, at, load(state.u, at) + step * load(root, at) * load(basis, here + at))
         wait(part.gate, part.parts)
-        evaluate(state, part, looks, looker, bones, bone_placement, ties, tie_placement, instant)
+        evaluate(state, part, looks, looker, actions, instant)
         # A times the last vector, less the last two, is the next vector
         before, coupling = (here - size, beside[turn - 1]) if turn > 0 else (here, 0.0)
         product = splat(0.0)

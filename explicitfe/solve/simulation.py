@@ -18,10 +18,14 @@ from explicitfe.compiled.arrays import (
     LIMIT,
     SMALLEST_CORNER,
     SMALLEST_J,
+    Actions,
     Blocks,
+    BoneRecord,
     Looker,
     Looks,
     Samples,
+    Shared,
+    Span,
     zeros,
 )
 from explicitfe.compiled.simd import WIDTH
@@ -38,7 +42,7 @@ from explicitfe.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_o
 from explicitfe.solve.parts import parts_of, usual_threads
 from explicitfe.solve.stable_step import fastest_element
 
-_NOBODY = np.zeros((0, 0))  # asks for no sums over the bones
+_UNRECORDED = BoneRecord(np.zeros((0, 0)), np.zeros((0, 0)))
 _NOTHING = np.zeros(0, dtype=np.int64)  # no instants: asks for no samples
 SHORTEST_INCREMENT_S = 1e-12  # that the instants of a state before the first step are apart
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
@@ -402,36 +406,33 @@ class Simulation(Body):
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
         tolerance_s = max(dt_s, SHORTEST_INCREMENT_S)
         bone_placement, tie_placement = self.loads.bones(times)
-        others = (
-            self.blocks,
-            self.nodes,
-            self.loads.dead,
-            self.loads.fibres,
-            self.loads.activation(times, tolerance_s),
-            self.loads.muscles(times, tolerance_s),
-            self.bones,
-            bone_placement,
-            self.ties,
-            tie_placement,
-            self.loads.motion(times),
-            self._planned,
-            _NOBODY,
-            samples,
-            float(self.model.alpha_per_s),
-            float(self.dt_s),
-            float(dt_s),
-            0,
-            int(steps),
-            int(looking),
-            int(turns),
-            self._difference_m,
-            self._contact_frequency,
-            self._ledgers,
+        actions = Actions(
+            dead=self.loads.dead,
+            fibres=self.loads.fibres,
+            activation=self.loads.activation(times, tolerance_s),
+            muscles=self.loads.muscles(times, tolerance_s),
+            bones=self.bones,
+            bone_placement=bone_placement,
+            ties=self.ties,
+            tie_placement=tie_placement,
+            motion=self.loads.motion(times),
+            planned=self._planned,
         )
+        shared = Shared(self.blocks, self.nodes, self._external, float(self.model.alpha_per_s), _UNRECORDED)
+        span = Span(
+            dt_before=float(self.dt_s),
+            dt=float(dt_s),
+            steps=int(steps),
+            looking=int(looking),
+            turns=int(turns),
+            length=self._difference_m,
+            contact_frequency=self._contact_frequency,
+        )
+        others = (shared, actions, samples, 0, span, self._ledgers)
         gate = self.parts[0].gate
         gate[:] = 0
         tasks = [
-            lambda part=part, looker=looker: self.kernels.course(self.state, self._external, part, looks, looker, *others)
+            lambda part=part, looker=looker: self.kernels.course(self.state, part, looks, looker, *others)
             for part, looker in zip(self.parts, lookers, strict=True)
         ]
         return int(together(tasks, gate)[0])

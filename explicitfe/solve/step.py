@@ -23,6 +23,7 @@ from explicitfe.compiled.arrays import (
     SMALLEST_J,
     STIFFEST,
     SWEEP_ROWS,
+    Recurrence,
 )
 from explicitfe.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
 from explicitfe.compiled.threads import ask_to_stop, asked_to_stop, wait
@@ -44,31 +45,7 @@ def forces(u, force, blocks):
     return internal_force(u, force, blocks)
 
 
-def advance(
-    state,
-    external,
-    part,
-    nodes,
-    loads,
-    fibres,
-    activation,
-    muscles,
-    bones,
-    bone_placement,
-    ties,
-    tie_placement,
-    motion,
-    planned,
-    nobody,
-    alpha,
-    dt_before,
-    dt,
-    stiffest,
-    most_fall,
-    first,
-    last,
-    ledger,
-):
+def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, first, last, ledger):
     """Advance a part of the state from instant ``first`` to ``last`` by steps of length dt; give the instant where it ended.
 
     The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
@@ -77,14 +54,7 @@ def advance(
     Parameters
     ----------
     state : State, changed in place.
-    external : (N, 4) N. Work array for the external force.
-    part : Part.
-    activation : (profiles, instants). Scale of each load at the instants t_0, t_1, ...
-    muscles : (instants, M). That of the muscles that pull by a stress along their fibres.
-    bones, ties : Bones, Ties, with the placements of their bones, (instants, bones, PLACEMENT).
-    motion : Motion, with the displacements of the prescribed nodes at the same instants; ``planned`` (k, 3) is a work array.
-    nobody : (0, 0). Asks for no sums over the bones.
-    alpha : 1/s. Mass-proportional damping.
+    part, shared, actions : Part, Shared, Actions.
     dt_before : s. The step that led to the first instant; it differs from dt where the step has just been changed.
     stiffest : 1/s^2. How stiff the barrier against folding may become, over mass, before the stable step must be looked at again.
     most_fall : of the nearest corner in a step, as a share of what is left of it: where it falls faster, the step is too long.
@@ -94,6 +64,8 @@ def advance(
     corner, in which the barrier has become too stiff or a corner has fallen too far. Prescribed motion is for one part only.
     """
     u, v, whole = state
+    nodes, external, alpha = shared.nodes, shared.external, shared.alpha
+    motion, muscles = actions.motion, actions.muscles
     force, shift, own = part.force, part.first * ROW, part.own * ROW
     if part.parts > 1:
         for here in range(0, own, WIDTH):
@@ -109,34 +81,19 @@ def advance(
         gain = h / (1.0 + 0.5 * alpha * h)
         driven_work, driven_loss = 0.0, 0.0
         if part.number == 0:
-            add_dead_loads(external, loads, activation, step)
-            add_follower_fibres(external, u, fibres, activation, step)
-            add_ties(external, u, ties, tie_placement, step)
-            driven_work, driven_loss = drive(u, v, force, nodes, motion, planned, step, h, alpha, dt_before, dt)
+            add_dead_loads(external, actions.dead, actions.activation, step)
+            add_follower_fibres(external, u, actions.fibres, actions.activation, step)
+            add_ties(external, u, actions.ties, actions.tie_placement, step)
+            driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
         wait(part.gate, part.parts)
         if part.parts > 1 and asked_to_stop(part.gate):
             done = step
             break
         for here in range(0, part.lower.size, WIDTH):
             store(force, here, load(force, here) + load(part.lower, here))
-        rubbed, carried, _ = rest_on_bones(
-            force,
-            part.first,
-            external,
-            u,
-            v,
-            bones,
-            bone_placement,
-            step,
-            part.near,
-            part.far,
-            nodes,
-            keep,
-            gain,
-            0.5 * dt,
-            0.5 * dt_before,
-            nobody,
-            nobody,
+        recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
+        friction_loss, bone_work, _ = rest_on_bones(
+            force, part.first, state, shared, actions, step, part.near, part.far, recurrence, shared.unrecorded
         )
         work = splat(0.0)
         loss = splat(0.0)
@@ -163,13 +120,13 @@ def advance(
                     store(u, at, load(u, at) + dt * new)
                     store(force, here, splat(0.0))
                     loss = loss + mass * (old + new) * (0.5 * (dt_before * old + dt * new))
-        place(u, v, motion, planned, step)
+        place(u, v, motion, actions.planned, step)
         if part.number == 0:
             for muscle in range(muscles.shape[1]):
                 part.blocks.activation[muscle, 0] = muscles[step + 1, muscle]
-        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work + carried
+        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work + bone_work
         ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
-        ledger[CONTACT_LOSS] += rubbed
+        ledger[CONTACT_LOSS] += friction_loss
         dt_before = dt
         wait(part.gate, part.parts)
         force[part.own :] = 0.0
@@ -198,68 +155,30 @@ def advance(
     return done
 
 
-def snapshot(
-    state,
-    external,
-    blocks,
-    nodes,
-    loads,
-    fibres,
-    activation,
-    bones,
-    bone_placement,
-    ties,
-    tie_placement,
-    motion,
-    instant,
-    alpha,
-    dt,
-    ledger,
-    velocity,
-    resting,
-    sums,
-    pressure,
-    element_J,
-    element_energy,
-    element_hourglass,
-):
+def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
     """Energies (ENERGIES,) [J] at an instant, that of the state, and what is recorded there; the state is only read.
 
-    ``velocity`` (N, 4) receives the velocity at t_n, (v- + v+) / 2, ``resting`` (N, 4) all forces but the external ones,
-    ``sums`` (bones, BONE_SUMS) and ``pressure`` (bones, points) what the bones do; ``element_J``, ``element_energy`` and
-    ``element_hourglass`` (B, W) receive J, the strain energy and the hourglass energy [J]. ``activation``, the placements and
-    ``motion`` have the instants of ``advance`` and one more, dt is the step before. What ties store counts as work of the bones
-    too: their pull is among the external forces.
+    ``rows`` (2, N, 4) receive the velocity at t_n, (v- + v+) / 2, and all forces but the external ones, ``record`` what the bones
+    do, and ``lanes`` (3, B, W) J, the strain energy and the hourglass energy [J] of the elements. The actions have one instant
+    more than those of ``advance``; dt is the step before. What ties store counts as work of the bones too, because their pull is
+    among the external forces.
     """
     u, v, force = state
+    nodes, external, alpha = shared.nodes, shared.external, shared.alpha
+    velocity, resting = rows[0], rows[1]
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
     gain = dt / (1.0 + 0.5 * alpha * dt)
     external[:] = 0.0
-    add_dead_loads(external, loads, activation, instant)
-    add_follower_fibres(external, u, fibres, activation, instant)
-    tied = add_ties(external, u, ties, tie_placement, instant)
+    add_dead_loads(external, actions.dead, actions.activation, instant)
+    add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
+    tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
     for at in range(0, u.size, WIDTH):
         store(resting, at, load(force, at))
-    sums[:] = 0.0
-    pressure[:] = 0.0
-    rubbed, carried, touching = rest_on_bones(
-        resting,
-        0,
-        external,
-        u,
-        v,
-        bones,
-        bone_placement,
-        instant,
-        0,
-        len(bones.node),
-        nodes,
-        keep,
-        gain,
-        0.0,
-        0.5 * dt,
-        sums,
-        pressure,
+    record.sums[:] = 0.0
+    record.pressure[:] = 0.0
+    recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
+    friction_loss, bone_work, touching = rest_on_bones(
+        resting, 0, state, shared, actions, instant, 0, len(actions.bones.node), recurrence, record
     )
     kinetic = splat(0.0)
     work = splat(0.0)
@@ -273,18 +192,20 @@ def snapshot(
         kinetic = kinetic + 0.5 * momentum * new
         work = work + 0.5 * dt * push * old
         loss = loss + 0.5 * dt * momentum * (old + new)
-    driven_kinetic, driven_work, driven_loss = correct(u, v, force, external, velocity, nodes, motion, instant, keep, alpha, dt)
-    internal, hourglass, lost, barrier = internal_energy(u, blocks, element_J, element_energy, element_hourglass)
+    driven_kinetic, driven_work, driven_loss = correct(
+        u, v, force, external, velocity, nodes, actions.motion, instant, keep, alpha, dt
+    )
+    internal, hourglass, lost, barrier = internal_energy(u, shared.blocks, lanes[0], lanes[1], lanes[2])
     return (
         internal,
         hourglass,
         sum_lanes(kinetic) + driven_kinetic,
-        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + carried + tied,
+        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + bone_work + tied,
         ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
         lost,
         touching,
         tied,
-        ledger[CONTACT_LOSS] + rubbed,
+        ledger[CONTACT_LOSS] + friction_loss,
         barrier,
     )
 

@@ -142,7 +142,7 @@ class Hypothesis:
 
 # Derivatives are taken over this share of a parameter's typical length: a larger one where roughness would drown a small one, and
 # where answers come from Newton's method, which ends at a residual (error of derivatives at 1e-3: 5 to 28 %, at 1e-2: 1 to 5 %).
-STEP_SHARE, NEWTON_STEP_SHARE, ROUGH_STEP_SHARE = 1e-3, 0.01, 0.04
+STEP_SHARE, NEWTON_STEP_SHARE, ROUGH_STEP_SHARE = 1e-3, 0.03, 0.04
 # The typical length is no less than this share of the coordinate itself.
 LEAST_TYPICAL_SHARE = 0.1
 

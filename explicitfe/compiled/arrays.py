@@ -302,6 +302,23 @@ class Span(NamedTuple):
     contact_frequency: float  # bound of the frequency of contact [1/s]
 
 
+class Surface(NamedTuple):
+    """What acts at the surface of a body that relaxes under a tool; each may be empty."""
+
+    turned: Turned
+    springs: Springs
+    contact: Contact
+    tool: np.ndarray  # its state, (TOOL,)
+
+
+class Goal(NamedTuple):
+    """When a relaxation has arrived."""
+
+    tolerance: float  # unbalanced forces as a share of those of the tool and the loads
+    least_load: float  # what the residual is compared to at least [N], where a load has all but gone
+    least_work: float  # and the kinetic energy [J]
+
+
 # Entries of the placement of a bone at an instant: rotation R by rows, shift s, spin [rad/s], speed of the origin [m/s]; a point
 # X of the bone at rest is at R X + s.
 ROTATION, SHIFT, SPIN, SPEED, PLACEMENT = 0, 9, 12, 15, 18

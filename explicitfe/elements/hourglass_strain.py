@@ -124,15 +124,11 @@ def force(F, qx, qy, qz, c, weight):
     l2 = -w2 * (2.0 * (y3 * B3 + x1 * A1 + m * f2 * f2) + u12 * s12 + u23 * s23)
     l3 = -w3 * (2.0 * (y2 * B2 + y1 * B1 + m * f3 * f3) + u13 * s13 + u23 * s23)
 
-    rx, b1x, b2x, b3x = _component(
-        qx, a1[0], a2[0], a3[0], d11, d12, d13, d21, d22, d23, d31, d32, d33, d41, d42, d43, l1, l2, l3
-    )
-    ry, b1y, b2y, b3y = _component(
-        qy, a1[1], a2[1], a3[1], d11, d12, d13, d21, d22, d23, d31, d32, d33, d41, d42, d43, l1, l2, l3
-    )
-    rz, b1z, b2z, b3z = _component(
-        qz, a1[2], a2[2], a3[2], d11, d12, d13, d21, d22, d23, d31, d32, d33, d41, d42, d43, l1, l2, l3
-    )
+    d = (d11, d12, d13, d21, d22, d23, d31, d32, d33, d41, d42, d43)
+    along = (l1, l2, l3)
+    rx, b1x, b2x, b3x = _component(qx, (a1[0], a2[0], a3[0]), d, along)
+    ry, b1y, b2y, b3y = _component(qy, (a1[1], a2[1], a3[1]), d, along)
+    rz, b1z, b2z, b3z = _component(qz, (a1[2], a2[2], a3[2]), d, along)
     stress = (
         b1x * c[0] + b2x * c[3] + b3x * c[6], b1x * c[1] + b2x * c[4] + b3x * c[7], b1x * c[2] + b2x * c[5] + b3x * c[8],
         b1y * c[0] + b2y * c[3] + b3y * c[6], b1y * c[1] + b2y * c[4] + b3y * c[7], b1y * c[2] + b2y * c[5] + b3y * c[8],
@@ -142,8 +138,11 @@ def force(F, qx, qy, qz, c, weight):
 
 
 @leaf
-def _component(q, a1, a2, a3, d11, d12, d13, d21, d22, d23, d31, d32, d33, d41, d42, d43, l1, l2, l3):
-    """One component of r_k = sum_i d_ki a_i and of b_i = d / d a_i = sum_k d_ki q_k + l_i a_i."""
+def _component(q, a, d, along):
+    """One component of r_k = sum_i d_ki a_i and of b_i = d / d a_i = sum_k d_ki q_k + l_i a_i, with l = ``along``."""
+    a1, a2, a3 = a
+    d11, d12, d13, d21, d22, d23, d31, d32, d33, d41, d42, d43 = d
+    l1, l2, l3 = along
     r = (
         d11 * a1 + d12 * a2 + d13 * a3,
         d21 * a1 + d22 * a2 + d23 * a3,

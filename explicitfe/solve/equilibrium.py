@@ -27,7 +27,9 @@ from explicitfe.compiled.arrays import (
     STIFFNESS,
     SUMS,
     WORK,
+    Goal,
     Springs,
+    Surface,
     zeros,
 )
 from explicitfe.compiled.threads import together
@@ -388,19 +390,9 @@ class Relaxation(LoadedBody):
         self._monitor[[POWER, MOMENT, STIFFNESS]] = 0.0
 
     def _relax(self, iterations: int) -> int:
-        others = (
-            self.nodes,
-            self._tie.turned,
-            self.springs,
-            self.contact.points,
-            self.contact.tool,
-            self._sums,
-            float(self.tolerance),
-            LEAST_SHARE_OF_LARGEST_LOAD * self._largest_load,
-            LEAST_SHARE_OF_LARGEST_LOAD * self._largest_work,
-            int(iterations),
-            self._monitor,
-        )
+        least = (LEAST_SHARE_OF_LARGEST_LOAD * self._largest_load, LEAST_SHARE_OF_LARGEST_LOAD * self._largest_work)
+        surface = Surface(self._tie.turned, self.springs, self.contact.points, self.contact.tool)
+        others = (self.nodes, surface, Goal(float(self.tolerance), *least), self._sums, int(iterations), self._monitor)
         gate = self.parts[0].gate
         gate[:] = 0
         tasks = [

@@ -44,28 +44,12 @@ LARGEST_STIFFNESS_ESTIMATE = 3.8  # above it a relaxation stops: fresh masses ke
 ITERATIONS_PER_RESIDUAL = 20  # between two looks at it
 
 
-def relax(
-    state,
-    external,
-    inner,
-    part,
-    nodes,
-    turned,
-    springs,
-    contact,
-    tool,
-    sums,
-    tolerance,
-    least_load,
-    least_work,
-    iterations,
-    monitor,
-):
+def relax(state, external, inner, part, nodes, surface, goal, sums, iterations, monitor):
     """Relax towards equilibrium by up to so many iterations; give the number done.
 
     Central differences with dt = 1 and fictitious masses, under viscous damping that follows the lowest frequency that still
     moves (Underwood 1983): c = 2 sqrt(S) with S = v.(f_before - f_now) / v.M v, the Rayleigh quotient of the last increment.
-    It is done when the nodal forces that nothing balances are below ``tolerance`` times those of the tool and the loads
+    It is done when the nodal forces that nothing balances are below the tolerance times those of the tool and the loads
     (2-norms), and the kinetic energy is below its square times the work: near the end both go as the square of the distance.
 
     The threads of all parts call this at the same time. Each has its elements and its node rows; what is sought at the surface,
@@ -77,13 +61,14 @@ def relax(
     external : (N, 4) N. Dead loads. ``inner`` (N, 4) is a work array.
     part : Part.
     nodes : Nodes with fictitious masses.
-    least_load, least_work : N, J. What residual and kinetic energy are compared to at least, where a load has all but gone.
-    turned, springs, contact : rotational symmetry (for one part only), nodes on springs, contact points, each maybe empty.
-    tool : (TOOL,). Its state, changed in place.
+    surface : Surface. Rotational symmetry is for one part only; the state of the tool is changed in place.
+    goal : Goal.
     sums : (parts, SUMS). Work array, what each part adds to sums over all.
     monitor : (MONITOR,). What the last look saw, changed in place.
     """
     u, v, force = state
+    turned, springs, contact, tool = surface
+    tolerance, least_load, least_work = goal
     begin, end = part.first * ROW, (part.first + part.own) * ROW
     own_sums = sums[part.number]
     first = part.number == 0

@@ -247,27 +247,27 @@ class _Comparing:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
 
         Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow
-        effects are fitted only if their estimate is the best. Single effects are always fitted where that needs no mesh.
+        effects are fitted only if their estimate is probable. Single effects are always fitted where that needs no mesh.
         """
         if terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model):
             return True
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
-        if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= best:
+        negligible = best + np.log(THRESHOLDS.negligible_probability)
+        if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= negligible:
             return False
-        nearest = max(self.fitted.values(), key=self._closeness)
+        nearest, prior = max(self.fitted.values(), key=self._closeness), self.prior.log(entry.causes)
         evidence = entry.evidence.with_gain(self.estimates.possible_gain(entry.key, screening, nearest))
-        prior = self.prior.log(entry.causes)
         least = np.inf if explained else self._closeness(nearest)
-        return evidence.closed + prior > least or evidence.best + prior > best + np.log(THRESHOLDS.negligible_probability)
+        return evidence.closed + prior > least or evidence.best + prior > negligible
 
     def _near(self, fitted: Entry) -> dict[str, Signature]:
         """Effect -> signature beside a fitted hypothesis."""
         if fitted.key not in self.near:
             assert fitted.fit is not None and fitted.covariance is not None and fitted.system is not None
             costly = self.system.costly(fitted.model)
-            candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in self.visible]
-            candidates = [c for c in candidates if c.effect in self.table or not costly]
+            usable = self.visible & set(self.table) if costly else self.visible
+            candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in usable]
             known = self._signatures(fitted.fit, fitted.covariance, candidates)
             self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
         return self.near[fitted.key]

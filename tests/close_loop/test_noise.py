@@ -22,6 +22,7 @@ from explicitfe.close_loop.statistics.noise import (
     whiten_rows,
 )
 from explicitfe.close_loop.statistics.system import Series
+from explicitfe.close_loop.thresholds import THRESHOLDS
 
 SD, SEEDS = 0.02, 40
 
@@ -281,3 +282,13 @@ def test_the_correlation_stays_below_one():
     """A curve without roughness: x = 0 would be r = 1, of which no row says anything."""
     (row,) = row_noise([ramp(0, np.linspace(0.0, 1.0, 60), sd=SD)])
     assert row.correlation == HIGHEST_CORRELATION and row.effective > 0.0
+
+
+def test_a_programme_that_bends_at_every_row_shows_no_noise():
+    """What the model leaves then says nothing of the noise; a share of the remainder would be far too small."""
+    rng = np.random.default_rng(4)
+    measured = smooth(80) + SD * rng.standard_normal(80)
+    one = ramp(0, measured, sd=None, bends=np.arange(80))
+    (before,) = row_noise([one])
+    (after,) = row_noise_beside([one], [before], smooth(80))
+    assert after is before and before.sd.mean() == pytest.approx(THRESHOLDS.unknown_noise_share * np.abs(measured).max())

@@ -169,7 +169,7 @@ def row_noise_beside(series: Sequence[Series], rows: Sequence[RowNoise], answer:
 
     Where a dataset states no noise, it is known from what smooth curves leave, and what bends where the programme does not, such
     as a tool that loses contact, counts as noise. A smooth curve through what the model leaves has fewer such bends. Both are
-    bounds from above, so the smaller one is taken.
+    bounds from above, so the smaller one is taken. Where the programme bends at every row, neither shows the noise.
     """
     ends = np.cumsum([len(one.measured) for one in series])[:-1]
     left = [replace(one, measured=one.measured - part) for one, part in zip(series, np.split(answer, ends), strict=True)]
@@ -177,7 +177,7 @@ def row_noise_beside(series: Sequence[Series], rows: Sequence[RowNoise], answer:
     for one, before, after in zip(series, rows, row_noise(left), strict=True):
         least = SMALLEST_NOISE_SHARE * float(np.abs(one.measured).max())
         smaller = after.weight_sd.mean() < before.weight_sd.mean() and after.sd.min() > least
-        beside.append(after if smaller and not before.stated else before)
+        beside.append(after if smaller and _free(one) and not before.stated else before)
     return beside
 
 

@@ -26,7 +26,7 @@ class Lag(Measurement):
         needs="unloading, or two rates",
         neighbours="viscoelastic (relaxes in a hold), friction and softening (do not depend on the rate)",
     )
-    sought: ClassVar[Mapping[str, Sought]] = {"lag_s": Sought((-0.005, -0.02, 0.005, 0.02), -0.1, 0.1, scale="shortest_s")}
+    sought: ClassVar[Mapping[str, Sought]] = {"lag_s": Sought((-0.005, -0.02, 0.005, 0.02), -0.3, 0.3, scale="shortest_s")}
     requires: ClassVar[tuple[str, ...]] = ("time",)
     without_tool = True
     lag_s: float = Field(description="time by which the load comes late [s]; negative: early")

@@ -50,9 +50,8 @@ def predict_homogeneous(test: Sequence[Curve], law: Yeoh, effects: Sequence[Effe
     stress, count = _stress(_RiggedSpecimen(test[0].kind, law, with_leaves(effects), rig.compliance_per_Pa), time_s, programme)
     answers = []
     seconds = (time.perf_counter() - begin) / len(test)
-    for curve, rows in zip(test, driven, strict=True):
-        values, stress = stress[: len(rows.time_s)], stress[len(rows.time_s) :]
-        read = reading(values, rows, readings, by_force=False)
+    true = np.split(stress, np.cumsum([len(rows.time_s) for rows in driven])[:-1])
+    for curve, rows, read in zip(test, driven, reading(true, driven, readings, by_force=False), strict=True):
         answers.append(CurveAnswer(read[np.searchsorted(rows.time_s, curve.time_s)], count, 0, seconds))
     return answers
 

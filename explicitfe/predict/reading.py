@@ -10,7 +10,7 @@ import numpy as np
 from explicitfe.effects import Measurement, Rig
 from explicitfe.effects.record import Record
 from explicitfe.measured.curve import Curve, programme_of
-from explicitfe.predict.experiment import cycle_of
+from explicitfe.predict.experiment import cycle_of, start_times
 from explicitfe.predict.tissue import Tissue
 
 # A test is one-sided if it goes to the other side by no more than this share of its largest motion: sensors are not at zero.
@@ -50,14 +50,21 @@ def as_it_is(curve: Curve, readings: Sequence[Measurement]) -> Curve:
     return curve if np.array_equal(programme, read) else replace(curve, columns=curve.columns | {curve.imposed: programme})
 
 
-def reading(true: np.ndarray, curve: Curve, readings: Sequence[Measurement], by_force: bool) -> np.ndarray:
-    """What the machine reads (k,), from the answer that is really there."""
+def reading(
+    true: Sequence[np.ndarray], test: Sequence[Curve], readings: Sequence[Measurement], by_force: bool
+) -> list[np.ndarray]:
+    """What the machine reads in each curve of a test (k,), from the answers that are really there."""
     if not readings:
-        return true
-    record = record_of(curve)
+        return list(true)
+    columns, records, starts = list(true), [record_of(curve) for curve in test], start_times(test)
     for effect in readings:
-        true = effect.read_motion(true, record) if by_force else effect.read_load(true, record)
-    return true
+        read = []
+        for k, (column, record) in enumerate(zip(columns, records, strict=True)):
+            if k > 0:
+                record = replace(record, before=(records[k - 1].time_s + starts[k - 1] - starts[k], columns[k - 1]))
+            read.append(effect.read_motion(column, record) if by_force else effect.read_load(column, record))
+        columns = read
+    return columns
 
 
 def _touches(curve: Curve) -> bool:

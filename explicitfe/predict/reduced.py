@@ -80,7 +80,7 @@ class ReducedSpecimen:
             law = effect.in_law(law)
         values = course.at(self.follow(law, with_leaves(physics_of(effects)), course, by_force), time_s, contact_power)
         parts = np.split(values, np.cumsum([len(curve.time_s) for curve in test])[:-1])
-        return [reading(part, curve, readings_of(effects), by_force) for part, curve in zip(parts, test, strict=True)]
+        return reading(parts, test, readings_of(effects), by_force)
 
 
 def reduced_specimen(alike: Sequence[Curve], law: Yeoh, numerics: Numerics) -> ReducedSpecimen | None:

@@ -149,16 +149,16 @@ def predict_under_a_tool(
         at_rows = [None if one is None else corrected(one, programme, by_force) for one in at_rows]
     seconds = (time.perf_counter() - begin) / len(test)
     instants, iterations_of_each = len(course.time_s) // len(test), iterations // len(test)
-    predictions, start = [], 0
-    for curve in test:
-        own = slice(start, start + len(curve.time_s))
-        start = own.stop
-        kinds = [readings_of(effects), *(readings_of(others) for _, others in variants)]
-        read = [
-            None if true is None else reading(true[own], curve, its, by_force) for true, its in zip(at_rows, kinds, strict=True)
-        ]
-        assert read[0] is not None
-        predictions.append(CurveAnswer(read[0], instants, iterations_of_each, seconds, setup.assumed, variants=tuple(read[1:])))
+    ends = np.cumsum([len(curve.time_s) for curve in test])[:-1]
+    kinds = [readings_of(effects), *(readings_of(others) for _, others in variants)]
+    read: list[Sequence[np.ndarray | None]] = [
+        [None] * len(test) if true is None else reading(np.split(true, ends), test, its, by_force)
+        for true, its in zip(at_rows, kinds, strict=True)
+    ]
+    predictions = []
+    for values, *others in zip(*read, strict=True):
+        assert values is not None
+        predictions.append(CurveAnswer(values, instants, iterations_of_each, seconds, setup.assumed, variants=tuple(others)))
     return predictions
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from explicitfe.effects import EFFECTS
 from explicitfe.effects.effect import Measurement, readings_of
@@ -151,7 +152,21 @@ def test_force_control_undoes_the_force_and_reads_the_displacement():
     curve, effects = pressed("force"), readings_of([EFFECTS["force-offset"](offset_N=0.03), EFFECTS["lag"](lag_s=0.1)])
     true = true_programme(curve.force_N, curve, effects, by_force=True)
     assert true[:-1] == pytest.approx(np.maximum(curve.force_N[1:] - 0.03, 0.0), abs=1e-12)
-    assert reading(curve.displacement_m, curve, effects, by_force=True) == pytest.approx(curve.displacement_m)
+    (read,) = reading([curve.displacement_m], [curve], effects, by_force=True)
+    assert read == pytest.approx(curve.displacement_m)
+
+
+def test_a_lag_shows_the_end_of_the_cycle_before():
+    """Two cycles of one test, read as one record; the second begins one step between rows after the first."""
+    curve, lag = pressed("displacement"), readings_of([EFFECTS["lag"](lag_s=0.15)])
+    step_s = curve.time_s[1] - curve.time_s[0]
+    first, second = np.linspace(0.2, 1.0, len(curve.time_s)), np.linspace(1.0, 0.1, len(curve.time_s))
+    one, other = reading([first, second], [curve, curve], lag, by_force=False)
+    time_s = np.concatenate([curve.time_s, curve.time_s + curve.time_s[-1] + step_s])
+    whole = PchipInterpolator(time_s, np.concatenate([first, second]))(np.maximum(time_s - 0.15, 0.0))
+    assert other == pytest.approx(whole[len(first) :]) and other[0] == pytest.approx(first[-1], abs=0.1)
+    # The first cycle ends where the second begins to act, so that only its interior is alike.
+    assert one[:-3] == pytest.approx(whole[: len(first) - 3])
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ class Plan:
     def read(self, answer: Sequence[np.ndarray], corrections: Mapping[str, Correction]) -> dict[str, np.ndarray]:
         """Curve -> what it would measure, SI."""
         courses, _ = self.job
-        by_curve = {}
+        true = []
         for number, curve in enumerate(self.test):
             if not self.by_ramp:
                 programme, values = programme_of(courses[number]), answer[number]
@@ -66,8 +66,9 @@ class Plan:
                 values = corrections[curve.id].applied(values, programme, self.by_force)
             if self.by_force:
                 values = values + self.compliance_m_N * programme
-            by_curve[curve.id] = reading(values, curve, self.readings, self.by_force)
-        return by_curve
+            true.append(values)
+        read = reading(true, self.test, self.readings, self.by_force)
+        return {curve.id: values for curve, values in zip(self.test, read, strict=True)}
 
 
 def plan_of(tissue: Tissue, test: tuple[Curve, ...], curves: Sequence[Curve], homogeneous: bool, *, ramps: bool = True) -> Plan:

@@ -14,7 +14,7 @@ from explicitfe.effects.record import Record
 
 
 class Lag(Measurement):
-    """Time by which the load is recorded late. Before the first row and after the last one nothing changes."""
+    """Time by which the load is recorded late. Before the first row of a test and after its last one nothing changes."""
 
     about: ClassVar[Description] = Description(
         title="lag between load and motion",
@@ -44,5 +44,7 @@ class Lag(Measurement):
     def _shifted(self, column: np.ndarray, record: Record, by_s: float) -> np.ndarray:
         if by_s == 0.0:
             return column
-        t = record.time_s
-        return PchipInterpolator(t, column)(np.clip(t + by_s, t[0], t[-1]))
+        t, at = record.time_s, record.time_s + by_s
+        if record.before is not None:
+            t, column = np.concatenate([record.before[0], t]), np.concatenate([record.before[1], column])
+        return PchipInterpolator(t, column)(np.clip(at, t[0], t[-1]))

@@ -247,12 +247,12 @@ class _Comparing:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
 
         Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow
-        effects are fitted only if their estimate is probable. Single effects are always fitted where that needs no mesh.
+        effects are fitted only if their estimate is probable. Single effects without a mesh are fitted until one explains all.
         """
-        if terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model):
-            return True
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
+        if not explained and terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model):
+            return True
         negligible = best + np.log(THRESHOLDS.negligible_probability)
         if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= negligible:
             return False

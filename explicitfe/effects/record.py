@@ -23,7 +23,7 @@ class Record:
     cycle : number of the repeat, from 1.
     side : 1 where the largest motion is positive, -1 where it is negative, as in compression of a homogeneous state.
     one_sided : all motion lies on that side, so that there is a state that bears nothing beyond the first touch.
-    before : times (m,) [s] of the cycle that precedes it in one test, on the clock of this one, and the true column (m,) then.
+    whole : times (m,) [s] of all cycles of its test, on the clock of this one, and the true column (m,); None for a single curve.
     """
 
     kind: Literal["force-displacement", "uniaxial", "shear"]
@@ -32,7 +32,7 @@ class Record:
     cycle: float = 1.0
     side: float = 1.0
     one_sided: bool = True
-    before: tuple[np.ndarray, np.ndarray] | None = None
+    whole: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def with_tool(self) -> bool:

@@ -57,13 +57,13 @@ def reading(
     if not readings:
         return list(true)
     columns, records, starts = list(true), [record_of(curve) for curve in test], start_times(test)
+    time_s = np.concatenate([record.time_s + start for record, start in zip(records, starts, strict=True)])
     for effect in readings:
-        read = []
-        for k, (column, record) in enumerate(zip(columns, records, strict=True)):
-            if k > 0:
-                record = replace(record, before=(records[k - 1].time_s + starts[k - 1] - starts[k], columns[k - 1]))
-            read.append(effect.read_motion(column, record) if by_force else effect.read_load(column, record))
-        columns = read
+        if len(test) > 1:
+            whole = np.concatenate(columns)
+            records = [replace(one, whole=(time_s - start, whole)) for one, start in zip(records, starts, strict=True)]
+        read = effect.read_motion if by_force else effect.read_load
+        columns = [read(column, record) for column, record in zip(columns, records, strict=True)]
     return columns
 
 

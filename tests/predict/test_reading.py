@@ -156,17 +156,16 @@ def test_force_control_undoes_the_force_and_reads_the_displacement():
     assert read == pytest.approx(curve.displacement_m)
 
 
-def test_a_lag_shows_the_end_of_the_cycle_before():
-    """Two cycles of one test, read as one record; the second begins one step between rows after the first."""
-    curve, lag = pressed("displacement"), readings_of([EFFECTS["lag"](lag_s=0.15)])
+@pytest.mark.parametrize("lag_s", [0.15, -0.15])
+def test_a_lag_crosses_from_one_cycle_to_the_next(lag_s):
+    """Two cycles of one test are read as one record; the second begins one step between rows after the first."""
+    curve, lag = pressed("displacement"), readings_of([EFFECTS["lag"](lag_s=lag_s)])
     step_s = curve.time_s[1] - curve.time_s[0]
-    first, second = np.linspace(0.2, 1.0, len(curve.time_s)), np.linspace(1.0, 0.1, len(curve.time_s))
-    one, other = reading([first, second], [curve, curve], lag, by_force=False)
+    cycles = [np.linspace(0.2, 1.0, len(curve.time_s)), np.linspace(1.0, 0.1, len(curve.time_s))]
     time_s = np.concatenate([curve.time_s, curve.time_s + curve.time_s[-1] + step_s])
-    whole = PchipInterpolator(time_s, np.concatenate([first, second]))(np.maximum(time_s - 0.15, 0.0))
-    assert other == pytest.approx(whole[len(first) :]) and other[0] == pytest.approx(first[-1], abs=0.1)
-    # The first cycle ends where the second begins to act, so that only its interior is alike.
-    assert one[:-3] == pytest.approx(whole[: len(first) - 3])
+    at = np.clip(time_s - lag_s, 0.0, time_s[-1])
+    read = np.concatenate(reading(cycles, [curve, curve], lag, by_force=False))
+    assert read == pytest.approx(PchipInterpolator(time_s, np.concatenate(cycles))(at), abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from explicitfe.measured.curve import Curve, Dataset
 from explicitfe.predict.correction import Correction, corrections_of
 from explicitfe.predict.experiment import effects_of, experiments
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
+from explicitfe.scenario.bounds import bounds_of
 
 # Poisson's ratio of the baseline on a mesh, from which answers are extrapolated to the incompressible limit.
 MESH_POISSON_RATIO = 0.499
@@ -36,6 +37,8 @@ LARGEST_C20_RATIO = 1e3
 C10_BOUND_FACTORS = (1e-4, 1e4)
 # A step of C20, as a share of C10, that changes an answer noticeably.
 C20_STEP_RATIO = 0.3
+# Smaller and larger moduli are those of no material.
+MODULI_PA = bounds_of("_Pa")
 EXACT = Numerics()
 # With which effects are searched: each answer is brought to a fine mesh by ramps at the model of the round.
 CORRECTED = Numerics(refinement=0.6, density=1.0, tolerance=5e-4, section=0.6, finer=1.0)
@@ -110,7 +113,8 @@ class Specimens:
             curves = [c for c in self.curves if c.constants == group]
             C10, C20 = first_constants(curves, Baseline(elastic, self.known, self.homogeneous, self.simulator.run))
             label = group if len(self.groups) > 1 else ""
-            size = Sought((C10,), C10_BOUND_FACTORS[0] * C10, C10_BOUND_FACTORS[1] * C10, kind="log")
+            low, high = max(C10_BOUND_FACTORS[0] * C10, MODULI_PA.smallest), min(C10_BOUND_FACTORS[1] * C10, MODULI_PA.largest)
+            size = Sought((C10,), low, high, kind="log")
             parameters.append(Parameter("C10_Pa", size, C10, label))
             parameters.append(Parameter("C20_Pa", Sought((C20_STEP_RATIO * C10,), 0.0, LARGEST_C20_RATIO * C10), C20, label))
         return tuple(parameters)
@@ -158,7 +162,8 @@ class Specimens:
         constants = {}
         for group in self.groups if several else [EVERY]:
             label = group if several else ""
-            constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=max(known["C20_Pa", label], 0.0))
+            C20 = known["C20_Pa", label]
+            constants[group] = Constants(C10_Pa=known["C10_Pa", label], C20_Pa=C20 if MODULI_PA.smallest <= C20 else 0.0)
         changes_volume = any(EFFECTS[name].changes_volume for name in hypothesis.effects)
         tissue = Tissue(
             poisson=MESH_POISSON_RATIO,

@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.close_loop.statistics.system import Answer, Answering, Hypothesis, System, steps_of, values_by_name
 from explicitfe.close_loop.time_limit import NO_LIMIT, TimeLimit
-from explicitfe.errors import RunError
+from explicitfe.errors import InputError, RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.
 # The search ends where a further step would gain less chi2 than the sum of this number and of this share of chi2; where every
@@ -345,7 +345,10 @@ def _step(J: np.ndarray, r: np.ndarray, low: np.ndarray, high: np.ndarray, dampi
 
 def _answer_of(system: Answering, model: Hypothesis) -> np.ndarray | None:
     """What a model answers (n,) SI; None where it cannot be computed."""
-    (answer,) = system.answers([model])
+    try:
+        (answer,) = system.answers([model])
+    except InputError:  # a value that no model file may have
+        return None
     if answer is None:
         return None
     rows = stack(answer)

@@ -44,7 +44,5 @@ class Lag(Measurement):
     def _shifted(self, column: np.ndarray, record: Record, by_s: float) -> np.ndarray:
         if by_s == 0.0:
             return column
-        t, at = record.time_s, record.time_s + by_s
-        if record.before is not None:
-            t, column = np.concatenate([record.before[0], t]), np.concatenate([record.before[1], column])
-        return PchipInterpolator(t, column)(np.clip(at, t[0], t[-1]))
+        t, values = record.whole or (record.time_s, column)
+        return PchipInterpolator(t, values)(np.clip(record.time_s + by_s, t[0], t[-1]))

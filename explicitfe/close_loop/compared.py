@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -54,6 +54,10 @@ class Entry:
     covariance: Covariance | None = None
     bound: float = 0.0
     parent: Key = ()
+
+    def lowered(self, by: float) -> Entry:
+        """An estimate with less evidence where it exceeds that of the best fit by something: only a fit can be better."""
+        return replace(self, evidence=replace(self.evidence, closed=self.evidence.closed - max(by, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)

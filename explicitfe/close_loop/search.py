@@ -339,9 +339,7 @@ class _Comparing:
         for name in subset.key:
             lacking.remove(name)
         candidates = [c for c in subset.system.candidates(subset.model) if not c.reason and c.effect == lacking[0]]
-        if not candidates:
-            return None
-        own = self._signatures(subset.fit, subset.covariance, candidates)
+        own = self._signatures(subset.fit, subset.covariance, candidates) if candidates else []
         if not own or not own[0].values:
             return None
         start = screen(outside(subset.fit.movable, subset.fit.residual), own).starts[0]
@@ -441,7 +439,9 @@ class _Comparing:
         return bool(one.values) and one.visible > needed
 
     def _comparison(self) -> ComparedCauses:
-        entries = [*self.fitted.values(), *(e for key, (e, _) in self.screened.items() if key not in self.fitted)]
+        best = max(map(self._log_posterior, self.fitted.values()))
+        unfitted = [entry for key, (entry, _) in self.screened.items() if key not in self.fitted]
+        entries = [*self.fitted.values(), *(one.lowered(self._log_posterior(one) - best) for one in unfitted)]
         posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
         entries.sort(key=self._log_posterior, reverse=True)
         reasons = not_testable(self.library, [one for one in self.at_baseline if one.candidate.effect not in self.visible])

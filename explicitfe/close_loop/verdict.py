@@ -69,7 +69,7 @@ def conclude(comparison: ComparedCauses) -> Outcome:
         verdict: Verdict = "unexplained"
         # A smooth curve could stand for what every hypothesis leaves, so the model that leaves least says most.
         remainder, sure, wanted = "unexplained", posterior.something_else, comparison.nearest.causes
-    elif present:
+    elif present and comparison.best_of(frozenset(present)) is not None:
         verdict, wanted = "effect-found", frozenset(present)
         sure = posterior.sets.get(wanted, 0.0)
         remainder = "ambiguous" if undecided else remainder
@@ -80,7 +80,7 @@ def conclude(comparison: ComparedCauses) -> Outcome:
     else:
         verdict, remainder, wanted = "ambiguous", "ambiguous", top
         sure = total
-    final = comparison.best_of(wanted) or comparison.best_of(top) or comparison.baseline
+    final = comparison.best_of(wanted) or next(one for one in comparison.entries if one.fit is not None)
     return Outcome(verdict, remainder, comparison, final, present, undecided, tuple(credible), sure)
 
 

@@ -152,7 +152,8 @@ def test_a_search_that_runs_out_of_time(monkeypatch):
     ended, outcome = compared(system, minutes=1.0)
     assert [e.key for e in ended.entries if e.fit is not None] == [()] and ("bump-3",) in ended.left and not whole.left
     assert outcome.final.key == () and sum(ended.posterior.sets.values()) == pytest.approx(1.0)
-    assert ended.posterior.inclusion["bump-3"] > 0.99
+    # Estimates come as near as the best fit, which is the baseline, and no effect is claimed on them alone.
+    assert 0.1 < ended.posterior.inclusion["bump-3"] < 0.99 and outcome.verdict in ("ambiguous", "unexplained")
     (sentence,) = limit_warning(ended)
     assert "bump-3" in sentence and "--minutes" in sentence and limit_warning(whole) == []
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tool_curves import tool_curve
 
 from explicitfe.close_loop.specimens.first_constants import (
     C20_RATIOS,
@@ -24,7 +25,7 @@ from explicitfe.close_loop.specimens.specimens import Specimens
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import RunError
 from explicitfe.measured.curve import Curve, Dataset, programme_of
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.measured.tables import MeasuredNoise
 from explicitfe.predict.correction import Job, Run
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
@@ -37,19 +38,9 @@ GRID_STEP = LARGEST_SIZE_RATIO ** (1.0 / (SIZES - 1))
 
 
 def curve(force_N: np.ndarray, displacement_m: np.ndarray, control: str = "force", shape: str = "bonded-disc") -> Curve:
-    return Curve(
-        id="a",
-        file="a.csv",
-        kind="force-displacement",
-        constants="all",
-        group="a",
-        split=None,
-        specimen=MeasuredSpecimen(shape="cylinder", radius_mm=35.0, height_mm=20.0, base="bonded"),
-        tool=MeasuredTool(shape=shape, radius_mm=14.0, control=control),
-        noise=MeasuredNoise(force_sd_N=FORCE_SD_N, displacement_sd_mm=DISPLACEMENT_SD_MM),
-        conditions={},
-        time_s=np.arange(len(force_N), dtype=float),
-        columns={"displacement_m": displacement_m, "force_N": force_N},
+    noise = MeasuredNoise(force_sd_N=FORCE_SD_N, displacement_sd_mm=DISPLACEMENT_SD_MM)
+    return tool_curve(
+        "a", np.arange(len(force_N), dtype=float), displacement_m, force_N, control=control, shape=shape, noise=noise
     )
 
 

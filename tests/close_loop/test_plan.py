@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tool_curves import tool_curve
 
 from explicitfe.close_loop.specimens.plan import Plan, plan_of
 from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.predict.tissue import EVERY, Constants, Tissue
 
 DEPTH_M = 1e-3 * np.array([-0.02, 0.0, 0.5, 1.0, 2.0, 0.0])
@@ -15,21 +15,7 @@ RAMP_M = np.linspace(0.0, 2e-3, 21)
 
 
 def curve(shape: str, depth_m: np.ndarray = DEPTH_M) -> Curve:
-    edge = {"edge_radius_mm": 1.0} if shape == "flat-cylinder" else {}
-    return Curve(
-        id="one",
-        file="one.csv",
-        kind="force-displacement",
-        constants="all",
-        group="a",
-        split=None,
-        specimen=MeasuredSpecimen(shape="cylinder", radius_mm=35.0, height_mm=20.0, base="bonded"),
-        tool=MeasuredTool(shape=shape, radius_mm=14.0, control="displacement", friction=0.0, **edge),
-        noise=MeasuredNoise(),
-        conditions={},
-        time_s=np.arange(float(len(depth_m))),
-        columns={"displacement_m": depth_m, "force_N": 100.0 * depth_m},
-    )
+    return tool_curve("one", np.arange(float(len(depth_m))), depth_m, 100.0 * depth_m, shape=shape)
 
 
 def read(shape: str, first_N: float) -> np.ndarray:

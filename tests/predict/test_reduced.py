@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tool_curves import tool_curve
 
 from explicitfe.effects import EFFECTS
 from explicitfe.effects.complete import is_isochoric
@@ -13,7 +14,6 @@ from explicitfe.effects.material.softening import Softening
 from explicitfe.effects.material.viscoelastic import Viscoelastic
 from explicitfe.materials.yeoh import Yeoh
 from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.predict.reduced import reduced_specimen
 from explicitfe.predict.tissue import Numerics
 from explicitfe.predict.under_a_tool import predict_under_a_tool
@@ -28,21 +28,7 @@ SHARE = np.interp(TIME_s, [0.0, 5.0, 10.0, 15.0, 20.0], [0.0, 1.0, 1.0, 0.1, 0.8
 
 def pressed(control: str, shape: str = "flat-cylinder") -> Curve:
     """Loading, hold, unloading and loading again, to 5 mm or 0.6 N."""
-    edge = {"edge_radius_mm": 1.0} if shape == "flat-cylinder" else {}
-    return Curve(
-        id="cycle",
-        file="cycle.csv",
-        kind="force-displacement",
-        constants="all",
-        group="a",
-        split=None,
-        specimen=MeasuredSpecimen(shape="cylinder", radius_mm=35.0, height_mm=20.0, base="bonded"),
-        tool=MeasuredTool(shape=shape, radius_mm=14.0, control=control, friction=0.0, **edge),
-        noise=MeasuredNoise(),
-        conditions={},
-        time_s=TIME_s,
-        columns={"displacement_m": 5e-3 * SHARE, "force_N": 0.6 * SHARE},
-    )
+    return tool_curve("cycle", TIME_s, 5e-3 * SHARE, 0.6 * SHARE, control=control, shape=shape)
 
 
 def simulated(curve: Curve, *effects) -> np.ndarray:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tool_curves import tool_curve
 
 from explicitfe.errors import RunError
 from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 from explicitfe.predict import under_a_tool
 from explicitfe.predict.predict import predict_test
 from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
@@ -21,20 +21,7 @@ TIME_s = np.linspace(0.0, 10.0, 11)
 
 def glued(control: str = "force") -> Curve:
     """A ramp to 0.8 N or to 6 mm by a glued disc."""
-    return Curve(
-        id="ramp",
-        file="ramp.csv",
-        kind="force-displacement",
-        constants="all",
-        group="a",
-        split=None,
-        specimen=MeasuredSpecimen(shape="cylinder", radius_mm=35.0, height_mm=20.0, base="bonded"),
-        tool=MeasuredTool(shape="bonded-disc", radius_mm=14.0, control=control),
-        noise=MeasuredNoise(),
-        conditions={},
-        time_s=TIME_s,
-        columns={"displacement_m": 6e-4 * TIME_s, "force_N": 0.08 * TIME_s},
-    )
+    return tool_curve("ramp", TIME_s, 6e-4 * TIME_s, 0.08 * TIME_s, control=control, shape="bonded-disc")
 
 
 def tissue(C10_Pa: float) -> Tissue:

@@ -11,7 +11,7 @@ from explicitfe.close_loop.statistics.noise import RowNoise, Scatter, row_noise,
 from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
 from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Hypothesis, System
-from explicitfe.close_loop.time_limit import TimeLimit
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 
 # Systematic errors of assumed quantities have names that begin so; the others are of the numerics and of the protocol.
 ASSUMED = "assumed "

@@ -10,7 +10,7 @@ from explicitfe.close_loop.report import SUMMARY, write
 from explicitfe.close_loop.specimens.close import close_specimens
 from explicitfe.close_loop.specimens.groups import grouping_of, reported_groups
 from explicitfe.close_loop.split import split, with_added
-from explicitfe.close_loop.time_limit import TimeLimit
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import InputError, Progress, nearest, shortened, silent

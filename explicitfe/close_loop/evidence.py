@@ -109,8 +109,8 @@ class Evidence:
 
 def _gain_of_discrepancy(along: float, free: int, chi2: float, rows: float) -> float:
     """Log evidence of a discrepancy with ``along`` of the ``chi2`` of all rows over that of noise alone."""
-    rest = log_larger_noise(max(chi2 - along, 0.0), rows - free)
-    return log_discrepancy(along, free) + rest - log_larger_noise(chi2, rows)
+    beyond = log_larger_noise(max(chi2 - along, 0.0), rows - free)
+    return log_discrepancy(along, free) + beyond - log_larger_noise(chi2, rows)
 
 
 def log_odds_of_form() -> float:

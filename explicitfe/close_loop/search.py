@@ -31,8 +31,8 @@ from explicitfe.close_loop.statistics.refit import BestFit, Slopes, refit
 from explicitfe.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
 from explicitfe.close_loop.statistics.sketch import Sketch
 from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, System
+from explicitfe.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.close_loop.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.errors import RunError
 
 # A cause may use several terms: two more in a set than it has causes.

@@ -19,6 +19,19 @@ PACKAGE = ROOT / "explicitfe"
 LOOSE = {"__init__.py", "__main__.py", "errors.py", "py.typed"}
 LONGEST_MODULE_LINES = 450
 MOST_UNTYPED_DICTIONARIES = 20
+MOST_ARGUMENTS = 12
+# They have more: options of a command line are keys that a person gives by name, and the others wait for a bundle of their own.
+LONG_SIGNATURES = {
+    "explicitfe/api/view.py view",
+    "explicitfe/cli/compare.py compare",
+    "explicitfe/cli/new_dataset.py new_dataset",
+    "explicitfe/cli/sweep.py sweep",
+    "explicitfe/cli/view.py view",
+    "explicitfe/results/layout.py create",
+    "explicitfe/results/writer.py __init__",
+    "explicitfe/sweep/sweep.py sweep",
+    "explicitfe/view/scene/show.py show",
+}
 # Here numbers decide a verdict or a method: their names have to say what they are.
 ROOMS_WITH_NAMED_NUMBERS = ["measured", "predict", "identify", "close_loop", "blind", "measure", "view", "run"]
 EFFECT_FOLDERS = ["material", "specimen", "tool", "reading", "muscle"]
@@ -178,8 +191,24 @@ def test_few_dictionaries_of_anything():
     assert len(lines) < MOST_UNTYPED_DICTIONARIES, "\n".join(lines)
 
 
+def long_signatures(tree: ast.AST) -> Iterator[str]:
+    """Functions with more than ``MOST_ARGUMENTS`` arguments."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            arguments = node.args
+            if len(arguments.posonlyargs) + len(arguments.args) + len(arguments.kwonlyargs) > MOST_ARGUMENTS:
+                yield node.name
+
+
+def test_signatures_are_short():
+    """What belongs together is one argument; the exceptions are all that there are."""
+    assert {f"{name} {function}" for name, tree in TREES.items() for function in long_signatures(tree)} == LONG_SIGNATURES
+
+
 def test_the_checks_see_what_they_should():
     """Each check finds what it forbids."""
+    many = ", ".join(f"a{k}" for k in range(MOST_ARGUMENTS + 1))
+    assert list(long_signatures(ast.parse(f"def long({many}): ...\ndef short(a, *, b): ...\n"))) == ["long"]
     tree = ast.parse("FAR = -0.5 * 2\nSIZES = (1, 2.0)\nNAMES = ('a',)\nON = True\n")
     assert [name for name, value in constants(tree) if is_number(value)] == ["FAR", "SIZES"]
     tree = ast.parse("def f(way):\n    there = way.rest\n    g(told=1)\n")

@@ -15,7 +15,7 @@ from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.close_loop.time_limit import TimeLimit
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.close_loop.verdict import Outcome, conclude
 from explicitfe.effects.effect import Sought
 

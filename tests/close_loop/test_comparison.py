@@ -29,8 +29,8 @@ from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
 from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.effects.effect import Sought
 
 TESTS, SD = 4, 0.01

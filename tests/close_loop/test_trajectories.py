@@ -16,7 +16,7 @@ from explicitfe.close_loop.statistics.covariance import Covariance
 from explicitfe.close_loop.statistics.intervals import intervals
 from explicitfe.close_loop.statistics.noise import scatter
 from explicitfe.close_loop.statistics.refit import refit
-from explicitfe.close_loop.time_limit import TimeLimit
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.close_loop.trajectories.close import close_trajectories
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.close_loop.verdict import Outcome, conclude

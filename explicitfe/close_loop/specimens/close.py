@@ -33,8 +33,8 @@ from explicitfe.close_loop.statistics.lack_of_fit import lack_of_fit
 from explicitfe.close_loop.statistics.noise import row_noise
 from explicitfe.close_loop.statistics.refit import BestFit, refit
 from explicitfe.close_loop.statistics.system import values_by_name
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.close_loop.time_limit import TimeLimit
 from explicitfe.close_loop.verdict import Outcome, conclude, numerical_errors, numerical_shares
 from explicitfe.effects import EFFECTS
 from explicitfe.errors import Progress, RunError, Share, Stage

@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 
 from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.close_loop.statistics.system import Answer, Answering, Hypothesis, System, steps_of, values_by_name
-from explicitfe.close_loop.time_limit import NO_LIMIT, TimeLimit
+from explicitfe.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.errors import InputError, RunError
 
 # Names with ROUGH are for answers with numerical roughness, such as those of a coarse mesh.

@@ -19,7 +19,7 @@ from explicitfe.close_loop.search import compare
 from explicitfe.close_loop.split import Split
 from explicitfe.close_loop.statistics.refit import BestFit
 from explicitfe.close_loop.statistics.system import Answer
-from explicitfe.close_loop.time_limit import TimeLimit
+from explicitfe.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.close_loop.verdict import conclude
 from explicitfe.errors import InputError, Progress, RunError, Share

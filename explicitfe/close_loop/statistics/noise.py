@@ -33,6 +33,8 @@ HIGHEST_CORRELATION = 0.98
 TRIED_CORRELATIONS = tuple(float(r) for r in np.linspace(0.0, 0.96, 49))
 # Differences of these orders show noise: what a curve's own bend adds to them falls with the order, and noise does not.
 DIFFERENCE_ORDERS = (2, 3, 4)
+# Rows this far apart show how noise of neighbours is correlated.
+LONG_STRIDE = 3
 # The variance of second differences of independent rows over that of a row.
 SECOND_DIFFERENCE_VARIANCE = 6.0
 # The standard error of the square of a median of absolute normal values, as a share of it, times the root of their number.
@@ -125,8 +127,8 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     A stated sd is that of a row by itself. How much neighbouring rows differ then says how they are correlated: second
     differences of AR(1) noise have the variance 2 (1 - r) (3 - r) sd^2. They are taken from what a smooth curve leaves. Their
     median is taken, so that a kink does not count, and the least over several orders of differences, so that a bend does not.
-    Where no sd is stated, sd and correlation of what a smooth curve leaves are found by restricted maximum likelihood. All series
-    share one correlation because they come from one machine.
+    Where no sd is stated, sd and correlation of what a smooth curve leaves are found by restricted maximum likelihood, or from
+    the differences if these show less. All series share one correlation because they come from one machine.
 
     The correlation is looked for in the predicted column's own noise. That of the imposed column enters what a model answers to
     that column, and not the measured rows, which would look too smooth beside the sum of both, that is correlated.
@@ -148,7 +150,7 @@ def row_noise(series: Sequence[Series]) -> list[RowNoise]:
     own = [({k: size / sd for k, size in sizes[n].items()}, _free(series[n])) for n in believed if (sd := series[n].noise_sd)]
     shared = _shared_correlation(own) if believed else None
     unknown = [k for k in range(len(series)) if not known[k]]
-    estimated = _likely([series[k] for k in unknown], shared) if unknown else ([], 0.0)
+    estimated = _unstated([series[k] for k in unknown], shared) if unknown else ([], 0.0)
     noise = []
     for k, one in enumerate(series):
         floor = SMALLEST_NOISE_SHARE * float(np.abs(one.measured).max())
@@ -187,8 +189,13 @@ def _free(series: Series) -> int:
     return free if free > LEAST_FREE_SHARE * len(series.measured) else 0
 
 
-def _roughness(series: Series) -> dict[int, float]:
-    """Order -> the sd of independent rows of which a smooth curve would leave differences of that order with the same median."""
+def _roughness(series: Series, stride: int = 1) -> dict[int, float]:
+    """Order -> the sd of independent rows of which a smooth curve would leave differences of that order with the same median.
+
+    Parameters
+    ----------
+    stride : rows between those that are differenced.
+    """
     sizes: dict[int, float] = {}
     if not _free(series):
         return sizes
@@ -196,12 +203,19 @@ def _roughness(series: Series) -> dict[int, float]:
     left = series.measured - basis @ (basis.T @ series.measured)
     for order in DIFFERENCE_ORDERS:
         every = comb(2 * order, order)
-        variance = every - np.sum(np.diff(basis, order, axis=0) ** 2, axis=1)  # for rows of unit variance
+        variance = every - np.sum(_differences(basis, order, stride) ** 2, axis=1)  # for rows of unit variance
         kept = variance > LEAST_VARIANCE_LEFT_SHARE * every
         if kept.any():
-            each = np.abs(np.diff(left, order)[kept]) / np.sqrt(variance[kept])
+            each = np.abs(_differences(left, order, stride)[kept]) / np.sqrt(variance[kept])
             sizes[order] = float(np.median(each)) / MEDIAN_OF_ABSOLUTE_NORMAL
     return sizes
+
+
+def _differences(columns: np.ndarray, order: int, stride: int) -> np.ndarray:
+    """Differences (m, ...) of an order of rows (k, ...) that are some rows apart."""
+    for _ in range(order):
+        columns = columns[stride:] - columns[:-stride]
+    return columns
 
 
 def _shared_correlation(rows: Sequence[tuple[dict[int, float], int]]) -> float:
@@ -240,15 +254,45 @@ def _correlation(variance: float, order: int) -> float:
     variance : as a multiple of that of independent rows.
     order : of the differences.
     """
-    lags = np.arange(-order, order + 1)
-    weights = np.array([(-1.0) ** k * comb(2 * order, order + k) for k in lags]) / comb(2 * order, order)
 
     def excess(r: float) -> float:
-        return float(weights @ r ** np.abs(lags)) - variance
+        return _variance(r, order) - variance
 
     if excess(0.0) <= 0.0:
         return 0.0
     return HIGHEST_CORRELATION if excess(HIGHEST_CORRELATION) >= 0.0 else float(brentq(excess, 0.0, HIGHEST_CORRELATION))
+
+
+def _unstated(series: Sequence[Series], shared: float | None) -> tuple[list[float], float]:
+    """The sd of each series and their correlation where nothing is stated: the smaller of two bounds from above.
+
+    One is that of :func:`_likely`, in which a bend that the programme does not have counts as correlated noise. The other is
+    that of the medians of second differences, which a bend does not change: of the correlations with which differences of
+    neighbours and of every third row agree within two standard errors the highest is taken, and the sd that belongs to it.
+    """
+    likely, correlation = _likely(series, shared)
+    sizes = [[_roughness(one, stride).get(2, 0.0) for stride in (1, LONG_STRIDE)] for one in series]
+    if shared is not None or min(map(min, sizes)) == 0.0:
+        return likely, correlation
+    counts = np.array([_free(one) for one in series], dtype=float)
+    ratio = np.average([np.log(far / near) for near, far in sizes], weights=counts)
+    error = np.sqrt(2.0) * 0.5 * SQUARED_MEDIAN_ERROR / np.sqrt(counts.sum())
+    variances = {r: (_variance(r, 2), _variance(r**LONG_STRIDE, 2)) for r in TRIED_CORRELATIONS}
+    agreeing = [r for r, (near, far) in variances.items() if 0.5 * np.log(far / near) <= ratio + 2.0 * error]
+    highest = max(agreeing, default=0.0)
+    shown = [near / np.sqrt(variances[highest][0]) for near, _ in sizes]
+
+    def weight(sds: Sequence[float], r: float) -> float:
+        return float(np.sum(np.square(sds)) * (1.0 + r) / (1.0 - r))
+
+    return (shown, highest) if weight(shown, highest) < weight(likely, correlation) else (likely, correlation)
+
+
+def _variance(r: float, order: int) -> float:
+    """The variance of differences of AR(1) rows over that of differences of independent rows."""
+    lags = np.arange(-order, order + 1)
+    weights = np.array([(-1.0) ** k * comb(2 * order, order + k) for k in lags]) / comb(2 * order, order)
+    return float(weights @ r ** np.abs(lags))
 
 
 def _likely(series: Sequence[Series], shared: float | None) -> tuple[list[float], float]:

@@ -247,11 +247,12 @@ class _Comparing:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
 
         Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow
-        effects are fitted only if their estimate is probable. Single effects without a mesh are fitted until one explains all.
+        effects are fitted only if their estimate is probable. Without a mesh, single effects are fitted until one explains all.
         """
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
-        if not explained and terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model):
+        single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
+        if single and (not explained or entry.causes == top.causes):
             return True
         negligible = best + np.log(THRESHOLDS.negligible_probability)
         if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= negligible:
@@ -300,13 +301,12 @@ class _Comparing:
         if best is not None and rough and least is not None and best.whitened > least.whitened:
             # Without strength the further term leaves what the subset leaves; another search would take as many runs again.
             subset = max((one for one in subsets if one.fit is least), key=self._log_posterior)
-            evidence = replace(subset.evidence, closed=subset.evidence.closed - self._cost_beyond(subset, key))
-            self.fitted[key] = replace(subset, key=key, causes=frozenset(self.cause_of[name] for name in key), evidence=evidence)
+            causes = frozenset(self.cause_of[name] for name in key)
+            self.fitted[key] = replace(subset, key=key, causes=causes).lowered(self._cost_beyond(subset, key))
             return
         if least is not None and (best is None or best.whitened > least.whitened):
             for one in [] if self.limit.reached() else sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
-                started = self._from_subset(one, key)
-                if started is None:
+                if (started := self._from_subset(one, key)) is None:
                     continue
                 try:
                     fit = self._refit(started)

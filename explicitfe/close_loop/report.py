@@ -330,8 +330,9 @@ def limit_warning(comparison: ComparedCauses) -> list[str]:
     """A sentence on the hypotheses that were not fitted because the time was up, if there are any."""
     if not comparison.left:
         return []
-    names = ", ".join(" + ".join(key) for key in comparison.left[:MOST_NAMED])
-    more = f" and {len(comparison.left) - MOST_NAMED} more" if len(comparison.left) > MOST_NAMED else ""
+    left = list(dict.fromkeys(comparison.left))
+    names = ", ".join(" + ".join(key) for key in left[:MOST_NAMED])
+    more = f" and {len(left) - MOST_NAMED} more" if len(left) > MOST_NAMED else ""
     return [
         f"the search reached its time limit; not fitted, or not to the end: {names}{more}. What assumed lengths change was not "
         "computed. Give a larger --minutes to go on."

@@ -206,7 +206,7 @@ class _Comparing:
                 if self._could_matter(entry, screening, best, terms)
             ]
             if self.limit.reached():
-                self.left = [one.key for one in waiting]
+                self.left += [one.key for one in waiting]
                 return 0
             if not waiting or count >= most:
                 return count
@@ -219,7 +219,7 @@ class _Comparing:
             self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
             self._fit(entry.key, [entry.model])
             if self.limit.reached():
-                self.left = [one.key for one in waiting]  # the fit itself may have ended early
+                self.left += [entry.key]  # its fit may have ended early
             done = self.fitted.get(entry.key)
             if done is not None and done.fit is not None:
                 self.estimates.learn(entry.key, done.fit.whitened)

@@ -151,14 +151,15 @@ def add_contact_stiffness(force, u, here, bones, placement, instant):
 
 
 @leaf
-def rest_on_bones(force, row, state, shared, actions, instant, near, far, recurrence, record):
+def rest_on_bones(force, row, state, external, nodes, bones, placement, instant, near, far, recurrence, record):
     """Add the contact force on the points from ``near`` to ``far`` to the node rows ``force``, whose first is ``row``.
 
     Parameters
     ----------
     force : all other forces but the external ones on entry [N].
     state : State; its velocity is that of the half step before.
-    shared, actions, recurrence : Body, Actions, Recurrence.
+    external, nodes, bones, placement : of Shared and Actions, which are too large to be passed on at every step.
+    recurrence : Recurrence.
     record : BoneRecord. Receives what each bone does.
 
     Returns
@@ -167,8 +168,6 @@ def rest_on_bones(force, row, state, shared, actions, instant, near, far, recurr
     stored : J. Elastic energy of the contact now.
     """
     u, v, _ = state
-    external, nodes = shared.external, shared.nodes
-    bones, placement = actions.bones, actions.bone_placement
     keep, gain, ahead, behind = recurrence
     sums, pressure = record
     loss = work = stored = 0.0

@@ -66,6 +66,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
     u, v, whole = state
     nodes, external, alpha = shared.nodes, shared.external, shared.alpha
     motion, muscles = actions.motion, actions.muscles
+    bones, placement = actions.bones, actions.bone_placement
     force, shift, own = part.force, part.first * ROW, part.own * ROW
     if part.parts > 1:
         for here in range(0, own, WIDTH):
@@ -93,7 +94,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             store(force, here, load(force, here) + load(part.lower, here))
         recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
         friction_loss, bone_work, _ = rest_on_bones(
-            force, part.first, state, shared, actions, step, part.near, part.far, recurrence, shared.unrecorded
+            force, part.first, state, external, nodes, bones, placement, step, part.near, part.far, recurrence, shared.unrecorded
         )
         work = splat(0.0)
         loss = splat(0.0)
@@ -166,6 +167,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
     u, v, force = state
     nodes, external, alpha = shared.nodes, shared.external, shared.alpha
     velocity, resting = rows[0], rows[1]
+    bones, placement = actions.bones, actions.bone_placement
     keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
     gain = dt / (1.0 + 0.5 * alpha * dt)
     external[:] = 0.0
@@ -178,7 +180,7 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
     record.pressure[:] = 0.0
     recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
     friction_loss, bone_work, touching = rest_on_bones(
-        resting, 0, state, shared, actions, instant, 0, len(actions.bones.node), recurrence, record
+        resting, 0, state, external, nodes, bones, placement, instant, 0, len(bones.node), recurrence, record
     )
     kinetic = splat(0.0)
     work = splat(0.0)

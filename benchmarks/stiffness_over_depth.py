@@ -14,7 +14,22 @@ Gradients, 26 November 2026, one core (two runs at a time on two cores):
 | gradient 0.4 | effect-found | stiffness-gradient | 0.89 | 0.365 | 1.27 -> 0.61 | 146 |
 | gradient 0.75 | effect-found | stiffness-gradient | 0.94 | 0.758 | 2.50 -> 0.65 | 154 |
 
-Layers and inclusions have not been run.
+Layers and inclusions, the same day, one core that was shared, with derivatives over 1 % instead of 3 %:
+
+| hidden | verdict | best set of causes | probability | s |
+|---|---|---|---|---|
+| layer 0.25 | ambiguous | edge | 0.68 | 157 |
+| layer 0.6 | no-missing-effect | nothing | 0.93 | 60 |
+| layer 1.6 | no-missing-effect | nothing | 0.95 | 80 |
+| layer 3 | no-missing-effect | nothing | 0.96 | 86 |
+| layer 6 | ambiguous | nothing | 0.70 | 55 |
+| inclusion 0.1 | effect-found | stiffness-gradient | 0.95 | 200 |
+| inclusion 0.4 | effect-found | stiffness-gradient | 0.83 | 156 |
+| inclusion 2.5 | ambiguous | base-slip | 0.53 | 176 |
+| inclusion 6 | effect-found | base-slip (wrong) | 0.92 | 125 |
+| inclusion 20 | effect-found | three causes by estimates (mended since) | 0.37 | 157 |
+
+A base that slips fits the inclusion of ratio 6 to the noise (chi2 92 of 100 rows): these two tools do not tell them apart.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Entry:
     parent: Key = ()
 
     def lowered(self, by: float) -> Entry:
-        """An estimate with less evidence where it exceeds that of the best fit by something: only a fit can be better."""
+        """The same with less evidence; ``by`` below 0 changes nothing."""
         return replace(self, evidence=replace(self.evidence, closed=self.evidence.closed - max(by, 0.0)))
 
 

@@ -333,10 +333,7 @@ def limit_warning(comparison: ComparedCauses) -> list[str]:
     left = list(dict.fromkeys(comparison.left))
     names = ", ".join(" + ".join(key) for key in left[:MOST_NAMED])
     more = f" and {len(left) - MOST_NAMED} more" if len(left) > MOST_NAMED else ""
-    return [
-        f"the search reached its time limit; not fitted, or not to the end: {names}{more}. What assumed lengths change was not "
-        "computed. Give a larger --minutes to go on."
-    ]
+    return [f"the search reached its time limit; not fitted, or not to the end: {names}{more}. Give a larger --minutes to go on."]
 
 
 def bound_warnings(stage: str, fit: BestFit) -> list[str]:

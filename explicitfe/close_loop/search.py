@@ -439,7 +439,7 @@ class _Comparing:
         return bool(one.values) and one.visible > needed
 
     def _comparison(self) -> ComparedCauses:
-        best = max(map(self._log_posterior, self.fitted.values()))
+        best = max(map(self._log_posterior, self.fitted.values()))  # no estimate is more probable than it
         unfitted = [entry for key, (entry, _) in self.screened.items() if key not in self.fitted]
         entries = [*self.fitted.values(), *(one.lowered(self._log_posterior(one) - best) for one in unfitted)]
         posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)

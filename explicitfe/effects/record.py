@@ -23,7 +23,8 @@ class Record:
     cycle : number of the repeat, from 1.
     side : 1 where the largest motion is positive, -1 where it is negative, as in compression of a homogeneous state.
     one_sided : all motion lies on that side, so that there is a state that bears nothing beyond the first touch.
-    whole : times (m,) [s] of all cycles of its test, on the clock of this one, and the true column (m,); None for a single curve.
+    whole : times (m,) [s] of all cycles of the test, counted from the start of this one, and the true column (m,); None for a
+        test of one curve.
     """
 
     kind: Literal["force-displacement", "uniaxial", "shear"]

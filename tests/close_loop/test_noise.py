@@ -137,9 +137,9 @@ def test_a_programme_of_steps_shows_no_noise():
 
 
 def test_a_bend_that_a_model_answers_is_no_noise():
-    """A tool that has no contact for a third of the way: the force stays at 0. Where nothing is stated a smooth curve takes the
-    bend for noise that goes on from row to row, up to the correlation that the differences allow; beside a model that has no
-    contact either, it is that of the rows.
+    """A tool that has no contact for a third of the way: the force stays at 0. Where no noise is stated, the bend is
+    counted as correlated noise, up to the correlation that the differences allow. The residual of a model that has no contact
+    either shows the noise of the rows.
     """
     d = np.linspace(0.0, 1.0, 90)
     force = 3.0 * np.maximum(d - 1.0 / 3.0, 0.0)

@@ -168,11 +168,14 @@ class _SpecimenLoop:
         report = self._new_report()
         add_outcome(report, outcome)
         curves = self._add_errors(report, before, after)
-        report.sensitivity_to_assumed = {} if self.limit.reached() else self._sensitivity(before, after)
+        report.sensitivity_to_assumed = {} if outcome.comparison.left else self._sensitivity(before, after)
         self._enter("predict", PREDICT_PROGRESS, 1.0)
         report.proposed_tests = self._proposed_tests(outcome)
         report.next_experiment = next(iter(report.proposed_tests), None)
-        report.warnings = [*limit_warning(outcome.comparison), *self._warnings(report, before, after)]
+        left = limit_warning(outcome.comparison)
+        if left and with_assumed_lengths(self.system.curves, 1.0):
+            left.append("the effect of assumed lengths was not computed, because the search reached its time limit.")
+        report.warnings = [*left, *self._warnings(report, before, after)]
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
         files |= add_discovered_law(report, self.system, self.sides.holdout, after)
         self._enter("predict", 1.0, 1.0)

@@ -26,13 +26,13 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 
-from explicitfe.elements import hourglass_strain  # noqa: E402
-from explicitfe.elements.barrier import THRESHOLD  # noqa: E402
-from explicitfe.forces import internal  # noqa: E402
-from explicitfe.mesh.quality import corner_jacobians  # noqa: E402
-from explicitfe.run.speed import problem  # noqa: E402
-from explicitfe.solve.kernels import ELEMENTS  # noqa: E402
-from explicitfe.solve.simulation import Simulation  # noqa: E402
+from explicitfe.app.tools.speed import problem  # noqa: E402
+from explicitfe.fem.elements import hourglass_strain  # noqa: E402
+from explicitfe.fem.elements.barrier import THRESHOLD  # noqa: E402
+from explicitfe.fem.forces import internal  # noqa: E402
+from explicitfe.fem.mesh.quality import corner_jacobians  # noqa: E402
+from explicitfe.fem.solve.kernels import ELEMENTS  # noqa: E402
+from explicitfe.fem.solve.simulation import Simulation  # noqa: E402
 
 CHOICES = ((0.3, 1.0), (0.4, 3.0), (0.4, 10.0), (0.5, 1.0), (0.5, 3.0))
 AT_THE_BARRIER = 0.05  # of the elements
@@ -122,9 +122,9 @@ import json, sys, tempfile
 sys.path[:0] = [{copy!r}, {copy!r} + "/tests", {copy!r} + "/benchmarks"]
 from pathlib import Path
 from statics import block_run, cantilever, swing
-from explicitfe.results import open_result
-from explicitfe.run.run import run
-from explicitfe.mesh.validity import certify
+from explicitfe.results.files import open_result
+from explicitfe.simulate.run.run import run
+from explicitfe.fem.mesh.validity import certify
 answers = {{}}
 answers["cantilever"] = 1e3 * swing(*cantilever("hex8", 8, 2.2))[1]
 for kind, n in (("compress", 8), ("stretch", 4), ("stretch", 8)):
@@ -148,7 +148,7 @@ def choice() -> str:
         with tempfile.TemporaryDirectory() as copy:
             for name in ("explicitfe", "tests", "benchmarks", "scenarios", "models"):
                 shutil.copytree(ROOT / name, Path(copy) / name, ignore=shutil.ignore_patterns("__pycache__"))
-            path = Path(copy) / "explicitfe" / "elements" / "barrier.py"
+            path = Path(copy) / "explicitfe" / "fem" / "elements" / "barrier.py"
             lines = path.read_text(encoding="utf-8").splitlines()
             changed = {"THRESHOLD = ": f"THRESHOLD = {threshold}", "STRENGTH = ": f"STRENGTH = {strength}"}
             lines = [next((new for old, new in changed.items() if line.startswith(old)), line) for line in lines]

@@ -20,9 +20,9 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from explicitfe.blind.foreign import family as foreign
-from explicitfe.blind.make import make
-from explicitfe.blind.score import score
+from studies.blind.foreign import family as foreign
+from studies.blind.make import make
+from studies.blind.score import score
 
 STUDY = {
     "homogeneous": {"control": 100, "single": 300, "double": 30, "outside": 24},

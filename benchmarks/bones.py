@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.model.tongue import assemble
-from explicitfe.scenario.bones import BoneTable
-from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Transient
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Transient
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.bones import BoneTable
+from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 ROUNDS, STEPS = 40, 100
 VARIANTS = {

@@ -16,9 +16,9 @@ from functools import lru_cache
 import numpy as np
 import scipy
 
-from explicitfe.measure.electrodes import Underside
-from explicitfe.mesh.triangles import surface_triangles, triangle_distance
-from explicitfe.results import Recorded
+from explicitfe.fem.mesh.triangles import surface_triangles, triangle_distance
+from explicitfe.results.files import Recorded
+from explicitfe.results.measure.electrodes import Underside
 
 TOUCHING_MM = 0.5
 AROUND_PLACES_M = 10e-3

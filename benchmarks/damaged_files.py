@@ -25,8 +25,8 @@ from damage import OUTCOMES, damages, outcome, read_all, readings  # noqa: E402
 from tiny_result import add, start  # noqa: E402
 
 import explicitfe  # noqa: E402
-from explicitfe.errors import InputError  # noqa: E402
-from explicitfe.results import FINISHED, open_result  # noqa: E402
+from explicitfe.platform.errors import InputError  # noqa: E402
+from explicitfe.results.files import FINISHED, open_result  # noqa: E402
 
 KINDS = ("cut", "byte", "structure byte", "structure bytes", "block")
 SHORT_RUN = ["model.cells=[8,4,4]", "analysis.duration_ms=4", "record.every_ms=1", "record.fields=['J']"]

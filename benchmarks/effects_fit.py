@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import RunError
-from explicitfe.measured.curve import Curve
-from explicitfe.predict.tissue import Tissue
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.predict.tissue import Tissue
+from explicitfe.platform.errors import RunError
 
 AT_BOUND = 1e-3  # A value this close to a bound, as a share of the logarithmic range, is at the bound.
 RELATIVE_STEP = 1e-3  # of an unknown, for its derivative

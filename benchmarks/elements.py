@@ -23,8 +23,8 @@ from outside_data import SHARED_DATA  # noqa: E402
 from statics import MOTIONS, beam_deflection, block_run, cantilever, first_bending, panel_tip, swing, timoshenko  # noqa: E402
 from support import block_mesh, model_of  # noqa: E402
 
-from explicitfe.elements import hourglass_stiffness as stiffness  # noqa: E402
-from explicitfe.solve.simulation import Simulation  # noqa: E402
+from explicitfe.fem.elements import hourglass_stiffness as stiffness  # noqa: E402
+from explicitfe.fem.solve.simulation import Simulation  # noqa: E402
 
 ELEMENTS = ("hex8", "hex8-stiffness", "hex8-full")
 # What a row shows: the element, and the factor on its hourglass coefficient.

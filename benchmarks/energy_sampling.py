@@ -27,18 +27,18 @@ import elements  # sets the path to the tests
 import numpy as np
 from statics import MOTIONS, beam_deflection, block_run, cantilever, panel_tip, swing
 
-from explicitfe.compiled.jit import PLACEHOLDER, bind, leaf
-from explicitfe.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
-from explicitfe.elements import full
-from explicitfe.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, minus_point_forces, point_gradient
-from explicitfe.elements.hex8 import VOLUME, derived_geometry, to_modes
-from explicitfe.forces import response
-from explicitfe.forces.corners import add_corner_forces, element_modes, gather_corners
-from explicitfe.forces.internal import kinematics
-from explicitfe.materials import volumetric
-from explicitfe.materials.kinematics import cofactor, determinant
-from explicitfe.mesh.quality import edge_lengths
-from explicitfe.solve.kernels import ELEMENTS
+from explicitfe.fem.elements import full
+from explicitfe.fem.elements.full import GAUSS_POINTS, NUMBERS_PER_POINT, minus_point_forces, point_gradient
+from explicitfe.fem.elements.hex8 import VOLUME, derived_geometry, to_modes
+from explicitfe.fem.forces import response
+from explicitfe.fem.forces.corners import add_corner_forces, element_modes, gather_corners
+from explicitfe.fem.forces.internal import kinematics
+from explicitfe.fem.materials import volumetric
+from explicitfe.fem.materials.kinematics import cofactor, determinant
+from explicitfe.fem.mesh.quality import edge_lengths
+from explicitfe.fem.solve.kernels import ELEMENTS
+from explicitfe.platform.compiled.jit import PLACEHOLDER, bind, leaf
+from explicitfe.platform.compiled.simd import WIDTH, load, min_lanes, minimum, splat, store, sum_lanes
 
 STABILISING_POISSON = 0.3
 TIMED_TURNS = 40
@@ -199,8 +199,8 @@ def check() -> None:
     """The force is the derivative of the energy, and an affine field on distorted hexes has no stabilising energy."""
     from support import block_mesh, model_of
 
-    from explicitfe.compiled.arrays import HOURGLASS, INTERNAL
-    from explicitfe.solve.simulation import Simulation
+    from explicitfe.fem.solve.simulation import Simulation
+    from explicitfe.platform.compiled.arrays import HOURGLASS, INTERNAL
 
     random = np.random.default_rng(0)
     mesh = block_mesh((3, 3, 3), 0.01, distort=0.15)

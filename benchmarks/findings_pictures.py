@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from tongue_cases import Answer, Case, Laboratory
 
-from explicitfe.measure.sections import X, Y, Z, cut_surface, midsagittal
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model import catalogue
-from explicitfe.view.palette import AFTER, AT_REST, BEFORE, BONE, BONE_EDGE, GRID, new_figure, plain, save
+from explicitfe.app.view.palette import AFTER, AT_REST, BEFORE, BONE, BONE_EDGE, GRID, new_figure, plain, save
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.results.measure.sections import X, Y, Z, cut_surface, midsagittal
+from explicitfe.simulate.anatomy import catalogue
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

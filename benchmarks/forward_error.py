@@ -29,22 +29,22 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from explicitfe.blind.foreign import axisymmetric
-from explicitfe.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
-from explicitfe.blind.foreign.contact import RigidTool
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.close_loop.specimens.plan import plan_of
-from explicitfe.close_loop.specimens.specimens import CORRECTED, MESH_POISSON_RATIO
-from explicitfe.effects import Effect
-from explicitfe.effects.material.compressible import Compressible
-from explicitfe.effects.specimen.base_slip import BaseSlip
-from explicitfe.effects.specimen.layer import Layer
-from explicitfe.effects.specimen.stiffness_gradient import StiffnessGradient
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
-from explicitfe.predict.correction import Correction, Job, Run, corrections_of
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import EVERY, Constants, Tissue, parse_tissue
+from explicitfe.fem.effects import Effect
+from explicitfe.fem.effects.material.compressible import Compressible
+from explicitfe.fem.effects.specimen.base_slip import BaseSlip
+from explicitfe.fem.effects.specimen.layer import Layer
+from explicitfe.fem.effects.specimen.stiffness_gradient import StiffnessGradient
+from explicitfe.inverse.close_loop.specimens.plan import plan_of
+from explicitfe.inverse.close_loop.specimens.specimens import CORRECTED, MESH_POISSON_RATIO
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.predict.correction import Correction, Job, Run, corrections_of
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Tissue, parse_tissue
+from studies.blind.foreign import axisymmetric
+from studies.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
+from studies.blind.foreign.contact import RigidTool
+from studies.blind.foreign.law import HiddenTissue
 
 C10_PA, C20_PA = 200.0, 100.0
 RADIUS_MM, TOOL_MM, EDGE_MM = 35.0, 14.0, 1.0

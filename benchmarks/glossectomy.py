@@ -28,19 +28,19 @@ import numpy as np
 from mouth import distances
 from scipy.optimize import lsq_linear
 
-from explicitfe.measure.document import Measures
-from explicitfe.measure.formants import airway
-from explicitfe.measure.measure import measures_of
-from explicitfe.measure.sections import X, Y, Z, midsagittal, section
-from explicitfe.measure.steps import last_step
-from explicitfe.measure.tract import palate_midline
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.quality import volumes
-from explicitfe.mesh.triangles import plane_segments
-from explicitfe.model import catalogue
-from explicitfe.results import open_result
-from explicitfe.run.run import run
-from explicitfe.scenario.read import read_scenario
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.quality import volumes
+from explicitfe.fem.mesh.triangles import plane_segments
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.document import Measures
+from explicitfe.results.measure.formants import airway
+from explicitfe.results.measure.measure import measures_of
+from explicitfe.results.measure.sections import X, Y, Z, midsagittal, section
+from explicitfe.results.measure.steps import last_step
+from explicitfe.results.measure.tract import palate_midline
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.run.run import run
+from explicitfe.simulate.scenario.read import read_scenario
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,12 +11,19 @@ import sys
 
 import numpy as np
 
-from explicitfe.identify.compare_laws import LawFit, compared, fit_stable, model_form_factor, range_test, stretches_in_data
-from explicitfe.identify.fit import Observed
-from explicitfe.identify.forward import CurveModel, PointResponse
-from explicitfe.identify.laws import FIT_LAWS
-from explicitfe.materials.homogeneous import nominal_stress
-from explicitfe.materials.ogden import Ogden
+from explicitfe.fem.materials.homogeneous import nominal_stress
+from explicitfe.fem.materials.ogden import Ogden
+from explicitfe.inverse.identify.compare_laws import (
+    LawFit,
+    compared,
+    fit_stable,
+    model_form_factor,
+    range_test,
+    stretches_in_data,
+)
+from explicitfe.inverse.identify.fit import Observed
+from explicitfe.inverse.identify.forward import CurveModel, PointResponse
+from explicitfe.inverse.identify.laws import FIT_LAWS
 
 MU_PA, POISSON, NOISE_SHARE, ROWS = 25e3, 0.499, 0.005, 80
 ALPHAS = (4.0, 1.2, 8.0)

@@ -10,11 +10,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from explicitfe.identify.forward import UniformResponse
-from explicitfe.identify.identify import identify
-from explicitfe.measured.read import read_dataset
-from explicitfe.predict.setup import setup_of
-from explicitfe.view import fit as fitfigures
+from explicitfe.app.api.inverse import identify
+from explicitfe.app.view import fit as fitfigures
+from explicitfe.inverse.identify.forward import UniformResponse
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.predict.setup import setup_of
 
 POISSON, REFINEMENT = 0.499, 1.5
 
@@ -24,7 +24,7 @@ def main() -> None:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("--picture", type=Path)
     options = parser.parse_args()
-    result = identify(options.dataset, fit_where=["sample=A"], poisson=POISSON, refinement=REFINEMENT)
+    result = identify(options.dataset, fit=["sample=A"], poisson=POISSON, refinement=REFINEMENT)
     print("| mix | C10 (Pa) | C20 (Pa) | nrmse fitted | nrmse predicted | first force (N) | sticking faces would make C10, C20 |")
     print("|---|---|---|---|---|---|---|")
     heads = {}

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.identify.fit import NAMES, Fit, Observed, Problem, least_squares_fit
-from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, ratio, smoothest
-from explicitfe.identify.identify import identify
-from explicitfe.identify.paper import PaperFit, by_simulator, first_guess, identify_by_paper
-from explicitfe.predict.setup import Setup
+from explicitfe.app.api.inverse import identify
+from explicitfe.inverse.identify.fit import NAMES, Fit, Observed, Problem, least_squares_fit
+from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, ratio, smoothest
+from explicitfe.inverse.identify.paper import PaperFit, by_simulator, first_guess, identify_by_paper
+from explicitfe.inverse.predict.setup import Setup
 
 PAIRS = {
     "front, mucosa on": (190.0, 87.0),

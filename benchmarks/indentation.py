@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 from elements import table  # noqa: E402
 from test_indentation import CASES, LOADS, case_a  # noqa: E402
 
-from explicitfe.solve.load_outcome import Equilibrium  # noqa: E402
+from explicitfe.fem.solve.load_outcome import Equilibrium  # noqa: E402
 
 ASKED_s = {"sector": 1.5, "quarter": 6.0}  # for eight loads on the default mesh
 TIGHT_TOLERANCE = 1e-6

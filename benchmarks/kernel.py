@@ -17,10 +17,10 @@ import tempfile
 from itertools import product
 from pathlib import Path
 
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.run.prepare import prepare
-from explicitfe.run.run import run
-from explicitfe.run.speed import TIMED_ELEMENTS, TIMED_SIZES, nanoseconds, problem
+from explicitfe.app.tools.speed import TIMED_ELEMENTS, TIMED_SIZES, nanoseconds, problem
+from explicitfe.platform.compiled.simd import WIDTH
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.run.run import run
 
 ROOT = Path(__file__).resolve().parents[1]
 # With bones and a branch that damps, and without: the elements and the forces on nodes alone.

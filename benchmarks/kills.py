@@ -26,7 +26,7 @@ from typing import NamedTuple
 import h5py
 import numpy as np
 
-from explicitfe.results import Result, open_result
+from explicitfe.results.files import Result, open_result
 
 ROOT = Path(__file__).resolve().parents[1]
 SEED = 1805

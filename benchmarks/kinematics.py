@@ -5,7 +5,7 @@
 Runs five gestures, each with its forces rising and falling within 30 to 100 ms or overshooting, and the scenarios that are
 named, as they are; a result that lies in DIR already is read instead. Measured: the articulography of two speakers
 (``tongue-ema-haskins``; tests/outside_data.py says where it is looked for). All strokes come from one detector,
-explicitfe/measure/strokes.py.
+explicitfe/results/measure/strokes.py.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from explicitfe.measure.sections import X, Z
-from explicitfe.measure.strokes import Stroke, strokes
-from explicitfe.measured.read import read_dataset
-from explicitfe.results import open_result
-from explicitfe.run.run import run
-from explicitfe.view.palette import COLOURS, new_figure, plain, save
+from explicitfe.app.view.palette import COLOURS, new_figure, plain, save
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.sections import X, Z
+from explicitfe.results.measure.strokes import Stroke, strokes
+from explicitfe.simulate.run.run import run
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))

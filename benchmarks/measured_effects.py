@@ -22,18 +22,18 @@ from pathlib import Path
 import numpy as np
 from effects_fit import EffectsFit, Unknown, Values, fit_effects, series
 
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.effects.tool.preload import Preload
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.read import read_dataset
-from explicitfe.model.specimen import specimen_model
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import EVERY, Constants, Tissue, parse_tissue
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Equilibrium
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.effects.tool.preload import Preload
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Tissue, parse_tissue
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 BLUE, RED, GREY = "#0072B2", "#D55E00", "0.55"
 TERMS = {0: (), 1: (20.0,), 2: (3.0, 60.0), 3: (0.7, 10.0, 100.0)}  # starting times, s

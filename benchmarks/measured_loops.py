@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 from explicitfe import close_loop
-from explicitfe.results.loop_report import LoopReport, MeanError
+from explicitfe.results.documents.loop_report import LoopReport, MeanError
 
 HEAD = ("dataset", "verdict", "fitted, %", "held out, %", "composed law: held out, left out, %", "s")
 

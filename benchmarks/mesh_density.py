@@ -31,15 +31,15 @@ from elements import table
 from scipy.optimize import brentq
 
 import explicitfe
-from explicitfe.measure.shape import grooves, highest_point
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.quality import edge_lengths, volumes
-from explicitfe.mesh.validity import certify
-from explicitfe.model import catalogue
-from explicitfe.model.specimen import specimen_model
-from explicitfe.results import Result
-from explicitfe.scenario.read import read_scenario
-from explicitfe.view.palette import COLOURS, GRID
+from explicitfe.app.view.palette import COLOURS, GRID
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.quality import edge_lengths, volumes
+from explicitfe.fem.mesh.validity import certify
+from explicitfe.results.files import Result
+from explicitfe.results.measure.shape import grooves, highest_point
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.specimen import specimen_model
+from explicitfe.simulate.scenario.read import read_scenario
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

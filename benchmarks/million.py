@@ -20,10 +20,10 @@ from pathlib import Path
 import h5py
 import meshio
 
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.run.prepare import prepare
-from explicitfe.run.run import run
-from explicitfe.run.speed import block
+from explicitfe.app.tools.speed import block
+from explicitfe.platform.compiled.simd import WIDTH
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.run.run import run
 
 STEPS = 100
 SCENARIO = """\

@@ -16,25 +16,25 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.bones.surface import TriangleSurface
-from explicitfe.errors import RunError
-from explicitfe.measure.contact import MIDLINE_BAND_M
-from explicitfe.measure.motion import has_settled
-from explicitfe.measure.sections import PlaneCut, X, Y, Z, midsagittal
-from explicitfe.measure.shape import summit
-from explicitfe.measure.tract import palate_midline
-from explicitfe.mesh.self_contact import self_penetration
-from explicitfe.mesh.validity import certify
-from explicitfe.model import catalogue
-from explicitfe.model.bones import bones_of, jaw_motion
-from explicitfe.model.fibre_stress import fibre_stress, outside_pull
-from explicitfe.model.model import Model
-from explicitfe.model.profile import Profile
-from explicitfe.model.tongue import assemble
-from explicitfe.scenario.bones import BoneTable, HyoidTable, JawTable
-from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, TransientScenario
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Ledger, Transient
+from explicitfe.fem.bones.surface import TriangleSurface
+from explicitfe.fem.mesh.self_contact import self_penetration
+from explicitfe.fem.mesh.validity import certify
+from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.platform.errors import RunError
+from explicitfe.results.measure.contact import MIDLINE_BAND_M
+from explicitfe.results.measure.motion import has_settled
+from explicitfe.results.measure.sections import PlaneCut, X, Y, Z, midsagittal
+from explicitfe.results.measure.shape import summit
+from explicitfe.results.measure.tract import palate_midline
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.bones import bones_of, jaw_motion
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
+from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, TransientScenario
 
 ALWAYS = Profile.constant()
 SAMPLE_EVERY_S = 0.02  # for the energy balance

@@ -3,7 +3,7 @@ with random ones of the same cost.
 
     python benchmarks/next_test_study.py FOLDER... [--most 20] [--seed 0] [--tests 2]
 
-Each FOLDER is a set of homogeneous cases, of either family, that `explicitfe blind score` has scored. A case with an effect that
+Each FOLDER is a set of homogeneous cases, of either family, that the blind study has scored. A case with an effect that
 came out ambiguous, missed or unexplained gets a further test of the same truth, and the loop is closed on all of them; then once
 more, unless an effect was found that leaves no more than noise. Beside it stands the same with random tests: programmes drawn as
 those of the sets are, within the same room, until they have cost as many minutes. Controls get the same.
@@ -28,19 +28,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from explicitfe.blind.again import distance_with, measure_again
-from explicitfe.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE
-from explicitfe.blind.outcome import ALARMS, outcome
-from explicitfe.blind.protocols import draw_protocol
-from explicitfe.blind.tables import proportion
-from explicitfe.close_loop.close import close_loop
-from explicitfe.close_loop.next_test import TRIED_REPEATS, reported_programme
-from explicitfe.close_loop.proposals import ProposedCurve, proposals, room_of
-from explicitfe.close_loop.specimens.series import rest_of
-from explicitfe.measured.curve import Curve, programme_of
-from explicitfe.measured.read import read_dataset
-from explicitfe.measured.rig import RigLimits
-from explicitfe.results.loop_report import LoopReport
+from explicitfe.app.api.inverse import close_loop
+from explicitfe.inverse.close_loop.next_test import TRIED_REPEATS, reported_programme
+from explicitfe.inverse.close_loop.proposals import ProposedCurve, proposals, room_of
+from explicitfe.inverse.close_loop.specimens.series import rest_of
+from explicitfe.inverse.measured.curve import Curve, programme_of
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.results.documents.loop_report import LoopReport
+from studies.blind.again import distance_with, measure_again
+from studies.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE
+from studies.blind.outcome import ALARMS, outcome
+from studies.blind.protocols import draw_protocol
+from studies.blind.tables import proportion
 
 UNSETTLED = ("ambiguous, true named", "ambiguous, true not named", "ambiguous", "missed", "unexplained")
 SETTLED = ("right", "both")

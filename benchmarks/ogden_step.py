@@ -23,17 +23,17 @@ from typing import ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from explicitfe.compiled.jit import leaf
-from explicitfe.compiled.simd import exp, log, maximum, minimum, square_root
-from explicitfe.materials import LAWS
-from explicitfe.materials.homogeneous import nominal_stress
-from explicitfe.materials.law import Law
-from explicitfe.materials.ogden import Ogden
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.model import Model
-from explicitfe.run.speed import TIMED_SIZES, block, nanoseconds
-from explicitfe.solve import point
-from explicitfe.solve.simulation import Simulation
+from explicitfe.app.tools.speed import TIMED_SIZES, block, nanoseconds
+from explicitfe.fem.materials import LAWS
+from explicitfe.fem.materials.homogeneous import nominal_stress
+from explicitfe.fem.materials.law import Law
+from explicitfe.fem.materials.ogden import Ogden
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled.jit import leaf
+from explicitfe.platform.compiled.simd import exp, log, maximum, minimum, square_root
 
 ELEMENTS = 30_000
 MU_PA, ALPHA = 383.0, 4.0

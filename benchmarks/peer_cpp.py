@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.compiled.arrays import in_blocks, zeros
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.elements import hex8
-from explicitfe.solve.kernels import ELEMENTS
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.elements import hex8
+from explicitfe.fem.solve.kernels import ELEMENTS
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled.arrays import in_blocks, zeros
+from explicitfe.platform.compiled.simd import WIDTH
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 COMPILERS = ("g++", "clang++")

@@ -40,18 +40,18 @@ import numpy as np
 import peer_cpp
 from numba.core.dispatcher import Dispatcher
 
-from explicitfe.compiled import simd
-from explicitfe.compiled.arrays import DAMPING_LOSS, SMALLEST_J
-from explicitfe.compiled.jit import kernel
-from explicitfe.compiled.simd import WIDTH, load, splat, store, sum_lanes
-from explicitfe.elements import hex8
-from explicitfe.forces import internal
-from explicitfe.materials import kinematics, law_of
-from explicitfe.run.speed import TIMED_ELEMENTS as TREATMENTS
-from explicitfe.run.speed import TIMED_SIZES, problem
-from explicitfe.solve.kernels import ELEMENTS
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.app.tools.speed import TIMED_ELEMENTS as TREATMENTS
+from explicitfe.app.tools.speed import TIMED_SIZES, problem
+from explicitfe.fem.elements import hex8
+from explicitfe.fem.forces import internal
+from explicitfe.fem.materials import kinematics, law_of
+from explicitfe.fem.solve.kernels import ELEMENTS
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.platform.compiled import simd
+from explicitfe.platform.compiled.arrays import DAMPING_LOSS, SMALLEST_J
+from explicitfe.platform.compiled.jit import kernel
+from explicitfe.platform.compiled.simd import WIDTH, load, splat, store, sum_lanes
 
 YEOH = law_of("yeoh")
 PEERS = ("c++", "warp", "jax")

@@ -20,7 +20,7 @@ import numpy as np
 from bracing import bracing
 
 import explicitfe
-from explicitfe.sweep.journal import Stored
+from explicitfe.simulate.sweep.journal import Stored
 
 SCENARIO = Path(__file__).with_name("postures.toml")
 # Largest forces of both sides, N, of the model that Liu et al. (2022) ran, by 22 N/cm2. Their GGP is GGp and GGh here.

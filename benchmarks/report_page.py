@@ -17,8 +17,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
 
-from explicitfe.run.run import run
-from explicitfe.view.run_page.write import write_report
+from explicitfe.app.view.run_page.write import write_report
+from explicitfe.simulate.run.run import run
 
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SCREENS = {"1280 x 900": (1280, 900), "390 x 844": (390, 844)}

@@ -23,12 +23,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Equilibrium
-from explicitfe.solve.revolution import Revolution, ToolState
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.fem.solve.revolution import Revolution, ToolState
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 LAW = Yeoh(C10_Pa=200.0, C20_Pa=100.0, poisson=0.499)
 SPECIMEN = SpecimenTable(radius_mm=35.0, height_mm=20.0, base="bonded", material=LAW)

@@ -21,18 +21,18 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.search import compare
-from explicitfe.close_loop.statistics.intervals import intervals
-from explicitfe.close_loop.statistics.system import Hypothesis
-from explicitfe.close_loop.trajectories.levers import levers_of, total_force_N
-from explicitfe.close_loop.trajectories.runs import displacements_of
-from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
-from explicitfe.close_loop.verdict import Outcome, conclude
-from explicitfe.measured.curve import Dataset
-from explicitfe.measured.read import read_dataset
-from explicitfe.run.prepare import prepare
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.statistics.intervals import intervals
+from explicitfe.inverse.close_loop.statistics.system import Hypothesis
+from explicitfe.inverse.close_loop.trajectories.levers import levers_of, total_force_N
+from explicitfe.inverse.close_loop.trajectories.runs import displacements_of
+from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.inverse.close_loop.verdict import Outcome, conclude
+from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
 
 SENSORS = {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "root"}
 # Of the sensors' frame: x_model = scale R x + t.

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from explicitfe.run.run import run
+from explicitfe.simulate.run.run import run
 
 TRUTH = {"C10_Pa": 900.0, "C20_Pa": 400.0, "g": 0.35, "tau_s": 3.0}
 LARGEST_STRAIN, HOLD_S, RELEASED_SHARE = 0.3, 20.0, 0.5

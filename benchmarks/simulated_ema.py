@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.trajectories.runs import displacements_of
-from explicitfe.host.shipped import scenarios
-from explicitfe.run.prepare import prepare
+from explicitfe.inverse.close_loop.trajectories.runs import displacements_of
+from explicitfe.platform.host.shipped import scenarios
+from explicitfe.simulate.run.prepare import prepare
 
 COILS = {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "back"}
 LAG_MS, NOISE_MM, SEED = 15.0, 0.2, 20261123

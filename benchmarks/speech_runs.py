@@ -21,13 +21,13 @@ from real_tongue import write_model  # noqa: E402
 from tongue_cases import MEASURED, MEASURED_TONGUE, write_bones  # noqa: E402
 from tongue_runs import head, in_tenths, moved  # noqa: E402
 
-from explicitfe.measure.document import Measures  # noqa: E402
-from explicitfe.measure.formants import airway  # noqa: E402
-from explicitfe.measure.measure import measures_of  # noqa: E402
-from explicitfe.measure.motion import has_settled  # noqa: E402
-from explicitfe.measure.steps import step_at  # noqa: E402
-from explicitfe.results import Result, open_result  # noqa: E402
-from explicitfe.run.run import run  # noqa: E402
+from explicitfe.results.files import Result, open_result  # noqa: E402
+from explicitfe.results.measure.document import Measures  # noqa: E402
+from explicitfe.results.measure.formants import airway  # noqa: E402
+from explicitfe.results.measure.measure import measures_of  # noqa: E402
+from explicitfe.results.measure.motion import has_settled  # noqa: E402
+from explicitfe.results.measure.steps import step_at  # noqa: E402
+from explicitfe.simulate.run.run import run  # noqa: E402
 
 POINTS = ("tip", "blade", "front", "dorsum", "back")
 VOWELS = ("vowel-i", "vowel-i-braced", "vowel-i-palatal", "vowel-e", "vowel-a", "vowel-u")

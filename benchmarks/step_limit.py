@@ -18,14 +18,14 @@ from pathlib import Path
 import numpy as np
 from real_tongue import write_model, write_scenario
 
-from explicitfe.compiled.arrays import SMALLEST_J
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Model
-from explicitfe.run.prepare import prepare
-from explicitfe.solve.kernels import ELEMENTS
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import CALMING_ALPHA_PER_S, Transient
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve.kernels import ELEMENTS
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import CALMING_ALPHA_PER_S, Transient
+from explicitfe.platform.compiled.arrays import SMALLEST_J
+from explicitfe.simulate.run.prepare import prepare
 
 ROOT = Path(__file__).resolve().parents[1]
 STEPS = 2000

@@ -44,10 +44,10 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe import close_loop
-from explicitfe.blind.foreign.axisymmetric import RoundSpecimen
-from explicitfe.blind.foreign.contact import RigidTool
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.blind.foreign.tool_tests import ElasticCurve
+from studies.blind.foreign.axisymmetric import RoundSpecimen
+from studies.blind.foreign.contact import RigidTool
+from studies.blind.foreign.law import HiddenTissue
+from studies.blind.foreign.tool_tests import ElasticCurve
 
 SPECIMEN = RoundSpecimen(35.0, 20.0)
 TOOL_RADII_MM, EDGE_MM, DEPTH_MM, REPEATS, ROWS = (14.0, 8.0), 1.0, 4.0, 3, 13

@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from explicitfe.sweep.journal import Stored
+from explicitfe.simulate.sweep.journal import Stored
 
 ROOT = Path(__file__).resolve().parents[1]
 SEED = 21

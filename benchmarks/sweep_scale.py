@@ -21,9 +21,9 @@ from pathlib import Path
 import numpy as np
 
 import explicitfe
-from explicitfe.sweep.engine import Bundles, Engine
-from explicitfe.sweep.journal import Journal, Stored
-from explicitfe.sweep.rows import Member, Task, WrittenRow, written
+from explicitfe.simulate.sweep.engine import Bundles, Engine
+from explicitfe.simulate.sweep.journal import Journal, Stored
+from explicitfe.simulate.sweep.rows import Member, Task, WrittenRow, written
 
 MEMBERS = {"muscle.GGp.force_N": "0:4:40"}
 SPREAD_SHARE = 0.3  # of the times of members, one standard deviation

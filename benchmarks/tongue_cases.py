@@ -28,19 +28,20 @@ import numpy as np  # noqa: E402
 from outside_data import SHARED_DATA  # noqa: E402
 from real_tongue import write_model  # noqa: E402
 
-from explicitfe.measure.document import Measures  # noqa: E402
-from explicitfe.measure.measure import measures_of  # noqa: E402
-from explicitfe.measure.steps import last_step  # noqa: E402
-from explicitfe.mesh.hexmesh import HexMesh  # noqa: E402
-from explicitfe.mesh.validity import certify  # noqa: E402
-from explicitfe.model import bones as model_bones  # noqa: E402
-from explicitfe.model import catalogue  # noqa: E402
-from explicitfe.model.model import Bone, Model  # noqa: E402
-from explicitfe.model.tongue import assemble  # noqa: E402
-from explicitfe.results import Result, open_result  # noqa: E402
-from explicitfe.run.transient import TransientAnalysis  # noqa: E402
-from explicitfe.scenario.bones import BoneTable, HyoidTable  # noqa: E402
-from explicitfe.scenario.transient import (  # noqa: E402
+from explicitfe.fem.mesh.hexmesh import HexMesh  # noqa: E402
+from explicitfe.fem.mesh.validity import certify  # noqa: E402
+from explicitfe.fem.model.model import Bone, Model  # noqa: E402
+from explicitfe.fem.solve.simulation import Simulation  # noqa: E402
+from explicitfe.results.files import Result, open_result  # noqa: E402
+from explicitfe.results.measure.document import Measures  # noqa: E402
+from explicitfe.results.measure.measure import measures_of  # noqa: E402
+from explicitfe.results.measure.steps import last_step  # noqa: E402
+from explicitfe.simulate.anatomy import bones as model_bones  # noqa: E402
+from explicitfe.simulate.anatomy import catalogue  # noqa: E402
+from explicitfe.simulate.anatomy.tongue import assemble  # noqa: E402
+from explicitfe.simulate.run.transient import TransientAnalysis  # noqa: E402
+from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable  # noqa: E402
+from explicitfe.simulate.scenario.transient import (  # noqa: E402
     AnalysisTable,
     Damping,
     ModelTable,
@@ -48,7 +49,6 @@ from explicitfe.scenario.transient import (  # noqa: E402
     RecordTable,
     TransientScenario,
 )
-from explicitfe.solve.simulation import Simulation  # noqa: E402
 
 MEASURED_TONGUE = SHARED_DATA / "tongue" / "artisynth-hextongue"
 MEASURED = "measured"

@@ -27,15 +27,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import beta as beta_distribution
 
-from explicitfe.close_loop.close import close_loop
-from explicitfe.close_loop.trajectories.levers import levers_of
-from explicitfe.close_loop.trajectories.runs import displacements_of
-from explicitfe.errors import RunError
-from explicitfe.measured.registration import procrustes
-from explicitfe.measured.tables import RegistrationTable
-from explicitfe.run.prepare import prepare
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.app.api.inverse import close_loop
+from explicitfe.inverse.close_loop.trajectories.levers import levers_of
+from explicitfe.inverse.close_loop.trajectories.runs import displacements_of
+from explicitfe.inverse.measured.registration import procrustes
+from explicitfe.inverse.measured.tables import RegistrationTable
+from explicitfe.platform.errors import RunError
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
 
 SENSORS = {"TT": "tip", "TB": "blade", "TF": "front", "TD": "dorsum"}
 NOISE_MM, RATE_HZ, DURATION_MS = 0.2, 200.0, 80.0

@@ -16,12 +16,12 @@ from typing import Any
 
 from real_tongue import write_model, write_scenario
 
-from explicitfe.measure.document import Measures
-from explicitfe.measure.measure import measures_of
-from explicitfe.measure.steps import last_step
-from explicitfe.mesh.validity import certify
-from explicitfe.results import open_result
-from explicitfe.run.run import run
+from explicitfe.fem.mesh.validity import certify
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.document import Measures
+from explicitfe.results.measure.measure import measures_of
+from explicitfe.results.measure.steps import last_step
+from explicitfe.simulate.run.run import run
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIOS = (

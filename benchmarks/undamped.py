@@ -14,11 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from explicitfe.compiled.arrays import BARRIER
-from explicitfe.model.model import Model
-from explicitfe.model.tongue import tongue_model
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Ledger, Transient, balance
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient, balance
+from explicitfe.platform.compiled.arrays import BARRIER
+from explicitfe.simulate.anatomy.tongue import tongue_model
 
 EVERY_S = 5e-3
 LOOKS = 10

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.errors import RunError
-from explicitfe.identify.assumptions import Alternative, what_a_fit_hides
-from explicitfe.identify.fit import Fit, Observed, least_squares_fit
-from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, forces, ratio, smoothest
-from explicitfe.predict.setup import Setup
+from explicitfe.inverse.identify.assumptions import Alternative, what_a_fit_hides
+from explicitfe.inverse.identify.fit import Fit, Observed, least_squares_fit
+from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, ToolResponse, depths, forces, ratio, smoothest
+from explicitfe.inverse.predict.setup import Setup
+from explicitfe.platform.errors import RunError
 
 TRUTH = (191.5, 90.6)
 LOADS_N = 0.1 * np.arange(1, 9)

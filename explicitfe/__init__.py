@@ -11,9 +11,7 @@ The commands are functions here; so are the parts that a model is built from in 
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
@@ -22,111 +20,102 @@ __version__ = "0.1.0"
 # nor the other way round.
 _PLACES = {
     # commands
-    "run": "explicitfe.api.run",
-    "resume": "explicitfe.api.run",
-    "sweep": "explicitfe.sweep.sweep",
-    "check": "explicitfe.run.check",
-    "check_dataset": "explicitfe.close_loop.outlook",
-    "identify": "explicitfe.identify.identify",
-    "predict": "explicitfe.predict.predict",
-    "close_loop": "explicitfe.close_loop.close",
-    "design_test": "explicitfe.close_loop.design",
+    "run": "explicitfe.app.api.run",
+    "resume": "explicitfe.app.api.run",
+    "sweep": "explicitfe.simulate.sweep.sweep",
+    "check": "explicitfe.simulate.run.check",
+    "check_dataset": "explicitfe.inverse.close_loop.outlook",
+    "identify": "explicitfe.app.api.inverse",
+    "predict": "explicitfe.app.api.inverse",
+    "close_loop": "explicitfe.app.api.inverse",
+    "design_test": "explicitfe.app.api.inverse",
+    "propose_tests": "explicitfe.app.api.inverse",
     # results
-    "open_result": "explicitfe.api.open_result",
-    "measure": "explicitfe.api.measure",
-    "report": "explicitfe.api.report",
-    "plot": "explicitfe.api.plot",
-    "view": "explicitfe.api.view",
-    "compare": "explicitfe.api.compare",
-    "compare_recording": "explicitfe.measured.compare_recording",
-    "export": "explicitfe.api.export",
+    "open_result": "explicitfe.app.api.open_result",
+    "measure": "explicitfe.app.api.measure",
+    "report": "explicitfe.app.api.report",
+    "plot": "explicitfe.app.api.plot",
+    "view": "explicitfe.app.api.view",
+    "compare": "explicitfe.app.api.compare",
+    "compare_recording": "explicitfe.inverse.measured.compare_recording",
+    "export": "explicitfe.app.api.export",
     # meshes and models
-    "HexMesh": "explicitfe.mesh.hexmesh",
-    "box": "explicitfe.mesh.box",
-    "Yeoh": "explicitfe.materials.yeoh",
-    "NeoHooke": "explicitfe.materials.neo_hooke",
-    "MooneyRivlin": "explicitfe.materials.mooney_rivlin",
-    "Ogden": "explicitfe.materials.ogden",
-    "Model": "explicitfe.model.model",
-    "Inclusion": "explicitfe.model.model",
-    "tongue_model": "explicitfe.model.tongue",
-    "specimen_model": "explicitfe.model.specimen",
-    "SpecimenTable": "explicitfe.scenario.indentation",
-    "ToolTable": "explicitfe.scenario.indentation",
+    "HexMesh": "explicitfe.fem.mesh.hexmesh",
+    "box": "explicitfe.fem.mesh.box",
+    "Yeoh": "explicitfe.fem.materials.yeoh",
+    "NeoHooke": "explicitfe.fem.materials.neo_hooke",
+    "MooneyRivlin": "explicitfe.fem.materials.mooney_rivlin",
+    "Ogden": "explicitfe.fem.materials.ogden",
+    "Model": "explicitfe.fem.model.model",
+    "Inclusion": "explicitfe.fem.model.model",
+    "tongue_model": "explicitfe.simulate.anatomy.tongue",
+    "specimen_model": "explicitfe.simulate.anatomy.specimen",
+    "SpecimenTable": "explicitfe.fem.inputs.specimen",
+    "ToolTable": "explicitfe.fem.inputs.specimen",
     # loads
-    "NodalLoad": "explicitfe.model.model",
-    "face_load": "explicitfe.model.face_load",
-    "gravity_load": "explicitfe.model.gravity",
-    "Profile": "explicitfe.model.profile",
+    "NodalLoad": "explicitfe.fem.model.model",
+    "face_load": "explicitfe.fem.model.face_load",
+    "gravity_load": "explicitfe.fem.model.gravity",
+    "Profile": "explicitfe.fem.model.profile",
     # solvers
-    "Simulation": "explicitfe.solve.simulation",
-    "Transient": "explicitfe.solve.transient",
-    "Relaxation": "explicitfe.solve.equilibrium",
+    "Simulation": "explicitfe.fem.solve.simulation",
+    "Transient": "explicitfe.fem.solve.transient",
+    "Relaxation": "explicitfe.fem.solve.equilibrium",
     # what is raised
-    "InputError": "explicitfe.errors",
-    "RunError": "explicitfe.errors",
+    "InputError": "explicitfe.platform.errors",
+    "RunError": "explicitfe.platform.errors",
 }
 __all__ = ["__version__", *_PLACES]
 
 if TYPE_CHECKING:  # the same names for type checkers and editors; a test compares the two lists
-    from explicitfe.api.compare import compare as compare
-    from explicitfe.api.export import export as export
-    from explicitfe.api.measure import measure as measure
-    from explicitfe.api.open_result import open_result as open_result
-    from explicitfe.api.plot import plot as plot
-    from explicitfe.api.report import report as report
-    from explicitfe.api.run import resume as resume
-    from explicitfe.api.run import run as run
-    from explicitfe.api.view import view as view
-    from explicitfe.close_loop.close import close_loop as close_loop
-    from explicitfe.close_loop.design import design_test as design_test
-    from explicitfe.close_loop.outlook import check_dataset as check_dataset
-    from explicitfe.errors import InputError as InputError
-    from explicitfe.errors import RunError as RunError
-    from explicitfe.identify.identify import identify as identify
-    from explicitfe.materials.mooney_rivlin import MooneyRivlin as MooneyRivlin
-    from explicitfe.materials.neo_hooke import NeoHooke as NeoHooke
-    from explicitfe.materials.ogden import Ogden as Ogden
-    from explicitfe.materials.yeoh import Yeoh as Yeoh
-    from explicitfe.measured.compare_recording import compare_recording as compare_recording
-    from explicitfe.mesh.box import box as box
-    from explicitfe.mesh.hexmesh import HexMesh as HexMesh
-    from explicitfe.model.face_load import face_load as face_load
-    from explicitfe.model.gravity import gravity_load as gravity_load
-    from explicitfe.model.model import Inclusion as Inclusion
-    from explicitfe.model.model import Model as Model
-    from explicitfe.model.model import NodalLoad as NodalLoad
-    from explicitfe.model.profile import Profile as Profile
-    from explicitfe.model.specimen import specimen_model as specimen_model
-    from explicitfe.model.tongue import tongue_model as tongue_model
-    from explicitfe.predict.predict import predict as predict
-    from explicitfe.run.check import check as check
-    from explicitfe.scenario.indentation import SpecimenTable as SpecimenTable
-    from explicitfe.scenario.indentation import ToolTable as ToolTable
-    from explicitfe.solve.equilibrium import Relaxation as Relaxation
-    from explicitfe.solve.simulation import Simulation as Simulation
-    from explicitfe.solve.transient import Transient as Transient
-    from explicitfe.sweep.sweep import sweep as sweep
+    from explicitfe.app.api.compare import compare as compare
+    from explicitfe.app.api.export import export as export
+    from explicitfe.app.api.inverse import close_loop as close_loop
+    from explicitfe.app.api.inverse import design_test as design_test
+    from explicitfe.app.api.inverse import identify as identify
+    from explicitfe.app.api.inverse import predict as predict
+    from explicitfe.app.api.inverse import propose_tests as propose_tests
+    from explicitfe.app.api.measure import measure as measure
+    from explicitfe.app.api.open_result import open_result as open_result
+    from explicitfe.app.api.plot import plot as plot
+    from explicitfe.app.api.report import report as report
+    from explicitfe.app.api.run import resume as resume
+    from explicitfe.app.api.run import run as run
+    from explicitfe.app.api.view import view as view
+    from explicitfe.fem.inputs.specimen import SpecimenTable as SpecimenTable
+    from explicitfe.fem.inputs.specimen import ToolTable as ToolTable
+    from explicitfe.fem.materials.mooney_rivlin import MooneyRivlin as MooneyRivlin
+    from explicitfe.fem.materials.neo_hooke import NeoHooke as NeoHooke
+    from explicitfe.fem.materials.ogden import Ogden as Ogden
+    from explicitfe.fem.materials.yeoh import Yeoh as Yeoh
+    from explicitfe.fem.mesh.box import box as box
+    from explicitfe.fem.mesh.hexmesh import HexMesh as HexMesh
+    from explicitfe.fem.model.face_load import face_load as face_load
+    from explicitfe.fem.model.gravity import gravity_load as gravity_load
+    from explicitfe.fem.model.model import Inclusion as Inclusion
+    from explicitfe.fem.model.model import Model as Model
+    from explicitfe.fem.model.model import NodalLoad as NodalLoad
+    from explicitfe.fem.model.profile import Profile as Profile
+    from explicitfe.fem.solve.equilibrium import Relaxation as Relaxation
+    from explicitfe.fem.solve.simulation import Simulation as Simulation
+    from explicitfe.fem.solve.transient import Transient as Transient
+    from explicitfe.inverse.close_loop.outlook import check_dataset as check_dataset
+    from explicitfe.inverse.measured.compare_recording import compare_recording as compare_recording
+    from explicitfe.platform.errors import InputError as InputError
+    from explicitfe.platform.errors import RunError as RunError
+    from explicitfe.simulate.anatomy.specimen import specimen_model as specimen_model
+    from explicitfe.simulate.anatomy.tongue import tongue_model as tongue_model
+    from explicitfe.simulate.run.check import check as check
+    from explicitfe.simulate.sweep.sweep import sweep as sweep
 
 
-class _Package(ModuleType):
-    """This package: a command and the folder of its code have one name, and the name here is the command's.
-
-    Importing ``explicitfe.run`` for the first time would make the folder an attribute of the package, and ``explicitfe.run(...)``
-    would call a module from then on.
-    """
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in _PLACES:
-            raise AttributeError(f"module 'explicitfe' has no attribute {name!r}")
-        return getattr(import_module(_PLACES[name]), name)
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _PLACES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *_PLACES})
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'explicitfe' has no attribute {name!r}")
+    value = getattr(import_module(_PLACES[name]), name)
+    globals()[name] = value
+    return value
 
 
-sys.modules[__name__].__class__ = _Package
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PLACES})

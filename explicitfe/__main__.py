@@ -1,5 +1,5 @@
 """``python -m explicitfe``."""
 
-from explicitfe.cli.main import entry
+from explicitfe.app.cli.main import entry
 
 entry()

@@ -17,9 +17,9 @@ import h5py
 import numpy as np
 from tiny_result import MESH, displacement, jacobian, start
 
-from explicitfe.errors import InputError, RunError
-from explicitfe.host import files
-from explicitfe.results import FINISHED, ResultWriter, open_result
+from explicitfe.platform.errors import InputError, RunError
+from explicitfe.platform.host import files
+from explicitfe.results.files import FINISHED, ResultWriter, open_result
 
 SAMPLES = 3
 PLANTS = ("text", "empty", "HDF5", "link", "dangling link", "folder", "pipe", "read-only result")

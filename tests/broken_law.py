@@ -5,8 +5,8 @@ In a file of its own, so that a kernel bound to it stays in the cache while the 
 
 from __future__ import annotations
 
-from explicitfe.compiled.jit import leaf
-from explicitfe.materials import law_of
+from explicitfe.fem.materials import law_of
+from explicitfe.platform.compiled.jit import leaf
 
 SHARE = 0.1  # of the shear modulus 2 C10
 yeoh_stress = law_of("yeoh").stress

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from unittest.mock import patch
 
-from explicitfe.cli.main import main
+from explicitfe.app.cli.main import main
 
 
 def command(arguments: Sequence[str]) -> int:

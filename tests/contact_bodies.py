@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from explicitfe.bones.distance import DistanceField, distance_field
-from explicitfe.bones.motion import RigidMotion
-from explicitfe.bones.surface import TriangleSurface
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Bone
+from explicitfe.fem.bones.distance import DistanceField, distance_field
+from explicitfe.fem.bones.motion import RigidMotion
+from explicitfe.fem.bones.surface import TriangleSurface
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import Bone
 
 
 def box_surface(low_m: Sequence[float], high_m: Sequence[float], rotation: np.ndarray | None = None) -> TriangleSurface:

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 
-from explicitfe.errors import InputError
-from explicitfe.results import Result, open_result
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import Result, open_result
 
 LONGEST_READING_S = 20.0
 OUTCOMES = ("right", "sentence", "wrong", "traceback", "hang", "crash")

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from tiny_result import add, check_steps, start
 
-from explicitfe.errors import InputError, RunError
-from explicitfe.host import files
-from explicitfe.results import FINISHED, ResultWriter, disk, open_result
+from explicitfe.platform.errors import InputError, RunError
+from explicitfe.platform.host import files
+from explicitfe.results.files import FINISHED, ResultWriter, disk, open_result
 
 SAMPLES = 5
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from support import tongue
 
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.triangles import surface_triangles
-from explicitfe.results import FINISHED, Quantity, ResultWriter
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.triangles import surface_triangles
+from explicitfe.results.files import FINISHED, Quantity, ResultWriter
 
 ENERGIES = ("external_work", "internal_energy", "hourglass_energy", "kinetic_energy", "damping_loss", "balance_error")
 FRAMES, DURATION_S = 11, 0.1

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.identify.forward import FIRST_Q, ToolResponse
-from explicitfe.predict.setup import Setup
+from explicitfe.inverse.identify.forward import FIRST_Q, ToolResponse
+from explicitfe.inverse.predict.setup import Setup
 
 COARSE = 0.6  # refinement
 TRUTH = (190.0, 87.0)

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from tiny_result import MESH, SCENARIO, E, N, displacement, jacobian
 
-from explicitfe.results.layout import seal
+from explicitfe.results.files.layout import seal
 
 TEXT = h5py.string_dtype("utf-8")  # of variable length
 

@@ -12,13 +12,13 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import LinearOperator, eigsh
 from support import YEOH, block_mesh, mean_edge
 
-from explicitfe.compiled.arrays import BARRIER, HOURGLASS, INTERNAL
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.validity import certify
-from explicitfe.model.model import Model, NodalLoad, PrescribedMotion
-from explicitfe.model.profile import Profile
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Ledger, Transient
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.validity import certify
+from explicitfe.fem.model.model import Model, NodalLoad, PrescribedMotion
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.platform.compiled.arrays import BARRIER, HOURGLASS, INTERNAL
 
 CLOSED = 1e-9  # an equilibrium: residual relative to the load
 MOST_ITERATIONS = 25

@@ -10,22 +10,22 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.bones.distance import DistanceField
-from explicitfe.bones.surface import TriangleSurface
-from explicitfe.compiled.arrays import BARRIER, DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
-from explicitfe.materials import Law
-from explicitfe.materials.mooney_rivlin import MooneyRivlin
-from explicitfe.materials.neo_hooke import NeoHooke
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model import catalogue
-from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.model import Bone, Model
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.kernels import ELEMENTS as ELEMENT_TABLE
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.bones.distance import DistanceField
+from explicitfe.fem.bones.surface import TriangleSurface
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.materials import Law
+from explicitfe.fem.materials.mooney_rivlin import MooneyRivlin
+from explicitfe.fem.materials.neo_hooke import NeoHooke
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import Bone, Model
+from explicitfe.fem.solve.kernels import ELEMENTS as ELEMENT_TABLE
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled.arrays import BARRIER, DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.anatomy import Anatomy
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from support import ROOT
 
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.results import FINISHED, Quantity, ResultWriter
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.results.files import FINISHED, Quantity, ResultWriter
 
 HISTORY = {"kinetic_energy": Quantity("J", 1, "of all nodes"), "probe_tip_displacement": Quantity("m", 3)}
 SCENARIO = 'title = "Zunge, größer"\n'

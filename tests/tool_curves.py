@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 
 SPECIMEN = MeasuredSpecimen(shape="cylinder", radius_mm=35.0, height_mm=20.0, base="bonded")
 

@@ -20,7 +20,7 @@ def command_page() -> str:
     import typer
     from typer.cli import get_docs_for_click
 
-    from explicitfe.cli.app import app
+    from explicitfe.app.cli.app import app
 
     command = typer.main.get_command(app)
     text = get_docs_for_click(obj=command, ctx=typer.Context(command, info_name="explicitfe"), name="explicitfe")

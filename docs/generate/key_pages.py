@@ -40,8 +40,8 @@ Generated from the types that the program writes. [The result file](results.md) 
 
 def scenario_page() -> str:
     """Keys of a dynamic run and of an indentation."""
-    from explicitfe.scenario.indentation import IndentationScenario
-    from explicitfe.scenario.transient import TransientScenario
+    from explicitfe.simulate.scenario.indentation import IndentationScenario
+    from explicitfe.simulate.scenario.transient import TransientScenario
 
     parts = [SCENARIO_HEAD]
     for kind, heading in ((TransientScenario, "Dynamic run"), (IndentationScenario, "Indentation")):
@@ -51,14 +51,14 @@ def scenario_page() -> str:
 
 def dataset_page() -> str:
     """Keys of ``dataset.toml``, including the tables that a curve can override."""
-    from explicitfe.cli.file_schemas import file_schema
+    from explicitfe.app.cli.file_schemas import file_schema
 
     return DATASET_HEAD + KeyTables(file_schema("dataset"), toml=True).markdown()
 
 
 def other_files_page() -> str:
     """Keys of protocols, of model files of a mesh, and of tissue files."""
-    from explicitfe.cli.file_schemas import file_schema
+    from explicitfe.app.cli.file_schemas import file_schema
 
     parts = [OTHERS_HEAD]
     for kind, heading in OTHERS.items():
@@ -68,10 +68,10 @@ def other_files_page() -> str:
 
 def result_page() -> str:
     """Fields, histories and the ``--json`` answers of all commands."""
-    from explicitfe.cli.answers import ANSWERS, answer_schema
-    from explicitfe.results.layout import DISPLACEMENT
-    from explicitfe.run.indentation import INDENTATION_FIELDS, INDENTATION_HISTORY
-    from explicitfe.run.quantities import cell_fields, history_columns, point_fields
+    from explicitfe.app.cli.answers import ANSWERS, answer_schema
+    from explicitfe.results.files.layout import DISPLACEMENT
+    from explicitfe.simulate.run.indentation import INDENTATION_FIELDS, INDENTATION_HISTORY
+    from explicitfe.simulate.run.quantities import cell_fields, history_columns, point_fields
 
     everything = ("velocity", "J", "hourglass_energy")
     parts = [
@@ -89,11 +89,7 @@ def result_page() -> str:
         kinds.setdefault(types, []).append(name)
     for name, *others in kinds.values():
         schema = answer_schema(name)
-        parts.append(
-            "## "
-            + ", ".join(f"`{command.replace('blind-', 'blind ').replace('new-', 'new ')} --json`" for command in (name, *others))
-            + "\n"
-        )
+        parts.append("## " + ", ".join(f"`{command.replace('new-', 'new ')} --json`" for command in (name, *others)) + "\n")
         for choice in schema.get("anyOf", [schema]):
             if not choice.get("$ref", "").endswith("FailureAnswer"):
                 parts.append(KeyTables({"$defs": schema["$defs"], **choice}, toml=False).markdown("The answer", level=3))

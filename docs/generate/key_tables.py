@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from explicitfe.scenario.bounds import BOUNDS, bounds_of
+from explicitfe.fem.inputs.bounds import BOUNDS, bounds_of
 
 Schema = Mapping[str, Any]
 _NUMBERS = {"number": "number", "integer": "whole number", "string": "text", "boolean": "`true` or `false`", "null": "`null`"}

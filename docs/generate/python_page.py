@@ -35,7 +35,7 @@ _ENTRY = re.compile(r"^(\*{0,2}\w[\w, *.]*?) : ", re.M)
 def python_page() -> str:
     """Markdown of all names, in groups; names of the package without a group are listed under "More"."""
     import explicitfe
-    from explicitfe.results import Result
+    from explicitfe.results.files import Result
 
     grouped = {name for names in GROUPS.values() for name in names}
     more = [name for name in explicitfe.__all__ if name not in grouped and not name.startswith("__")]

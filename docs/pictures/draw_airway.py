@@ -8,10 +8,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from explicitfe.measure.steps import step_at
-from explicitfe.results import open_result
-from explicitfe.view.airway import airway_figure
-from explicitfe.view.palette import save
+from explicitfe.app.view.airway import airway_figure
+from explicitfe.app.view.palette import save
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.steps import step_at
 
 HERE = Path(__file__).resolve().parent
 

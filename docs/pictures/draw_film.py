@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from explicitfe.view.scene.show import FileKind, show
+from explicitfe.app.view.scene.show import FileKind, show
 
 HERE = Path(__file__).resolve().parent
 FILM_SIZE_PX, VIEW_SIZE_PX = (720, 540), (960, 720)

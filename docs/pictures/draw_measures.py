@@ -13,19 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from explicitfe.measure.contact import DEPTHS, SIDES
-from explicitfe.measure.document import Measures
-from explicitfe.measure.measure import measures_of, nearest_of
-from explicitfe.measure.motion import RISE_SHARE
-from explicitfe.measure.sections import X, Y, Z, middle, midline, midsagittal, section, station
-from explicitfe.measure.shape import summit
-from explicitfe.measure.steps import last_step
-from explicitfe.measure.tract import PALATE, channel, columns, palate_midline, section_places, section_plane
-from explicitfe.mesh.surface_points import surface_areas
-from explicitfe.mesh.triangles import surface_triangles
-from explicitfe.results import Result, open_result
-from explicitfe.view.bones import fill_bones, keep_to_tongue
-from explicitfe.view.palette import AT_REST, BONE, BONE_EDGE, COLOURS, CONSTRICTION, new_figure, plain, save
+from explicitfe.app.view.bones import fill_bones, keep_to_tongue
+from explicitfe.app.view.palette import AT_REST, BONE, BONE_EDGE, COLOURS, CONSTRICTION, new_figure, plain, save
+from explicitfe.fem.mesh.surface_points import surface_areas
+from explicitfe.fem.mesh.triangles import surface_triangles
+from explicitfe.results.files import Result, open_result
+from explicitfe.results.measure.contact import DEPTHS, SIDES
+from explicitfe.results.measure.document import Measures
+from explicitfe.results.measure.measure import measures_of, nearest_of
+from explicitfe.results.measure.motion import RISE_SHARE
+from explicitfe.results.measure.sections import X, Y, Z, middle, midline, midsagittal, section, station
+from explicitfe.results.measure.shape import summit
+from explicitfe.results.measure.steps import last_step
+from explicitfe.results.measure.tract import PALATE, channel, columns, palate_midline, section_places, section_plane
 
 HERE = Path(__file__).resolve().parent
 NOW, AIR, CHANNEL = "#440154", "#D6E8F5", "#8DBFE3"

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from explicitfe.measure.airway import airway_table, surroundings
-from explicitfe.measure.formants import airway_of
-from explicitfe.measure.sections import X, Z, midsagittal
-from explicitfe.measure.steps import last_step
-from explicitfe.results import open_result
-from explicitfe.view.bones import fill_bones
-from explicitfe.view.palette import AT_REST, COLOURS, new_figure, plain, save
+from explicitfe.app.view.bones import fill_bones
+from explicitfe.app.view.palette import AT_REST, COLOURS, new_figure, plain, save
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.airway import airway_table, surroundings
+from explicitfe.results.measure.formants import airway_of
+from explicitfe.results.measure.sections import X, Z, midsagittal
+from explicitfe.results.measure.steps import last_step
 
 HERE = Path(__file__).resolve().parent
 VOWELS = {"i": "vowel-i-palatal", "e": "vowel-e", "a": "vowel-a", "u": "vowel-u"}

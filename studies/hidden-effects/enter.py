@@ -21,7 +21,7 @@ from typing import Any
 from causes import causes_of
 from score import OTHER, VERDICTS
 
-from explicitfe.results.folder import whole_file
+from explicitfe.results.files.folder import whole_file
 
 NOTHING_OF_POSTERIOR, OTHER_OF_POSTERIOR = "nothing", ("other", "something else", "something-else")
 

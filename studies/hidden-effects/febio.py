@@ -20,10 +20,10 @@ import numpy as np
 from glued_solver import POISSON_OF_CONSTANT_VOLUME
 from sealed import Request, RowNoise, Sealed, truth_of
 
-from explicitfe.blind.draws import C10_RANGE_PA
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.blind.foreign.tool_tests import RigReading
-from explicitfe.errors import RunError
+from explicitfe.platform.errors import RunError
+from studies.blind.draws import C10_RANGE_PA
+from studies.blind.foreign.law import HiddenTissue
+from studies.blind.foreign.tool_tests import RigReading
 
 EXECUTABLES = ("febio4", "febio3", "febio")
 SINGLES = ("viscoelastic", "two-terms", "compressible", "layer", "force-offset", "force-drift", "lag")

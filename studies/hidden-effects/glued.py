@@ -20,12 +20,12 @@ from scipy.optimize import nnls
 from scipy.special import erf
 from sealed import Distance, Request, RowNoise, Sealed, truth_of
 
-from explicitfe.blind.case import Case, CaseCurve
-from explicitfe.blind.draws import C10_RANGE_PA, signed_strength, strength
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.blind.foreign.tool_tests import RigReading
-from explicitfe.blind.grid import Parameters
-from explicitfe.blind.protocols import programme
+from studies.blind.case import Case, CaseCurve
+from studies.blind.draws import C10_RANGE_PA, signed_strength, strength
+from studies.blind.foreign.law import HiddenTissue
+from studies.blind.foreign.tool_tests import RigReading
+from studies.blind.grid import Parameters
+from studies.blind.protocols import programme
 
 SINGLES = (
     "viscoelastic",

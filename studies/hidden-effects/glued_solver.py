@@ -21,8 +21,8 @@ from numpy.polynomial import legendre
 from scipy.sparse.linalg import splu
 from scipy.special import erf
 
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.errors import RunError
+from explicitfe.platform.errors import RunError
+from studies.blind.foreign.law import HiddenTissue
 
 POISSON_OF_CONSTANT_VOLUME = 0.4995
 DEGREE = 4  # of the polynomials of the data

@@ -13,13 +13,13 @@ from causes import cause_of
 from laws import HiddenBench
 from sealed import SMALLEST_IDENTIFIABLE_SD, Distance, Request, RowNoise, Sealed, truth_of
 
-from explicitfe.blind.case import Case, CaseCurve, Table
-from explicitfe.blind.draws import draw_constants, signed_strength, strength
-from explicitfe.blind.foreign import homogeneous_cases as drawn
-from explicitfe.blind.grid import Effects, HomogeneousRun, Mode, Parameters
-from explicitfe.blind.homogeneous_case import COLUMNS, PLATEN
-from explicitfe.blind.identifiable import CaseSizes, case_sizes, separation
-from explicitfe.blind.protocols import PROGRAMMES, Protocol, draw_protocol
+from studies.blind.case import Case, CaseCurve, Table
+from studies.blind.draws import draw_constants, signed_strength, strength
+from studies.blind.foreign import homogeneous_cases as drawn
+from studies.blind.grid import Effects, HomogeneousRun, Mode, Parameters
+from studies.blind.homogeneous_case import COLUMNS, PLATEN
+from studies.blind.identifiable import CaseSizes, case_sizes, separation
+from studies.blind.protocols import PROGRAMMES, Protocol, draw_protocol
 
 FAMILY = "closed"
 SINGLES = (

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import erf
 
-from explicitfe.blind.foreign.closed import ForeignBench, PointLaw
-from explicitfe.blind.grid import Effects, Grid, Parameters
+from studies.blind.foreign.closed import ForeignBench, PointLaw
+from studies.blind.grid import Effects, Grid, Parameters
 
 LOG_STEP = 0.4  # of the trapezoidal rule
 SPECTRUM_DECADES = 9.0  # on either side of tau; what relaxes faster is lost at once, what relaxes slower stays
@@ -42,7 +42,7 @@ def log_normal_terms(parameters: Parameters) -> list[tuple[float, float]]:
 
 
 class HiddenBench(ForeignBench):
-    """A bench whose tissue may follow a law of this module, see :class:`explicitfe.blind.foreign.closed.ForeignBench`."""
+    """A bench whose tissue may follow a law of this module, see :class:`studies.blind.foreign.closed.ForeignBench`."""
 
     def values(
         self, C10_Pa: float, C20_Pa: float, effects: Effects | None = None, parts: int | None = None, recovers: bool = True

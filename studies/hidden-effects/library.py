@@ -12,18 +12,18 @@ from pathlib import Path
 import numpy as np
 from causes import cause_of
 
-from explicitfe.close_loop.specimens.features import features_of
-from explicitfe.close_loop.specimens.scales import scales_of
-from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import CORRECTED, Specimens
-from explicitfe.close_loop.split import split
-from explicitfe.close_loop.statistics.covariance import Covariance, stack
-from explicitfe.close_loop.statistics.noise import row_noise, scatter
-from explicitfe.close_loop.statistics.refit import BestFit, refit
-from explicitfe.close_loop.statistics.system import Candidate, Hypothesis, candidate
-from explicitfe.effects import EFFECTS
-from explicitfe.errors import RunError
-from explicitfe.measured.read import read_dataset
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.inverse.close_loop.specimens.features import features_of
+from explicitfe.inverse.close_loop.specimens.scales import scales_of
+from explicitfe.inverse.close_loop.specimens.simulator import Simulator
+from explicitfe.inverse.close_loop.specimens.specimens import CORRECTED, Specimens
+from explicitfe.inverse.close_loop.split import split
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
+from explicitfe.inverse.close_loop.statistics.noise import row_noise, scatter
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
+from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, candidate
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import RunError
 
 SMALLEST_COLUMN_SD = 1e-3  # a column whose norm outside of the constants is smaller is no response
 

@@ -29,9 +29,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the processes are the para
 import numpy as np
 from sealed import Request
 
-from explicitfe.blind.case import write
-from explicitfe.errors import InputError, RunError
-from explicitfe.results.folder import whole_file, whole_folder
+from explicitfe.platform.errors import InputError, RunError
+from explicitfe.results.files.folder import whole_file, whole_folder
+from studies.blind.case import write
 
 KIND_SHARES = {"control": 0.30, "single": 0.45, "pair": 0.10, "outside": 0.15}
 FAMILY_SHARES = {"closed": 0.60, "press": 0.14, "glued": 0.18, "febio": 0.08}

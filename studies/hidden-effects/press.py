@@ -11,13 +11,13 @@ import numpy as np
 from causes import cause_of
 from sealed import Distance, Request, RowNoise, Sealed, truth_of
 
-from explicitfe.blind.case import Case, Table
-from explicitfe.blind.draws import C10_RANGE_PA
-from explicitfe.blind.foreign import tool_cases as tool
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.blind.foreign.secants import Secants
-from explicitfe.blind.foreign.tool_tests import ColumnNoise, RigReading, answers
-from explicitfe.blind.grid import Parameters
+from studies.blind.case import Case, Table
+from studies.blind.draws import C10_RANGE_PA
+from studies.blind.foreign import tool_cases as tool
+from studies.blind.foreign.law import HiddenTissue
+from studies.blind.foreign.secants import Secants
+from studies.blind.foreign.tool_tests import ColumnNoise, RigReading, answers
+from studies.blind.grid import Parameters
 
 LEVELS = (0.003, 0.01, 0.02)
 UNSTATED_SHARE = 0.15

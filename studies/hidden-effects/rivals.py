@@ -25,8 +25,8 @@ import numpy as np
 from library import Data, Library
 from scipy.optimize import nnls
 
-from explicitfe.errors import InputError, RunError
-from explicitfe.results.folder import whole_file
+from explicitfe.platform.errors import InputError, RunError
+from explicitfe.results.files.folder import whole_file
 
 MOST_COLUMNS = 8  # of a model
 FOLDS_OF_ONE_TEST = 5  # blocks of rows, where a dataset has one test

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from causes import causes_of
 
-from explicitfe.blind.case import Case
+from studies.blind.case import Case
 
 SMALLEST_IDENTIFIABLE_SD = 5.0  # distance of the true rows from the best elastic fit, and from every other single cause
 

@@ -18,37 +18,28 @@ from support import ROOT
 
 PACKAGE = ROOT / "explicitfe"
 
-# Low to high. A unit is a module at the top of the package or a whole folder; units of one rank are siblings and do not
-# import each other.
-RANKS = [
-    {"errors"},
-    {"compiled", "acoustics", "host"},
-    {"mesh", "materials"},
-    {"elements", "bones"},
-    {"effects"},
-    {"forces"},
-    {"scenario", "results"},
-    {"measure"},
-    {"model", "view"},
-    {"solve"},
-    {"measured"},
-    {"run"},
-    {"predict", "sweep"},
-    {"identify"},
-    {"close_loop"},
-    {"blind"},
-    {"verify"},
-    {"api"},
-    {"__init__"},
-    {"cli"},
-    {"__main__"},
-]
+# Low to high, by wing. A unit is a folder of a wing, or a module at the top of the package or of a wing; units of one rank are
+# siblings and do not import each other.
+WINGS = {
+    "platform": [{"errors"}, {"compiled", "host"}],
+    "fem": [{"mesh", "materials"}, {"elements", "bones", "effects"}, {"inputs", "forces"}, {"model"}, {"solve"}],
+    "results": [{"acoustics", "documents"}, {"files"}, {"measure"}],
+    "simulate": [{"scenario"}, {"anatomy"}, {"run"}, {"sweep"}],
+    "inverse": [{"measured"}, {"predict"}, {"identify"}, {"close_loop"}],
+    "app": [{"view"}, {"api", "tools"}, {"verify"}],
+}
+TOP = [{"__init__"}, {"app.cli"}, {"__main__"}]
+RANKS = [{f"{wing}.{room}" for room in rooms} for wing, ranks in WINGS.items() for rooms in ranks] + TOP
 RANK = {unit: rank for rank, units in enumerate(RANKS) for unit in units}
+MOST_ARROWS_BETWEEN_WINGS = 20
 # Reading, measuring and drawing a result must not need the mechanics.
+PLATFORM = {"platform.errors", "platform.host"}
 ONLY = {
-    "results": {"errors", "host", "mesh"},
-    "measure": {"errors", "host", "acoustics", "mesh", "results"},
-    "view": {"errors", "host", "acoustics", "mesh", "results", "measure"},
+    "results.acoustics": PLATFORM,
+    "results.documents": PLATFORM | {"fem.mesh"},
+    "results.files": PLATFORM | {"fem.mesh", "results.documents"},
+    "results.measure": PLATFORM | {"fem.mesh", "results.acoustics", "results.documents", "results.files"},
+    "app.view": PLATFORM | {"fem.mesh", "results.acoustics", "results.documents", "results.files", "results.measure"},
 }
 LAZY = ("pyvista", "matplotlib", "meshio", "jinja2", "pyarrow", "pandas")
 
@@ -64,7 +55,8 @@ TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MOD
 
 
 def unit_of(module: str) -> str:
-    return module.split(".")[0]
+    """Folder of a wing, such as "fem.mesh"; "__init__" and "__main__" of the package; a wing for its own ``__init__``."""
+    return ".".join(module.split(".")[:2])
 
 
 def imports(tree: ast.AST) -> Iterator[tuple[str, int]]:
@@ -111,7 +103,7 @@ def violations(module: str, tree: ast.AST) -> list[str]:
     wrong = []
     for target_module, line in inside(tree):
         target = unit_of(target_module)
-        if target == source:
+        if target in (source, source.split(".")[0]):
             continue
         allowed = target in ONLY[source] if source in ONLY else RANK[target] < RANK[source]
         if not allowed:
@@ -121,7 +113,18 @@ def violations(module: str, tree: ast.AST) -> list[str]:
 
 def test_every_module_has_a_place():
     """Every module of the package belongs to a unit of the table, and every unit of the table exists."""
-    assert {unit_of(module) for module in MODULES} == set(RANK)
+    assert {unit_of(module) for module in MODULES} == set(RANK) | set(WINGS)
+
+
+def test_the_wings_are_empty_folders():
+    """The ``__init__`` of a wing imports nothing, so that a part of it does not load the others."""
+    assert not [wing for wing in WINGS if list(imports(TREES[wing]))]
+
+
+def test_few_arrows_between_wings():
+    pairs = {(module.split(".")[0], target.split(".")[0]) for module, tree in TREES.items() for target, _ in inside(tree)}
+    arrows = {(source, target) for source, target in pairs if source != target and {source, target} <= set(WINGS)}
+    assert len(arrows) <= MOST_ARROWS_BETWEEN_WINGS, arrows
 
 
 @pytest.mark.parametrize("module", list(MODULES))
@@ -140,41 +143,43 @@ def test_no_circle():
 
 def test_the_check_sees_what_it_should():
     """The check reports imports that point up, to a sibling or past ONLY, also inside functions."""
-    up = "def f():\n    from explicitfe.solve.simulation import Simulation\n"
-    assert violations("forces.contact", ast.parse(up)) == ["forces.contact:2 imports solve.simulation"]
-    assert violations("materials.yeoh", ast.parse("from explicitfe import mesh")) == ["materials.yeoh:1 imports mesh"]
-    assert violations("results.reader", ast.parse("import explicitfe.compiled.simd")) == [
-        "results.reader:1 imports compiled.simd"
+    up = "def f():\n    from explicitfe.fem.solve.simulation import Simulation\n"
+    assert violations("fem.forces.contact", ast.parse(up)) == ["fem.forces.contact:2 imports fem.solve.simulation"]
+    across = "from explicitfe.simulate.run import run"
+    assert violations("fem.materials.yeoh", ast.parse(across)) == ["fem.materials.yeoh:1 imports simulate.run.run"]
+    assert violations("results.files.reader", ast.parse("import explicitfe.platform.compiled.simd")) == [
+        "results.files.reader:1 imports platform.compiled.simd"
     ]
-    assert violations("forces.internal", ast.parse("from explicitfe.elements.hex8 import MODES")) == []
+    assert violations("fem.forces.internal", ast.parse("from explicitfe.fem.elements.hex8 import MODES")) == []
     late = "import numpy\nif TYPE_CHECKING:\n    import pyvista\ndef f():\n    import meshio\n"
     assert [name for name, _ in imports(at_import_time(ast.parse(late)))] == ["numpy"]
 
 
 def test_the_statistics_know_no_tissue():
     """They serve any system of measured series: beside each other they know errors, numbers, and how a parameter is sought."""
-    known = {"errors", "close_loop.thresholds", "effects.effect"}
+    known = {"platform.errors", "inverse.close_loop.thresholds", "fem.effects.effect"}
     for module, tree in TREES.items():
-        if module.startswith("close_loop.statistics."):
-            others = {target for target, _ in inside(tree) if not target.startswith("close_loop.statistics")}
+        if module.startswith("inverse.close_loop.statistics."):
+            others = {target for target, _ in inside(tree) if not target.startswith("inverse.close_loop.statistics")}
             assert others <= known, module
-            sought = {name for name, _ in imports(tree) if name.startswith("explicitfe.effects.")}
-            assert sought <= {"explicitfe.effects.effect.Sought"}, module
+            sought = {name for name, _ in imports(tree) if name.startswith("explicitfe.fem.effects.")}
+            assert sought <= {"explicitfe.fem.effects.effect.Sought"}, module
 
 
 def test_only_jit_compiles():
     """numba is imported in jit.py, in those that teach it vectors, choosing and waiting, and in one that watches it compile."""
     users = {module for module, tree in TREES.items() if any(n.split(".")[0] == "numba" for n, _ in imports(tree))}
-    assert users == {"compiled.cache", "compiled.choose", "compiled.jit", "compiled.simd", "compiled.threads", "host.code_cache"}
+    compiled = {f"platform.compiled.{name}" for name in ("cache", "choose", "jit", "simd", "threads")}
+    assert users == compiled | {"platform.host.code_cache"}
     compilers = {"jit", "njit", "vectorize", "guvectorize", "jitclass", "cfunc", "stencil"}
-    for node in ast.walk(TREES["compiled.simd"]):
-        assert not (isinstance(node, ast.Attribute) and node.attr in compilers), f"compiled/simd.py:{node.lineno}"
-        assert not (isinstance(node, ast.Name) and node.id in compilers), f"compiled/simd.py:{node.lineno}"
+    for node in ast.walk(TREES["platform.compiled.simd"]):
+        assert not (isinstance(node, ast.Attribute) and node.attr in compilers), f"simd.py:{node.lineno}"
+        assert not (isinstance(node, ast.Name) and node.id in compilers), f"simd.py:{node.lineno}"
 
 
 def test_only_results_reads_and_writes_hdf5():
     users = {unit_of(m) for m, tree in TREES.items() if any(n.split(".")[0] == "h5py" for n, _ in imports(tree))}
-    assert users == {"results"}
+    assert users == {"results.files"}
 
 
 @pytest.mark.parametrize("library", LAZY)
@@ -198,6 +203,6 @@ def test_no_test_names_a_path_of_one_machine():
 
 def test_the_command_starts_without_numpy():
     """Then the command can still set the number of threads of the linear algebra, and answers ``--help`` at once."""
-    code = "import sys, explicitfe.cli.execute; print('numpy' in sys.modules, 'numba' in sys.modules)"
+    code = "import sys, explicitfe.app.cli.execute; print('numpy' in sys.modules, 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == ["False", "False"]

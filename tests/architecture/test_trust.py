@@ -31,7 +31,7 @@ NEVER_CALLED_OF_A_MODULE = {
 NEVER_GIVEN = {"allow_pickle": True, "shell": True}
 # git describes the checkout; VTK crashes where it cannot render, and readers of meshes and surfaces on damaged files: these get
 # processes of their own, which are this package.
-MAY_START_PROGRAMS = {"results.provenance", "view.opengl", "view.rendering", "host.child"}
+MAY_START_PROGRAMS = {"results.files.provenance", "app.view.opengl", "app.view.rendering", "platform.host.child"}
 # `explicitfe.run` is imported when it is first used; the names stand in a table.
 MAY_IMPORT_BY_NAME = {"__init__"}
 
@@ -81,10 +81,10 @@ eval("1"); exec("1"); compile("1", "", "eval"); __import__("a")
 os.system("a"); os.popen("a"); os.execv("a", []); os.spawnl(0, "a")
 np.load("a"); subprocess.run("a", shell=True); f(allow_pickle=flag)
 """
-    assert len(list(breaches("mesh.box", ast.parse(seen)))) == 15
+    assert len(list(breaches("fem.mesh.box", ast.parse(seen)))) == 15
     fine = "import re, json, importlib.metadata\nre.compile('a'); simulation.compile(); f(shell=False); json.load(file)\n"
     fine += "np.load(file, allow_pickle=False)\n"
-    assert not list(breaches("mesh.box", ast.parse(fine)))
+    assert not list(breaches("fem.mesh.box", ast.parse(fine)))
 
 
 def test_every_text_of_a_page_is_escaped() -> None:
@@ -104,7 +104,7 @@ def test_every_text_of_a_page_is_escaped() -> None:
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "Markup"
     ]
     assert marked == [
-        ("view.page.frame", "Markup(files('explicitfe.view').joinpath(name).read_text(encoding='utf-8'))"),
+        ("app.view.page.frame", "Markup(files('explicitfe.app.view').joinpath(name).read_text(encoding='utf-8'))"),
     ]
     environments = [
         ast.unparse(node)
@@ -116,4 +116,4 @@ def test_every_text_of_a_page_is_escaped() -> None:
 
 
 def test_all_modules_are_read() -> None:
-    assert {"cli.main", "view.report.page", "compiled.jit"} <= set(MODULES)
+    assert {"app.cli.main", "app.view.report.page", "platform.compiled.jit"} <= set(MODULES)

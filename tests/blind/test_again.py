@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from explicitfe.blind import homogeneous, identifiable
-from explicitfe.blind.again import distance_with, measure_again
-from explicitfe.blind.case import CaseRequest, write
-from explicitfe.blind.foreign import homogeneous_cases
-from explicitfe.close_loop.next_test import reported_programme
-from explicitfe.close_loop.proposals import ProposedCurve
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.close_loop.next_test import reported_programme
+from explicitfe.inverse.close_loop.proposals import ProposedCurve
+from explicitfe.inverse.measured.read import read_dataset
+from studies.blind import homogeneous, identifiable
+from studies.blind.again import distance_with, measure_again
+from studies.blind.case import CaseRequest, write
+from studies.blind.foreign import homogeneous_cases
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +58,7 @@ def test_what_further_tests_can_show(monkeypatch, tmp_path, family):
     most.
     """
     monkeypatch.setattr(identifiable, "possible_effects", lambda _: ("third-yeoh",))
-    monkeypatch.setattr("explicitfe.blind.again.rivals_of", lambda *_: {})
+    monkeypatch.setattr("studies.blind.again.rivals_of", lambda *_: {})
     curves, truth = drawn(monkeypatch, tmp_path, family, "third-yeoh", "shear", 0.01)
     source = curves[-1]
     small = replace(source, columns={name: 0.1 * column for name, column in source.columns.items()})

@@ -9,23 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.blind import tables, under_a_tool
-from explicitfe.blind.case import CaseRequest, write
-from explicitfe.blind.closed_forms import Bench
-from explicitfe.blind.grid import HomogeneousRun, Mode
-from explicitfe.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE, separation
-from explicitfe.blind.make import make, numbers, plan
-from explicitfe.blind.noise import Noise, Whitener
-from explicitfe.blind.outcome import WORDS, intervals, outcome
-from explicitfe.blind.protocols import programme
-from explicitfe.blind.score import score
-from explicitfe.errors import InputError
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.read import read_dataset
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
-from explicitfe.predict.experiment import experiments
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import Tissue
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.predict.experiment import experiments
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import Tissue
+from explicitfe.platform.errors import InputError
+from studies.blind import tables, under_a_tool
+from studies.blind.case import CaseRequest, write
+from studies.blind.closed_forms import Bench
+from studies.blind.grid import HomogeneousRun, Mode
+from studies.blind.identifiable import SMALLEST_IDENTIFIABLE_DISTANCE, separation
+from studies.blind.make import make, numbers, plan
+from studies.blind.noise import Noise, Whitener
+from studies.blind.outcome import WORDS, intervals, outcome
+from studies.blind.protocols import programme
+from studies.blind.score import score
 
 pytestmark = pytest.mark.slow
 

@@ -15,10 +15,10 @@ from command import command
 from killing import killed_at
 from support import ROOT
 
-from explicitfe.blind import score as scoring
-from explicitfe.blind.make import make
-from explicitfe.blind.score import score
-from explicitfe.errors import InputError
+from explicitfe.platform.errors import InputError
+from studies.blind import score as scoring
+from studies.blind.make import make
+from studies.blind.score import score
 
 pytestmark = pytest.mark.slow
 
@@ -26,8 +26,8 @@ KINDS = {"control": 2}
 STUDY = f"""
 from pathlib import Path
 import sys
-from explicitfe.blind.make import make
-from explicitfe.blind.score import score
+from studies.blind.make import make
+from studies.blind.score import score
 
 if __name__ == "__main__":
     study = Path(sys.argv[1])
@@ -113,7 +113,7 @@ def test_what_is_half_written_is_not_taken_for_a_case(whole: Path, tmp_path: Pat
     half = tmp_path / "study" / "cases" / ".case-0002.abcdefgh.part"
     (tmp_path / "study" / "cases" / "case-0002").rename(half)
     (half / "dataset.toml").unlink()
-    with pytest.raises(InputError, match="1 of 2 cases exist; create the others with explicitfe blind make"):
+    with pytest.raises(InputError, match="1 of 2 cases exist; create the others"):
         score(tmp_path / "study")
     make(tmp_path / "study", seed=3, kinds=KINDS)
     assert not half.exists()

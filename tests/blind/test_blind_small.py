@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from answers import check_answer
 
-from explicitfe.blind.make import make
-from explicitfe.blind.score import score
-from explicitfe.view.json_text import json_text
+from explicitfe.app.view.json_text import json_text
+from studies.blind.make import make
+from studies.blind.score import score
 
 pytestmark = pytest.mark.slow
 

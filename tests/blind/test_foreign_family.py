@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.blind.case import CaseRequest, write
-from explicitfe.blind.closed_forms import Bench
-from explicitfe.blind.foreign import family, tool_cases
-from explicitfe.blind.foreign.closed import ForeignBench, power_law_terms
-from explicitfe.blind.grid import HomogeneousRun
-from explicitfe.blind.make import make, numbers
-from explicitfe.blind.protocols import draw_protocol
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.measured.read import read_dataset
+from studies.blind.case import CaseRequest, write
+from studies.blind.closed_forms import Bench
+from studies.blind.foreign import family, tool_cases
+from studies.blind.foreign.closed import ForeignBench, power_law_terms
+from studies.blind.grid import HomogeneousRun
+from studies.blind.make import make, numbers
+from studies.blind.protocols import draw_protocol
 
 EFFECTS = {
     "viscoelastic": {"g": [0.3], "tau_s": [3.0]},

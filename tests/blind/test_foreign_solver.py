@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
-from explicitfe.blind.foreign.contact import RigidTool
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.blind.foreign.tool_tests import RigReading, ToolTest, answers
+from studies.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
+from studies.blind.foreign.contact import RigidTool
+from studies.blind.foreign.law import HiddenTissue
+from studies.blind.foreign.tool_tests import RigReading, ToolTest, answers
 
 pytestmark = pytest.mark.slow
 

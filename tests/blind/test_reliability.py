@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from explicitfe.blind.reliability import is_right, reliability, reliability_lines, reliability_picture
+from studies.blind.reliability import is_right, reliability, reliability_lines, reliability_picture
 
 pytestmark = pytest.mark.slow
 

@@ -17,14 +17,15 @@ from identify_cases import write_homogeneous
 from jsonschema import ValidationError
 from support import ROOT
 
-from explicitfe.cli.answers import ANSWERS, answer_schema
-from explicitfe.cli.app import COMMANDS, GROUPS
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.run import speed, transient
-from explicitfe.run.lists import LISTS
-from explicitfe.solve import point
-from explicitfe.solve.transient import Ledger
-from explicitfe.view.json_text import json_text
+from explicitfe.app.cli.answers import ANSWERS, answer_schema
+from explicitfe.app.cli.app import COMMANDS, GROUPS
+from explicitfe.app.tools import speed
+from explicitfe.app.tools.lists import LISTS
+from explicitfe.app.view.json_text import json_text
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.transient import Ledger
+from explicitfe.simulate.run import transient
 
 pytestmark = pytest.mark.slow
 
@@ -36,7 +37,7 @@ def answered(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> 
     """What a command answers, checked against its schema."""
     capsys.readouterr()
     assert command([*words, "--json"]) == code
-    return check_answer("-".join(words[:2]) if words[0] in ("blind", "new") else words[0], capsys.readouterr().out)
+    return check_answer("-".join(words[:2]) if words[0] == "new" else words[0], capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("name", [*ANSWERS, "failure"])
@@ -54,8 +55,8 @@ def test_every_command_that_answers_has_a_schema() -> None:
 
 
 def test_the_schema_of_an_answer_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(["schema", "--answer", "blind make"]) == 0
-    assert capsys.readouterr().out == (SCHEMAS / "blind-make.schema.json").read_text(encoding="utf-8")
+    assert command(["schema", "--answer", "new scenario"]) == 0
+    assert capsys.readouterr().out == (SCHEMAS / "new-scenario.schema.json").read_text(encoding="utf-8")
     assert command(["schema", "--answer", "runn"]) == 2
     assert 'there is no answer "runn"; did you mean "run"?' in capsys.readouterr().err
 
@@ -117,10 +118,6 @@ def test_measured_data(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> No
     answered(capsys, "identify", str(data), "--out", str(tmp_path / "fit"))
     answered(capsys, "close-loop", str(data), "--out", str(tmp_path / "loop"), "--max-effects", "0")
     answered(capsys, "predict", str(data), "--model", str(tmp_path / "loop/model.toml"), "--out", str(tmp_path / "predicted"))
-
-
-def test_blind_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    answered(capsys, "blind", "make", str(tmp_path / "cases"), "--seed", "3", "--count", "1")
 
 
 def test_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,11 +18,12 @@ import pytest
 from command import command
 from support import ROOT
 
-from explicitfe.cli.app import COMMANDS, GROUPS
-from explicitfe.cli.ending import LONGEST_MESSAGE_CHARACTERS
-from explicitfe.errors import InputError, MachineError, RunError
-from explicitfe.host import stopping
-from explicitfe.run import lists, transient
+from explicitfe.app.cli.app import COMMANDS, GROUPS
+from explicitfe.app.cli.ending import LONGEST_MESSAGE_CHARACTERS
+from explicitfe.app.tools import lists
+from explicitfe.platform.errors import InputError, MachineError, RunError
+from explicitfe.platform.host import stopping
+from explicitfe.simulate.run import transient
 
 NAMES = [[name] for panel in COMMANDS.values() for name in panel]
 NAMES += [[group, name] for panel in GROUPS.values() for group, (_, commands) in panel.items() for name in commands]
@@ -129,8 +130,8 @@ def test_a_fault_names_the_file_that_was_worked_on(
         (["run", "a.toml", "--frobnicate"], "No such option: --frobnicate"),
         (["run", "a.toml", "b.toml"], "Got unexpected extra argument"),
         (["run", "a.toml", "--set"], "'--set' requires an argument"),
-        (["blind"], "Missing command; see `explicitfe blind --help`"),
-        (["blind", "make", "x", "--seed", "a"], "Invalid value for '--seed'"),
+        (["new"], "Missing command; see `explicitfe new --help`"),
+        (["sweep", "x", "--seed", "a"], "Invalid value for '--seed'"),
         (["--frobnicate", "list"], "No such option: --frobnicate"),
     ],
 )
@@ -174,7 +175,7 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The result stands, the summary says so and how to draw it."""
-    from explicitfe.view import draw
+    from explicitfe.app.view import draw
 
     monkeypatch.setitem(draw.PICTURES, "transient", {"contour": lambda *given: 1 / 0})
     words = ["run", str(ROOT / "scenarios/vowel-i.toml"), "--out", str(tmp_path), "--plots", "--json", *SMALL]
@@ -193,7 +194,7 @@ def test_a_run_whose_pictures_cannot_be_drawn_is_done(
 def test_a_signal_while_pictures_are_drawn_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from explicitfe.view import draw
+    from explicitfe.app.view import draw
 
     def stop(*given: object) -> None:
         signal.raise_signal(signal.SIGINT)
@@ -238,7 +239,7 @@ def test_a_full_disk_under_an_answer() -> None:
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
 def test_closed_streams_are_opened_on_nothing() -> None:
     """Else a result file could get the number of stderr, and messages of libraries would go into it."""
-    code = "import os, sys; sys.argv = ['explicitfe', '--version']; from explicitfe.cli.main import main\nmain()\n"
+    code = "import os, sys; sys.argv = ['explicitfe', '--version']; from explicitfe.app.cli.main import main\nmain()\n"
     code += "os.write(1, os.readlink('/proc/self/fd/2').encode())"
     words = ["sh", "-c", 'exec "$0" -c "$1" 2>&- <&-', sys.executable, code]
     done = subprocess.run(words, stdout=subprocess.PIPE, env=os.environ | {"PYTHONPATH": str(ROOT)})

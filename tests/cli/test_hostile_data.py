@@ -17,8 +17,8 @@ from command import command
 from identify_cases import write_homogeneous
 from support import ROOT
 
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.solve import point
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
 
 pytestmark = pytest.mark.slow
 

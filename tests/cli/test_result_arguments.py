@@ -12,11 +12,11 @@ import tiny_result
 from command import command
 from support import ROOT
 
-from explicitfe.cli.completion import complete_result, complete_unfinished_result
-from explicitfe.errors import InputError
-from explicitfe.host.result_files import find_result
-from explicitfe.results import open_result
-from explicitfe.results.ending import note_on_ending
+from explicitfe.app.cli.completion import complete_result, complete_unfinished_result
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.result_files import find_result
+from explicitfe.results.files import open_result
+from explicitfe.results.files.ending import note_on_ending
 
 SMALL = ["--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=4", "--set", "record.every_ms=2"]
 READERS = (["inspect"], ["measure"], ["report"], ["view", "--png"], ["plot", "--only", "contour"], ["export", "--to", "csv"])

@@ -10,16 +10,16 @@ from command import command
 from jsonschema import Draft202012Validator
 from support import ROOT
 
-from explicitfe.cli.completion import complete_scenario, complete_scenario_or_dataset
-from explicitfe.cli.file_schemas import FILES, file_schema
-from explicitfe.cli.list import LISTED
-from explicitfe.errors import InputError
-from explicitfe.host import shipped
-from explicitfe.host.text import toml_of
-from explicitfe.measured.read import read_dataset
-from explicitfe.run.lists import LISTS
-from explicitfe.run.prepare import prepare
-from explicitfe.run.run import result_path
+from explicitfe.app.cli.completion import complete_scenario, complete_scenario_or_dataset
+from explicitfe.app.cli.file_schemas import FILES, file_schema
+from explicitfe.app.cli.list import LISTED
+from explicitfe.app.tools.lists import LISTS
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host import shipped
+from explicitfe.platform.host.text import toml_of
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.run.run import result_path
 
 EXAMPLES = {
     "scenario": sorted(shipped.folder_of("scenarios").glob("*.toml")),

@@ -12,10 +12,10 @@ import pytest
 from command import command
 from support import ROOT
 
-from explicitfe.cli.app import COMMANDS, GROUPS
-from explicitfe.errors import Stage
-from explicitfe.host.compilation import listening
-from explicitfe.run.machine_code import make_ready
+from explicitfe.app.cli.app import COMMANDS, GROUPS
+from explicitfe.platform.errors import Stage
+from explicitfe.platform.host.compilation import listening
+from explicitfe.simulate.run.machine_code import make_ready
 
 SLOW = ["numba", "scipy.interpolate", "scipy.spatial", "scipy.optimize", "h5py", "pyvista", "matplotlib", "meshio"]
 # They are done within a second, imports and all, and say nothing before their answer.
@@ -31,7 +31,7 @@ def printed_by(code: str) -> str:
 def test_the_first_lists_wait_for_no_slow_library() -> None:
     code = f"""
 import sys
-from explicitfe.cli.execute import execute
+from explicitfe.app.cli.execute import execute
 for what in ("models", "scenarios", "datasets", "protocols"):
     execute(["list", what])
 print("imported:", [name for name in {SLOW} if name in sys.modules])
@@ -44,8 +44,8 @@ print("imported:", [name for name in {SLOW} if name in sys.modules])
 def test_words_come_before_the_imports() -> None:
     code = """
 import os, sys
-from explicitfe.cli.execute import execute
-from explicitfe.view import progress
+from explicitfe.app.cli.execute import execute
+from explicitfe.app.view import progress
 def say(self, words):
     print(words, "numpy" in sys.modules, "numba" in sys.modules, flush=True)
     os._exit(0)
@@ -55,7 +55,7 @@ execute(["check", "missing.toml"])
     assert printed_by(code) == "reading missing.toml False False\n"
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / "explicitfe/cli").glob("*.py")), ids=lambda path: path.name)
+@pytest.mark.parametrize("file", sorted((ROOT / "explicitfe/app/cli").glob("*.py")), ids=lambda path: path.name)
 def test_a_command_imports_after_its_first_words(file: Path) -> None:
     """What a command's function imports of the package stands inside its ``with following(...)``."""
     functions = {function.__name__ for panel in COMMANDS.values() for function in panel.values()}
@@ -72,7 +72,7 @@ def test_a_command_imports_after_its_first_words(file: Path) -> None:
         }
         early = [node for node in ast.walk(function) if isinstance(node, ast.ImportFrom) and node not in followed]
         # the schema of scenarios takes half a second; nothing else does without words
-        assert {str(node.module) for node in early} <= {"explicitfe.scenario.read"}, file.name
+        assert {str(node.module) for node in early} <= {"explicitfe.simulate.scenario.read"}, file.name
 
 
 def test_no_flag_asks_for_a_value(capsys: pytest.CaptureFixture[str]) -> None:

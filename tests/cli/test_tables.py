@@ -9,9 +9,9 @@ import pytest
 from command import command
 from support import ROOT
 
-from explicitfe.host import load
-from explicitfe.run import speed
-from explicitfe.view.terminal.rows import moved
+from explicitfe.app.tools import speed
+from explicitfe.app.view.terminal.rows import moved
+from explicitfe.platform.host import load
 
 SMALL = ["--set", "model.cells=[8,4,4]", "--set", "analysis.duration_ms=2"]
 

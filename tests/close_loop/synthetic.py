@@ -10,14 +10,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from explicitfe.close_loop.compared import ComparedCauses
-from explicitfe.close_loop.search import compare
-from explicitfe.close_loop.statistics.covariance import Covariance, stack
-from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
-from explicitfe.close_loop.statistics.time_limit import TimeLimit
-from explicitfe.close_loop.verdict import Outcome, conclude
-from explicitfe.effects.effect import Sought
+from explicitfe.fem.effects.effect import Sought
+from explicitfe.inverse.close_loop.compared import ComparedCauses
+from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
+from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter
+from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate
+from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
+from explicitfe.inverse.close_loop.verdict import Outcome, conclude
 
 ROWS = 40
 WIDE = 1e6  # bound of a parameter that shall never meet it

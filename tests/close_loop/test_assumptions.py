@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import Specimens
-from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.close_loop.specimens.simulator import Simulator
+from explicitfe.inverse.close_loop.specimens.specimens import Specimens
+from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
+from explicitfe.inverse.measured.read import read_dataset
 
 DATASET = """format = "explicitfe-dataset/1"
 name = "platens"

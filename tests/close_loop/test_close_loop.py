@@ -13,12 +13,11 @@ import pytest
 from answers import check_answer
 from command import command
 
-from explicitfe.close_loop.close import close_loop
-from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import Specimens
-from explicitfe.measured.read import read_dataset
-from explicitfe.predict.predict import predict
-from explicitfe.results.loop_report import LoopReport
+from explicitfe.app.api.inverse import close_loop, predict
+from explicitfe.inverse.close_loop.specimens.simulator import Simulator
+from explicitfe.inverse.close_loop.specimens.specimens import Specimens
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.results.documents.loop_report import LoopReport
 
 pytestmark = pytest.mark.slow
 
@@ -259,7 +258,7 @@ def test_a_folder_of_something_else_is_left_alone(closed, tmp_path):
 
 def test_a_report_that_fails_halfway_leaves_nothing(closed, tmp_path, monkeypatch):
     """The page cannot be drawn: the folder does not exist afterwards, nor does what was written beside it."""
-    from explicitfe.view.report import page as loopreport
+    from explicitfe.app.view.report import page as loopreport
 
     def fails(*_args, **_more):
         raise OSError(28, "No space left on device")

@@ -13,7 +13,8 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 from synthetic import Linear, Planted, compared, elastic, programme, white
 
-from explicitfe.close_loop.evidence import (
+from explicitfe.fem.effects.effect import Sought
+from explicitfe.inverse.close_loop.evidence import (
     Evidence,
     Posterior,
     Prior,
@@ -23,15 +24,14 @@ from explicitfe.close_loop.evidence import (
     log_prior_of_strengths,
     posterior_of,
 )
-from explicitfe.close_loop.report import limit_warning
-from explicitfe.close_loop.statistics.covariance import measured_rows
-from explicitfe.close_loop.statistics.lack_of_fit import LackOfFit
-from explicitfe.close_loop.statistics.refit import BestFit, refit
-from explicitfe.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
-from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
-from explicitfe.close_loop.statistics.time_limit import TimeLimit
-from explicitfe.close_loop.thresholds import THRESHOLDS
-from explicitfe.effects.effect import Sought
+from explicitfe.inverse.close_loop.report import limit_warning
+from explicitfe.inverse.close_loop.statistics.covariance import measured_rows
+from explicitfe.inverse.close_loop.statistics.lack_of_fit import LackOfFit
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
+from explicitfe.inverse.close_loop.statistics.signatures import NOISE_SDS, EstimatedFit, screen, signatures
+from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Parameter, Term
+from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
+from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 
 TESTS, SD = 4, 0.01
 D = programme(TESTS)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from synthetic import ramp
 
-from explicitfe.close_loop.statistics.covariance import Covariance
-from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance
+from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter
 
 SIZES = (9, 14, 6)
 

@@ -13,18 +13,18 @@ from answers import check_answer
 from command import command
 from rich.console import Console
 
-from explicitfe.close_loop import design
-from explicitfe.close_loop.design import design_test
-from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.effects import EFFECTS
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import InputError
-from explicitfe.host.shipped import protocols
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.results.planned_test import EffectInTest, PlannedTest
-from explicitfe.results.units_of_keys import words_and_unit
-from explicitfe.solve import point
-from explicitfe.view.terminal.design import design_tables
+from explicitfe.app.api.inverse import design_test
+from explicitfe.app.view.terminal.design import design_tables
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.inverse.close_loop import design
+from explicitfe.inverse.close_loop.specimens.simulator import Simulator
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.shipped import protocols
+from explicitfe.results.documents.planned_test import EffectInTest, PlannedTest
+from explicitfe.results.documents.units_of_keys import words_and_unit
 
 SD_PA, STRAIN, RATES = 8.0, 0.3, (0.6, 0.006)
 C10, C20 = 300.0, 150.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from explicitfe import close_loop, predict
-from explicitfe.close_loop.discovery.sparse import Regression, sparse
+from explicitfe.inverse.close_loop.discovery.sparse import Regression, sparse
 
 
 def test_few_columns_are_found_among_many():

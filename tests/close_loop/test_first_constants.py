@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from tool_curves import tool_curve
 
-from explicitfe.close_loop.specimens.first_constants import (
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.inverse.close_loop.specimens.first_constants import (
     C20_RATIOS,
     DEPTH_SHARES,
     LARGEST_SIZE_RATIO,
@@ -20,15 +21,14 @@ from explicitfe.close_loop.specimens.first_constants import (
     Baseline,
     first_constants,
 )
-from explicitfe.close_loop.specimens.simulator import Simulator
-from explicitfe.close_loop.specimens.specimens import Specimens
-from explicitfe.effects import EFFECTS
-from explicitfe.errors import RunError
-from explicitfe.measured.curve import Curve, Dataset, programme_of
-from explicitfe.measured.tables import MeasuredNoise
-from explicitfe.predict.correction import Job, Run
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
+from explicitfe.inverse.close_loop.specimens.simulator import Simulator
+from explicitfe.inverse.close_loop.specimens.specimens import Specimens
+from explicitfe.inverse.measured.curve import Curve, Dataset, programme_of
+from explicitfe.inverse.measured.tables import MeasuredNoise
+from explicitfe.inverse.predict.correction import Job, Run
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
+from explicitfe.platform.errors import RunError
 
 FORCE_SD_N, DISPLACEMENT_SD_MM = 0.002, 0.01
 NUMERICS = Numerics(refinement=0.3, density=0.5, tolerance=5e-4)

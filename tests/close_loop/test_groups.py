@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from explicitfe import close_loop
-from explicitfe.close_loop.specimens.groups import grouping_of
-from explicitfe.measured.curve import Dataset
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.close_loop.specimens.groups import grouping_of
+from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.read import read_dataset
 
 pytestmark = pytest.mark.slow
 

@@ -1,6 +1,6 @@
 """Homogeneous tests of other laws, with noise in both columns: their causes are named, with no tool or sensor beside them.
 
-The curves are those of :mod:`explicitfe.blind.foreign.closed`, closed forms and convolution sums that share no code with the
+The curves are those of :mod:`studies.blind.foreign.closed`, closed forms and convolution sums that share no code with the
 simulator.
 """
 
@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from outside_data import SHARED_DATA, needs
 
-from explicitfe.blind.foreign.closed import ForeignBench
-from explicitfe.blind.grid import HomogeneousRun
-from explicitfe.close_loop.close import close_loop
-from explicitfe.effects import cause_of
+from explicitfe.app.api.inverse import close_loop
+from explicitfe.fem.effects import cause_of
+from studies.blind.foreign.closed import ForeignBench
+from studies.blind.grid import HomogeneousRun
 
 pytestmark = pytest.mark.slow
 

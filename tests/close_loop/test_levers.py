@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from explicitfe.close_loop.trajectories.levers import Lever, levers_of, mean_profile
-from explicitfe.errors import InputError
-from explicitfe.measured.registration import Registration
-from explicitfe.measured.tables import RegistrationTable
-from explicitfe.model.muscles import profile_of
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import MuscleTable, TransientScenario
+from explicitfe.inverse.close_loop.trajectories.levers import Lever, levers_of, mean_profile
+from explicitfe.inverse.measured.registration import Registration
+from explicitfe.inverse.measured.tables import RegistrationTable
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.muscles import profile_of
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
 SCENARIO = """title = "Tongue forward"
 [model]

@@ -10,14 +10,13 @@ from answers import check_answer
 from command import command
 from test_close_loop import written
 
-from explicitfe.close_loop.close import close_loop
-from explicitfe.close_loop.design import design_test
-from explicitfe.close_loop.information import Foretold, bhattacharyya, entropy_bits, expected_bits, separation
-from explicitfe.close_loop.proposals import LOAD_FACTOR, PACE_FACTOR, proposals, room_of
-from explicitfe.errors import InputError
-from explicitfe.measured.curve import programme_of
-from explicitfe.measured.read import read_dataset
-from explicitfe.measured.rig import RigLimits
+from explicitfe.app.api.inverse import close_loop, design_test
+from explicitfe.inverse.close_loop.information import Foretold, bhattacharyya, entropy_bits, expected_bits, separation
+from explicitfe.inverse.close_loop.proposals import LOAD_FACTOR, PACE_FACTOR, proposals, room_of
+from explicitfe.inverse.measured.curve import programme_of
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.platform.errors import InputError
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 from synthetic import autoregressive, ramp
 
-from explicitfe.close_loop.statistics.noise import (
+from explicitfe.inverse.close_loop.statistics.noise import (
     HIGHEST_CORRELATION,
     RowNoise,
     Scatter,
@@ -22,8 +22,8 @@ from explicitfe.close_loop.statistics.noise import (
     smooth_basis,
     whiten_rows,
 )
-from explicitfe.close_loop.statistics.system import Series
-from explicitfe.close_loop.thresholds import THRESHOLDS
+from explicitfe.inverse.close_loop.statistics.system import Series
+from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 
 SD, SEEDS = 0.02, 40
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from tool_curves import tool_curve
 
-from explicitfe.close_loop.specimens.plan import Plan, plan_of
-from explicitfe.measured.curve import Curve
-from explicitfe.predict.tissue import EVERY, Constants, Tissue
+from explicitfe.inverse.close_loop.specimens.plan import Plan, plan_of
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Tissue
 
 DEPTH_M = 1e-3 * np.array([-0.02, 0.0, 0.5, 1.0, 2.0, 0.0])
 RAMP_M = np.linspace(0.0, 2e-3, 21)

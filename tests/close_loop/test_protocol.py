@@ -11,9 +11,9 @@ import pytest
 from outside_data import SHARED_DATA, needs
 from scipy.stats import binom, chi2, norm
 
-from explicitfe.close_loop.statistics.protocol import EstimatedProtocol, estimate_protocol
-from explicitfe.measured.curve import programme_of, sd_of
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.close_loop.statistics.protocol import EstimatedProtocol, estimate_protocol
+from explicitfe.inverse.measured.curve import programme_of, sd_of
+from explicitfe.inverse.measured.read import read_dataset
 
 SEEDS = 200
 # Two-sided probability at which a sum over all seeds counts as wrong.

@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from scipy.stats import binom, ks_2samp
 
-from explicitfe.close_loop.statistics.protocol import estimate_protocol
-from explicitfe.effects import Effect
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.effects.reading.backlash import Backlash
-from explicitfe.effects.reading.lag import Lag
-from explicitfe.effects.reading.stick_slip import StickSlip
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.curve import Curve, programme_of
-from explicitfe.measured.tables import MeasuredNoise
-from explicitfe.predict.homogeneous import predict_homogeneous
+from explicitfe.fem.effects import Effect
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.effects.reading.backlash import Backlash
+from explicitfe.fem.effects.reading.lag import Lag
+from explicitfe.fem.effects.reading.stick_slip import StickSlip
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.inverse.close_loop.statistics.protocol import estimate_protocol
+from explicitfe.inverse.measured.curve import Curve, programme_of
+from explicitfe.inverse.measured.tables import MeasuredNoise
+from explicitfe.inverse.predict.homogeneous import predict_homogeneous
 
 pytestmark = pytest.mark.slow
 

@@ -9,14 +9,14 @@ import pytest
 from scipy.optimize import lsq_linear
 from synthetic import UPWARD, WIDE, Linear, Planted, elastic, programme, split_up, white
 
-from explicitfe.close_loop.statistics import refit as refit_module
-from explicitfe.close_loop.statistics.covariance import Covariance, measured_rows
-from explicitfe.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit, left_out_error
-from explicitfe.close_loop.statistics.noise import RowNoise, Scatter
-from explicitfe.close_loop.statistics.refit import _update, derivatives, refit, settled
-from explicitfe.close_loop.statistics.system import Hypothesis
-from explicitfe.effects.effect import Sought
-from explicitfe.errors import RunError
+from explicitfe.fem.effects.effect import Sought
+from explicitfe.inverse.close_loop.statistics import refit as refit_module
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows
+from explicitfe.inverse.close_loop.statistics.intervals import intervals, intervals_beside_a_misfit, left_out_error
+from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter
+from explicitfe.inverse.close_loop.statistics.refit import _update, derivatives, refit, settled
+from explicitfe.inverse.close_loop.statistics.system import Hypothesis
+from explicitfe.platform.errors import RunError
 
 SD = 0.01
 

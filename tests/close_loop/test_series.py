@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from explicitfe.close_loop.specimens.series import determined, series_of
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.close_loop.specimens.series import determined, series_of
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
 
 SD_N = 0.002
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.close_loop.statistics.refit import BestFit
-from explicitfe.close_loop.statistics.sketch import Sketch
-from explicitfe.close_loop.statistics.system import Hypothesis, Parameter, Term
-from explicitfe.effects.effect import Sought
+from explicitfe.fem.effects.effect import Sought
+from explicitfe.inverse.close_loop.statistics.refit import BestFit
+from explicitfe.inverse.close_loop.statistics.sketch import Sketch
+from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Parameter, Term
 
 ROWS = np.linspace(0.1, 1.0, 12)
 BASE = (Parameter("a", Sought((1.0,), 0.0, 10.0), 1.0), Parameter("b", Sought((1.0,), 0.0, 10.0), 1.0))

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from explicitfe.close_loop.split import split
-from explicitfe.errors import InputError
-from explicitfe.measured.curve import Dataset
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.close_loop.split import split
+from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError
 
 
 def dataset(folder: Path, curves: dict[str, dict[str, Any]]) -> Dataset:

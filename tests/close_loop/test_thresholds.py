@@ -7,11 +7,11 @@ import dataclasses
 import pytest
 from support import ROOT
 
-from explicitfe.close_loop.report import new_report
-from explicitfe.close_loop.split import Split
-from explicitfe.close_loop.thresholds import THRESHOLDS, entries, markdown_table
-from explicitfe.measured.read import read_dataset
-from explicitfe.results.loop_report import LoopReport
+from explicitfe.inverse.close_loop.report import new_report
+from explicitfe.inverse.close_loop.split import Split
+from explicitfe.inverse.close_loop.thresholds import THRESHOLDS, entries, markdown_table
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.results.documents.loop_report import LoopReport
 
 PAGE = ROOT / "docs" / "reference" / "close-loop.md"
 

@@ -10,21 +10,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 from sensor_study import SHIFT_M, TURN, simulate_sensors
 
-from explicitfe.close_loop.search import compare
-from explicitfe.close_loop.split import split
-from explicitfe.close_loop.statistics.covariance import Covariance
-from explicitfe.close_loop.statistics.intervals import intervals
-from explicitfe.close_loop.statistics.noise import scatter
-from explicitfe.close_loop.statistics.refit import refit
-from explicitfe.close_loop.statistics.time_limit import TimeLimit
-from explicitfe.close_loop.trajectories.close import close_trajectories
-from explicitfe.close_loop.trajectories.trajectories import Trajectories, trajectory_system
-from explicitfe.close_loop.verdict import Outcome, conclude
-from explicitfe.errors import InputError, silent
-from explicitfe.measured.curve import Dataset
-from explicitfe.measured.read import read_dataset
-from explicitfe.results.reader import open_result
-from explicitfe.run.run import run
+from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.split import split
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance
+from explicitfe.inverse.close_loop.statistics.intervals import intervals
+from explicitfe.inverse.close_loop.statistics.noise import scatter
+from explicitfe.inverse.close_loop.statistics.refit import refit
+from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
+from explicitfe.inverse.close_loop.trajectories.close import close_trajectories
+from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.inverse.close_loop.verdict import Outcome, conclude
+from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError, silent
+from explicitfe.results.files.reader import open_result
+from explicitfe.simulate.run.run import run
 
 LAG_MS = 15.0
 QUICK = {"duration_ms": 50.0, "gestures": ("strong", "weak"), "mesh": "cells = [8, 4, 6]"}

@@ -14,9 +14,9 @@ import pytest
 from statics import Statics
 from support import YEOH, assert_order, block_mesh, model_of
 
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions
-from explicitfe.model.model import Model
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, shape_functions
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve.simulation import Simulation
 
 pytestmark = pytest.mark.slow
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from support import IN_RUNS, LAWS, assert_order, block_mesh, model_of, true_limit
 
-from explicitfe.model.model import NodalLoad
-from explicitfe.model.profile import Profile
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Transient
+from explicitfe.fem.model.model import NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Transient
 
 STEPS = 16  # of the stable limit, in the whole run
 

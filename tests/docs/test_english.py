@@ -46,9 +46,12 @@ BANNED = {
 PATTERNS = {re.compile(rf"(?<![\w-])(?:{words})(?![\w-])", re.I): advice for words, advice in BANNED.items()}
 NOT_A_BEGINNING = re.compile(r"(Of|That|Where|What|Whose) ")
 # Their reports are rewritten with the next version of the loop; only their errors are checked.
-ERRORS_ONLY = ("close_loop", "blind")
+ERRORS_ONLY = ("inverse/close_loop",)
 TOP = "modules of the top folder"
-FOLDERS = [TOP, *sorted(path.name for path in (ROOT / "explicitfe").iterdir() if (path / "__init__.py").is_file())]
+FOLDERS = [
+    TOP,
+    *sorted(str(path.parent.relative_to(ROOT / "explicitfe")) for path in (ROOT / "explicitfe").glob("*/*/__init__.py")),
+]
 # Only the first paragraph and the headings of tables of a study or a reference page are checked.
 LONG_PAGES = re.compile(r"docs/(studies|reference)/")
 PAGES = [
@@ -89,7 +92,7 @@ def help_texts() -> Iterator[Text]:
     """Help of all commands, arguments and options."""
     import typer
 
-    from explicitfe.cli.app import app
+    from explicitfe.app.cli.app import app
 
     def walk(command, name: str) -> Iterator[Text]:
         yield Text(f"{name} --help", command.help or "")

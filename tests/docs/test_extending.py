@@ -95,7 +95,7 @@ def test_the_program_runs(package):
 
 
 SCENARIO = """
-from explicitfe.scenario.read import read_scenario
+from explicitfe.simulate.scenario.read import read_scenario
 scenario, _ = read_scenario("scenarios/vowel-i.toml", ['model.material={material}', 'effects.{effect}'])
 print(scenario.model.material.law, [type(effect).__name__ for effect in scenario.effects.chosen])
 """
@@ -109,7 +109,7 @@ def test_scenarios_take_the_law_and_the_effect(package):
     assert printed.split() == ["demiray", "['FourthYeoh']"]
     code = SCENARIO.format(material=material.replace("mu_Pa", "mu"), effect=effect)
     wrong = f"""
-from explicitfe.errors import InputError
+from explicitfe.platform.errors import InputError
 try:
     exec({code!r})
 except InputError as error:
@@ -123,11 +123,11 @@ import json
 import numpy as np
 from energies import derivative, invariants, series_energy, volume_energy
 from support import block_mesh, model_of, random_gradient, random_rotation
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.materials.demiray import Demiray
-from explicitfe.materials.isihara import Isihara
-from explicitfe.solve import point
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.materials.demiray import Demiray
+from explicitfe.fem.materials.isihara import Isihara
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.simulation import Simulation
 
 edge = 0.01
 mesh = block_mesh((1, 1, 1), edge, distort=0.0)
@@ -180,9 +180,9 @@ import json
 import numpy as np
 from energies import derivative, series_energy, volume_energy
 from support import YEOH, random_gradient
-from explicitfe.effects.material.fourth_yeoh import FourthYeoh
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.solve import point
+from explicitfe.fem.effects.material.fourth_yeoh import FourthYeoh
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.solve import point
 
 C10, C20, _, K = YEOH.constants()
 rng = np.random.default_rng(15)
@@ -203,7 +203,7 @@ TRUTH = {"C10": 300.0, "C20": 20.0, "C40": 6.0}
 NOISE_SHARE, TOP_STRETCH, ROWS = 0.003, 2.2, 40
 CLOSE = """
 import json
-from explicitfe.close_loop.close import close_loop
+from explicitfe.app.api.inverse import close_loop
 
 if __name__ == "__main__":
     report = close_loop({data!r}, effects=("third-yeoh", "fourth-yeoh", "viscoelastic"), processes=1)
@@ -249,9 +249,9 @@ def test_the_loop_names_the_effect(package, tmp_path):
 
 FLOOR = """
 import numpy as np
-from explicitfe.compiled.arrays import Floor, node_rows
-from explicitfe.compiled.jit import kernel
-from explicitfe.forces.floor import add_floor
+from explicitfe.platform.compiled.arrays import Floor, node_rows
+from explicitfe.platform.compiled.jit import kernel
+from explicitfe.fem.forces.floor import add_floor
 
 def push(force, u, floor):
     add_floor(force, u, floor)

@@ -64,6 +64,6 @@ def test_type_checkers_see_the_same_names():
 
 
 def test_a_command_stays_a_function_when_its_folder_is_imported():
-    code = "import explicitfe as fe, explicitfe.run.run, explicitfe.identify.fit; print(callable(fe.run), callable(fe.identify))"
+    code = "import explicitfe as fe, explicitfe.simulate.sweep.rows; print(callable(fe.run), callable(fe.sweep))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
     assert done.stdout.split() == ["True", "True"]

@@ -46,8 +46,8 @@ def test_every_page_is_there(site):
 def test_the_reference_has_every_command_and_every_name(site):
     """Generated pages contain each command, effect and Python name."""
     import explicitfe
-    from explicitfe.cli.app import COMMANDS, GROUPS
-    from explicitfe.effects import EFFECTS
+    from explicitfe.app.cli.app import COMMANDS, GROUPS
+    from explicitfe.fem.effects import EFFECTS
 
     commands = (site / "reference" / "cli.html").read_text(encoding="utf-8")
     names = [name for table in COMMANDS.values() for name in table]

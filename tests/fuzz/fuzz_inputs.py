@@ -410,8 +410,6 @@ OPTIONS: dict[str, tuple[tuple[str, ...], dict[str, st.SearchStrategy[str]]]] = 
         },
     ),
     "design-test": ((), {"": words}),
-    "blind make": (("cases",), {"--seed": numbers, "--count": numbers, "--family": words, "": words}),
-    "blind score": ((), {"": words}),
     "run": (
         ("run.toml",),
         {"--tissue": words, "--tissue-group": words, "--out": words, "--set": words, "--overwrite": st.just("")},
@@ -435,8 +433,6 @@ def options(draw: st.DrawFn) -> FuzzInput:
         if option == "--out":
             value = f"out/{value}"  # Wherever the user says, it is written: say no more than a name in the folder.
         arguments += [option, value] if option and option != "--overwrite" else [option or value]
-    if name == "blind make" and "--count" not in arguments:
-        arguments += ["--count", "1"]
     files = dataset_files(COMPRESSION, "stretch,nominal_stress_Pa") | {
         "model.toml": toml(TISSUE).encode(),
         "run.toml": toml(TONGUE).encode(),

@@ -78,9 +78,9 @@ def judged(given: FuzzInput, folder: Path, *, in_child: bool = False) -> Verdict
     words, told = (_call_in_child if in_child else _call)(given, work, scratch, verdict)
     verdict.faults += words_broken(verdict.code, words, told, "--json" in given.arguments)
     after = contents(work)
-    verdict.faults += [f"outside: {name}" for name in _changed(before, after) if not name.startswith(_written_to(given))]
+    verdict.faults += [f"outside: {name}" for name in _changed(before, after) if not name.startswith(("out", "outputs"))]
     verdict.faults += [f"left behind: {name}" for name in contents(scratch)]
-    if verdict.code == REFUSED and not _may_stay(given):
+    if verdict.code == REFUSED:
         verdict.faults += [f"left by a refused command: {name}" for name in _changed(before, after)]
     for path in sorted(work.rglob("*.vtkhdf")):
         if path.name in given.files:
@@ -166,7 +166,7 @@ def words_broken(code: int | None, words: str, told: str, as_json: bool) -> list
 
 def _judge_result(path: Path, verdict: Verdict) -> None:
     """A result that is there is whole, says how it ended, and notes a balance of energies that is not closed."""
-    from explicitfe.results import open_result
+    from explicitfe.results.files import open_result
 
     try:
         with open_result(path) as result:
@@ -207,19 +207,6 @@ def contents(folder: Path) -> dict[str, str]:
 
 def _changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
     return sorted(name for name in before.keys() | after.keys() if before.get(name) != after.get(name))
-
-
-def _written_to(given: FuzzInput) -> tuple[str, ...]:
-    """Names under which a command may write: what --out says, the default, and the folder of blind cases."""
-    names = ["out", "outputs"]
-    if given.arguments[0] == "blind":
-        names += [word for word in given.arguments[2:] if not word.startswith("-") and ".." not in word]
-    return tuple(names)
-
-
-def _may_stay(given: FuzzInput) -> bool:
-    """Whether folders may stay of a command that was refused: those that hold the cases made so far."""
-    return given.arguments[0] == "blind"
 
 
 # ---- around a call ----

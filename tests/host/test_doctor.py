@@ -10,9 +10,9 @@ import pytest
 from answers import check_answer
 from command import command
 
-from explicitfe.results.examination import Finding
-from explicitfe.run import doctor
-from explicitfe.view import opengl
+from explicitfe.app.tools import doctor
+from explicitfe.app.view import opengl
+from explicitfe.results.documents.examination import Finding
 
 
 @pytest.fixture

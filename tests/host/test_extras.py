@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from support import ROOT
 
-from explicitfe.errors import InputError
-from explicitfe.host import extras
-from explicitfe.results.folder import drawing
-from explicitfe.view.palette import new_figure, save
+from explicitfe.app.view.palette import new_figure, save
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host import extras
+from explicitfe.results.files.folder import drawing
 
 # Makes the packages of all extras impossible to find, as on a machine with the core alone.
 WITHOUT_EXTRAS = """

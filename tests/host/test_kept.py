@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from explicitfe.host.kept import kept
+from explicitfe.platform.host.kept import kept
 
 
 @dataclass(frozen=True)

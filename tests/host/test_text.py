@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from explicitfe.errors import InputError
-from explicitfe.host.text import LARGEST_TABLE_BYTES, json_of, text_of, toml_of
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.text import LARGEST_TABLE_BYTES, json_of, text_of, toml_of
 
 MIB = 2**20
 

@@ -44,7 +44,7 @@ import sys
 sys.path[:] = [{str(unpacked)!r}, *(entry for entry in sys.path if entry not in ("", {str(ROOT)!r}))]
 import explicitfe
 assert explicitfe.__file__.startswith({str(unpacked)!r}), explicitfe.__file__
-from explicitfe.cli.execute import execute
+from explicitfe.app.cli.execute import execute
 sys.exit(execute(["list", "scenarios"]))
 """
     done = subprocess.run([sys.executable, "-P", "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=120)

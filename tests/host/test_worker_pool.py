@@ -9,13 +9,13 @@ from operator import add
 
 import pytest
 
-from explicitfe.host import compilation
-from explicitfe.host.worker_pool import WorkerPool
-from explicitfe.sweep.engine import Processes
+from explicitfe.platform.host import compilation
+from explicitfe.platform.host.worker_pool import WorkerPool
+from explicitfe.simulate.sweep.engine import Processes
 
 TORN = """
 import threading
-from explicitfe.host.worker_pool import WorkerPool
+from explicitfe.platform.host.worker_pool import WorkerPool
 if __name__ == "__main__":
     pool = WorkerPool(1)
     future = pool.submit(bytes, 400_000_000)

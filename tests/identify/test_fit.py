@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from identify_cases import LOADS_N, TRUTH, response
 
-from explicitfe.identify.fit import NAMES, Observed, Problem, least_squares_fit, profile_curve
-from explicitfe.identify.forward import CurveModel, PointResponse
+from explicitfe.inverse.identify.fit import NAMES, Observed, Problem, least_squares_fit, profile_curve
+from explicitfe.inverse.identify.forward import CurveModel, PointResponse
 
 NOISE_M = 10e-6
 

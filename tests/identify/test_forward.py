@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from identify_cases import COARSE, DEEPEST_M, LOADS_N, TRUTH, response, setup
 
-from explicitfe.errors import RunError
-from explicitfe.identify.forward import PointResponse, Smooth, UniformResponse, forces, ratio, smoothest
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.predict.setup import Setup, is_uniform
-from explicitfe.solve import point
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.inverse.identify.forward import PointResponse, Smooth, UniformResponse, forces, ratio, smoothest
+from explicitfe.inverse.predict.setup import Setup, is_uniform
+from explicitfe.platform.errors import RunError
 
 POISSON = 0.499
 

@@ -14,23 +14,23 @@ from answers import check_answer
 from identify_cases import COARSE, LOADS_N, TRUTH, response, setup, write, write_homogeneous
 from rich.console import Console
 
-from explicitfe.errors import InputError, MachineError, RunError
-from explicitfe.identify import forward
-from explicitfe.identify.assumptions import Alternative, alternatives, what_a_fit_hides
-from explicitfe.identify.fit import Observed, least_squares_fit
-from explicitfe.identify.forward import FIRST_Q, CurveModel, ToolResponse
-from explicitfe.identify.identify import identify
-from explicitfe.identify.write import slugs_of
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.read import read_dataset
-from explicitfe.measured.select import loading_rows, select
-from explicitfe.predict.setup import Setup
-from explicitfe.scenario.indentation import IndentationScenario
-from explicitfe.scenario.read import read_scenario
-from explicitfe.solve import point
-from explicitfe.view.fit import ConstantProfile
-from explicitfe.view.json_text import json_text
-from explicitfe.view.terminal.identify import identification_notes, identification_tables
+from explicitfe.app.api.inverse import identify
+from explicitfe.app.api.write_identification import slugs_of
+from explicitfe.app.view.json_text import json_text
+from explicitfe.app.view.terminal.identify import identification_notes, identification_tables
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.inverse.identify import forward
+from explicitfe.inverse.identify.assumptions import Alternative, alternatives, what_a_fit_hides
+from explicitfe.inverse.identify.fit import Observed, least_squares_fit
+from explicitfe.inverse.identify.forward import FIRST_Q, CurveModel, ToolResponse
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.measured.select import loading_rows, select
+from explicitfe.inverse.predict.setup import Setup
+from explicitfe.platform.errors import InputError, MachineError, RunError
+from explicitfe.results.documents.fitted_curves import ConstantProfile
+from explicitfe.simulate.scenario.indentation import IndentationScenario
+from explicitfe.simulate.scenario.read import read_scenario
 
 pytestmark = pytest.mark.slow
 
@@ -187,7 +187,7 @@ def test_what_is_printed_and_drawn_is_as_wide_as_the_residual_asks_for(tmp_path,
     stress = stress * (1.0 + 0.1 * np.sin(20.0 * stretch))
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
     drawn: list[ConstantProfile] = []
-    monkeypatch.setattr(import_module("explicitfe.view.fit"), "profiles", lambda path, title, rows: drawn.extend(rows))
+    monkeypatch.setattr(import_module("explicitfe.app.view.fit"), "profiles", lambda path, title, rows: drawn.extend(rows))
     identification = identify(data, out=tmp_path / "out")
     group = identification["groups"]["all"]
     assert group["widened_by"] > 10.0
@@ -260,7 +260,7 @@ def test_selection_that_cannot_be(tmp_path, fit_where, sentence):
     more = {"a": 'conditions = { sample = "A" }', "b": 'conditions = { sample = "B" }\nsplit = "holdout"'}
     data = write(tmp_path / "data", {"a": smooth_curve(), "b": smooth_curve()}, more=more)
     with pytest.raises(InputError, match=sentence.replace("(", r"\(")):
-        identify(data, fit_where=fit_where)
+        identify(data, fit=fit_where)
 
 
 # ---- refusals, and what stays untouched ----
@@ -338,7 +338,7 @@ def test_picture_that_fails_leaves_the_old_folder(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(import_module("explicitfe.view.fit"), "profiles", full)
+    monkeypatch.setattr(import_module("explicitfe.app.view.fit"), "profiles", full)
     with pytest.raises(MachineError, match="No space left"):
         identify(data, out=tmp_path / "out", overwrite=True)
     assert (tmp_path / "out" / "identify.json").read_bytes() == before

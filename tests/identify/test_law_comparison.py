@@ -11,13 +11,13 @@ from answers import check_answer
 from command import command
 from identify_cases import COARSE, LOADS_N, response, write, write_homogeneous
 
-from explicitfe.errors import InputError
-from explicitfe.identify.identify import identify
-from explicitfe.identify.laws import FIT_LAWS
-from explicitfe.materials.homogeneous import nominal_stress
-from explicitfe.materials.ogden import Ogden
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.results.identification import Identification
+from explicitfe.app.api.inverse import identify
+from explicitfe.fem.materials.homogeneous import nominal_stress
+from explicitfe.fem.materials.ogden import Ogden
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.inverse.identify.laws import FIT_LAWS
+from explicitfe.platform.errors import InputError
+from explicitfe.results.documents.identification import Identification
 
 pytestmark = pytest.mark.slow
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from identify_cases import LOADS_N, TRUTH, response, setup
 
-from explicitfe.identify.paper import ALPHA_M, BETA_M, MOST_RUNS, by_simulator, first_guess, identify_by_paper
+from explicitfe.inverse.identify.paper import ALPHA_M, BETA_M, MOST_RUNS, by_simulator, first_guess, identify_by_paper
 
 
 def forward(C10: float, C20: float) -> np.ndarray:

@@ -13,8 +13,12 @@ from answers import check_answer
 from command import command
 from pydantic import ValidationError
 
-from explicitfe.errors import InputError
-from explicitfe.measure.airway import (
+from explicitfe.app.view.airway import airway_figure
+from explicitfe.app.view.palette import save
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.results.files.airway_table import AirwayTable
+from explicitfe.results.measure.airway import (
     Surroundings,
     airway_midline,
     airway_table,
@@ -23,18 +27,14 @@ from explicitfe.measure.airway import (
     surroundings,
     wall_surface,
 )
-from explicitfe.measure.courses import constriction_course, formant_course
-from explicitfe.measure.formants import airway, formants_of
-from explicitfe.measure.measure import measure
-from explicitfe.measure.tract import SectionPlane
-from explicitfe.model import catalogue
-from explicitfe.results import FINISHED, Quantity, ResultWriter, open_result
-from explicitfe.results.airway_table import AirwayTable
-from explicitfe.run.transient import TransientAnalysis
-from explicitfe.scenario.lips import LipsTable
-from explicitfe.scenario.transient import TransientScenario
-from explicitfe.view.airway import airway_figure
-from explicitfe.view.palette import save
+from explicitfe.results.measure.courses import constriction_course, formant_course
+from explicitfe.results.measure.formants import airway, formants_of
+from explicitfe.results.measure.measure import measure
+from explicitfe.results.measure.tract import SectionPlane
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.run.transient import TransientAnalysis
+from explicitfe.simulate.scenario.lips import LipsTable
+from explicitfe.simulate.scenario.transient import TransientScenario
 
 TABLE = catalogue.airway("tongue")
 assert TABLE is not None

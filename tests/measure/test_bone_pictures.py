@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from support import ROOT
 
-from explicitfe.bones.tables import read_bones
-from explicitfe.measure.measure import measures_of, nearest_of
-from explicitfe.model import catalogue
-from explicitfe.results import FINISHED, Quantity, Result, ResultWriter, open_result
-from explicitfe.view.bones import AROUND_TONGUE_MM
-from explicitfe.view.draw import draw
-from explicitfe.view.tongue import contour_figure, coronal_figure
+from explicitfe.app.view.bones import AROUND_TONGUE_MM
+from explicitfe.app.view.draw import draw
+from explicitfe.app.view.tongue import contour_figure, coronal_figure
+from explicitfe.fem.bones.tables import read_bones
+from explicitfe.results.files import FINISHED, Quantity, Result, ResultWriter, open_result
+from explicitfe.results.measure.measure import measures_of, nearest_of
+from explicitfe.simulate.anatomy import catalogue
 
 JAW_DOWN_M = 0.004
 

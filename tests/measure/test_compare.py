@@ -12,12 +12,12 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.errors import InputError
-from explicitfe.measure.compare import compare
-from explicitfe.mesh.box import box
-from explicitfe.results import FINISHED, Quantity
-from explicitfe.results.differing_keys import differing_keys
-from explicitfe.scenario.read import read_scenario
+from explicitfe.fem.mesh.box import box
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import FINISHED, Quantity
+from explicitfe.results.files.differing_keys import differing_keys
+from explicitfe.results.measure.compare import compare
+from explicitfe.simulate.scenario.read import read_scenario
 
 SIZE_M = np.array([0.04, 0.03, 0.02])
 GRADIENT = np.array([[0.02, 0.01, -0.03], [0.0, 0.04, 0.01], [0.05, -0.02, 0.0]])

@@ -11,14 +11,14 @@ import pytest
 from answers import check_answer
 from command import command
 
-from explicitfe.errors import InputError
-from explicitfe.measure import motion, shape, tract
-from explicitfe.measure.measure import measure
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.triangles import plane_segments, surface_triangles
-from explicitfe.results import FINISHED, Quantity, ResultWriter
-from explicitfe.view.terminal.measures import measure_rows
+from explicitfe.app.view.terminal.measures import measure_rows
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.triangles import plane_segments, surface_triangles
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import FINISHED, Quantity, ResultWriter
+from explicitfe.results.measure import motion, shape, tract
+from explicitfe.results.measure.measure import measure
 
 # A "tongue": a block of 60 x 40 x 20 mm, front at x = 0, symmetric in y, its top at z = 0.
 SIZE_M = np.array([0.06, 0.04, 0.02])

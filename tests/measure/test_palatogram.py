@@ -10,17 +10,17 @@ import pytest
 from command import command
 from support import ROOT
 
-from explicitfe.bones.tables import read_bones
-from explicitfe.measure.measure import measure
-from explicitfe.measure.palatogram import anteriority, centrality, centre_of_gravity, electrodes_of, palatogram
-from explicitfe.measure.tract import TOUCHING_GAP_M
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.surface_points import surface_areas
-from explicitfe.mesh.triangles import surface_triangles
-from explicitfe.model import catalogue
-from explicitfe.results import FINISHED, Quantity, ResultWriter, open_result
-from explicitfe.view.palatogram import TOUCHED, palatogram_figure
+from explicitfe.app.view.palatogram import TOUCHED, palatogram_figure
+from explicitfe.fem.bones.tables import read_bones
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.surface_points import surface_areas
+from explicitfe.fem.mesh.triangles import surface_triangles
+from explicitfe.results.files import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.results.measure.measure import measure
+from explicitfe.results.measure.palatogram import anteriority, centrality, centre_of_gravity, electrodes_of, palatogram
+from explicitfe.results.measure.tract import TOUCHING_GAP_M
+from explicitfe.simulate.anatomy import catalogue
 
 # A "tongue": a block of 60 x 40 x 20 mm, front at x = 0, symmetric in y, its top at z = 0, under a flat palate at z = 0 from
 # x = -5 to 65 mm and |y| = 15 mm. The last row lies 2.5 mm before its end, the first 8 mm behind its front, so that rows lie

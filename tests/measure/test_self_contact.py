@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support import block_mesh, deformed, mesh_of
 
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.self_contact import self_penetration
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.self_contact import self_penetration
 
 # A plate of 40 x 10 x 2 mm in elements of 1 x 1 x 0.5 mm.
 LENGTH_M, THICKNESS_M = 0.04, 0.002

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.measure.strokes import strokes
+from explicitfe.results.measure.strokes import strokes
 
 STEP_S = 0.001
 

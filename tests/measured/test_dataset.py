@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from outside_data import SHARED_DATA, needs
 
-from explicitfe.errors import InputError
-from explicitfe.measured.curve import Curve, Dataset, same_measurement, sd_of
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.measured.curve import Curve, Dataset, same_measurement, sd_of
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError
 
 MEASURED = SHARED_DATA / "measured"
 

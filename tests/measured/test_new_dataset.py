@@ -12,13 +12,13 @@ import pytest
 from answers import check_answer
 from command import command
 
-from explicitfe.cli import asking
-from explicitfe.errors import InputError
-from explicitfe.host import shipped
-from explicitfe.measured.export import read_export
-from explicitfe.measured.new_dataset import usual_folder
-from explicitfe.measured.quantities import chosen, guessed, unit_of
-from explicitfe.measured.read import read_dataset
+from explicitfe.app.cli import asking
+from explicitfe.inverse.measured.export import read_export
+from explicitfe.inverse.measured.new_dataset import usual_folder
+from explicitfe.inverse.measured.quantities import chosen, guessed, unit_of
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host import shipped
 
 GEL = ["--test", "compression", "--diameter-mm", "25", "--height-mm", "15"]
 PLAIN = "Time (s),Extension (mm),Load (N)\n0,0,0\n1,0.5,0.2\n2,1,0.5\n3,1.5,0.9\n"
@@ -223,7 +223,7 @@ def test_options_are_checked_before_a_table_is_read(
     def read(path: Path) -> None:
         raise AssertionError("the table was read")
 
-    monkeypatch.setattr("explicitfe.measured.export.read_export", read)
+    monkeypatch.setattr("explicitfe.inverse.measured.export.read_export", read)
     for options in ([], ["--test", "pull"], [*GEL, "--base", "glued"], [*GEL, "--control", "both"], [*GEL, "--rate", "-1"]):
         assert command(["new", "dataset", "a.csv", *options]) == 2
         assert "error: --" in capsys.readouterr().err
@@ -233,7 +233,7 @@ def test_a_table_that_is_too_large_is_refused_unread(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     in_folder(tmp_path, monkeypatch, a=PLAIN)
-    monkeypatch.setattr("explicitfe.measured.export.LARGEST_EXPORT_BYTES", 40)
+    monkeypatch.setattr("explicitfe.inverse.measured.export.LARGEST_EXPORT_BYTES", 40)
     assert command(["new", "dataset", "a.csv", *GEL]) == 2
     assert "a.csv: the file has 0 MiB, and no more than 0 MiB are read; export the table" in capsys.readouterr().err
 

@@ -15,13 +15,13 @@ from outside_data import SHARED_DATA, needs
 from scipy.spatial.transform import Rotation
 from support import ROOT
 
-from explicitfe.errors import InputError
-from explicitfe.host import shipped
-from explicitfe.measured.coils import read_coils
-from explicitfe.measured.compare_recording import compare_recording
-from explicitfe.measured.read import read_dataset
-from explicitfe.mesh.box import box
-from explicitfe.results import FINISHED, Quantity
+from explicitfe.fem.mesh.box import box
+from explicitfe.inverse.measured.coils import read_coils
+from explicitfe.inverse.measured.compare_recording import compare_recording
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host import shipped
+from explicitfe.results.files import FINISHED, Quantity
 
 # Nodes of a box of 40 x 30 x 20 mm, which do not lie in one plane.
 POINTS = {"tip": (0.0, 0.0, 0.0), "front": (0.02, 0.0, 0.02), "dorsum": (0.04, 0.0, 0.02), "side": (0.04, 0.03, 0.0)}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.effects.effect import with_leaves
-from explicitfe.effects.material.compressible import Compressible
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.solve import point
+from explicitfe.fem.effects.effect import with_leaves
+from explicitfe.fem.effects.material.compressible import Compressible
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
 
 LAW = Yeoh(C10_Pa=200.0, C20_Pa=100.0, poisson=0.45)
 K = LAW.constants()[-1]

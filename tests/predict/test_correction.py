@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from explicitfe.effects import Effect
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
-from explicitfe.predict.correction import Correction, Run, _correction, _ladder, corrections_of, ramp_of, smoothed
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
+from explicitfe.fem.effects import Effect
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.predict.correction import Correction, Run, _correction, _ladder, corrections_of, ramp_of, smoothed
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue
 
 COARSE = Numerics(section=0.4, finer=1.2)
 FINE = Numerics(section=1.8)

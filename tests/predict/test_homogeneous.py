@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from outside_data import SHARED_DATA, needs
 
-from explicitfe.close_loop.statistics.protocol import estimate_protocol
-from explicitfe.effects import EFFECTS, Effect
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.curve import Curve, programme_of, sd_of
-from explicitfe.measured.read import read_dataset
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen
-from explicitfe.predict.homogeneous import predict_homogeneous
+from explicitfe.fem.effects import EFFECTS, Effect
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.inverse.close_loop.statistics.protocol import estimate_protocol
+from explicitfe.inverse.measured.curve import Curve, programme_of, sd_of
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen
+from explicitfe.inverse.predict.homogeneous import predict_homogeneous
 
 pytestmark = pytest.mark.slow
 

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.host.digits import distinct
-from explicitfe.host.shipped import datasets
-from explicitfe.measured.read import read_dataset
-from explicitfe.predict.experiment import experiments
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import INCOMPRESSIBLE_POISSON_RATIO, Constants, Tissue, parse_tissue
-from explicitfe.predict.tissue_in_scenario import tissue_settings
-from explicitfe.run.run import run
-from explicitfe.scenario.read import read_scenario
-from explicitfe.solve.stagnation import ITERATIONS_WITHOUT_PROGRESS, MOST_ITERATIONS_WITHOUT_PROGRESS, Stagnation
+from explicitfe.fem.solve.stagnation import ITERATIONS_WITHOUT_PROGRESS, MOST_ITERATIONS_WITHOUT_PROGRESS, Stagnation
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.predict.experiment import experiments
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import INCOMPRESSIBLE_POISSON_RATIO, Constants, Tissue, parse_tissue
+from explicitfe.inverse.predict.tissue_in_scenario import tissue_settings
+from explicitfe.platform.host.digits import distinct
+from explicitfe.platform.host.shipped import datasets
+from explicitfe.simulate.run.run import run
+from explicitfe.simulate.scenario.read import read_scenario
 
 REAR = Path(__file__).parents[2] / "scenarios" / "indentation-rear.toml"
 VISCOELASTIC = "effects.viscoelastic={ g = [0.35], tau_s = [3.0] }"

@@ -12,17 +12,18 @@ import pytest
 from effects_fit import Unknown, fit_effects, series
 from identify_cases import write, write_homogeneous
 
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import InputError, RunError
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.course import bends, course_of
-from explicitfe.measured.read import read_dataset
-from explicitfe.predict.experiment import effects_of, experiments
-from explicitfe.predict.predict import predict, predict_test
-from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue, read_tissue, write_tissue
-from explicitfe.results.prediction import Prediction
-from explicitfe.solve import point
+from explicitfe.app.api.inverse import predict
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.inverse.measured.course import bends, course_of
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.predict.experiment import effects_of, experiments
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue, parse_tissue, read_tissue, write_tissue
+from explicitfe.platform.errors import InputError, RunError
+from explicitfe.results.documents.prediction import Prediction
 
 pytestmark = pytest.mark.slow
 
@@ -259,7 +260,7 @@ def test_in_parallel_as_one_by_one(tmp_path, soft):
 
 def test_what_is_not_reached_is_said_and_the_rest_goes_on(tmp_path, monkeypatch):
     """The status of a curve that the simulator cannot follow is "failed", with a sentence."""
-    from explicitfe.predict import predict as module
+    from explicitfe.inverse.predict import predict as module
 
     def broken(test, *_, **__):
         raise RunError(f"{test[0].id} breaks")
@@ -328,7 +329,7 @@ def pressed(tmp_path_factory):
 )
 def test_platens_as_the_simulator_has_them(pressed, monkeypatch, effects, density):
     """The homogeneous state and finite elements, to 0.1 % of the peak; these need denser instants to find contact again."""
-    from explicitfe.predict import under_a_tool as module
+    from explicitfe.inverse.predict import under_a_tool as module
 
     tissue = parse_tissue(model().text + "[effects]\n" + effects)
     exact = predict_test([pressed], tissue, density=density)[0]
@@ -352,7 +353,7 @@ def test_a_rig_that_gives_way_shifts_an_elastic_curve(pressed):
 
 
 def test_where_no_homogeneous_state_is_found_the_simulator_goes_on(pressed, monkeypatch):
-    from explicitfe.predict.platens import Platens
+    from explicitfe.inverse.predict.platens import Platens
 
     def none(self, course):
         raise RunError("not found")

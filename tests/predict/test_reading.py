@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from explicitfe.effects import EFFECTS
-from explicitfe.effects.effect import Measurement, readings_of
-from explicitfe.errors import InputError
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.curve import Curve
-from explicitfe.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
-from explicitfe.predict.experiment import effects_of
-from explicitfe.predict.homogeneous import predict_homogeneous
-from explicitfe.predict.reading import reading, record_of, true_programme
-from explicitfe.predict.tissue import Tissue
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.fem.effects.effect import Measurement, readings_of
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.measured.tables import MeasuredNoise, MeasuredSpecimen, MeasuredTool
+from explicitfe.inverse.predict.experiment import effects_of
+from explicitfe.inverse.predict.homogeneous import predict_homogeneous
+from explicitfe.inverse.predict.reading import reading, record_of, true_programme
+from explicitfe.inverse.predict.tissue import Tissue
+from explicitfe.platform.errors import InputError
 
 LAW = Yeoh(C10_Pa=300.0, C20_Pa=150.0, poisson=0.4999)
 TIME_S = np.linspace(0.0, 8.0, 81)

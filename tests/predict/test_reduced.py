@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from tool_curves import tool_curve
 
-from explicitfe.effects import EFFECTS
-from explicitfe.effects.complete import is_isochoric
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.measured.curve import Curve
-from explicitfe.predict.reduced import reduced_specimen
-from explicitfe.predict.tissue import Numerics
-from explicitfe.predict.under_a_tool import predict_under_a_tool
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.fem.effects.complete import is_isochoric
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.predict.reduced import reduced_specimen
+from explicitfe.inverse.predict.tissue import Numerics
+from explicitfe.inverse.predict.under_a_tool import predict_under_a_tool
 
 pytestmark = pytest.mark.slow
 

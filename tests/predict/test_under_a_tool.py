@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from tool_curves import tool_curve
 
-from explicitfe.errors import RunError
-from explicitfe.measured.curve import Curve
-from explicitfe.predict import under_a_tool
-from explicitfe.predict.predict import predict_test
-from explicitfe.predict.tissue import EVERY, Constants, Numerics, Tissue
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.inverse.predict import under_a_tool
+from explicitfe.inverse.predict.predict import predict_test
+from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue
+from explicitfe.platform.errors import RunError
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import explicitfe as fe
-from explicitfe.model.model import PrescribedMotion
+from explicitfe.fem.model.model import PrescribedMotion
 
 INF, NAN = float("inf"), float("nan")
 MESH = fe.box((2, 2, 2), (0.02, 0.02, 0.02))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import explicitfe as fe
-from explicitfe.host import extras
+from explicitfe.platform.host import extras
 
 SETTINGS = {"model.resolution": "coarse", "analysis.duration_ms": 20, "record.every_ms": 2}
 
@@ -153,6 +153,6 @@ def test_reading_a_result_needs_no_compiler():
     """Neither does asking for the functions."""
     import subprocess
 
-    code = "import explicitfe as fe, sys; fe.open_result, fe.plot, fe.measure; print('explicitfe.solve' in sys.modules)"
+    code = "import explicitfe as fe, sys; fe.open_result, fe.plot, fe.measure; print('explicitfe.fem.solve' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]

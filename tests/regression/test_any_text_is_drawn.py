@@ -11,13 +11,13 @@ import pytest
 from command import command
 from identify_cases import write_homogeneous
 
-from explicitfe.identify.identify import identify
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.results import open_result
-from explicitfe.run.run import run
-from explicitfe.solve import point
-from explicitfe.view import fit, over_time, palatogram, palette, tongue
-from explicitfe.view.draw import draw
+from explicitfe.app.api.inverse import identify
+from explicitfe.app.view import fit, over_time, palatogram, palette, tongue
+from explicitfe.app.view.draw import draw
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.results.files import open_result
+from explicitfe.simulate.run.run import run
 
 pytestmark = pytest.mark.slow
 
@@ -54,7 +54,7 @@ def test_any_title_of_a_run_is_drawn(text: str, tmp_path: Path, monkeypatch: pyt
     scenario = tmp_path / "tiny.toml"
     scenario.write_text(TINY.format(title="a title"), encoding="utf-8")
     with open_result(run(scenario, tmp_path)["result"]) as result:
-        monkeypatch.setattr(import_module("explicitfe.view.heading").Result, "summary", {"title": text})
+        monkeypatch.setattr(import_module("explicitfe.app.view.heading").Result, "summary", {"title": text})
         assert result.summary["title"] == text
         for picture in (tongue.contour_figure, over_time.probes_figure, over_time.energies_figure, palatogram.palatogram_figure):
             figure = picture(result, len(result.times) - 1)
@@ -99,7 +99,7 @@ def test_a_picture_that_fails_costs_no_constants(
     stretch = np.linspace(1.0, 0.8, 8)
     stress = point.uniaxial(Yeoh(C10_Pa=500.0, C20_Pa=200.0), (), np.zeros(len(stretch)), stretch)
     data = write_homogeneous(tmp_path / "data", "compression", "stretch,nominal_stress_Pa", stretch, stress, "stress_sd_Pa = 1.0")
-    monkeypatch.setattr(import_module("explicitfe.view.fit"), "profiles", lambda *given: 1 / 0)
+    monkeypatch.setattr(import_module("explicitfe.app.view.fit"), "profiles", lambda *given: 1 / 0)
     answer = identify(data, out=tmp_path / "out")
     stored = json.loads((tmp_path / "out/identify.json").read_text(encoding="utf-8"))
     (group,) = stored["groups"].values()
@@ -107,7 +107,7 @@ def test_a_picture_that_fails_costs_no_constants(
     assert any("an internal error (ZeroDivisionError" in text for text in stored["warnings"])
     assert {Path(name).name for name in answer["files"]} == {path.name for path in (tmp_path / "out").iterdir()}
 
-    monkeypatch.setattr(import_module("explicitfe.view.report.page"), "before_after", lambda *given: 1 / 0)
+    monkeypatch.setattr(import_module("explicitfe.app.view.report.page"), "before_after", lambda *given: 1 / 0)
     assert command(["close-loop", str(data), "--out", str(tmp_path / "loop"), "--json", "--max-effects", "0"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert any("an internal error (ZeroDivisionError" in text for text in report["warnings"])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from explicitfe.results.loop_report import LoopReport
-from explicitfe.results.planned_test import PlannedTest
+from explicitfe.results.documents.loop_report import LoopReport
+from explicitfe.results.documents.planned_test import PlannedTest
 
 
 def test_a_document_reads_like_its_file():

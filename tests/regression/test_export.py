@@ -17,9 +17,9 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.errors import InputError
-from explicitfe.results import FINISHED, Quantity, open_result
-from explicitfe.results.export.export import FORMATS, export
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import FINISHED, Quantity, open_result
+from explicitfe.results.files.export.export import FORMATS, export
 
 STEPS = 4
 TIP = tiny_result.MESH.named_points["tip"].position[0]
@@ -201,7 +201,7 @@ def test_the_command_names_its_files(result: Path, tmp_path: Path, capsys: pytes
 
 
 def test_every_format_is_in_the_help() -> None:
-    text = (ROOT / "explicitfe/cli/export.py").read_text(encoding="utf-8")
+    text = (ROOT / "explicitfe/app/cli/export.py").read_text(encoding="utf-8")
     assert f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}" in text
 
 
@@ -226,7 +226,7 @@ def test_a_full_disk_leaves_no_exported_file(
         opened.append(number)
         return Full(number, "wb") if len(opened) == refused + 1 else real(number, *more, **options)
 
-    monkeypatch.setattr("explicitfe.results.folder.os.fdopen", open_number)
+    monkeypatch.setattr("explicitfe.results.files.folder.os.fdopen", open_number)
     assert command(["export", str(result), "--to", "csv", "--to", "npz", "--out", str(tmp_path / "new")]) == 3
     sentence = capsys.readouterr().err.splitlines()[-1]
     assert sentence.startswith("failed: cannot write ") and "(No space left on device); free disk space" in sentence

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.errors import InputError
-from explicitfe.measure import sections
-from explicitfe.measure.sections import X, Y, Z, section
-from explicitfe.measure.steps import last_step
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.quality import volumes
-from explicitfe.results import open_result
-from explicitfe.run.run import run
-from explicitfe.view import hourglass, muscles, over_time, times, tongue
-from explicitfe.view.draw import draw
+from explicitfe.app.view import hourglass, muscles, over_time, times, tongue
+from explicitfe.app.view.draw import draw
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.quality import volumes
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
+from explicitfe.results.measure import sections
+from explicitfe.results.measure.sections import X, Y, Z, section
+from explicitfe.results.measure.steps import last_step
+from explicitfe.simulate.run.run import run
 
 CELLS = (8, 4, 4)
 SCENARIO = f"""

@@ -25,23 +25,23 @@ from llvmlite.binding import get_host_cpu_features
 from numba.core import caching
 from support import ELEMENTS, ROOT, YEOH, block_mesh, floor_below, model_of, small_indentation, tongue
 
-from explicitfe.compiled import cache as compiled_cache
-from explicitfe.compiled import jit
-from explicitfe.compiled.jit import OPTIONS, bind
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.errors import RunWarning
-from explicitfe.model.model import PrescribedMotion
-from explicitfe.model.muscles import directed, line_pull
-from explicitfe.scenario.transient import MuscleTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.kernels import kernels
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.model.model import PrescribedMotion
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.kernels import kernels
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled import cache as compiled_cache
+from explicitfe.platform.compiled import jit
+from explicitfe.platform.compiled.jit import OPTIONS, bind
+from explicitfe.platform.compiled.simd import WIDTH
+from explicitfe.platform.errors import RunWarning
+from explicitfe.simulate.anatomy.muscles import directed, line_pull
+from explicitfe.simulate.scenario.transient import MuscleTable
 
 pytestmark = pytest.mark.slow
 
 law = None  # placeholder of the template below
 
-LEAF = "from explicitfe.compiled.jit import leaf\n\n"
+LEAF = "from explicitfe.platform.compiled.jit import leaf\n\n"
 
 
 def template(x):
@@ -50,7 +50,7 @@ def template(x):
 
 
 LEAF = """
-from explicitfe.compiled.jit import leaf
+from explicitfe.platform.compiled.jit import leaf
 
 def double(x):
     return 2.0 * x
@@ -103,7 +103,7 @@ def test_an_edited_law_is_compiled_anew(edit, own_cache):
 
 def test_two_files_with_the_same_function_are_told_apart(own_cache):
     """The same name and the same byte code, but a global with another value in its file: another kernel."""
-    text = "from explicitfe.compiled.jit import leaf\nSCALE = {}\n\n@leaf\ndef law(x):\n    return SCALE * x\n"
+    text = "from explicitfe.platform.compiled.jit import leaf\nSCALE = {}\n\n@leaf\ndef law(x):\n    return SCALE * x\n"
     results, names = [], set()
     for scale in (2.0, 3.0):
         bound = bind(template, law=module_from(own_cache / f"law_{scale:.0f}.py", text.format(scale)).law)
@@ -134,7 +134,7 @@ PROCESS = """
 import sys
 sys.path.insert(0, {folder!r})
 import numba, template_file, edited_law
-from explicitfe.compiled.jit import bind
+from explicitfe.platform.compiled.jit import bind
 kernel = bind(template_file.template, law=edited_law.law)
 print(kernel(1.0), sum(kernel.stats.cache_hits.values()), kernel.py_func.__qualname__)
 """
@@ -169,11 +169,11 @@ def test_an_edited_helper_is_compiled_anew_in_the_next_process(tmp_path):
 
 EFFECT = """
 import numpy as np
-from explicitfe.effects.complete import complete
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.forces.response import layout_of
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.solve import point
+from explicitfe.fem.effects.complete import complete
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.forces.response import layout_of
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
 law, effects = Yeoh(C10_Pa=191.5, C20_Pa=90.6), (ThirdYeoh(C30_Pa=500.0),)
 stress = point.shear(law, effects, np.zeros(1), np.ones(1))[0]
 stats = point._kernel("yeoh", layout_of(complete(effects))).stats
@@ -186,7 +186,7 @@ def test_an_edited_effect_is_never_served_stale(tmp_path):
     where I1_bar - 3 = 1, becomes 2 (C10 + 2 C20 + 6 C30); the third process finds the machine code of the second.
     """
     shutil.copytree(ROOT / "explicitfe", tmp_path / "explicitfe", ignore=shutil.ignore_patterns("__pycache__"))
-    effect = tmp_path / "explicitfe" / "effects" / "material" / "third_yeoh.py"
+    effect = tmp_path / "explicitfe" / "fem" / "effects" / "material" / "third_yeoh.py"
     answers = []
     for factor in ("3.0", "6.0", "6.0"):
         text = effect.read_text()
@@ -203,8 +203,19 @@ def test_every_file_with_kernels_counts(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "explicitfe", copy, ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(jit, "_PACKAGE", copy)
     names = set()
-    edited = ["effects/material/fibres.py", "effects/effect.py", "materials/yeoh.py", "materials/two_invariants.py"]
-    edited += ["elements/hex8.py", "forces/response.py", "compiled/simd.py", "solve/step.py", "solve/relax_step.py"]
+    edited = [
+        "fem/effects/material/fibres.py",
+        "fem/effects/effect.py",
+        "fem/materials/yeoh.py",
+        "fem/materials/two_invariants.py",
+    ]
+    edited += [
+        "fem/elements/hex8.py",
+        "fem/forces/response.py",
+        "platform/compiled/simd.py",
+        "fem/solve/step.py",
+        "fem/solve/relax_step.py",
+    ]
     for place in ("", *edited):
         if place:
             (copy / place).write_text((copy / place).read_text() + "# edited\n")
@@ -223,8 +234,8 @@ def test_a_binding_that_changes_nothing_is_an_error():
 SECOND = """
 import json
 from support import block_mesh, floor_below, model_of, small_indentation
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.equilibrium import Relaxation
 mesh = block_mesh((2, 2, 2))
 simulation = Simulation(model_of(mesh, element={element!r}, bones=(floor_below(mesh),)))
 seconds = simulation.compile() + Relaxation(small_indentation(element={element!r})).compile()
@@ -326,7 +337,7 @@ STORED_KERNEL = """
 import sys
 sys.path.insert(0, {folder!r})
 import template_file, edited_law
-from explicitfe.compiled.jit import bind
+from explicitfe.platform.compiled.jit import bind
 kernel = bind(template_file.template, law=edited_law.law)
 print(kernel(1.0), sum(kernel.stats.cache_hits.values()))
 """

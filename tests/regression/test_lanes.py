@@ -29,16 +29,16 @@ from dataclasses import replace
 sys.path.insert(0, "tests")
 import numpy as np
 from support import YEOH, block_mesh, deformed, elastic_energies, force_scale, model_of, small_indentation
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.effects.material.discovered_law import DiscoveredLaw
-from explicitfe.effects.material.nonlinear_relaxation import NonlinearSeries
-from explicitfe.effects.material.payne import Payne
-from explicitfe.effects.material.permanent_set import PermanentSet
-from explicitfe.effects.material.power_law import PowerLaw
-from explicitfe.effects.specimen.inclusion import InclusionBelowTool
-from explicitfe.solve import point
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.simulation import Simulation
+from explicitfe.platform.compiled.simd import WIDTH
+from explicitfe.fem.effects.material.discovered_law import DiscoveredLaw
+from explicitfe.fem.effects.material.nonlinear_relaxation import NonlinearSeries
+from explicitfe.fem.effects.material.payne import Payne
+from explicitfe.fem.effects.material.permanent_set import PermanentSet
+from explicitfe.fem.effects.material.power_law import PowerLaw
+from explicitfe.fem.effects.specimen.inclusion import InclusionBelowTool
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.simulation import Simulation
 
 mesh = block_mesh((3, 3, 1), seed=9)
 u = deformed(mesh, np.random.default_rng(9), 0.3, 0.1)

@@ -19,14 +19,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from explicitfe.results.loop_report import Estimate, LoopReport, ReportCurve, ReportedCause
-from explicitfe.results.verdict_text import details, headline, named_forms, probability, sentence, strength
-from explicitfe.view.report import pictures
-from explicitfe.view.report.axis import goes_one_way
-from explicitfe.view.report.page import EmbeddedPictures, html, write
-from explicitfe.view.report.reading import DrawnCurve, drawn_curves
-from explicitfe.view.report.words import chance, with_interval
-from explicitfe.view.terminal.close_loop import loop_tables
+from explicitfe.app.view.report import pictures
+from explicitfe.app.view.report.axis import goes_one_way
+from explicitfe.app.view.report.page import EmbeddedPictures, html, write
+from explicitfe.app.view.report.reading import DrawnCurve, drawn_curves
+from explicitfe.app.view.report.words import chance, with_interval
+from explicitfe.app.view.terminal.close_loop import loop_tables
+from explicitfe.results.documents.loop_report import Estimate, LoopReport, ReportCurve, ReportedCause
+from explicitfe.results.documents.verdict_text import details, headline, named_forms, probability, sentence, strength
 
 TITLES = {
     "viscoelastic": "viscoelastic relaxation",

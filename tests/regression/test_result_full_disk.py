@@ -13,9 +13,9 @@ from failing_disk import SAMPLES, FullDisk, questions, run_on
 from support import ROOT
 from tiny_result import add, check_steps, displacement, python, start, write
 
-from explicitfe.errors import MachineError
-from explicitfe.host import files
-from explicitfe.results import FINISHED, ResultWriter, open_result
+from explicitfe.platform.errors import MachineError
+from explicitfe.platform.host import files
+from explicitfe.results.files import FINISHED, ResultWriter, open_result
 
 EVERY = 47  # questions to the disk are tried; all of them in benchmarks/full_disk.py
 
@@ -44,8 +44,8 @@ import resource, sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from pathlib import Path
 from tiny_result import add, start
-from explicitfe.errors import RunError
-from explicitfe.results import FAILED
+from explicitfe.platform.errors import RunError
+from explicitfe.results.files import FAILED
 resource.setrlimit(resource.RLIMIT_FSIZE, (900_000, 900_000))
 folder = Path({str(tmp_path)!r})
 try:

@@ -26,8 +26,8 @@ from tiny_result import (
     write,
 )
 
-from explicitfe.results import FINISHED, ResultWriter, open_result, stored
-from explicitfe.results.disk import DiskFile
+from explicitfe.results.files import FINISHED, ResultWriter, open_result, stored
+from explicitfe.results.files.disk import DiskFile
 
 # A kill at any time
 

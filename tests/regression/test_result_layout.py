@@ -12,10 +12,11 @@ import pytest
 from support import ROOT
 from tiny_result import HISTORY, MESH, SCENARIO, E, N, add, check_steps, displacement, jacobian, python, start, write
 
-from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import MaterialPoints
-from explicitfe.results import FAILED, FINISHED, Quantity, layout, open_result, provenance, run_summary
-from explicitfe.solve.load_outcome import Equilibrium
+from explicitfe.fem.mesh.hexmesh import MaterialPoints
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.platform.errors import InputError
+from explicitfe.results.documents import run_summary
+from explicitfe.results.files import FAILED, FINISHED, Quantity, layout, open_result, provenance
 
 M3 = Quantity("m", 3)
 
@@ -281,7 +282,7 @@ def test_reading_numbers_does_not_load_vtk(tmp_path):
     path = write(tmp_path / "a.vtkhdf", 1)
     code = f"""
 import sys
-from explicitfe.results import open_result
+from explicitfe.results.files import open_result
 open_result({str(path)!r}).displacement()
 print("pyvista" in sys.modules)
 """

@@ -14,8 +14,8 @@ from abuse import abuse
 from support import ROOT
 from tiny_result import E, add, check_steps, displacement, python, start, write
 
-from explicitfe.errors import InputError
-from explicitfe.results import FINISHED, ResultWriter, open_result
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import FINISHED, ResultWriter, open_result
 
 # Which file is written
 
@@ -154,8 +154,8 @@ import sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from pathlib import Path
 from tiny_result import check_steps, start
-from explicitfe.errors import InputError
-from explicitfe.results import open_result
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
 try:
     start(Path({str(tmp_path / "a.vtkhdf")!r}))
 except InputError as error:
@@ -201,7 +201,7 @@ import os, sys
 sys.path.insert(0, {str(ROOT / "tests")!r})
 from pathlib import Path
 from tiny_result import start
-from explicitfe.errors import InputError
+from explicitfe.platform.errors import InputError
 if os.getuid() == 0:
     os.setuid(65534)
 for name in ("a.vtkhdf", "closed/b.vtkhdf"):

@@ -15,8 +15,8 @@ import pytest
 from killing import killed_at
 from support import ROOT
 
-from explicitfe.errors import InputError, MachineError
-from explicitfe.results.folder import checked_target, whole_file, whole_folder
+from explicitfe.platform.errors import InputError, MachineError
+from explicitfe.results.files.folder import checked_target, whole_file, whole_folder
 
 SUMMARY = "answer.json"
 
@@ -138,7 +138,7 @@ def test_a_file_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 WORKER = """
 import sys, time
 from multiprocessing import get_context
-from explicitfe.host.stopping import leave_signals_to_the_parent
+from explicitfe.platform.host.stopping import leave_signals_to_the_parent
 
 def work():
     leave_signals_to_the_parent()

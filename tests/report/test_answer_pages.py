@@ -13,13 +13,13 @@ import pytest
 from command import command
 from identify_cases import write_homogeneous
 
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.results.planned_test import EffectInTest, PlannedTest
-from explicitfe.results.prediction import PredictedCurve, PredictedRows, Prediction, PredictionError
-from explicitfe.solve import point
-from explicitfe.view.page.curves import MOST_CURVES
-from explicitfe.view.page.design import design_page
-from explicitfe.view.page.predict import predict_page
+from explicitfe.app.view.page.curves import MOST_CURVES
+from explicitfe.app.view.page.design import design_page
+from explicitfe.app.view.page.predict import predict_page
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.results.documents.planned_test import EffectInTest, PlannedTest
+from explicitfe.results.documents.prediction import PredictedCurve, PredictedRows, Prediction, PredictionError
 
 EVIL = "</style><script>alert(1)</script>"
 MODEL = 'format = "explicitfe-model/1"\n[constants]\nC10_Pa = 500.0\nC20_Pa = 200.0\n'

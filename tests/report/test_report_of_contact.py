@@ -13,18 +13,18 @@ from command import command
 from gesture import write_gesture
 from support import ROOT
 
-from explicitfe.errors import InputError
-from explicitfe.measure.measure import measure
-from explicitfe.results import open_result
-from explicitfe.run.run import run
-from explicitfe.view.draw import draw
-from explicitfe.view.energy_balance import energy_balance
-from explicitfe.view.over_time import energies_figure
-from explicitfe.view.page.chart import CHART_SIDE, Line, chart, round_ticks
-from explicitfe.view.report.words import motion_at_end, paragraphs, speed
-from explicitfe.view.run_page.charts import BALANCE_TITLE, charts_of
-from explicitfe.view.run_page.parts import scenario_words
-from explicitfe.view.run_page.write import write_report
+from explicitfe.app.view.draw import draw
+from explicitfe.app.view.energy_balance import energy_balance
+from explicitfe.app.view.over_time import energies_figure
+from explicitfe.app.view.page.chart import CHART_SIDE, Line, chart, round_ticks
+from explicitfe.app.view.report.words import motion_at_end, paragraphs, speed
+from explicitfe.app.view.run_page.charts import BALANCE_TITLE, charts_of
+from explicitfe.app.view.run_page.parts import scenario_words
+from explicitfe.app.view.run_page.write import write_report
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.measure import measure
+from explicitfe.simulate.run.run import run
 
 STOP = ROOT / "scenarios" / "alveolar-t.toml"
 COARSE = "model.cells=[8,4,4]"

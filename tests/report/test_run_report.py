@@ -16,14 +16,14 @@ from command import command
 from gesture import DURATION_S, FRAMES, displacement, write_gesture, write_indentation
 from support import tongue
 
-from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import FACES, free_faces
-from explicitfe.results import open_result
-from explicitfe.view.heading import labels_of
-from explicitfe.view.page.chart import Line, chart, round_ticks
-from explicitfe.view.run_page.parts import differences
-from explicitfe.view.run_page.playback import ROUNDING_MM, playback
-from explicitfe.view.run_page.write import MOST_RESULTS, write_report
+from explicitfe.app.view.heading import labels_of
+from explicitfe.app.view.page.chart import Line, chart, round_ticks
+from explicitfe.app.view.run_page.parts import differences
+from explicitfe.app.view.run_page.playback import ROUNDING_MM, playback
+from explicitfe.app.view.run_page.write import MOST_RESULTS, write_report
+from explicitfe.fem.mesh.hexmesh import FACES, free_faces
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
 
 
 @pytest.fixture(scope="module")

@@ -15,14 +15,14 @@ from types import SimpleNamespace
 import pytest
 from support import ROOT
 
-from explicitfe.errors import InputError, MachineError
-from explicitfe.host import memory, stopping
-from explicitfe.mesh import size
-from explicitfe.run import outlook
-from explicitfe.run.prepare import prepare
-from explicitfe.run.run import run
-from explicitfe.scenario.bounds import BOUNDS, bounds_of
-from explicitfe.scenario.read import json_schema, read_scenario
+from explicitfe.fem.inputs.bounds import BOUNDS, bounds_of
+from explicitfe.fem.mesh import size
+from explicitfe.platform.errors import InputError, MachineError
+from explicitfe.platform.host import memory, stopping
+from explicitfe.simulate.run import outlook
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.run.run import run
+from explicitfe.simulate.scenario.read import json_schema, read_scenario
 
 pytestmark = pytest.mark.slow
 

@@ -8,11 +8,11 @@ from typing import get_args
 import pytest
 from support import ROOT
 
-from explicitfe.run.analysis import Analysis
-from explicitfe.run.prepare import ANALYSES, prepare
-from explicitfe.scenario.read import Scenario
-from explicitfe.view.draw import PICTURES
-from explicitfe.view.terminal.stored import KINDS
+from explicitfe.app.view.draw import PICTURES
+from explicitfe.app.view.terminal.stored import KINDS
+from explicitfe.simulate.run.analysis import Analysis
+from explicitfe.simulate.run.prepare import ANALYSES, prepare
+from explicitfe.simulate.scenario.read import Scenario
 
 KINDS_OF_SCENARIO = get_args(Scenario)
 
@@ -40,8 +40,8 @@ def test_an_analysis_is_prepared_from_a_file(scenario):
 def test_nobody_who_computes_or_shows_asks_which_kind_it_is():
     """In the rooms that run and show scenarios; the tables above are the only places."""
     kinds = {kind.__name__ for kind in (*KINDS_OF_SCENARIO, *ANALYSES.values())}
-    files = [*(ROOT / "explicitfe" / "run").glob("*.py"), *(ROOT / "explicitfe" / "view").rglob("*.py")]
-    for path in [*files, *(ROOT / "explicitfe" / "cli").glob("*.py")]:
+    files = [*(ROOT / "explicitfe" / "simulate" / "run").glob("*.py"), *(ROOT / "explicitfe" / "app" / "view").rglob("*.py")]
+    for path in [*files, *(ROOT / "explicitfe" / "app" / "cli").glob("*.py")]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("isinstance", "issubclass"):
                 asked = {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}

@@ -11,9 +11,9 @@ import pytest
 from command import command
 from support import block_mesh
 
-from explicitfe.errors import InputError, nearest
-from explicitfe.model import catalogue
-from explicitfe.scenario.read import read_scenario
+from explicitfe.platform.errors import InputError, nearest
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.scenario.read import read_scenario
 
 ROOT = Path(__file__).parents[2]
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"

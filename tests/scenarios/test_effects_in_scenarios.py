@@ -10,8 +10,8 @@ from command import command
 from support import ROOT
 
 import explicitfe
-from explicitfe.effects import EFFECTS, Measurement
-from explicitfe.scenario.effects_table import EffectsTable
+from explicitfe.fem.effects import EFFECTS, Measurement
+from explicitfe.simulate.scenario.effects_table import EffectsTable
 
 pytestmark = pytest.mark.slow
 
@@ -186,7 +186,7 @@ def test_lag_is_exact() -> None:
     """tau df/dt + f = c: a step gives 1 - e^(-t / tau), a ramp t - tau (1 - e^(-t / tau)), an end e^(-t / tau) of what was."""
     from dataclasses import replace
 
-    from explicitfe.model.profile import Profile
+    from explicitfe.fem.model.profile import Profile
 
     tau, t = 0.02, np.linspace(0.0, 0.3, 61)
     step = replace(Profile.step(0.0, 0.1), lag_s=tau).at(t, tolerance_s=1e-9)

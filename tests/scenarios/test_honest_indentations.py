@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from support import ROOT, YEOH, small_indentation
 
-from explicitfe.errors import InputError, silent
-from explicitfe.results.run_summary import IndentationSummary
-from explicitfe.run.notes import equilibrium_notes
-from explicitfe.run.prepare import prepare
-from explicitfe.run.work import balance_of, external_work
-from explicitfe.solve.load_outcome import Equilibrium
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.platform.errors import InputError, silent
+from explicitfe.results.documents.run_summary import IndentationSummary
+from explicitfe.simulate.run.notes import equilibrium_notes
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.run.work import balance_of, external_work
 
 REAR = ROOT / "scenarios" / "indentation-rear.toml"
 COARSE = ["model.symmetry=sector", "model.edge_size_mm=1.2"]

@@ -13,8 +13,8 @@ from command import command
 from support import ROOT
 
 import explicitfe
-from explicitfe.run.prepare import prepare
-from explicitfe.solve.load_outcome import Stuck
+from explicitfe.fem.solve.load_outcome import Stuck
+from explicitfe.simulate.run.prepare import prepare
 
 REAR = ROOT / "scenarios" / "indentation-rear.toml"
 BALL = ROOT / "scenarios" / "indentation-ball.toml"

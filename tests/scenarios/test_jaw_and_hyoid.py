@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from support import ROOT
 
-from explicitfe.errors import InputError
-from explicitfe.model import catalogue
-from explicitfe.model.bones import check_anchors, jaw_motion
-from explicitfe.model.model import Model
-from explicitfe.model.tongue import assemble
-from explicitfe.scenario.bones import GLIDE_MM_PER_DEG
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.fem.model.model import Model
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.bones import check_anchors, jaw_motion
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.bones import GLIDE_MM_PER_DEG
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
 
 MM = 1e-3
 INCISOR, HINGE = np.array([53.5, 0.0, 95.0]) * MM, np.array([136.0, 0.0, 138.0]) * MM

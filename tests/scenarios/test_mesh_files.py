@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 from support import block_mesh
 
-from explicitfe.bones.read import read_surface
-from explicitfe.errors import InputError
-from explicitfe.host import child
-from explicitfe.model.mesh_file import hex_mesh, read_mesh
-from explicitfe.model.own_mesh import read_model_file
+from explicitfe.fem.bones.read import read_surface
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host import child
+from explicitfe.simulate.anatomy.mesh_file import hex_mesh, read_mesh
+from explicitfe.simulate.anatomy.own_mesh import read_model_file
 
 LONGEST_ANSWER_S = 8.0  # far below the limit of the child: what is damaged is seen, not waited for
 MESH = block_mesh((3, 2, 2), 0.01)

@@ -11,9 +11,9 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.cli import asking
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.app.cli import asking
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
 
 
 def test_muscles_pull_as_they_were_asked_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

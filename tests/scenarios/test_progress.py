@@ -10,10 +10,10 @@ import pytest
 from rich.console import Console
 from support import ROOT
 
-from explicitfe.errors import Share, Stage, counted
-from explicitfe.host.compilation import announce
-from explicitfe.view import progress as progress_bars
-from explicitfe.view.progress import STAGES, following
+from explicitfe.app.view import progress as progress_bars
+from explicitfe.app.view.progress import STAGES, following
+from explicitfe.platform.errors import Share, Stage, counted
+from explicitfe.platform.host.compilation import announce
 
 REPORTS = ("progress", "_progress", "_enter", "_show")  # what a module calls with a stage
 

@@ -18,11 +18,11 @@ from kills import numbers
 from support import ROOT
 
 import explicitfe
-from explicitfe.errors import Progress
-from explicitfe.host import stopping
-from explicitfe.host.result_files import final_path, running_path
-from explicitfe.mesh.box import box
-from explicitfe.results import open_result
+from explicitfe.fem.mesh.box import box
+from explicitfe.platform.errors import Progress
+from explicitfe.platform.host import stopping
+from explicitfe.platform.host.result_files import final_path, running_path
+from explicitfe.results.files import open_result
 
 TONGUE = ROOT / "scenarios/vowel-i.toml"
 REAR = ROOT / "scenarios/indentation-rear.toml"
@@ -37,7 +37,7 @@ NAMED = pytest.mark.parametrize(("scenario", "settings"), RUNS.values(), ids=RUN
 @pytest.fixture(autouse=True)
 def often_back_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     """A short run returns from compiled code many times: it can be stopped on its way."""
-    monkeypatch.setattr("explicitfe.solve.transient.SECONDS_BETWEEN_RETURNS", 0.0)
+    monkeypatch.setattr("explicitfe.fem.solve.transient.SECONDS_BETWEEN_RETURNS", 0.0)
 
 
 def interrupting(share: float, number: signal.Signals = signal.SIGINT) -> Progress:

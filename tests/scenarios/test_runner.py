@@ -17,15 +17,15 @@ from answers import check_answer
 from command import command
 
 import explicitfe
-from explicitfe.materials.neo_hooke import NeoHooke
-from explicitfe.mesh.hexmesh import shape_functions
-from explicitfe.model import catalogue
-from explicitfe.results import open_result
-from explicitfe.run.lists import LISTS
-from explicitfe.run.prepare import prepare
-from explicitfe.scenario.read import json_schema
-from explicitfe.solve.transient import Transient
-from explicitfe.view.hourglass import hourglass_share
+from explicitfe.app.tools.lists import LISTS
+from explicitfe.app.view.hourglass import hourglass_share
+from explicitfe.fem.materials.neo_hooke import NeoHooke
+from explicitfe.fem.mesh.hexmesh import shape_functions
+from explicitfe.fem.solve.transient import Transient
+from explicitfe.results.files import open_result
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.scenario.read import json_schema
 
 pytestmark = pytest.mark.slow
 

@@ -10,10 +10,10 @@ from answers import check_answer
 from command import command
 from support import YEOH, block_mesh
 
-from explicitfe.errors import InputError
-from explicitfe.model.model import Model
-from explicitfe.run import speed
-from explicitfe.solve.simulation import MANY_ELEMENTS, Simulation
+from explicitfe.app.tools import speed
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve.simulation import MANY_ELEMENTS, Simulation
+from explicitfe.platform.errors import InputError
 
 pytestmark = pytest.mark.slow
 

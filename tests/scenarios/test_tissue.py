@@ -10,9 +10,9 @@ from command import command
 from support import ROOT
 
 import explicitfe
-from explicitfe.predict.tissue import parse_tissue
-from explicitfe.predict.tissue_in_scenario import tissue_settings
-from explicitfe.scenario.read import read_scenario
+from explicitfe.inverse.predict.tissue import parse_tissue
+from explicitfe.inverse.predict.tissue_in_scenario import tissue_settings
+from explicitfe.simulate.scenario.read import read_scenario
 
 pytestmark = pytest.mark.slow
 

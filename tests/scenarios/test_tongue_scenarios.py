@@ -16,17 +16,17 @@ import numpy as np
 import pytest
 from support import ROOT
 
-from explicitfe.measure.document import Measures
-from explicitfe.measure.measure import measures_of
-from explicitfe.measure.sections import X, Y, Z, midsagittal, section, station
-from explicitfe.measure.steps import last_step, step_at
-from explicitfe.measure.tract import crossings
-from explicitfe.mesh.surface_points import surface_areas
-from explicitfe.model.model import Model
-from explicitfe.results import open_result
-from explicitfe.run.prepare import prepare
-from explicitfe.scenario.read import read_scenario
-from explicitfe.scenario.transient import TransientScenario
+from explicitfe.fem.mesh.surface_points import surface_areas
+from explicitfe.fem.model.model import Model
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.document import Measures
+from explicitfe.results.measure.measure import measures_of
+from explicitfe.results.measure.sections import X, Y, Z, midsagittal, section, station
+from explicitfe.results.measure.steps import last_step, step_at
+from explicitfe.results.measure.tract import crossings
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
 
 SCENARIOS = ROOT / "scenarios"
 OF_THE_PAPER = "vowel-i-gerard-2005"

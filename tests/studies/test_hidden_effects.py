@@ -24,9 +24,9 @@ import rivals
 import score
 from glued_solver import GluedCylinder, GluedSolver
 
-from explicitfe.blind.foreign.law import HiddenTissue
-from explicitfe.errors import InputError
-from explicitfe.measured.read import read_dataset
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.platform.errors import InputError
+from studies.blind.foreign.law import HiddenTissue
 
 ONLY_CONTROLS = {"control": 1.0}
 

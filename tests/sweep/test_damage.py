@@ -14,10 +14,10 @@ from command import command
 from written_sweeps import CELLS, FORCES, SCENARIO, write_sweep
 
 import explicitfe
-from explicitfe.errors import InputError, RunWarning
-from explicitfe.sweep import members as designs
-from explicitfe.sweep.factors import factors_of
-from explicitfe.sweep.journal import Stored
+from explicitfe.platform.errors import InputError, RunWarning
+from explicitfe.simulate.sweep import members as designs
+from explicitfe.simulate.sweep.factors import factors_of
+from explicitfe.simulate.sweep.journal import Stored
 
 RUNS, ATTACKS = 12, 60
 JUNK = [None, True, -1, 1e308, "x", [], {}, 10**30, [None], {"a": 1}]

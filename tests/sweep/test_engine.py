@@ -20,11 +20,11 @@ import pytest
 from support import ROOT
 
 import explicitfe
-from explicitfe.errors import InputError, MachineError
-from explicitfe.sweep import engine
-from explicitfe.sweep.engine import Bundles, Engine
-from explicitfe.sweep.journal import Stored
-from explicitfe.sweep.rows import Member, Task, written
+from explicitfe.platform.errors import InputError, MachineError
+from explicitfe.simulate.sweep import engine
+from explicitfe.simulate.sweep.engine import Bundles, Engine
+from explicitfe.simulate.sweep.journal import Stored
+from explicitfe.simulate.sweep.rows import Member, Task, written
 
 WORK = Task(Path("s.toml"), "", ("points",), Path())
 SCENARIO = str(ROOT / "scenarios" / "vowel-i.toml")

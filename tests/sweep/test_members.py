@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from explicitfe.errors import InputError
-from explicitfe.scenario.read import read_scenario
-from explicitfe.sweep import members
-from explicitfe.sweep.factors import Factor, factor_of, factors_of
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.sweep import members
+from explicitfe.simulate.sweep.factors import Factor, factor_of, factors_of
 
 FORCE, OTHER = "muscle.GGp.force_N", "muscle.GGa.force_N"
 

@@ -10,11 +10,11 @@ import pytest
 from support import ROOT
 
 import explicitfe
-from explicitfe.errors import InputError
-from explicitfe.results import open_result
-from explicitfe.sweep.definition import definition_of
-from explicitfe.sweep.own_measure import OwnMeasure
-from explicitfe.sweep.repeating import begun_sweep, commands_of
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
+from explicitfe.simulate.sweep.definition import definition_of
+from explicitfe.simulate.sweep.own_measure import OwnMeasure
+from explicitfe.simulate.sweep.repeating import begun_sweep, commands_of
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
 SMALL = ["model.cells=[8,4,4]", "analysis.duration_ms=4"]

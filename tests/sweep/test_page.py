@@ -18,19 +18,19 @@ from answers import check_answer
 from command import command
 from written_sweeps import FORCES, indices, write_sweep
 
-from explicitfe.errors import InputError
-from explicitfe.results.units_of_keys import words_and_unit
-from explicitfe.sweep import members as designs
-from explicitfe.sweep.factors import factor_of, factors_of
-from explicitfe.sweep.outlines import spread_out
-from explicitfe.sweep.page_data import MAIN_MEASURES, factor_columns, sweep_to_draw
-from explicitfe.sweep.repeating import begun_sweep, commands_of, vary_text
-from explicitfe.sweep.report import write_sweep_report
-from explicitfe.sweep.rows import Row
-from explicitfe.view.page.sweep_data import SweepColumn
-from explicitfe.view.page.sweep_effects import main_effect
-from explicitfe.view.page.sweep_scatter import MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS, sample_of
-from explicitfe.view.page.sweep_words import factors_in_words, measure_in_words
+from explicitfe.app.view.sweep.effects import main_effect
+from explicitfe.app.view.sweep.report import write_sweep_report
+from explicitfe.app.view.sweep.scatter import MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS, sample_of
+from explicitfe.platform.errors import InputError
+from explicitfe.results.documents.sweep_to_draw import SweepColumn
+from explicitfe.results.documents.sweep_words import factors_in_words, measure_in_words
+from explicitfe.results.documents.units_of_keys import words_and_unit
+from explicitfe.simulate.sweep import members as designs
+from explicitfe.simulate.sweep.factors import factor_of, factors_of
+from explicitfe.simulate.sweep.outlines import spread_out
+from explicitfe.simulate.sweep.page_data import MAIN_MEASURES, factor_columns, sweep_to_draw
+from explicitfe.simulate.sweep.repeating import begun_sweep, commands_of, vary_text
+from explicitfe.simulate.sweep.rows import Row
 
 EVIL = "</style><script>alert(1)</script>"
 PATIENCE_MS = 60_000  # of a machine that does much else

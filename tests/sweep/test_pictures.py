@@ -10,11 +10,11 @@ from answers import check_answer
 from command import command
 from written_sweeps import FORCES, indices, write_sweep
 
-from explicitfe.errors import InputError
-from explicitfe.sweep import members as designs
-from explicitfe.sweep.factors import factors_of
-from explicitfe.sweep.page_data import sweep_to_draw
-from explicitfe.sweep.pictures import PICTURES, against, draw_sweep
+from explicitfe.app.view.sweep.pictures import PICTURES, against, draw_sweep
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.sweep import members as designs
+from explicitfe.simulate.sweep.factors import factors_of
+from explicitfe.simulate.sweep.page_data import sweep_to_draw
 
 
 @pytest.fixture(scope="module")

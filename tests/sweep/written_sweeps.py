@@ -8,11 +8,11 @@ from typing import Any
 
 from support import ROOT
 
-from explicitfe.sweep.definition import begin, define
-from explicitfe.sweep.factors import factors_of
-from explicitfe.sweep.journal import Journal
-from explicitfe.sweep.members import Members
-from explicitfe.sweep.rows import USUAL_PARTS, Row, written
+from explicitfe.simulate.sweep.definition import begin, define
+from explicitfe.simulate.sweep.factors import factors_of
+from explicitfe.simulate.sweep.journal import Journal
+from explicitfe.simulate.sweep.members import Members
+from explicitfe.simulate.sweep.rows import USUAL_PARTS, Row, written
 
 SCENARIO = ROOT / "scenarios" / "vowel-i.toml"
 CELLS = ("model.cells=[8,4,4]",)

@@ -11,16 +11,16 @@ import pytest
 from statics import block_run, cantilever, swing
 from support import LAWS, YEOH, block_mesh, model_of, random_rotation
 
-from explicitfe.compiled.arrays import BARRIER, CORNER, HOURGLASS, INTERNAL, NO_CORNER, STIFFEST
-from explicitfe.elements import barrier, hex8
-from explicitfe.elements.barrier import STRENGTH, THRESHOLD
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh
-from explicitfe.mesh.quality import corner_jacobians
-from explicitfe.mesh.validity import certify
-from explicitfe.model.model import NodalLoad
-from explicitfe.model.profile import Profile
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Ledger, Transient
+from explicitfe.fem.elements import barrier, hex8
+from explicitfe.fem.elements.barrier import STRENGTH, THRESHOLD
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.fem.mesh.quality import corner_jacobians
+from explicitfe.fem.mesh.validity import certify
+from explicitfe.fem.model.model import NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.platform.compiled.arrays import BARRIER, CORNER, HOURGLASS, INTERNAL, NO_CORNER, STIFFEST
 
 pytestmark = pytest.mark.slow
 

@@ -16,8 +16,8 @@ import pytest
 from statics import beam_deflection, timoshenko
 from support import YEOH, block_mesh, model_of
 
-from explicitfe.elements import hourglass_stiffness as stiffness
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.elements import hourglass_stiffness as stiffness
+from explicitfe.fem.solve.simulation import Simulation
 
 CONVERGED = {0.499: 4.85611, 0.4999: 4.85214}  # m/N
 BOUNDS = {(1.0, 2): 0.10, (1.0, 4): 0.041, (0.5, 2): 0.04, (0.5, 4): 0.02}  # axial edge by thickness edge, elements across

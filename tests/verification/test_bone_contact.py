@@ -19,24 +19,24 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from support import YEOH, block_mesh, model_of
 
-from explicitfe.bones.motion import RigidMotion
-from explicitfe.compiled.arrays import BONE_AREA, BONE_DEPTH, EXTERNAL, IN_CONTACT, KINETIC, RUBBED
-from explicitfe.errors import InputError
-from explicitfe.forces.bone import CONTACT_STIFFNESS_PA_M, CREEP_M_S, TANGENTIAL_DAMPER_SHARE
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.mesh.box import grid_hexes
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.surface_points import points_on_set
-from explicitfe.model.gravity import gravity_load
-from explicitfe.model.model import Attachment, FibreStress, Model, PrescribedMotion
-from explicitfe.model.profile import Profile
-from explicitfe.model.tongue import assemble
-from explicitfe.scenario.bones import BoneTable
-from explicitfe.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.observe import Snapshot
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Ledger, Transient, balance
+from explicitfe.fem.bones.motion import RigidMotion
+from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M, CREEP_M_S, TANGENTIAL_DAMPER_SHARE
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.mesh.box import grid_hexes
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.surface_points import points_on_set
+from explicitfe.fem.model.gravity import gravity_load
+from explicitfe.fem.model.model import Attachment, FibreStress, Model, PrescribedMotion
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.observe import Snapshot
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient, balance
+from explicitfe.platform.compiled.arrays import BONE_AREA, BONE_DEPTH, EXTERNAL, IN_CONTACT, KINETIC, RUBBED
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.bones import BoneTable
+from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 G_M_S2 = 9.81
 STIFF = Yeoh(C10_Pa=2e4, C20_Pa=0.0, poisson=0.3)  # next to soft tissue all but rigid

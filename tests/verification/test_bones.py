@@ -10,13 +10,13 @@ from outside_data import SHARED_DATA, needs
 from scipy.spatial.transform import Rotation
 from support import ROOT
 
-from explicitfe.bones.distance import DistanceField, bone_field, distance_field, reach
-from explicitfe.bones.motion import RigidMotion
-from explicitfe.bones.read import read_surface
-from explicitfe.bones.surface import TriangleSurface, check_surface, shifted
-from explicitfe.errors import InputError
-from explicitfe.mesh.surface_points import surface_areas
-from explicitfe.model import catalogue
+from explicitfe.fem.bones.distance import DistanceField, bone_field, distance_field, reach
+from explicitfe.fem.bones.motion import RigidMotion
+from explicitfe.fem.bones.read import read_surface
+from explicitfe.fem.bones.surface import TriangleSurface, check_surface, shifted
+from explicitfe.fem.mesh.surface_points import surface_areas
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy import catalogue
 
 MM = 1e-3
 SPACING = 1e-3

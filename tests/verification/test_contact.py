@@ -9,7 +9,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.compiled.arrays import (
+from explicitfe.fem.forces.contact import clearance, find_depth, follow, friction
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.solve import relax_step
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.platform.compiled.arrays import (
     DEPTH,
     EDGE_RADIUS,
     FLAT_RADIUS,
@@ -23,12 +27,8 @@ from explicitfe.compiled.arrays import (
     WALL,
     Contact,
 )
-from explicitfe.compiled.jit import kernel
-from explicitfe.forces.contact import clearance, find_depth, follow, friction
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve import relax_step
-from explicitfe.solve.equilibrium import Relaxation
+from explicitfe.platform.compiled.jit import kernel
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 HEIGHT = 0.02  # m, of the tool's lowest point at depth 0
 TOOLS: dict[str, dict[int, float]] = {

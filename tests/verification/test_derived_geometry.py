@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from support import block_mesh, deformed, elastic_energies, force_scale, model_of
 
-from explicitfe.elements import hex8, hourglass_stiffness, hourglass_strain
-from explicitfe.solve import body as bodies
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.elements import hex8, hourglass_stiffness, hourglass_strain
+from explicitfe.fem.solve import body as bodies
+from explicitfe.fem.solve.simulation import Simulation
 
 pytestmark = pytest.mark.slow
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from explicitfe.effects import EFFECTS
-from explicitfe.effects.material.discovered_law import DiscoveredLaw
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import InputError
-from explicitfe.forces.response import layout_of
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.solve import point
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.fem.effects.material.discovered_law import DiscoveredLaw
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.forces.response import layout_of
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.platform.errors import InputError
 
 TIME_S = np.linspace(0.0, 10.0, 101)
 STRETCH = 1.0 - 0.15 * np.minimum(TIME_S, 2.0)

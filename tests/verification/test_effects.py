@@ -33,20 +33,20 @@ from support import (
     small_indentation,
 )
 
-from explicitfe.compiled.arrays import INTERNAL, KINETIC, LOST
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.effects.effect import MaterialEffect
-from explicitfe.effects.material.drainage import Drainage
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.forces.response import layout_of
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.solve import point
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Equilibrium
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.effects.effect import MaterialEffect
+from explicitfe.fem.effects.material.drainage import Drainage
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.forces.response import layout_of
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled.arrays import INTERNAL, KINETIC, LOST
+from explicitfe.platform.compiled.simd import WIDTH
 
 pytestmark = pytest.mark.slow
 

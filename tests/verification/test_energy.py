@@ -14,16 +14,16 @@ import pytest
 from broken_law import circulating_stress
 from support import ELEMENTS, IN_RUNS, LAWS, YEOH, assert_order, balance, block_mesh, model_of, sampled_run, vibration_modes
 
-from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
-from explicitfe.compiled.jit import bind
-from explicitfe.effects.material.viscoelastic import from_damping
-from explicitfe.elements import hourglass_strain as assumed_strain
-from explicitfe.forces import internal, response
-from explicitfe.materials import law_of
-from explicitfe.model.model import Model, NodalLoad
-from explicitfe.model.profile import Profile
-from explicitfe.solve.kernels import Kernels, kernels_of
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.effects.material.viscoelastic import from_damping
+from explicitfe.fem.elements import hourglass_strain as assumed_strain
+from explicitfe.fem.forces import internal, response
+from explicitfe.fem.materials import law_of
+from explicitfe.fem.model.model import Model, NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.kernels import Kernels, kernels_of
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
+from explicitfe.platform.compiled.jit import bind
 
 pytestmark = pytest.mark.slow
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from explicitfe.errors import InputError
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints
-from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh
-from explicitfe.mesh.quality import volumes
-from explicitfe.model import catalogue
-from explicitfe.model.anatomy import Anatomy
-from explicitfe.model.fibre_stress import fibre_stress, outside_pull
-from explicitfe.model.model import FibreStress
-from explicitfe.model.own_mesh import read_model_file
-from explicitfe.model.profile import Profile
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints
+from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh
+from explicitfe.fem.mesh.quality import volumes
+from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
+from explicitfe.fem.model.model import FibreStress
+from explicitfe.fem.model.profile import Profile
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.anatomy import Anatomy
+from explicitfe.simulate.anatomy.own_mesh import read_model_file
 
 pytestmark = pytest.mark.slow
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from support import ELEMENTS, block_mesh, model_of, random_gradient, random_rotation
 
-from explicitfe.compiled.arrays import SMALLEST_J, Blocks
-from explicitfe.compiled.simd import WIDTH
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import INVERTED, Transient
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import INVERTED, Transient
+from explicitfe.platform.compiled.arrays import SMALLEST_J, Blocks
+from explicitfe.platform.compiled.simd import WIDTH
 
 EDGE = 0.01  # m
 STATES = 10_000

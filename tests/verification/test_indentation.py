@@ -15,10 +15,10 @@ import pytest
 from outside_data import SHARED_DATA, needs
 from scipy.interpolate import CubicSpline
 
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Equilibrium
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 LOADS = np.arange(1, 9) / 10.0  # N
 REFERENCES = SHARED_DATA / "reference" / "indentation"

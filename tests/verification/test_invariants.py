@@ -28,14 +28,14 @@ from support import (
     tongue,
 )
 
-from explicitfe.elements import hex8
-from explicitfe.materials import kinematics, law_of, volumetric
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh
-from explicitfe.mesh.muscle_lines import Muscle
-from explicitfe.model.model import FibrePull, NodalLoad
-from explicitfe.model.muscles import directed, line_pull
-from explicitfe.scenario.transient import MuscleTable
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.elements import hex8
+from explicitfe.fem.materials import kinematics, law_of, volumetric
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.fem.mesh.muscle_lines import Muscle
+from explicitfe.fem.model.model import FibrePull, NodalLoad
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.simulate.anatomy.muscles import directed, line_pull
+from explicitfe.simulate.scenario.transient import MuscleTable
 
 pytestmark = pytest.mark.slow
 

@@ -11,17 +11,17 @@ from energies import series_energy, volume_energy
 from support import MOONEY_RIVLIN, YEOH
 
 import explicitfe as fe
-from explicitfe.errors import InputError
-from explicitfe.materials import law_of
-from explicitfe.materials.homogeneous import nominal_slope, nominal_stress
-from explicitfe.materials.law import Law
-from explicitfe.materials.mooney_rivlin import MooneyRivlin
-from explicitfe.materials.neo_hooke import NeoHooke
-from explicitfe.materials.ogden import Ogden
-from explicitfe.materials.stability import loss_of_stability
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.scenario.indentation import SpecimenTable
-from explicitfe.solve import point
+from explicitfe.fem.inputs.specimen import SpecimenTable
+from explicitfe.fem.materials import law_of
+from explicitfe.fem.materials.homogeneous import nominal_slope, nominal_stress
+from explicitfe.fem.materials.law import Law
+from explicitfe.fem.materials.mooney_rivlin import MooneyRivlin
+from explicitfe.fem.materials.neo_hooke import NeoHooke
+from explicitfe.fem.materials.ogden import Ogden
+from explicitfe.fem.materials.stability import loss_of_stability
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.platform.errors import InputError
 
 STEP = 1e-30
 STRETCH = np.array([0.4, 0.7, 0.95, 1.0, 1.02, 1.3, 1.8, 2.5])

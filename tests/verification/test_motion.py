@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from support import ELEMENTS, YEOH, balance, block_mesh, model_of, sampled_run
 
-from explicitfe.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Model, PrescribedMotion
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Ledger, Transient
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import Model, PrescribedMotion
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.platform.compiled.arrays import DAMPED, EXTERNAL, HOURGLASS, INTERNAL, KINETIC
 
 EDGE = 0.01  # m
 EVERY_ELEMENT = pytest.mark.parametrize("element", ELEMENTS)

@@ -15,16 +15,16 @@ import pytest
 from scipy.optimize import fsolve
 from support import ELEMENTS, YEOH, Unguarded, assert_order, block_mesh, deformed, model_of, random_rotation
 
-from explicitfe.compiled.arrays import EXTERNAL, INTERNAL, LOST
-from explicitfe.effects.effect import MaterialEffect
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.elements import full, hex8
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import FibreStress, Model
-from explicitfe.model.profile import Profile
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import balance
+from explicitfe.fem.effects.effect import MaterialEffect
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.elements import full, hex8
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import FibreStress, Model
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import balance
+from explicitfe.platform.compiled.arrays import EXTERNAL, INTERNAL, LOST
 
 pytestmark = pytest.mark.slow
 

@@ -14,20 +14,20 @@ from scipy.integrate import solve_ivp
 from scipy.special import erfcx
 from support import YEOH
 
-from explicitfe.effects import EFFECTS, with_leaves
-from explicitfe.effects.effect import Effect, MaterialEffect
-from explicitfe.effects.material.drainage import Drainage
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.fractional import Fractional
-from explicitfe.effects.material.nonlinear_relaxation import NonlinearRelaxation
-from explicitfe.effects.material.payne import Payne
-from explicitfe.effects.material.permanent_set import PermanentSet
-from explicitfe.effects.material.power_law import PowerLaw
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.viscoelastic import PronySeries, Viscoelastic
-from explicitfe.errors import InputError
-from explicitfe.forces.response import layout_of
-from explicitfe.solve import point
+from explicitfe.fem.effects import EFFECTS, with_leaves
+from explicitfe.fem.effects.effect import Effect, MaterialEffect
+from explicitfe.fem.effects.material.drainage import Drainage
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.fractional import Fractional
+from explicitfe.fem.effects.material.nonlinear_relaxation import NonlinearRelaxation
+from explicitfe.fem.effects.material.payne import Payne
+from explicitfe.fem.effects.material.permanent_set import PermanentSet
+from explicitfe.fem.effects.material.power_law import PowerLaw
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.viscoelastic import PronySeries, Viscoelastic
+from explicitfe.fem.forces.response import layout_of
+from explicitfe.fem.solve import point
+from explicitfe.platform.errors import InputError
 
 C10, C20, *_ = YEOH.constants()
 

@@ -6,9 +6,9 @@ import numpy as np
 import peer_cpp
 import pytest
 
-from explicitfe.compiled.arrays import DAMPING_LOSS, SMALLEST_J
-from explicitfe.run.speed import problem
-from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.app.tools.speed import problem
+from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.platform.compiled.arrays import DAMPING_LOSS, SMALLEST_J
 
 STEPS = 20
 

@@ -19,15 +19,15 @@ import pytest
 from scipy.optimize import brentq
 from support import LAWS, YEOH, block_mesh, model_of, random_gradient
 
-from explicitfe.effects.material.drainage import Drainage
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import RunError
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.solve import point
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.effects.material.drainage import Drainage
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.errors import RunError
 
 # The order and the kinds are those of test_effects.py: one compilation serves both files.
 EFFECTS = (

@@ -12,15 +12,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
-from explicitfe.compiled.arrays import DEPTH
-from explicitfe.materials import kinematics, law_of
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve import equilibrium
-from explicitfe.solve.boundary import turn, turn_back
-from explicitfe.solve.equilibrium import RESIDUAL_TOLERANCE, Relaxation
-from explicitfe.solve.load_outcome import Equilibrium, Stuck
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.materials import kinematics, law_of
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve import equilibrium
+from explicitfe.fem.solve.boundary import turn, turn_back
+from explicitfe.fem.solve.equilibrium import RESIDUAL_TOLERANCE, Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium, Stuck
+from explicitfe.platform.compiled.arrays import DEPTH
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 pytestmark = pytest.mark.slow
 

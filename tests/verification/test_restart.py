@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from support import ROOT
 
-from explicitfe.host import stopping
-from explicitfe.model.profile import Profile
-from explicitfe.run.prepare import prepare
-from explicitfe.solve.course import AUTOMATIC_STEP, UNDAMPED_STEP
-from explicitfe.solve.load_outcome import Equilibrium
-from explicitfe.solve.transient import INTERRUPTED, Transient
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.course import AUTOMATIC_STEP, UNDAMPED_STEP
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.fem.solve.transient import INTERRUPTED, Transient
+from explicitfe.platform.host import stopping
+from explicitfe.simulate.run.prepare import prepare
 
 pytestmark = pytest.mark.slow
 

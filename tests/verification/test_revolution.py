@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from explicitfe.effects import EFFECTS, Effect
-from explicitfe.errors import InputError
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Stuck
-from explicitfe.solve.point import uniaxial
-from explicitfe.solve.revolution import Revolution, ToolState
+from explicitfe.fem.effects import EFFECTS, Effect
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Stuck
+from explicitfe.fem.solve.point import uniaxial
+from explicitfe.fem.solve.revolution import Revolution, ToolState
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 LAW = Yeoh(C10_Pa=200.0, C20_Pa=100.0, poisson=0.499)
 SPECIMEN = SpecimenTable(radius_mm=35.0, height_mm=20.0, base="bonded", material="gerard-2005")
@@ -100,9 +100,9 @@ def test_against_an_independent_axisymmetric_solver(case):
     It is a solver on scikit-fem with other elements, material routines and contact. Its tool sinks in by 1 micrometre for a
     pressure of the shear modulus, which adds the integral of the squared pressure over stiffness and force to the depth.
     """
-    from explicitfe.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
-    from explicitfe.blind.foreign.contact import RigidTool
-    from explicitfe.blind.foreign.law import HiddenTissue
+    from studies.blind.foreign.axisymmetric import Drive, Press, RoundSpecimen
+    from studies.blind.foreign.contact import RigidTool
+    from studies.blind.foreign.law import HiddenTissue
 
     hidden, effects = CASES[case]
     press = Press(RoundSpecimen(35.0, 20.0), RigidTool("flat-cylinder", 14.0, 1.0), HiddenTissue(200.0, 100.0, **hidden))

@@ -18,10 +18,10 @@ from outside_data import SHARED_DATA, needs
 from scipy.optimize import brentq
 from support import ELEMENTS, block_mesh, model_of
 
-from explicitfe.materials import Law
-from explicitfe.materials.neo_hooke import NeoHooke
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.materials import Law
+from explicitfe.fem.materials.neo_hooke import NeoHooke
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.solve.simulation import Simulation
 
 C10, C20 = 191.5, 90.6
 EDGE = 0.01  # m

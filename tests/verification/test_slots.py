@@ -15,18 +15,18 @@ import pytest
 from pydantic import Field
 from support import YEOH, block_mesh, model_of, random_gradient
 
-from explicitfe.compiled.arrays import INTERNAL
-from explicitfe.effects import EFFECTS
-from explicitfe.effects.effect import Description, MaterialEffect, Sought, number
-from explicitfe.effects.material.drainage import Drainage
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import InputError
-from explicitfe.forces.response import SLOTS, layout_of
-from explicitfe.solve import point
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.effects import EFFECTS
+from explicitfe.fem.effects.effect import Description, MaterialEffect, Sought, number
+from explicitfe.fem.effects.material.drainage import Drainage
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.forces.response import SLOTS, layout_of
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.compiled.arrays import INTERNAL
+from explicitfe.platform.errors import InputError
 
 pytestmark = pytest.mark.slow
 

@@ -13,19 +13,19 @@ from command import command
 from outside_data import SHARED_DATA, needs
 from support import ROOT, block_mesh, mesh_of, model_of, small_indentation
 
-from explicitfe.compiled.arrays import Springs
-from explicitfe.errors import InputError
-from explicitfe.mesh.box import box
-from explicitfe.mesh.cylinder import sector_mesh
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.quality import check
-from explicitfe.mesh.soundness import soundness
-from explicitfe.model import catalogue
-from explicitfe.model.model import PrescribedMotion
-from explicitfe.model.specimen import specimen_model
-from explicitfe.run.notes import mesh_notes
-from explicitfe.run.prepare import prepare
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.cylinder import sector_mesh
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.quality import check
+from explicitfe.fem.mesh.soundness import soundness
+from explicitfe.fem.model.model import PrescribedMotion
+from explicitfe.platform.compiled.arrays import Springs
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.specimen import specimen_model
+from explicitfe.simulate.run.notes import mesh_notes
+from explicitfe.simulate.run.prepare import prepare
 
 REAL = SHARED_DATA / "tongue" / "artisynth-hextongue"
 BLOCK = box((3, 2, 2), (0.03, 0.02, 0.02))

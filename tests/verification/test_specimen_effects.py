@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from explicitfe.effects import EFFECTS, Effect
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Equilibrium
+from explicitfe.fem.effects import EFFECTS, Effect
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 MATERIAL = {"law": "yeoh", "C10_Pa": 191.5, "C20_Pa": 90.6, "poisson": 0.499}
 FORCES_N = (0.02, 0.04)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from explicitfe.mesh.box import gridded_block, ringed_block
-from explicitfe.mesh.cylinder import cylinder_mesh, sector_mesh
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh
-from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
-from explicitfe.mesh.stations import stations
+from explicitfe.fem.mesh.box import gridded_block, ringed_block
+from explicitfe.fem.mesh.cylinder import cylinder_mesh, sector_mesh
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh
+from explicitfe.fem.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
+from explicitfe.fem.mesh.stations import stations
 
 MM = 1e-3
 

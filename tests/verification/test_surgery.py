@@ -11,22 +11,22 @@ import numpy as np
 import pytest
 from support import ROOT, true_limit
 
-from explicitfe.errors import InputError
-from explicitfe.measure.measure import measures_of
-from explicitfe.measure.steps import last_step
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.quality import volumes
-from explicitfe.model import catalogue
-from explicitfe.model.fibre_stress import fibre_stress
-from explicitfe.model.model import Model
-from explicitfe.model.profile import Profile
-from explicitfe.model.tongue import Assembly, assemble
-from explicitfe.results import open_result
-from explicitfe.run.prepare import prepare
-from explicitfe.scenario.read import read_scenario
-from explicitfe.solve.body import Body
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.quality import volumes
+from explicitfe.fem.model.fibre_stress import fibre_stress
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.body import Body
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import open_result
+from explicitfe.results.measure.measure import measures_of
+from explicitfe.results.measure.steps import last_step
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.tongue import Assembly, assemble
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.scenario.read import read_scenario
 
 pytestmark = pytest.mark.slow
 

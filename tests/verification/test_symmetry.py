@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 from support import ELEMENTS, ROOT
 
-from explicitfe.run.prepare import prepare
-from explicitfe.solve.transient import Transient
+from explicitfe.fem.solve.transient import Transient
+from explicitfe.simulate.run.prepare import prepare
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 

@@ -11,28 +11,28 @@ import numpy as np
 import pytest
 from support import ELEMENTS, YEOH, block_mesh
 
-from explicitfe.compiled import threads
-from explicitfe.compiled.arrays import SMALLEST_J
-from explicitfe.compiled.jit import kernel
-from explicitfe.compiled.simd import ROW
-from explicitfe.compiled.threads import wait
-from explicitfe.effects.material.discovered_law import DiscoveredLaw
-from explicitfe.effects.material.nonlinear_relaxation import NonlinearRelaxation
-from explicitfe.effects.material.payne import Payne
-from explicitfe.effects.material.permanent_set import PermanentSet
-from explicitfe.effects.material.power_law import PowerLaw
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.effects.specimen.inclusion import InclusionBelowTool
-from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Model, PrescribedMotion
-from explicitfe.model.specimen import specimen_model
-from explicitfe.scenario.indentation import SpecimenTable, ToolTable
-from explicitfe.solve.equilibrium import Relaxation
-from explicitfe.solve.load_outcome import Equilibrium
-from explicitfe.solve.parts import parts_of, usual_threads
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.fem.effects.material.discovered_law import DiscoveredLaw
+from explicitfe.fem.effects.material.nonlinear_relaxation import NonlinearRelaxation
+from explicitfe.fem.effects.material.payne import Payne
+from explicitfe.fem.effects.material.permanent_set import PermanentSet
+from explicitfe.fem.effects.material.power_law import PowerLaw
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.effects.specimen.inclusion import InclusionBelowTool
+from explicitfe.fem.inputs.specimen import SpecimenTable, ToolTable
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import Model, PrescribedMotion
+from explicitfe.fem.solve.equilibrium import Relaxation
+from explicitfe.fem.solve.load_outcome import Equilibrium
+from explicitfe.fem.solve.parts import parts_of, usual_threads
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.platform.compiled import threads
+from explicitfe.platform.compiled.arrays import SMALLEST_J
+from explicitfe.platform.compiled.jit import kernel
+from explicitfe.platform.compiled.simd import ROW
+from explicitfe.platform.compiled.threads import wait
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.specimen import specimen_model
 
 STEPS = 60
 ROUNDING = 1e-12  # of the largest displacement: STEPS sums of a few 1e-16 each, grown by a stable system at most STEPS-fold

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 from support import YEOH, block_mesh, deformed, model_of
 
-from explicitfe.bones.motion import RigidMotion
-from explicitfe.compiled.arrays import EXTERNAL, IN_TIES, INTERNAL, KINETIC
-from explicitfe.materials.yeoh import Yeoh
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.mesh.surface_points import points_on_set, surface_areas
-from explicitfe.model.model import Attachment, Model, NodalLoad
-from explicitfe.model.profile import Profile
-from explicitfe.model.tongue import assemble
-from explicitfe.scenario.transient import AnalysisTable, ModelTable, TransientScenario
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import Transient, balance
+from explicitfe.fem.bones.motion import RigidMotion
+from explicitfe.fem.materials.yeoh import Yeoh
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.surface_points import points_on_set, surface_areas
+from explicitfe.fem.model.model import Attachment, Model, NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Transient, balance
+from explicitfe.platform.compiled.arrays import EXTERNAL, IN_TIES, INTERNAL, KINETIC
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.transient import AnalysisTable, ModelTable, TransientScenario
 
 STIFFNESS = 1e7  # Pa/m
 BLOCK = block_mesh((3, 3, 2), seed=21)

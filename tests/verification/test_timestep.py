@@ -11,17 +11,17 @@ import pytest
 import step_limit
 from support import ELEMENTS, IN_RUNS, LAWS, ROOT, YEOH, Unguarded, balance, block_mesh, model_of, random_rotation, true_limit
 
-from explicitfe.compiled.arrays import SMALLEST_CORNER, WAIT
-from explicitfe.errors import InputError
-from explicitfe.mesh.hexmesh import HexMesh
-from explicitfe.model.model import Model, NodalLoad
-from explicitfe.model.profile import Profile
-from explicitfe.run.prepare import prepare
-from explicitfe.solve import look, transient
-from explicitfe.solve.course import AUTOMATIC_STEP
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.stable_step import STEP_SHARE_OF_LIMIT
-from explicitfe.solve.transient import INVERTED, TURNS_AT_THE_START, UNSTABLE, Ledger, Transient
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.model import Model, NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve import look, transient
+from explicitfe.fem.solve.course import AUTOMATIC_STEP
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
+from explicitfe.fem.solve.transient import INVERTED, TURNS_AT_THE_START, UNSTABLE, Ledger, Transient
+from explicitfe.platform.compiled.arrays import SMALLEST_CORNER, WAIT
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.run.prepare import prepare
 
 pytestmark = pytest.mark.slow
 

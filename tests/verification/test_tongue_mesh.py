@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from outside_data import SHARED_DATA, needs
 
-from explicitfe.errors import InputError
-from explicitfe.mesh.bent_block import ContourMap, check_cells, mirror
-from explicitfe.mesh.box import box
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_functions, shape_gradients
-from explicitfe.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, read_muscles
-from explicitfe.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
-from explicitfe.mesh.surface_points import points_on_set
+from explicitfe.fem.mesh.bent_block import ContourMap, check_cells, mirror
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, shape_functions, shape_gradients
+from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, locate_in_mesh, read_muscles
+from explicitfe.fem.mesh.quality import assess, check, corner_jacobians, edge_lengths, scaled_jacobians, volumes
+from explicitfe.fem.mesh.surface_points import points_on_set
+from explicitfe.platform.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 TONGUE = ROOT / "models" / "tongue"

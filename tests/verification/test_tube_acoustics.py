@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from explicitfe.acoustics import losses as air
-from explicitfe.acoustics.formants import Tube, at_the_glottis, flow_ratio, formants
-from explicitfe.acoustics.losses import LOSSLESS, SPEED_OF_SOUND_M_S, Losses
-from explicitfe.errors import InputError
+from explicitfe.platform.errors import InputError
+from explicitfe.results.acoustics import losses as air
+from explicitfe.results.acoustics.formants import Tube, at_the_glottis, flow_ratio, formants
+from explicitfe.results.acoustics.losses import LOSSLESS, SPEED_OF_SOUND_M_S, Losses
 
 LENGTH_M, AREA_M2 = 0.175, 3e-4
 QUARTER_WAVE_HZ = SPEED_OF_SOUND_M_S / (4.0 * LENGTH_M) * np.array([1.0, 3.0, 5.0])

@@ -28,18 +28,18 @@ from support import (
     stiffness_matrix,
 )
 
-from explicitfe.effects.effect import MaterialEffect
-from explicitfe.effects.material.drainage import Drainage
-from explicitfe.effects.material.fibres import Fibres
-from explicitfe.effects.material.softening import Softening
-from explicitfe.effects.material.third_yeoh import ThirdYeoh
-from explicitfe.effects.material.viscoelastic import Viscoelastic
-from explicitfe.errors import InputError
-from explicitfe.materials import mooney_rivlin
-from explicitfe.materials.law import Law, leaves_of
-from explicitfe.scenario.read import read_scenario
-from explicitfe.solve import point
-from explicitfe.solve.simulation import Simulation
+from explicitfe.fem.effects.effect import MaterialEffect
+from explicitfe.fem.effects.material.drainage import Drainage
+from explicitfe.fem.effects.material.fibres import Fibres
+from explicitfe.fem.effects.material.softening import Softening
+from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh
+from explicitfe.fem.effects.material.viscoelastic import Viscoelastic
+from explicitfe.fem.materials import mooney_rivlin
+from explicitfe.fem.materials.law import Law, leaves_of
+from explicitfe.fem.solve import point
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.scenario.read import read_scenario
 
 C10, C01, K = MOONEY_RIVLIN.constants()
 # One order and one number of terms, as in test_effects.py.

@@ -10,12 +10,8 @@ import pytest
 from support import ROOT
 from undamped import shaken
 
-from explicitfe.errors import silent
-from explicitfe.model.tongue import tongue_model
-from explicitfe.run.notes import BALANCE_WARNING_SHARE, balance_notes
-from explicitfe.run.prepare import prepare
-from explicitfe.solve.simulation import Simulation
-from explicitfe.solve.transient import (
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import (
     CALMING_ALPHA_PER_S,
     UNDAMPED_STEP_SHARE,
     Ledger,
@@ -24,6 +20,10 @@ from explicitfe.solve.transient import (
     step_share,
     undamped,
 )
+from explicitfe.platform.errors import silent
+from explicitfe.simulate.anatomy.tongue import tongue_model
+from explicitfe.simulate.run.notes import BALANCE_WARNING_SHARE, balance_notes
+from explicitfe.simulate.run.prepare import prepare
 
 PAPER = ROOT / "scenarios" / "vowel-i-gerard-2005.toml"
 

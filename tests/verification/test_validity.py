@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from outside_data import SHARED_DATA, needs
 
-from explicitfe.errors import InputError
-from explicitfe.mesh.cylinder import sector_mesh
-from explicitfe.mesh.hexmesh import CORNERS, HexMesh, shape_gradients
-from explicitfe.mesh.quality import check, corner_jacobians
-from explicitfe.mesh.validity import certify, smallest_jacobian_bounds
+from explicitfe.fem.mesh.cylinder import sector_mesh
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, shape_gradients
+from explicitfe.fem.mesh.quality import check, corner_jacobians
+from explicitfe.fem.mesh.validity import certify, smallest_jacobian_bounds
+from explicitfe.platform.errors import InputError
 
 CUBE = 0.5 * (CORNERS + 1.0)
 ONE = np.arange(8)[None]

@@ -9,10 +9,10 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.errors import InputError, RunError
-from explicitfe.verify import one_element, verify
-from explicitfe.verify.claim import ClaimFigure, Workshop
-from explicitfe.verify.claims import CLAIMS
+from explicitfe.app.verify import one_element, verify
+from explicitfe.app.verify.claim import ClaimFigure, Workshop
+from explicitfe.app.verify.claims import CLAIMS
+from explicitfe.platform.errors import InputError, RunError
 
 PAGE = ROOT / "docs" / "is-it-true.md"
 QUICK = ("one-element", "febio", "order-in-time", "tubes", "other-casting")
@@ -20,7 +20,7 @@ LONGEST_S = 600.0
 
 
 def test_the_page_is_the_list() -> None:
-    """Update it with: python -c "from explicitfe.verify.verify import markdown_table; print(markdown_table(), end='')" """
+    """Update it with: python -c "from explicitfe.app.verify.verify import markdown_table; print(markdown_table(), end='')" """
     text = PAGE.read_text(encoding="utf-8")
     table = text.partition("<!-- begin claims")[2].partition("-->\n")[2].partition("<!-- end claims")[0]
     assert table.strip() == verify.markdown_table().strip()

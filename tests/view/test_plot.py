@@ -12,13 +12,13 @@ from answers import check_answer
 from command import command
 from support import ROOT
 
-from explicitfe.errors import InputError, RunWarning
-from explicitfe.mesh.box import box
-from explicitfe.results import FINISHED, ResultWriter, open_result
-from explicitfe.run.run import result_path, run
-from explicitfe.view.draw import PICTURES, draw
-from explicitfe.view.heading import variant_of
-from explicitfe.view.tongue import contour_figure, coronal_figure
+from explicitfe.app.view.draw import PICTURES, draw
+from explicitfe.app.view.heading import variant_of
+from explicitfe.app.view.tongue import contour_figure, coronal_figure
+from explicitfe.fem.mesh.box import box
+from explicitfe.platform.errors import InputError, RunWarning
+from explicitfe.results.files import FINISHED, ResultWriter, open_result
+from explicitfe.simulate.run.run import result_path, run
 
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
 TINY = ["model.cells=[8,4,4]", "analysis.duration_ms=4", "bone=[]", "model.attachment=nodes", "title='2 $x_{$ 3 $'"]

@@ -13,17 +13,17 @@ from command import command
 from support import ROOT
 from tiny_result import python
 
-from explicitfe.bones.tables import read_bones
-from explicitfe.errors import InputError, MachineError
-from explicitfe.mesh.hexmesh import MaterialPoints
-from explicitfe.model import catalogue
-from explicitfe.results import FINISHED, Quantity, ResultWriter, open_result
-from explicitfe.view.scene.carried import CarriedPoints
-from explicitfe.view.scene.film import film_steps
-from explicitfe.view.scene.scene import DASH_SHARE, dashes
-from explicitfe.view.scene.show import show
-from explicitfe.view.scene.shown_field import rounded_down, shown_field
-from explicitfe.view.scene.viewpoint import VIEWPOINTS, viewpoint
+from explicitfe.app.view.scene.carried import CarriedPoints
+from explicitfe.app.view.scene.film import film_steps
+from explicitfe.app.view.scene.scene import DASH_SHARE, dashes
+from explicitfe.app.view.scene.show import show
+from explicitfe.app.view.scene.shown_field import rounded_down, shown_field
+from explicitfe.app.view.scene.viewpoint import VIEWPOINTS, viewpoint
+from explicitfe.fem.bones.tables import read_bones
+from explicitfe.fem.mesh.hexmesh import MaterialPoints
+from explicitfe.platform.errors import InputError, MachineError
+from explicitfe.results.files import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.simulate.anatomy import catalogue
 
 GRADIENT = np.array([[0.1, 0.02, -0.03], [0.0, 0.05, 0.01], [0.07, 0.0, -0.02]])
 
@@ -163,9 +163,9 @@ def test_what_cannot_be_viewed_is_a_sentence(result_path, tmp_path, monkeypatch)
 def test_keys_of_the_window(result_path):
     """Off the screen, in a process of its own: a machine that cannot render ends it."""
     code = f"""
-from explicitfe.results import open_result
-from explicitfe.view.scene.scene import Look
-from explicitfe.view.scene.window import Window
+from explicitfe.results.files import open_result
+from explicitfe.app.view.scene.scene import Look
+from explicitfe.app.view.scene.window import Window
 with open_result({str(result_path)!r}) as result:
     window = Window(result, Look(), (200, 150), None, on_screen=False)
     keys, seen = window.keys(), [window.frame]

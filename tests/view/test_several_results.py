@@ -13,12 +13,12 @@ from answers import check_answer
 from command import command
 from gesture import write_gesture, write_indentation
 
-from explicitfe.errors import InputError
-from explicitfe.measure.sections import X, Z, midsagittal
-from explicitfe.results import folder, open_result
-from explicitfe.view.heading import common_stem
-from explicitfe.view.overlay import contours_figure, curves_figure
-from explicitfe.view.scene.film import steps_side_by_side
+from explicitfe.app.view.heading import common_stem
+from explicitfe.app.view.overlay import contours_figure, curves_figure
+from explicitfe.app.view.scene.film import steps_side_by_side
+from explicitfe.platform.errors import InputError
+from explicitfe.results.files import folder, open_result
+from explicitfe.results.measure.sections import X, Z, midsagittal
 
 
 @pytest.fixture(scope="module")

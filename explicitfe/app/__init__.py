@@ -1,0 +1,1 @@
+"""The application: command line, pictures, pages, verification and tools."""

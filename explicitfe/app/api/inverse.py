@@ -1,0 +1,288 @@
+"""Functions on measured data: they compute, and write a folder with a document, a page and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from explicitfe.app.api.write_identification import SUMMARY_FILE, write_identification
+from explicitfe.app.view.page.design import design_page
+from explicitfe.app.view.page.predict import predict_page
+from explicitfe.inverse.close_loop.close import USUAL_MAX_EFFECTS, find_causes
+from explicitfe.inverse.close_loop.design import plan_test
+from explicitfe.inverse.close_loop.propose import propose
+from explicitfe.inverse.close_loop.report import SUMMARY, LoopDocuments
+from explicitfe.inverse.identify.identify import identify_constants
+from explicitfe.inverse.predict.predict import predict_curves
+from explicitfe.platform.errors import Progress, silent
+from explicitfe.results.documents.document import Document
+from explicitfe.results.documents.identification import Identification
+from explicitfe.results.documents.loop_report import LoopReport
+from explicitfe.results.documents.planned_test import PlannedTest
+from explicitfe.results.documents.prediction import Prediction
+from explicitfe.results.documents.proposed_tests import ProposedTests
+from explicitfe.results.files.folder import checked_target, drawing, whole_folder
+
+PREDICTION_FILE, PREDICTION_PAGE = "predict.json", "predict.html"
+PLAN_FILE, PLAN_PAGE = "design-test.json", "design-test.html"
+PROPOSALS_FILE = "proposed-tests.json"
+
+
+def identify(
+    dataset: Path | str,
+    *,
+    law: str = "yeoh",
+    method: str = "least-squares",
+    out: Path | str | None = None,
+    fit: Sequence[str] = (),
+    constants_by: str | None = None,
+    poisson: float = 0.499,
+    refinement: float = 1.5,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> Identification:
+    """Fit the constants of a material law to measured curves.
+
+    Parameters
+    ----------
+    dataset : the folder, its dataset.toml, or the name of a dataset that comes with the program.
+    law : "yeoh", "neo-hooke", "mooney-rivlin", "yeoh-3", "ogden-1", "ogden-2" or "ogden-3"; "all" fits all laws and reports the
+        one with the lowest AICc.
+    method : "least-squares", or "paper", the iteration of Gérard et al. (2005).
+    out : folder for identify.json, pictures, and a scenario with the fitted constants; nothing is written if left out.
+    fit : "KEY=VALUE" on conditions: curves that do not match are predicted only.
+    constants_by : ``group`` or a condition: curves with the same value share their constants.
+    poisson : Poisson's ratio; it is assumed, not fitted.
+    refinement : divides the element sizes of the forward model.
+    overwrite : replace the files of an earlier identification in ``out``.
+    progress : called with "compile" or "identify" and the completed share.
+
+    Returns
+    -------
+    The answer of ``explicitfe identify --json``; see docs/reference/identify.md.
+
+    Raises
+    ------
+    InputError : the dataset or an option cannot be used. Nothing is written.
+    RunError : no group could be identified.
+    """
+    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY_FILE, what="identification")
+    identification, pictures = identify_constants(
+        dataset,
+        law=law,
+        method=method,
+        fit=fit,
+        constants_by=constants_by,
+        poisson=poisson,
+        refinement=refinement,
+        progress=progress,
+    )
+    if target is not None:
+        write_identification(target, identification, pictures)
+    return identification
+
+
+def predict(
+    dataset: Path | str,
+    model: Path | str,
+    *,
+    out: Path | str | None = None,
+    curves: Sequence[str] = (),
+    refinement: float | None = None,
+    density: float | None = None,
+    tolerance: float | None = None,
+    processes: int | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> Prediction:
+    """Predict the curves of a dataset with the constants and effects of a model file.
+
+    Parameters
+    ----------
+    dataset : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
+    model : model file, such as model.toml of :func:`close_loop`.
+    out : folder for predict.json, a page and one CSV file per curve; nothing is written if left out.
+    curves : ids; all if left out.
+    refinement : divides the element sizes; the model's own if left out.
+    density : multiplies the numbers of instants of tests under a tool; the model's own if left out.
+    tolerance : relative force residual of an equilibrium; the model's own if left out.
+    processes : largest number of processes; the number of cores if left out.
+    overwrite : replace an earlier prediction.
+    progress : called with the stage and the share of it that is done.
+
+    Returns
+    -------
+    What predict.json holds; a curve that was not reached has the status "failed", a message, and no prediction.
+
+    Raises
+    ------
+    InputError : a file, a key or an option cannot be used.
+    """
+    target = None if out is None else checked_target(Path(out), overwrite, summary=PREDICTION_FILE, what="prediction")
+    prediction, files = predict_curves(
+        dataset,
+        model,
+        curves=curves,
+        refinement=refinement,
+        density=density,
+        tolerance=tolerance,
+        processes=processes,
+        progress=progress,
+    )
+    if target is not None:
+        names = ["model.toml", PREDICTION_FILE, PREDICTION_PAGE, *(name for name in files if name != "model.toml")]
+        prediction = prediction.model_copy(update={"files": [str(target / name) for name in names]})
+        page = predict_page(prediction, str(dataset))
+        _write(target, PREDICTION_FILE, prediction, {**files, PREDICTION_PAGE: page})
+    return prediction
+
+
+def close_loop(
+    dataset: Path | str,
+    *,
+    out: Path | str | None = None,
+    add: Sequence[Path | str] = (),
+    holdout: Sequence[str] = (),
+    constants_by: str | None = None,
+    effects: Sequence[str] = (),
+    max_effects: int = USUAL_MAX_EFFECTS,
+    minutes: float | None = None,
+    processes: int | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> LoopReport:
+    """Find which effect a model lacks, from measured curves.
+
+    Parameters
+    ----------
+    dataset : folder of the dataset, its dataset.toml, or the name of a dataset that comes with the program.
+    out : folder for report.html, report.json, pictures and model files; nothing is written if it is left out.
+    add : folders of further datasets of the same specimen and machine, whose curves are fitted together with the others,
+        such as tests that a report proposed.
+    holdout : ids of curves that are only predicted; chosen by the dataset or by a rule if left out.
+    constants_by : condition, or "group", by which curves share their constants; as the dataset says if left out, unless equal
+        tests on several specimens show that one set cannot serve all of them.
+    effects : names of those that are considered; all if left out.
+    max_effects : most effects (or terms of one) that are added.
+    minutes : the search ends after this time, but fits may take as long as what precedes them; None is no limit. Hypotheses that
+        were not fitted keep their estimates, and a warning names them.
+    processes : at most so many; one a core if left out.
+    overwrite : replace an earlier report.
+    progress : called with the stage and the share of it that is done.
+
+    Returns
+    -------
+    What ``report.json`` holds. A fit that cannot be done has the verdict "failed" and a message.
+
+    Raises
+    ------
+    InputError : a dataset or an option that cannot be used; nothing is written.
+    """
+    target = None if out is None else checked_target(Path(out), overwrite, summary=SUMMARY, what="report")
+    documents = find_causes(
+        dataset,
+        add=add,
+        holdout=holdout,
+        constants_by=constants_by,
+        effects=effects,
+        max_effects=max_effects,
+        minutes=minutes,
+        processes=processes,
+        progress=progress,
+    )
+    if target is not None:
+        write_loop(target, documents)
+    return documents.report
+
+
+def write_loop(target: Path, documents: LoopDocuments) -> None:
+    """Write the page of a closed loop, its pictures, the models and the report into a folder, completely or not at all.
+
+    Raises
+    ------
+    InputError : the folder cannot be written.
+    """
+    from explicitfe.app.view.report import page as loop_page
+
+    report = documents.report
+    with whole_folder(target, summary=SUMMARY) as folder:
+        names, warnings = [SUMMARY, *documents.files], list(report.warnings)
+        with drawing(warnings):
+            names += loop_page.write(folder, report, documents.curves)
+        report.warnings = warnings
+        report.files = [str(target / name) for name in names]
+        _fill(folder, SUMMARY, report, documents.files)
+
+
+def design_test(
+    protocol: Path | str,
+    *,
+    out: Path | str | None = None,
+    overwrite: bool = False,
+    processes: int | None = None,
+    progress: Progress = silent,
+) -> PlannedTest:
+    """Predict which effects a planned test can detect, and which of them it cannot distinguish.
+
+    Parameters
+    ----------
+    protocol : a protocol file, see docs/reference/close-loop.md, or the name of a protocol that comes with the program.
+    out : folder for design-test.json and a page; nothing is written if left out.
+    overwrite : replace an earlier answer.
+
+    Returns
+    -------
+    For each effect: whether its largest plausible strength is detectable, the smallest detectable strength, the change of the
+    constants if the effect is ignored, and the effect that it is most easily confused with.
+
+    Raises
+    ------
+    InputError : a protocol that cannot be used, or a folder that cannot be written.
+    RunError : the simulator cannot follow it.
+    """
+    target = None if out is None else checked_target(Path(out), overwrite, summary=PLAN_FILE, what="plan of a test")
+    planned = plan_test(protocol, processes=processes, progress=progress)
+    if target is not None:
+        planned = planned.model_copy(update={"files": [str(target / name) for name in (PLAN_FILE, PLAN_PAGE)]})
+        _write(target, PLAN_FILE, planned, {PLAN_PAGE: design_page(planned)})
+    return planned
+
+
+def propose_tests(
+    dataset: Path | str,
+    *,
+    out: Path | str | None = None,
+    overwrite: bool = False,
+    processes: int | None = None,
+    progress: Progress = silent,
+) -> ProposedTests:
+    """Propose the tests with the largest expected information per minute.
+
+    Parameters
+    ----------
+    dataset : report.json of :func:`close_loop` or its folder; or a dataset, on which the loop is closed first.
+    out : folder for proposed-tests.json and a protocol of each test; nothing is written if left out.
+    overwrite : replace an earlier answer.
+
+    Raises
+    ------
+    InputError : a dataset or a report that cannot be used, or a folder that cannot be written.
+    """
+    target = None if out is None else checked_target(Path(out), overwrite, summary=PROPOSALS_FILE, what="proposal")
+    proposed, protocols = propose(dataset, processes=processes, progress=progress)
+    if target is not None:
+        proposed = proposed.model_copy(update={"files": [str(target / name) for name in (PROPOSALS_FILE, *protocols)]})
+        _write(target, PROPOSALS_FILE, proposed, protocols)
+    return proposed
+
+
+def _write(target: Path, summary: str, document: Document, files: dict[str, str]) -> None:
+    """Write a document and other texts into a folder, completely or not at all."""
+    with whole_folder(target, summary=summary) as folder:
+        _fill(folder, summary, document, files)
+
+
+def _fill(folder: Path, summary: str, document: Document, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / summary).write_text(document.text, encoding="utf-8")

@@ -1,0 +1,126 @@
+"""``explicitfe.run`` and ``explicitfe.resume``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from explicitfe.app.api.open_result import NotebookResult, open_result
+from explicitfe.app.api.source import folder_of, path_of
+from explicitfe.platform.errors import InputError, Progress, shortened, silent
+from explicitfe.results.files import FINISHED
+from explicitfe.simulate.run.resume import resume as resume_run
+from explicitfe.simulate.run.run import run as run_scenario
+
+
+class RunResult(dict[str, object]):
+    """The summary of a run, with the keys of ``explicitfe run --json``, and the way to its result.
+
+    Every function that takes a result takes it: ``fe.measure(fe.run("vowel-i"))``.
+    """
+
+    @property
+    def path(self) -> Path:
+        """The result file."""
+        return Path(str(self["result"]))
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run reached its end; otherwise ``self["message"]`` says why not."""
+        return self["status"] == FINISHED
+
+    def open(self) -> NotebookResult:
+        """Open the result; see :func:`open_result`."""
+        return open_result(self)
+
+    def __repr__(self) -> str:
+        lines = [f"{self.get('title')}: {self['status']} in {self['wall_s']:.1f} s", f"  result: {self['result']}"]
+        if self["message"]:
+            lines.append(f"  {self['message']}")
+        probes = self.get("probes")
+        for name, end in probes.items() if isinstance(probes, Mapping) else ():
+            lines.append(f"  {name}: {end['forward_mm']:.2f} mm forward, {end['up_mm']:.2f} mm up at the end")
+        warnings = self["warnings"]
+        lines += [f"  warning: {text}" for text in (warnings if isinstance(warnings, list) else ())]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str | None:
+        """The report page in a frame, for notebooks."""
+        with self.open() as result:
+            return result._repr_html_()
+
+
+def run(
+    scenario: Path | str,
+    out: Path | str = "outputs",
+    *,
+    name: str | None = None,
+    settings: Sequence[str] | Mapping[str, object] = (),
+    overwrite: bool = False,
+    resume: bool = False,
+    progress: Progress = silent,
+) -> RunResult:
+    """Run a scenario to its end and store its result.
+
+    The first run on a machine compiles the kernels, which takes a minute or two; ``explicitfe warmup`` does it beforehand.
+
+    Parameters
+    ----------
+    scenario : scenario file, or a name of ``explicitfe list scenarios``, such as "vowel-i".
+    out : folder of the result, created if it does not exist.
+    name : of the result; that of the scenario if left out.
+    settings : values that replace those of the scenario: ``{"model.resolution": "coarse"}``, or a list of texts
+        ``"model.resolution=coarse"``.
+    overwrite : replace an existing result.
+    resume : resume an interrupted run of this scenario, if there is one.
+    progress : called with the stage and the share of it that is done.
+
+    Returns
+    -------
+    The summary, a dictionary with ``path``, ``finished`` and ``open()``. If the run ended early, ``status`` and ``message`` say
+    why, and what was computed until then is stored. Ctrl-C ends a run after a sample, with the status "interrupted".
+
+    Raises
+    ------
+    InputError : nothing was run and nothing was written.
+    """
+    if name is not None and not isinstance(name, str):
+        raise InputError(f"run: name must be a text, not {shortened(repr(name))}.")
+    folder, texts = folder_of(out, "run: out"), _settings(settings)
+    return RunResult(
+        run_scenario(scenario, folder, name=name, settings=texts, overwrite=overwrite, resume=resume, progress=progress)
+    )
+
+
+def resume(result: Path | str, *, overwrite: bool = False, threads: int | None = None, progress: Progress = silent) -> RunResult:
+    """Resume an interrupted run. The result is bitwise identical to that of an uninterrupted run.
+
+    With another number of threads, or on another machine, it is identical up to rounding. A finished run is not changed.
+
+    Parameters
+    ----------
+    result : the interrupted result, ``NAME.running.vtkhdf``, or its name in the folder ``outputs``.
+    overwrite : replace a finished result that has the final name of this run.
+    threads : number of threads from here on; that of the scenario if left out.
+    progress : called with the stage and the share of it that is done.
+
+    Raises
+    ------
+    InputError : the file is no result, is being written, belongs to a run that failed, or its model cannot be built again
+        identically.
+    """
+    path = result if isinstance(result, Path | str) else path_of(result)
+    return RunResult(resume_run(path, overwrite=overwrite, threads=threads, progress=progress))
+
+
+def _settings(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
+    """Settings as ``key=value`` texts; JSON numbers, texts and lists are TOML too."""
+    if isinstance(settings, Mapping):
+        try:
+            return [f"{key}={json.dumps(value, allow_nan=False)}" for key, value in settings.items()]
+        except (TypeError, ValueError):
+            raise InputError(f"run: settings need finite numbers, texts or lists, not {shortened(repr(settings))}.") from None
+    if isinstance(settings, list | tuple) and all(isinstance(text, str) for text in settings):
+        return list(settings)
+    raise InputError(f'run: settings must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')

@@ -1,0 +1,158 @@
+"""``explicitfe compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal, cast
+
+import typer
+
+from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.completion import complete_words
+from explicitfe.app.cli.options import JsonOption, OverwriteFilesOption, ResultArgument
+from explicitfe.app.view.progress import following
+from explicitfe.platform.errors import InputError, nearest
+from explicitfe.platform.host.result_files import find_result
+from explicitfe.platform.host.shipped import export_file
+
+REGISTRATIONS = ("rest", "movement", "none")
+RECORDING_SUFFIXES = (".csv", ".txt", ".tsv")
+
+
+def compare(
+    result: ResultArgument,
+    other: Annotated[
+        Path,
+        typer.Argument(help="Result to compare with it, or a recording of sensors (.csv, .txt, .tsv).", show_default=False),
+    ],
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            "--tolerance",
+            metavar="SHARE",
+            help="Exit with code 3 if displacements differ by more than this share of the largest displacement.",
+            show_default=False,
+        ),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="POINT=SENSOR", help="Map a point of the model to a sensor; repeat for several."),
+    ] = None,
+    register: Annotated[
+        str | None,
+        typer.Option(
+            "--register",
+            metavar="METHOD",
+            help="Rigid registration fitted to: rest (positions at rest) | movement (all positions) | none.",
+            show_default="rest",
+            autocompletion=complete_words(REGISTRATIONS),
+        ),
+    ] = None,
+    reference_s: Annotated[
+        str | None,
+        typer.Option(
+            "--reference-s",
+            metavar="START:END",
+            help="Interval of the recording in which the speaker rests, in s.",
+            show_default="its first 20 ms",
+        ),
+    ] = None,
+    offset_s: Annotated[
+        str | None,
+        typer.Option(
+            "--offset-s",
+            metavar="S|fit",
+            help="Time of the recording at which the simulation starts; fit minimizes the distance.",
+            show_default="first row",
+        ),
+    ] = None,
+    head: Annotated[
+        list[str] | None,
+        typer.Option("--head", metavar="SENSOR", help="Sensor on the head or jaw whose motion is removed; repeat."),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option("--unit", help="Unit of columns that name none, such as mm or m.", show_default=False),
+    ] = None,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option("--rate-hz", metavar="HZ", help="Sampling rate of a recording without a time column.", show_default=False),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", metavar="FILE", help="Draw the paths (.png, .pdf or .svg).", show_default=False),
+    ] = None,
+    overwrite: OverwriteFilesOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare a result with another result or with a recording of sensors.
+
+    Two results: differing keys of the scenarios, and differences of fields, points, energies and measures. Their meshes may
+    differ. A recording: distance and correlation of each sensor, after a rigid registration.
+
+    Example: [bold]explicitfe compare vowel-i finer/vowel-i.vtkhdf --tolerance 0.05[/bold]
+
+    Example: [bold]explicitfe compare vowel-i coils.csv --map tip=TT --map dorsum=TD --picture coils.png[/bold]
+    """
+    of_recordings = {
+        "--map": mapping, "--register": register, "--reference-s": reference_s, "--offset-s": offset_s, "--head": head,
+        "--unit": unit, "--rate-hz": rate_hz, "--picture": picture, "--overwrite": overwrite,
+    }  # fmt: skip
+    given = [option for option, value in of_recordings.items() if value]
+    if other.suffix.lower() not in RECORDING_SUFFIXES:
+        if given:
+            raise InputError(f"{given[0]} is for a recording (.csv, .txt, .tsv), and {other} is none; omit it.")
+        _compare_results(result, find_result(other), tolerance, as_json)
+        return
+    if tolerance is not None:
+        raise InputError(f"--tolerance is for two results, and {other} is a recording; omit it.")
+    if not mapping:
+        raise InputError("--map is missing; map at least one point of the model to a sensor, such as --map tip=T1.")
+    if register not in (None, *REGISTRATIONS):
+        raise InputError(f'--register "{register}" is not possible; {nearest(register, REGISTRATIONS)}')
+    with following(console, f"reading {result}, {other}"):
+        from explicitfe.app.view.recording import draw_recording
+        from explicitfe.app.view.terminal.recording import recording_tables
+        from explicitfe.inverse.measured.coils import parse_interval, parse_mapping, read_coils
+        from explicitfe.inverse.measured.compare_recording import compare_recording
+
+        coils = read_coils(export_file(other), unit=unit, rate_hz=rate_hz)
+        comparison, tracks = compare_recording(
+            result,
+            coils,
+            parse_mapping(mapping),
+            register=cast("Literal['rest', 'movement', 'none']", register or "rest"),
+            reference_s=None if reference_s is None else parse_interval(reference_s, "--reference-s"),
+            offset_s=_offset(offset_s),
+            head=head or (),
+        )
+        if picture is not None:
+            labels = [f"{point} ({compared.sensor})" for point, compared in comparison.points.items()]
+            draw_recording(result, picture, tracks.time_s, tracks.model, tracks.recorded, labels, overwrite)
+            comparison = comparison.model_copy(update={"picture": str(picture)})
+    print_answer(comparison.document, as_json, lambda: recording_tables(comparison), comparison.warnings)
+
+
+def _compare_results(a: Path, b: Path, tolerance: float | None, as_json: bool) -> None:
+    with following(console, f"reading {a}, {b}") as progress:
+        from explicitfe.app.view.terminal.comparison import comparison_tables, difference_in_words
+        from explicitfe.results.measure.compare import compare as compare_results
+
+        comparison = compare_results(a, b, tolerance, progress)
+    print_answer(
+        comparison.document,
+        as_json,
+        lambda: comparison_tables(comparison),
+        failure=None if comparison.within_tolerance in (None, True) else ("check", difference_in_words(comparison)),
+    )
+
+
+def _offset(words: str | None) -> float | Literal["fit"] | None:
+    if words is None:
+        return None
+    if words == "fit":
+        return "fit"
+    try:
+        return float(words)
+    except ValueError:
+        raise InputError(f'--offset-s "{words}" is not possible; give a time of the recording in s, or fit.') from None

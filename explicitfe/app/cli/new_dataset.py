@@ -1,0 +1,382 @@
+"""``explicitfe new dataset``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from explicitfe.app.cli import asking
+from explicitfe.app.cli.answer import console, print_answer
+from explicitfe.app.cli.completion import complete_scenario, complete_table, complete_words
+from explicitfe.app.cli.new import print_next
+from explicitfe.app.cli.options import JsonOption
+from explicitfe.app.view.progress import following
+from explicitfe.platform.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from explicitfe.inverse.measured.export import Export
+    from explicitfe.inverse.measured.new_dataset import NewDataset, Strip
+    from explicitfe.inverse.measured.quantities import Choice, Quantity
+    from explicitfe.inverse.measured.tables import RawTable, TestKind
+
+TESTS = ("compression", "indentation", "tension", "shear", "trajectory")
+# Test -> its default tool.
+USUAL_TOOLS = {"compression": "platen", "indentation": "flat-cylinder", "tension": "clamps"}
+TOOLS = ("platen", "flat-cylinder", "sphere", "bonded-disc", "clamps")
+CONTROLS, BASES = ("displacement", "force"), ("unknown", "bonded", "frictionless")
+ROWS_SHOWN = 3
+
+
+def _column(quantity: str) -> typer.models.OptionInfo:
+    return typer.Option(
+        f"--{quantity}", metavar="COLUMN[:UNIT]", help=f"Column of the {quantity.replace('-', ' ')}, and its unit."
+    )
+
+
+def _size(words: str) -> typer.models.OptionInfo:
+    return typer.Option(metavar="MM", help=words)
+
+
+def new_dataset(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Tables (.csv, .txt), one per test. Bundled examples: gel-slow.csv gel-medium.csv gel-fast.csv ema-vowel-i.csv",
+            show_default=False,
+            autocompletion=complete_table,
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset.", show_default="named after the files")
+    ] = None,
+    test: Annotated[str | None, typer.Option("--test", help=" | ".join(TESTS), autocompletion=complete_words(TESTS))] = None,
+    time: Annotated[str | None, _column("time")] = None,
+    displacement: Annotated[str | None, _column("displacement")] = None,
+    force: Annotated[str | None, _column("force")] = None,
+    stretch: Annotated[str | None, _column("stretch")] = None,
+    stress: Annotated[str | None, _column("stress")] = None,
+    shear_strain: Annotated[str | None, _column("shear-strain")] = None,
+    shear_stress: Annotated[str | None, _column("shear-stress")] = None,
+    diameter_mm: Annotated[float | None, _size("Diameter of a cylindrical specimen.")] = None,
+    height_mm: Annotated[float | None, _size("Height of the cylinder, along the load.")] = None,
+    size_mm: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Dimensions of a block; the last one is along the load.")
+    ] = None,
+    base: Annotated[str, typer.Option(help=f"Support of the specimen: {' | '.join(BASES)}")] = "unknown",
+    tool: Annotated[str | None, typer.Option("--tool", help=" | ".join(TOOLS), autocompletion=complete_words(TOOLS))] = None,
+    tool_diameter_mm: Annotated[float | None, _size("Diameter of the tool.")] = None,
+    control: Annotated[str, typer.Option(help=f"Quantity that the machine imposed: {' | '.join(CONTROLS)}")] = "displacement",
+    friction: Annotated[str, typer.Option(help="Friction coefficient of the tool, or stick | unknown")] = "unknown",
+    length_mm: Annotated[float | None, _size("Free length of a strip between clamps.")] = None,
+    area_mm2: Annotated[float | None, typer.Option(metavar="MM2", help="Cross-section of the strip.")] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="PER_S", help="Loading rate in mm/s or N/s, if there is no time column."),
+    ] = None,
+    force_sd_N: Annotated[
+        float | None,
+        typer.Option("--force-sd-N", metavar="N", help="Standard deviation of the force noise.", show_default="estimated"),
+    ] = None,
+    contact_force_N: Annotated[
+        float | None,
+        typer.Option("--contact-force-N", metavar="N", help="Omit the rows before the force first reaches this value."),
+    ] = None,
+    one_specimen: Annotated[
+        bool | None,
+        typer.Option("--one-specimen/--a-specimen-each", help="Whether all files are of the same specimen or speaker."),
+    ] = None,
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="POINT=SENSOR", help="Trajectory: map a point of the scenario to a sensor; repeat."),
+    ] = None,
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            "--scenario", metavar="SCENARIO", help="Trajectory: scenario to compare with.", autocompletion=complete_scenario
+        ),
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, such as mm or m.")
+    ] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate-hz", metavar="HZ", help="Trajectory: sampling rate, if there is no time column.")
+    ] = None,
+    noise_mm: Annotated[
+        float | None, typer.Option("--noise-mm", metavar="MM", help="Trajectory: standard deviation of a coordinate.")
+    ] = None,
+    interval_s: Annotated[
+        str | None,
+        typer.Option("--interval-s", metavar="START:END", help="Trajectory: rows to use; START is time 0 of the scenario."),
+    ] = None,
+    title: Annotated[str | None, typer.Option("--title", help="Title in tables and pictures.")] = None,
+    source: Annotated[str, typer.Option("--source", help="Who measured the data, and where they are published.")] = "",
+    license_: Annotated[str, typer.Option("--license", help="License of the data.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Make a dataset from tables of a testing machine, or from recordings of sensors.
+
+    Columns, units and signs are converted; notes list every change. At a terminal, the command asks for missing information.
+    In a script, give options.
+
+    Example: [bold]explicitfe new dataset my-test.csv --test compression --diameter-mm 25 --height-mm 15[/bold]
+
+    Example: [bold]explicitfe new dataset coils.csv --test trajectory --map tip=TT --map dorsum=TD --scenario vowel-i[/bold]
+    """
+    _check_words(test, tool, base, control, friction, rate)
+    of_trajectories = {
+        "--map": mapping, "--scenario": scenario, "--unit": unit, "--rate-hz": rate_hz, "--noise-mm": noise_mm,
+        "--interval-s": interval_s,
+    }  # fmt: skip
+    columns = {
+        "time": time, "displacement": displacement, "force": force, "stretch": stretch, "stress": stress,
+        "shear-strain": shear_strain, "shear-stress": shear_stress,
+    }  # fmt: skip
+    if test == "trajectory":
+        for_others = {f"--{name}": column for name, column in columns.items()} | {
+            "--tool": tool, "--diameter-mm": diameter_mm, "--height-mm": height_mm, "--size-mm": size_mm,
+            "--force-sd-N": force_sd_N, "--rate": rate, "--contact-force-N": contact_force_N,
+        }  # fmt: skip
+        _refuse(for_others, "is not for --test trajectory")
+        with following(console, f"reading {', '.join(map(str, files))}"):
+            from explicitfe.inverse.measured.coils import parse_interval, parse_mapping, read_coils
+            from explicitfe.inverse.measured.new_dataset import usual_folder
+            from explicitfe.inverse.measured.new_trajectory import TrajectoryDescription, write_new_trajectory
+            from explicitfe.platform.host.shipped import export_file
+
+            folder = out or usual_folder(files)
+            trajectories = TrajectoryDescription(
+                title=title or f"Recording of {folder.name}",
+                mapping=parse_mapping(mapping or ()),
+                scenario=scenario,
+                noise_mm=noise_mm,
+                interval_s=None if interval_s is None else parse_interval(interval_s, "--interval-s"),
+                one_speaker=bool(one_specimen),
+                source=source,
+                license=license_,
+            )
+            recordings = [read_coils(export_file(file), unit=unit, rate_hz=rate_hz) for file in files]
+            dataset = write_new_trajectory(folder, recordings, trajectories)
+        _print(dataset, as_json)
+        return
+    _refuse(of_trajectories, "is for --test trajectory only")
+    with following(console, f"reading {', '.join(map(str, files))}"):
+        from explicitfe.inverse.measured.export import read_export
+        from explicitfe.inverse.measured.new_dataset import TestDescription, quantities_of, usual_folder, write_new_dataset
+        from explicitfe.platform.host.shipped import export_file
+
+        exports = [read_export(export_file(file)) for file in files]
+    if asking.somebody_is_there():
+        _show(exports[0])
+    kind = cast("TestKind", _word(test, TESTS[:-1], "--test", "Test", "compression"))
+    with_tool = kind != "shear" and stretch is None and stress is None and not _only_stress(exports[0], kind)
+    shape = _tool_shape(kind, tool) if with_tool else ""
+    by_clamps = shape == "clamps"
+    quantities = quantities_of(kind, with_tool)
+    rate = _rate(rate, exports[0], time)
+    sources: dict[Path, Sequence[Choice]] = {}
+    stated = columns
+    for export in exports:
+        choices = [_choice(export, quantity, stated[quantity]) for quantity in quantities[rate is not None :]]
+        sources[export.path] = choices
+        # Answers for one file are used for the next one if it has such columns.
+        stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
+    description = TestDescription(
+        test=kind,
+        title=title or f"{kind.capitalize()} of {(out or usual_folder(files)).name}",
+        specimen=_specimen(with_tool and not by_clamps, diameter_mm, height_mm, size_mm, base),
+        tool=_tool(shape, tool_diameter_mm, control, friction) if with_tool and not by_clamps else None,
+        rate_per_s=rate,
+        strip=_strip(length_mm, area_mm2) if by_clamps else None,
+        noise={} if force_sd_N is None else {"force_sd_N": force_sd_N},
+        source=source,
+        license=license_,
+        contact_force_N=contact_force_N,
+        one_specimen=_one_specimen(one_specimen, len(files)),
+    )
+    _print(write_new_dataset(out or usual_folder(files), sources, description), as_json)
+
+
+def _print(dataset: NewDataset, as_json: bool) -> None:
+    from explicitfe.app.view.terminal.dataset import new_dataset_table
+
+    print_answer(dataset, as_json, lambda: new_dataset_table(dataset), dataset["notes"])
+    if not as_json:
+        print_next(f"explicitfe check {dataset['dataset']}", f"explicitfe close-loop {dataset['dataset']}")
+
+
+def _check_words(test: str | None, tool: str | None, base: str, control: str, friction: str, rate: float | None) -> None:
+    """Raise InputError if an option has an impossible value, before any table is read."""
+    for option, given, words in (("--test", test, TESTS), ("--tool", tool, TOOLS), ("--base", base, BASES)):
+        if given is not None:
+            _word(given, words, option, "", "")
+    if test is None and not asking.somebody_is_there():
+        _word(None, TESTS, "--test", "", "")
+    _word(control, CONTROLS, "--control", "", "")
+    _friction(friction)
+    if rate is not None and not 0.0 < rate < float("inf"):
+        raise InputError(f"--rate {rate:g} is not possible; give a number above 0.")
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    """Raise InputError if an option is given that the test does not have."""
+    for option, value in options.items():
+        if value not in (None, []):
+            raise InputError(f"{option} {why}; omit it.")
+
+
+def _show(export: Export) -> None:
+    """Print the first lines and rows of a file."""
+    for line in export.head[:8]:
+        console.print(f"  {line}", style="dim", markup=False, highlight=False, overflow="ellipsis", no_wrap=True)
+    table = Table(title=escape(str(export.path.name)), title_justify="left")
+    for column in export.columns:
+        table.add_column(escape(column.name + (f" [{column.unit}]" if column.unit else "")), justify="right")
+    for row in range(min(ROWS_SHOWN, len(export.columns[0].values))):
+        table.add_row(*(f"{column.values[row]:.6g}" for column in export.columns))
+    console.print(table)
+
+
+def _only_stress(export: Export, kind: str) -> bool:
+    """Whether a file of a compression or tension test has a stress column and no force column."""
+    from explicitfe.inverse.measured.quantities import guessed
+
+    return kind != "indentation" and guessed(export, "force") is None and guessed(export, "stress") is not None
+
+
+def _choice(export: Export, quantity: Quantity, stated: str | None) -> Choice:
+    """Column and unit of a quantity: as given, by its name, or by asking."""
+    from explicitfe.inverse.measured.new_dataset import missing
+    from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, chosen, guessed, unit_of
+
+    column, unit = None, None
+    if stated is not None:
+        column, unit = chosen(export, quantity, stated)
+    else:
+        column = guessed(export, quantity)
+        unit = None if column is None else unit_of(quantity, column.unit)
+    units = list(QUANTITIES[quantity].units)
+    if (column is None or unit is None) and not asking.somebody_is_there():
+        raise missing(export, quantity)
+    if column is None:
+        names = ", ".join(f"{k + 1} {column.name}" for k, column in enumerate(export.columns))
+        column = asking.ask(f"Column of the {quantity} ({names})", export.column)
+        unit = unit_of(quantity, column.unit)
+
+    def read_unit(word: str) -> str:
+        known = unit_of(quantity, word)
+        if known is None:
+            raise InputError(f"please answer: {', '.join(units)}.")
+        return known
+
+    if unit is None:
+        unit = asking.ask(f'Unit of "{column.name}" ({", ".join(units)})', read_unit, units[0])
+    return Choice(column, quantity, unit)
+
+
+def _word(given: str | None, words: Sequence[str], option: str, question: str, usual: str) -> str:
+    """One of a few words: as given, or by asking."""
+    if given is None:
+        if not asking.somebody_is_there():
+            raise InputError(f"{option} is missing; give one of {', '.join(words)}.")
+        return asking.ask(f"{question} ({', '.join(words)})", asking.one_of(words), usual)
+    if given not in words:
+        raise InputError(f'{option} "{given}" is not possible; {nearest(given, words)}')
+    return given
+
+
+def _length(given: float | None, option: str, question: str) -> float:
+    if given is None:
+        if not asking.somebody_is_there():
+            raise InputError(f"{option} is missing: {question[0].lower()}{question[1:]}.")
+        return asking.ask(question, asking.a_number)
+    return given
+
+
+def _specimen(with_tool: bool, diameter_mm: float | None, height_mm: float | None, size_mm: str | None, base: str) -> RawTable:
+    """The table [specimen]."""
+    if not with_tool:
+        return {"shape": "point"}
+    if size_mm is not None and (diameter_mm is not None or height_mm is not None):
+        raise InputError("--size-mm (a block) excludes --diameter-mm and --height-mm (a cylinder); give one of the two shapes.")
+    shape = "block" if size_mm is not None else "cylinder"
+    if size_mm is None and diameter_mm is None and asking.somebody_is_there():
+        shape = asking.ask("Shape of the specimen (cylinder, block)", asking.one_of(("cylinder", "block")), "cylinder")
+    if shape == "cylinder":
+        diameter_mm = _length(diameter_mm, "--diameter-mm", "Diameter of the specimen in mm (for a block: --size-mm)")
+        height_mm = _length(height_mm, "--height-mm", "Height of the specimen in mm")
+        return {"shape": "cylinder", "radius_mm": 0.5 * diameter_mm, "height_mm": height_mm, "base": base}
+    return {"shape": "block", "size_mm": _three(size_mm), "base": base}
+
+
+def _three(given: str | None) -> list[float]:
+    """Three lengths."""
+
+    def read(line: str) -> list[float]:
+        numbers = [asking.a_number(word) for word in line.replace(",", " ").replace("x", " ").split()]
+        if len(numbers) != 3:
+            raise InputError("give three numbers in mm, such as 20,20,10.")
+        return numbers
+
+    return (
+        asking.ask("Dimensions of the block in mm, the last one along the load (20,20,10)", read)
+        if given is None
+        else read(given)
+    )
+
+
+def _tool_shape(kind: str, shape: str | None) -> str:
+    """Shape of the tool; clamps are for tension only."""
+    if shape is None and kind == "compression":
+        return "platen"
+    shape = _word(shape, TOOLS, "--tool", "Tool", USUAL_TOOLS[kind])
+    if shape == "clamps" and kind != "tension":
+        raise InputError(f"--tool clamps is for --test tension, not for {kind}; give {USUAL_TOOLS[kind]} or another tool.")
+    return shape
+
+
+def _strip(length_mm: float | None, area_mm2: float | None) -> Strip:
+    """Dimensions of a strip between clamps."""
+    from explicitfe.inverse.measured.new_dataset import Strip
+
+    return Strip(
+        _length(length_mm, "--length-mm", "Free length of the strip between the clamps in mm"),
+        _length(area_mm2, "--area-mm2", "Cross-section of the strip in mm2"),
+    )
+
+
+def _rate(given: float | None, export: Export, time: str | None) -> float | None:
+    """Loading rate, if there is no time column."""
+    from explicitfe.inverse.measured.quantities import guessed
+
+    if given is not None or time is not None or guessed(export, "time") is not None or not asking.somebody_is_there():
+        return given
+    if asking.ask("Is there a time column (yes, no)", asking.yes_or_no, "yes"):
+        return None
+    return asking.ask("Loading rate in mm/s or N/s", asking.a_number)
+
+
+def _tool(shape: str, diameter_mm: float | None, control: str, friction: str) -> RawTable:
+    """The table [tool]."""
+    table: RawTable = {"shape": shape}
+    if shape != "platen":
+        table["radius_mm"] = 0.5 * _length(diameter_mm, "--tool-diameter-mm", "Diameter of the tool in mm")
+    return table | {"control": control, "friction": _friction(friction)}
+
+
+def _friction(given: str) -> float | str:
+    try:
+        return float(given)
+    except ValueError:
+        return _word(given, ("unknown", "stick"), "--friction", "", "")
+
+
+def _one_specimen(given: bool | None, files: int) -> bool:
+    if given is None and files > 1 and asking.somebody_is_there():
+        return asking.ask("Are all files of the same specimen (yes, no)", asking.yes_or_no, "yes")
+    return bool(given)

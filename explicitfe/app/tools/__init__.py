@@ -1,0 +1,1 @@
+"""Tools of the command line: diagnosis, lists, new scenarios, speed."""

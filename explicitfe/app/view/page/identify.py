@@ -1,0 +1,202 @@
+"""Page of an identification: constants with their intervals, comparison of laws, curves, sensitivity to the assumptions."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from explicitfe.app.view.fit import CHI2_RISE_95_PERCENT, constant_name, unit_of_constant
+from explicitfe.app.view.page.chart import Chart, Line, chart
+from explicitfe.app.view.page.curves import CurveToDraw, charts_of_curves
+from explicitfe.app.view.page.frame import page_text
+from explicitfe.app.view.report.tables import PageTable, bars, table
+from explicitfe.app.view.report.words import finite, number, percent, plural
+from explicitfe.results.documents.fitted_curves import ConstantProfile, FittedCurve
+from explicitfe.results.documents.identification import Identification, IdentifiedGroup, changes_of
+
+SIDES_OF_A_FIT = {"holdout": "held out", "fit": "fitted"}
+
+
+@dataclass(frozen=True)
+class GroupOnPage:
+    """Curves that share their constants, as the page shows them; ``message`` is the reason if there are none."""
+
+    name: str
+    message: str
+    constants: PageTable | None
+    widened: str
+    law: str
+    laws: PageTable | None
+    charts: list[Chart]
+    profiles: list[Chart]
+    curves: PageTable | None
+    hides: PageTable | None
+    facts: dict[str, str]
+    warnings: list[str]
+
+
+def identify_page(
+    identification: Identification,
+    curves: Mapping[str, Sequence[FittedCurve]],
+    profiles: Mapping[str, Sequence[ConstantProfile]],
+) -> str:
+    """The text of the page; ``curves`` and ``profiles`` are those of each group that has constants."""
+    groups = [
+        _group(name, group, curves.get(name, ()), profiles.get(name, ())) for name, group in identification["groups"].items()
+    ]
+    how = {"refinement": number(identification["refinement"]), "Poisson's ratio": f"{identification['poisson']:g}"}
+    how |= {"simulations": str(identification["forward_runs"]), "computed in": f"{number(identification['wall_s'], 2)} s"}
+    method = "" if identification["method"] == "least-squares" else f" --method {identification['method']}"
+    method += "" if identification["law"] == "yeoh" else f" --law {identification['law']}"
+    return page_text(
+        "page/identify.html.j2",
+        title=identification["title"] or identification["dataset"],
+        dataset=identification["dataset"],
+        method=identification["method"].replace("-", " "),
+        groups=groups,
+        left_out=table(("curve", "why"), list(identification["left_out"].items()), "tw"),
+        warnings=identification["warnings"],
+        command=f"explicitfe identify {shlex.quote(identification['path'])}{method}",
+        how=table(("", ""), list(how.items()), "tt"),
+    )
+
+
+def _group(name: str, group: IdentifiedGroup, curves: Sequence[FittedCurve], profiles: Sequence[ConstantProfile]) -> GroupOnPage:
+    widened_by = group.get("widened_by", 1.0)
+    widened = f"The intervals are {number(widened_by, 2)} times wider than from independent noise alone."
+    return GroupOnPage(
+        name=name,
+        message=group.get("message", "") if "constants" not in group else "",
+        constants=_constants(group),
+        widened=widened if widened_by > 1.0 else "",
+        law=group.get("law", ""),
+        laws=_laws(group),
+        charts=charts_of_curves([_drawn(curve) for curve in curves]),
+        profiles=[drawn for profile in profiles if (drawn := _profile(profile)) is not None],
+        curves=_curves(group),
+        hides=_hides(group),
+        facts=dict(_facts(group)),
+        warnings=group.get("warnings", []),
+    )
+
+
+def _constants(group: IdentifiedGroup) -> PageTable | None:
+    rows = []
+    for name, entry in group.get("constants", {}).items():
+        low, high = entry.get("ci95", [None, None])
+        interval = f"{number(low)} to {number(high) if finite(high) else 'no limit'}" if finite(low) else ""
+        at_bound = "at its bound" if name in group.get("at_bound", []) else ""
+        rows.append((constant_name(name), f"{number(entry['value'], 4)}{unit_of_constant(name)}", interval, at_bound))
+    moduli = (("shear modulus", group.get("shear_modulus")), ("Young's modulus", group.get("youngs_modulus")))
+    for name, modulus in moduli:
+        if modulus is not None:
+            low, high = modulus.get("ci95", [None, None])
+            interval = f"{number(low)} to {number(high)}" if finite(low) and finite(high) else ""
+            rows.append((f"{name}, small strain", f"{number(modulus['value'], 4)} Pa", interval, ""))
+    return table(("constant", "value", "95 % interval", ""), rows, "tnnt")
+
+
+def _laws(group: IdentifiedGroup) -> PageTable | None:
+    rows: list[tuple[Any, ...]] = []
+    shown = group.get("laws", [])
+    for row in shown if len(shown) > 1 else []:
+        if "problem" in row:
+            rows.append((row["law"], row["problem"], "", "", "", ""))
+            continue
+        held_out = row["held_out_nrmse"]
+        differences = (number(row[key], 3) if finite(row[key]) else "" for key in ("aicc_difference", "bic_difference"))
+        modulus = f"{number(row['shear_modulus_Pa'], 4)} Pa"
+        rows.append((row["law"], modulus, percent(row["nrmse"]), percent(held_out) if finite(held_out) else "", *differences))
+    return table(("law", "shear modulus", "misfit", "held-out error", "ΔAICc", "ΔBIC"), rows, "tnnnnn")
+
+
+def _drawn(curve: FittedCurve) -> CurveToDraw:
+    largest = float(np.abs(curve["measured"]).max(initial=0.0))
+    rmse = float(np.sqrt(np.mean((curve["predicted"] - curve["measured"]) ** 2)))
+    error = rmse / largest if largest > 0.0 else float("nan")
+    parts = [curve["id"], SIDES_OF_A_FIT[curve["split"]], f"error {percent(error)}" if finite(error) else ""]
+    return CurveToDraw(
+        title=", ".join(filter(None, parts)),
+        x_label=curve["x_label"],
+        y_label=curve["y_label"],
+        x=curve["x"],
+        measured=curve["measured"],
+        sd=curve["sd"],
+        model_x=curve["line_x"],
+        model=curve["line_y"],
+        error=error if finite(error) else 0.0,
+    )
+
+
+def _profile(profile: ConstantProfile) -> Chart | None:
+    """Profile likelihood of a constant."""
+    ends = np.array([profile["values"][0], profile["values"][-1]])
+    lines = [
+        Line("increase of χ²", profile["values"], profile["rise"]),
+        Line("95 %", ends, np.full(2, CHI2_RISE_95_PERCENT), colour=1, dash=1),
+    ]
+    name = constant_name(profile["name"])
+    x_label = f"{name} (Pa)" if unit_of_constant(profile["name"]) else name
+    return chart(f"Profile likelihood of {name}", lines, x_label=x_label, y_label="increase of χ², scaled as the interval")
+
+
+def _curves(group: IdentifiedGroup) -> PageTable | None:
+    shown = group.get("curves", {})
+    largest = max((row["nrmse"] for row in shown.values() if finite(row["nrmse"])), default=0.0)
+    rows = [
+        (
+            name,
+            SIDES_OF_A_FIT[row["split"]],
+            f"{row['rows']}" + (f" (+{row['rows_left_out']} not used)" if row["rows_left_out"] else ""),
+            f"{number(row['rmse'])} {row['unit']}",
+            percent(row["nrmse"]),
+            f"{number(row['largest_error'])} {row['unit']}",
+            bars([None, row["nrmse"]], None, largest),
+        )
+        for name, row in shown.items()
+    ]
+    return table(("curve", "", "rows", "rmse", "of the largest value", "largest error", ""), rows, "ttnnnnb")
+
+
+def _hides(group: IdentifiedGroup) -> PageTable | None:
+    symbols = [constant_name(name) for name in group.get("constants", {})]
+    rows: list[tuple[Any, ...]] = []
+    for row in group.get("hides", []):
+        if "problem" in row:
+            rows.append((row["if"], row["problem"], *("" for _ in range(len(symbols) + 1))))
+            continue
+        changes = (f"{100.0 * change:+.1f} %" for change in changes_of(row, symbols))
+        rows.append((row["if"], *changes, f"{number(row['left'], 2)} {group['unit']}", number(row["left_in_noise"], 2)))
+    head = ("other assumption", *symbols, "residual (rms)", "residual in noise")
+    return table(head, rows, "t" + "n" * (len(symbols) + 2))
+
+
+def _facts(group: IdentifiedGroup) -> Iterator[tuple[str, str]]:
+    if "misfit" in group:
+        misfit = group["misfit"]
+        text = f"{number(misfit['rms'])} {group['unit']} rms, {percent(misfit['nrmse'])} of the largest value"
+        if finite(misfit["reduced_chi2"]):
+            text += f"; reduced χ² {number(misfit['reduced_chi2'])}"
+        yield "misfit of the law", text
+    if "noise_sd" in group:
+        unit = group["unit"]
+        noise = f"{number(group['noise_sd'], 2)} {unit} ({group['noise']}); numerical {number(group['numerical_sd'], 2)} {unit}"
+        yield "noise of a row", noise
+    if finite(group.get("chi2")):
+        yield "χ²", f"{number(group['chi2'], 4)} with {plural(group['degrees_of_freedom'], 'degree')} of freedom"
+    if finite(group.get("correlation")):
+        yield "correlation of the constants", f"{group['correlation']:+.2f}"
+    if "paper" in group:
+        paper = group["paper"]
+        yield "paper's method", f"{group['status']} in {plural(len(paper['trace']), 'run')}"
+        yield (
+            "verdict",
+            f"{sum(paper['within'])} of {len(paper['within'])} points within {paper['tolerance']}; largest error "
+            f"{percent(paper['largest_relative_error'])}",
+        )
+    if group.get("assumed"):
+        yield "assumed", ", ".join(group["assumed"])

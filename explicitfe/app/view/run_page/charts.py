@@ -1,0 +1,157 @@
+"""Charts of a run: muscles, named points, contact and energies over time, or force over displacement of a tool."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicitfe.app.view.energy_balance import energy_balance
+from explicitfe.app.view.hourglass import hourglass_share
+from explicitfe.app.view.muscles import activation, muscle_name, muscles_of, on_times
+from explicitfe.app.view.over_time import ADVISED_HOURGLASS_SHARE, SIDEWAYS_SHARE
+from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart, reached
+from explicitfe.results.documents.run_summary import kind_of
+from explicitfe.results.files import Result
+from explicitfe.results.measure.sections import X, Y, Z
+
+TIME_LABEL = "time (ms)"
+# Black is the last colour: the external work is drawn over the energies that add up to it.
+COLOUR_OF_WORK = COLOUR_COUNT - 1
+BALANCE_TITLE = "Energy balance: stored (dark) and dissipated (pale) energies add up to the external work (line)"
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedChart:
+    """Contents of a chart, before it gets the axes that it shares with the same chart of other results."""
+
+    title: str
+    y_label: str
+    series: list[Line]
+    x_label: str
+    follows: str
+    spans: list[tuple[float, float]]
+    logarithmic: bool = False
+
+
+def charts_of(results: Sequence[Result]) -> list[list[Chart]]:
+    """The charts of each result, without those for which it has no data; charts of the same title have the same axes."""
+    plans = [_plans(result) for result in results]
+    return [[drawn for plan in own if (drawn := _draw(plan, _alike(plan, plans))) is not None] for own in plans]
+
+
+def _alike(plan: PlannedChart, plans: Sequence[Sequence[PlannedChart]]) -> list[Line]:
+    """The series of all charts of this title."""
+    return [series for own in plans for other in own if other.title == plan.title for series in other.series]
+
+
+def _draw(plan: PlannedChart, alike: Sequence[Line]) -> Chart | None:
+    x, y = np.concatenate([one.x for one in alike]), np.concatenate([reached(one) for one in alike])
+    kept = np.isfinite(y) & ((y > 0.0) | (not plan.logarithmic))
+    if not kept.any():
+        return None
+    return chart(
+        plan.title,
+        plan.series,
+        x_label=plan.x_label,
+        y_label=plan.y_label,
+        x_range=(float(np.nanmin(x)), float(np.nanmax(x))),
+        y_range=(float(y[kept].min()), float(y[kept].max())),
+        logarithmic=plan.logarithmic,
+        spans=plan.spans,
+        follows=plan.follows,
+    )
+
+
+def _plans(result: Result) -> list[PlannedChart]:
+    if len(result.history("time")) < 2:
+        return []
+    return _tool_charts(result) if kind_of(result.model) == "relaxation" else _time_charts(result)
+
+
+def _time_charts(result: Result) -> list[PlannedChart]:
+    times = 1e3 * result.history("time")
+    muscles = [muscle for muscle in muscles_of(result) if muscle["force_N"] > 0.0]
+    spans = on_times(muscles, times[-1])
+    plans = []
+
+    def add(title: str, y_label: str, series: list[Line], logarithmic: bool = False) -> None:
+        if series:
+            plans.append(PlannedChart(title, y_label, series, TIME_LABEL, "time", spans, logarithmic))
+
+    courses = [(muscle, *activation(muscle, times[-1])) for muscle in muscles]
+    add("Muscle forces", "N", [Line(muscle_name(one), at, one["force_N"] * share) for one, at, share in courses])
+    for title, unit, lines in [*_point_lines(result), *_contact_lines(result)]:
+        add(title, unit, _lines(times, lines))
+    if stack := energy_lines(result):
+        add(BALANCE_TITLE, stack[1], stack[0])
+        error = 100.0 * result.history("balance_error")
+        add("Largest error of the energy balance so far", "%", [Line("", times, error, colour=COLOUR_OF_WORK)], True)
+        if {"internal_energy", "hourglass_energy"} <= set(result.history_names):
+            limit = np.full(len(times), 100.0 * ADVISED_HOURGLASS_SHARE)
+            share = [Line("", times, 100.0 * hourglass_share(result), colour=1), Line("", times, limit, colour=6, dash=1)]
+            title = f"Hourglass energy as a share of the elastic energy (dashed: recommended limit, {limit[0]:g} %)"
+            add(title, "%", share)
+    return plans
+
+
+def energy_lines(result: Result) -> tuple[list[Line], str] | None:
+    """The stacked terms of the energy balance as bands and the external work as a line, in a unit; None where there are none."""
+    balance = energy_balance(result)
+    if balance is None:
+        return None
+    factor, unit = balance.unit()
+    times, edges = 1e3 * balance.time, factor * balance.edges()
+    bands = [
+        Line(term.label, times, low, "band" if term.is_loss else "dark-band", colour=term.colour, y_high=high)
+        for (term, _), low, high in zip(balance.terms, edges[:-1], edges[1:], strict=True)
+    ]
+    return [*bands, Line(balance.work_label, times, factor * balance.work, colour=COLOUR_OF_WORK)], unit
+
+
+def _lines(times: np.ndarray, lines: dict[str, np.ndarray]) -> list[Line]:
+    return [Line(name, times, y, dash=number // COLOUR_COUNT) for number, (name, y) in enumerate(lines.items())]
+
+
+def _point_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]:
+    """Title, unit and lines by name of the charts of the named points, in the order of the model."""
+    stored = [name.removeprefix("probe_").removesuffix("_displacement") for name in result.history_names]
+    probes = [name for name in stored if f"probe_{name}_displacement" in result.history_names]
+    if not probes:
+        return []
+    order = list(result.model.get("probes", result.mesh.named_points))
+    probes.sort(key=lambda name: order.index(name) if name in order else len(order))
+    moved = {name: 1e3 * result.history(f"probe_{name}_displacement") for name in probes}
+    charts = [
+        ("Named points: forward", "mm", {name: -u[:, X] for name, u in moved.items()}),
+        ("Named points: up", "mm", {name: u[:, Z] for name, u in moved.items()}),
+    ]
+    largest = max(float(np.nanmax(np.abs(u), initial=0.0)) for u in moved.values())
+    if max(float(np.nanmax(np.abs(u[:, Y]), initial=0.0)) for u in moved.values()) > SIDEWAYS_SHARE * largest:
+        charts.append(("Named points: to the right", "mm", {name: u[:, Y] for name, u in moved.items()}))
+    with_speed = [name for name in probes if f"probe_{name}_velocity" in result.history_names]
+    speeds = {name: 1e3 * np.linalg.norm(result.history(f"probe_{name}_velocity"), axis=1) for name in with_speed}
+    return [*charts, ("Named points: speed", "mm/s", speeds)]
+
+
+def _contact_lines(result: Result) -> list[tuple[str, str, dict[str, np.ndarray]]]:
+    """Title, unit and lines by bone of the charts of contact, of bones that were touched."""
+    charts = []
+    for title, unit, factor, kind in (("Resultant contact force", "N", 1.0, "force"), ("Contact area", "mm²", 1e6, "area")):
+        lines = {}
+        for bone in result.bones:
+            name = f"contact_{bone}_{kind}"
+            if name in result.history_names:
+                values = result.history(name)
+                lines[bone] = factor * (values if values.ndim == 1 else np.linalg.norm(values, axis=1))
+        if any(np.any(line) for line in lines.values()):
+            charts.append((title, unit, lines))
+    return charts
+
+
+def _tool_charts(result: Result) -> list[PlannedChart]:
+    displacement, force = 1e3 * result.history("indentation"), result.history("force")
+    series = [Line("force", displacement, force), Line("", displacement, force, drawn="dots", colour=0)]
+    label = "displacement of the tool after first contact (mm)"
+    return [PlannedChart("Tool force (whole tool)", "N", series, label, "indentation", [])]

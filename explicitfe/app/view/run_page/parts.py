@@ -1,0 +1,243 @@
+"""Texts and tables of the report of runs, without HTML."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import JsonValue
+
+from explicitfe.app.view.heading import NOT_PHYSICS, title_of
+from explicitfe.app.view.muscles import muscles_of, pull_in_words
+from explicitfe.app.view.page.chart import Chart
+from explicitfe.app.view.report.tables import PageTable, table
+from explicitfe.app.view.report.words import bare, finite, motion_at_end, number, paragraphs, percent, speed
+from explicitfe.app.view.run_page.checks import Checks, checks_of
+from explicitfe.app.view.run_page.playback import frame_count, playback
+from explicitfe.platform.host import shipped
+from explicitfe.results.documents.run_summary import kind_of
+from explicitfe.results.documents.units_of_keys import terms_of, words_and_unit
+from explicitfe.results.files import Result
+from explicitfe.results.files.differing_keys import differing_keys, table_in_words
+from explicitfe.results.measure.document import BoneContact, Measures
+from explicitfe.results.measure.measure import measures_of
+
+# Longer values of a scenario are cut in the table of differences.
+LONGEST_VALUE_CHARACTERS = 80
+# A column in which all displacements are smaller is omitted: it would show 0.00 throughout.
+SMALLEST_SHOWN_MM = 0.005
+# Prefix of the lines at the head of a stored scenario that record the settings of the run.
+SETTING = "# --set "
+
+
+@dataclass(frozen=True)
+class RunOnPage:
+    """One result as the page shows it.
+
+    Attributes
+    ----------
+    label : short name, unique on the page: that of its file.
+    question, expect : paragraphs of the scenario; empty where it has none.
+    facts : name -> value, in words, of the table of the run and its results.
+    moved : displacement of each named point; None where there are none.
+    charts : drawn from its history.
+    playback : data of the animation, with ``frames`` of the ``stored`` samples.
+    scenario : text of the scenario file; ``commands`` repeat the run and show more of it.
+    is_tongue : whether it is a run in time rather than an indentation.
+    """
+
+    label: str
+    title: str
+    checks: Checks
+    question: list[str]
+    expect: list[str]
+    facts: dict[str, str]
+    moved: PageTable | None
+    charts: list[Chart]
+    playback: str
+    frames: int
+    stored: int
+    provenance: dict[str, str]
+    scenario: str
+    commands: list[str]
+    is_tongue: bool
+
+
+def run_on_page(result: Result, last: int, label: str, charts: list[Chart], share: float) -> RunOnPage:
+    """One result as the page shows it, up to a step; ``share`` is its part of the size that a page may have."""
+    scenario = result.model.get("scenario", {})
+    measures = measures_of(result, last) if kind_of(result.model) == "transient" else None
+    return RunOnPage(
+        label=label,
+        title=title_of(result),
+        checks=checks_of(result),
+        question=paragraphs(str(scenario.get("question") or "")),
+        expect=paragraphs(str(scenario.get("expect") or "")),
+        facts=dict(_facts(result, measures)),
+        moved=None if measures is None or not result.mesh.named_points else _moved(measures),
+        charts=charts,
+        playback=playback(result, last, share),
+        frames=frame_count(result, last, share),
+        stored=len(result.times),
+        provenance={key: str(value) for key, value in result.provenance.items() if value is not None},
+        scenario=result.scenario_text,
+        commands=list(_commands(result)),
+        is_tongue=kind_of(result.model) == "transient",
+    )
+
+
+def differences(scenarios: Sequence[Mapping[str, Any]], labels: Sequence[str]) -> PageTable | None:
+    """The keys whose values differ between scenarios, with all defaults filled in; None where there are none."""
+    rows = [(key, *map(_value, values)) for key, values in differing_keys(scenarios).items()]
+    return table(("key", *labels), rows, "t" * (1 + len(labels)))
+
+
+def _value(value: JsonValue) -> str:
+    if value is None:
+        return "absent"
+    if isinstance(value, dict):
+        return table_in_words(value)
+    text = bare(value) if finite(value) else str(value)
+    return text if len(text) <= LONGEST_VALUE_CHARACTERS else f"{text[: LONGEST_VALUE_CHARACTERS - 1]}…"
+
+
+def facts_table(runs: Sequence[RunOnPage]) -> PageTable | None:
+    """The facts of all runs, one column per result."""
+    names = list(dict.fromkeys(name for run in runs for name in run.facts))
+    rows = [(name, *(run.facts.get(name, "") for run in runs)) for name in names]
+    return table(("", *([run.label for run in runs] if len(runs) > 1 else [""])), rows, "t" * (1 + len(runs)))
+
+
+def provenance_table(runs: Sequence[RunOnPage]) -> PageTable | None:
+    """Versions, commit and machine of each run."""
+    names = list(dict.fromkeys(name for run in runs for name in run.provenance))
+    rows = [(name.replace("_", " "), *(run.provenance.get(name, "") for run in runs)) for name in names]
+    return table(("", *([run.label for run in runs] if len(runs) > 1 else [""])), rows, "t" * (1 + len(runs)))
+
+
+def _facts(result: Result, measures: Measures | None) -> Iterator[tuple[str, str]]:
+    """Names and values of the run and its results, in words."""
+    model, summary, scenario = result.model, result.summary, result.model.get("scenario", {})
+    yield "status", result.status
+    size = f"{result.mesh.element_count} elements, {result.mesh.node_count} nodes"
+    yield "mesh", f"{model['name']}, {size}" if model.get("name") else size
+    if material := dict(model.get("material") or {}):
+        source = material.pop("source", "")
+        yield "material", ", ".join(_constant(key, material[key]) for key in terms_of(material))
+        yield "source of the material", str(source)
+    if muscles := muscles_of(result):
+        yield "muscles", "; ".join(pull_in_words(muscle) for muscle in muscles)
+    if result.bones:
+        yield "bones", ", ".join(result.bones)
+    if tool := model.get("tool"):
+        yield "tool", ", ".join(_constant(key, value) for key, value in tool.items() if value is not None)
+    if len(result.times) and kind_of(model) == "transient":
+        yield "simulated", f"{1e3 * result.times[-1]:.4g} ms, {len(result.times)} samples stored"
+    if finite(summary.get("steps")) and finite(summary.get("dt_s")):
+        yield "time steps", f"{summary['steps']} of at least {1e6 * summary['dt_s']:.3g} µs"
+    if kind_of(model) == "relaxation" and len(result.history("force")):
+        most = int(np.argmax(result.history("force")))
+        depth_mm = 1e3 * result.history("indentation")[most]
+        yield "maximum force", f"{number(result.history('force')[most])} N at {number(depth_mm)} mm"
+    if finite(summary.get("energy_balance_error")):
+        yield "energy balance error", f"at most {percent(summary['energy_balance_error'])}".replace("at most <", "less than")
+    if finite(summary.get("hourglass_share")):
+        yield "hourglass share", f"at most {percent(summary['hourglass_share'])} of the elastic energy"
+    if finite(summary.get("min_J")):
+        yield "minimum volume ratio J", f"{summary['min_J']:.3f}"
+    if folded := summary.get("folded"):
+        undecided = f", {folded['undecided']} undecided" if folded.get("undecided") else " (certified)"
+        yield "inverted elements", f"{folded['elements']} of {result.mesh.element_count}{undecided}"
+    if measures is not None:
+        yield "at the end", motion_at_end(measures.body.settled, measures.body.fastest_mm_s)
+        for name, contact in measures.contact.items():
+            yield f"contact with the {name} at the end", _contact(contact)
+    if finite(summary.get("wall_s")):
+        yield "wall time", f"{number(summary['wall_s'], 2)} s"
+    if scenario.get("effects"):
+        yield "effects", ", ".join(sorted(key.replace("_", "-") for key in scenario["effects"]))
+
+
+def _constant(key: str, value: object) -> str:
+    """Such as "C10 1037 Pa", with all digits of the number."""
+    words, unit = words_and_unit(key)
+    text = f"{value:.10g}" if finite(value) else str(value)
+    return text if key in ("law", "shape") else f"{words} {text} {unit}".rstrip()
+
+
+def _contact(contact: BoneContact) -> str:
+    """Contact with a bone: its area and both forces, with the digits that distinguish them."""
+    if not contact.area_mm2:
+        return "none"
+    forces = [] if contact.resultant_N is None else [f"resultant force {number(contact.resultant_N)} N"]
+    return ", ".join([f"{contact.area_mm2:.0f} mm²", *forces, f"normal force sum {number(contact.force_N)} N"])
+
+
+def _moved(measures: Measures) -> PageTable | None:
+    """The displacement of each named point at the end and its largest one, from the measures of the result."""
+    points = measures.points
+    moves_aside = any(abs(point.right_mm) >= SMALLEST_SHOWN_MM for point in points.values())
+    rows = [
+        (
+            name,
+            *(f"{mm:z.2f}" for mm in (point.forward_mm, point.up_mm)),
+            f"{point.right_mm:z.2f}" if moves_aside else "",
+            f"{point.largest_mm:.2f}",
+            f"{point.largest_at_ms:.0f}",
+            speed(point.peak_speed_mm_s),
+            "" if point.time_to_90_ms is None else f"{point.time_to_90_ms:.0f}",
+        )
+        for name, point in points.items()
+    ]
+    head = ("point", "forward (mm)", "up (mm)", "right (mm)", "largest (mm)", "at (ms)", "peak speed (mm/s)", "time to 90 % (ms)")
+    return table(head, rows, "tnnnnnnn")
+
+
+def _commands(result: Result) -> Iterator[str]:
+    """The command that repeats the run, and those that show more of it."""
+    stored = result.model
+    file = Path(str(stored.get("scenario_file") or f"{result.path.stem}.toml"))
+    settings = "".join(f" --set {shlex.quote(setting)}" for setting in _settings(result))
+    name = result.path.stem.removesuffix(".running")
+    named = "" if name == file.stem else f" --name {shlex.quote(name)}"
+    yield f"explicitfe run {shlex.quote(scenario_words(file, result.scenario_text))}{settings}{named}"
+    yield f"explicitfe inspect {shlex.quote(str(result.path))}"
+    if kind_of(stored) == "transient":
+        yield f"explicitfe measure {shlex.quote(str(result.path))}"
+
+
+def scenario_words(file: Path, text: str) -> str:
+    """What a user types to run a stored scenario again.
+
+    The name alone of a scenario that comes with explicitfe, whatever the folder of the installation; otherwise the path, relative
+    where it is in the working directory.
+
+    Parameters
+    ----------
+    file : the scenario file of the run.
+    text : the text of that scenario, which may begin with the settings of the run.
+    """
+    own = shipped.scenarios().get(file.stem)
+    if own is not None and (file == own or _without_words(own.read_text(encoding="utf-8")) == _without_words(text)):
+        return file.stem
+    return str(file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file)
+
+
+def _without_words(text: str) -> dict[str, Any] | None:
+    """The keys of a scenario that a run depends on; None for a text that cannot be read."""
+    try:
+        return {key: value for key, value in tomllib.loads(text).items() if key not in NOT_PHYSICS}
+    except tomllib.TOMLDecodeError:
+        return None
+
+
+def _settings(result: Result) -> list[str]:
+    """The ``--set`` options of a run, as recorded at the head of its stored scenario."""
+    head = takewhile(lambda line: line.startswith(SETTING), result.scenario_text.splitlines())
+    return [line.removeprefix(SETTING) for line in head]

@@ -1,0 +1,297 @@
+"""A stored run as an animated scene: body, bones, muscle fibres and the shape at rest, at any of its samples.
+
+Lengths in a scene are in mm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from explicitfe.app.view.muscles import activation, muscles_of
+from explicitfe.app.view.palette import BONE, BONE_EDGE, FIBRE_AT_REST, FIBRE_PULLING
+from explicitfe.app.view.scene.carried import CarriedPoints, joined
+from explicitfe.app.view.scene.shown_field import ShownField, shown_field
+from explicitfe.app.view.scene.viewpoint import Viewpoint, aim, viewpoint
+from explicitfe.results.files import Result, StoredBone
+from explicitfe.results.measure.sections import Y, middle, midsagittal
+
+if TYPE_CHECKING:
+    import pyvista
+
+# Bones are shown up to this distance from the body, because the tongue would be tiny in a whole skull.
+BONES_AROUND_MM = 12.0
+# Bone between the camera and the middle of the tongue is transparent.
+NEAR_BONE_OPACITY = 0.12
+GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
+# Length of a dash as a share of the body, and share of a line that dashes cover.
+DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
+# The outline at rest and cut bones are drawn this share of the body in front of the cut face.
+BEFORE_FACE_SHARE = 0.004
+PLAIN_COLOUR = "#D9827B"
+# Fibres run inside the body; they are drawn in front of everything.
+ON_TOP_UNITS = -66000.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """Contents and view of a scene.
+
+    Attributes
+    ----------
+    view : a name of ``VIEWPOINTS``.
+    field : a stored field, or ``NO_FIELD``.
+    bones, fibres, at_rest : whether bones, muscle fibres and the shape at rest are shown.
+    """
+
+    view: str = "midsagittal"
+    field: str = "displacement"
+    bones: bool = True
+    fibres: bool = True
+    at_rest: bool = True
+
+
+@dataclass(frozen=True)
+class _Moving:
+    """Geometry that moves with the mesh: its drawn points, and the element of each face."""
+
+    drawn: pyvista.PolyData
+    points: CarriedPoints
+    element: np.ndarray
+
+
+class Scene:
+    """A run in a plotter of pyvista; :meth:`show` moves everything to a sample, :attr:`body_mapper` colours the body.
+
+    Parameters
+    ----------
+    result : an open result, which is read whenever a sample is shown.
+    steps : samples that will be shown, for which colours and camera are chosen.
+
+    Raises
+    ------
+    InputError : the result has no such field, or there is no such view.
+    """
+
+    def __init__(self, result: Result, steps: Sequence[int], look: Look, plotter: Any) -> None:
+        self.result, self.look, self.plotter = result, look, plotter
+        self.view: Viewpoint = viewpoint(look.view)
+        self.field: ShownField | None = shown_field(result, look.field, steps)
+        mesh = result.mesh
+        self._middle_mm = 1e3 * middle(mesh)
+        reached = [1e3 * (mesh.points + result.displacement(step)) for step in steps]
+        self._extent = np.concatenate([[points.min(axis=0), points.max(axis=0)] for points in [1e3 * mesh.points, *reached]])
+        self.framed = [1e3 * mesh.points, *reached]
+        self._body = self._body_surface()
+        self.body_mapper = self._add_body().mapper
+        if look.at_rest:
+            self._add_shape_at_rest()
+        self._bones = self._add_bones() if look.bones else {}
+        self._fibres = self._add_fibres() if look.fibres else {}
+
+    @property
+    def has_fibres(self) -> bool:
+        """Whether fibres of a muscle are shown."""
+        return bool(self._fibres)
+
+    def aim(self, margins: tuple[float, float, float]) -> None:
+        """Place the camera so that it shows everything at all samples; ``margins`` as in :func:`viewpoint.aim`."""
+        aim(self.plotter, self.view, np.concatenate(self.framed), margins)
+
+    def show(self, step: int) -> None:
+        """Move everything to its place at a sample."""
+        displacement = self.result.displacement(step)
+        body = self._body
+        body.drawn.points = 1e3 * body.points.places(displacement)
+        if self.field is not None:
+            values = self.field.values(self.result, step)
+            if self.field.kind == "point":
+                np.asarray(body.drawn.point_data["shown"])[:] = body.points.values(values)
+            else:
+                np.asarray(body.drawn.cell_data["shown"])[:] = values[body.element]
+            body.drawn.Modified()
+        for name, actors in self._bones.items():
+            rotation, shift = self.result.placement(name, step)
+            matrix = np.eye(4)
+            matrix[:3, :3], matrix[:3, 3] = rotation, 1e3 * shift
+            for actor in actors:
+                actor.user_matrix = matrix
+        pulls = self.pulls(step)
+        for number, (fibres, actor) in self._fibres.items():
+            fibres.drawn.points = 1e3 * fibres.points.places(displacement)
+            actor.prop.color = mixed(FIBRE_AT_REST, FIBRE_PULLING, pulls[number])
+
+    def pulls(self, step: int) -> list[float]:
+        """Activation of each muscle at a sample, as a share of its force."""
+        time_ms = 1e3 * float(self.result.times[step])
+        shares = []
+        for muscle in muscles_of(self.result):
+            times, scales = activation(muscle, max(time_ms, 1e-6))
+            shares.append(float(np.clip(np.interp(time_ms, times, scales), 0.0, 1.0)) if muscle["force_N"] > 0.0 else 0.0)
+        return shares
+
+    # ---- inside ----
+
+    def _body_surface(self) -> _Moving:
+        """The surface of the body, or of its half behind the midsagittal plane, cut where the tissue is at rest."""
+        mesh = self.result.mesh
+        grid = hex_grid(mesh.points, mesh.hexes)
+        grid.cell_data["element"] = np.arange(mesh.element_count)
+        if self.view.cut:
+            grid = grid.clip(normal="y", origin=(0.0, middle(mesh), 0.0), invert=False)
+        surface = grid.extract_surface(algorithm="dataset_surface")
+        points, element = np.array(surface.points, dtype=float), np.array(surface.cell_data["element"])
+        surface.clear_data()
+        return _Moving(surface, CarriedPoints.at(mesh, points), element)
+
+    def _add_body(self) -> pyvista.Actor:
+        body, field = self._body, self.field
+        body.drawn.points = 1e3 * body.points.reference
+        add = partial(
+            self.plotter.add_mesh,
+            body.drawn,
+            show_edges=True,
+            edge_color="#202020",
+            edge_opacity=0.22,
+            ambient=0.35,
+            diffuse=0.7,
+            reset_camera=False,
+        )
+        if field is None:
+            return add(color=PLAIN_COLOUR)
+        if field.kind == "point":
+            body.drawn.point_data["shown"] = np.zeros(body.drawn.n_points)
+        else:
+            body.drawn.cell_data["shown"] = np.zeros(body.drawn.n_cells)
+        return add(scalars="shown", clim=field.limits, cmap=field.colours, show_scalar_bar=False)
+
+    def _add_shape_at_rest(self) -> None:
+        """A dashed outline where the body is cut, else its surface, to be looked through."""
+        mesh = self.result.mesh
+        if self.view.cut:
+            outline = 1e3 * midsagittal(mesh).outline(mesh.points)
+            size = float(np.ptp(self._extent, axis=0).max())
+            before = BEFORE_FACE_SHARE * size * self.view.axes[2]
+            self.plotter.add_mesh(
+                _segments(dashes(outline, DASH_LENGTH_SHARE * size) + before),
+                color=GHOST_COLOUR,
+                line_width=2,
+                lighting=False,
+                reset_camera=False,
+            )
+            return
+        surface = hex_grid(1e3 * mesh.points, mesh.hexes).extract_surface(algorithm="dataset_surface")
+        self.plotter.add_silhouette(surface, color=GHOST_COLOUR, line_width=1.5, opacity=GHOST_OPACITY)
+
+    def _add_bones(self) -> dict[str, list[pyvista.Actor]]:
+        """The bones near the body: solid behind it, and what lies before it to be looked through."""
+        actors: dict[str, list[pyvista.Actor]] = {}
+        eye = self.view.axes[2]
+        plane = np.array([0.0, self._middle_mm, 0.0]) if self.view.cut or self.view.axes[2][Y] == -1.0 else self._centre()
+        for name, bone in self.result.bones.items():
+            surface = near_part(bone, self._extent)
+            if surface is None:
+                continue
+            behind = surface.clip(normal=tuple(eye), origin=tuple(plane), invert=True)
+            before = surface.clip(normal=tuple(eye), origin=tuple(plane), invert=False)
+            edge = surface.slice(normal=tuple(eye), origin=tuple(plane))
+            self.framed.append(np.array(behind.points))
+            actors[name] = []
+            if behind.n_points:
+                actors[name].append(self.plotter.add_mesh(behind, color=BONE, reset_camera=False, ambient=0.3, diffuse=0.75))
+            if before.n_points and not self.view.cut:
+                self.framed.append(np.array(before.points))
+                actors[name].append(self.plotter.add_mesh(before, color=BONE, opacity=NEAR_BONE_OPACITY, reset_camera=False))
+            if edge.n_points:
+                actors[name].append(
+                    self.plotter.add_mesh(edge, color=BONE_EDGE, line_width=2, lighting=False, reset_camera=False)
+                )
+        return actors
+
+    def _centre(self) -> np.ndarray:
+        return 0.5 * (self._extent.min(axis=0) + self._extent.max(axis=0))
+
+    def _add_fibres(self) -> dict[int, tuple[_Moving, pyvista.Actor]]:
+        """The fibres of each muscle, in a cut view those of the half that is shown; muscle's number -> lines and their actor."""
+        mesh, drawn = self.result.mesh, {}
+        for number, lines in enumerate(self.result.fibres):
+            shown = [line for line in lines if not self.view.cut or 1e3 * line.position[:, Y].mean() >= self._middle_mm - 1e-6]
+            if not shown:
+                continue
+            points = joined([CarriedPoints.of(mesh, line) for line in shown])
+            polyline = _polylines(1e3 * points.reference, [len(line) for line in shown])
+            actor = self.plotter.add_mesh(polyline, color=FIBRE_AT_REST, line_width=3, lighting=False, reset_camera=False)
+            actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, ON_TOP_UNITS)
+            drawn[number] = _Moving(polyline, points, np.zeros(0, dtype=np.int64)), actor
+        return drawn
+
+
+def share_scenes(scenes: Sequence[Scene], margins: tuple[float, float, float]) -> None:
+    """Give scenes of one view and field the same camera and colour scale; ``margins`` as in :func:`viewpoint.aim`."""
+    points = np.concatenate([part for scene in scenes for part in scene.framed])
+    limits = np.array([scene.field.limits for scene in scenes if scene.field is not None])
+    for scene in scenes:
+        aim(scene.plotter, scene.view, points, margins)
+        if scene.field is not None:
+            scene.body_mapper.scalar_range = (limits[:, 0].min(), limits[:, 1].max())
+
+
+def mixed(at_none: str, at_all: str, share: float) -> tuple[float, float, float]:
+    """The colour between two, such as "#FF0000", at a share of 0 to 1."""
+    low, high = (np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0 for colour in (at_none, at_all))
+    red, green, blue = ((1.0 - share) * low + share * high).tolist()
+    return red, green, blue
+
+
+def hex_grid(points: np.ndarray, hexes: np.ndarray) -> pyvista.UnstructuredGrid:
+    """Hexes as pyvista takes them."""
+    import pyvista
+
+    return pyvista.UnstructuredGrid({pyvista.CellType.HEXAHEDRON: hexes}, points)
+
+
+def near_part(bone: StoredBone, extent: np.ndarray) -> pyvista.PolyData | None:
+    """What of a bone at rest lies near a body whose corners are ``extent`` (k, 3), in mm; None if nothing does."""
+    import pyvista
+
+    low, high = extent.min(axis=0) - BONES_AROUND_MM, extent.max(axis=0) + BONES_AROUND_MM
+    surface = pyvista.PolyData.from_regular_faces(1e3 * bone.points, bone.triangles)
+    if np.any((surface.points < low) | (surface.points > high)):
+        box = np.column_stack([low, high]).ravel()
+        surface = surface.clip_box(box, invert=False).extract_surface(algorithm="dataset_surface")
+    return surface if surface.n_points else None
+
+
+def dashes(outline: np.ndarray, length: float) -> np.ndarray:
+    """Ends (2 k, 3) of the straight pieces of dashes so long, of lines (n, 3) that rows of NaN part."""
+    ends = []
+    for line in np.split(outline, np.flatnonzero(np.isnan(outline[:, 0]))):
+        line = line[np.isfinite(line[:, 0])]
+        if len(line) < 2:
+            continue
+        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        starts = np.arange(0.0, along[-1], length / DASH_SHARE)
+        # A dash that goes round a corner is a piece before it and one after it.
+        marks = np.unique(np.concatenate([along, starts, np.minimum(starts + length, along[-1])]))
+        pieces = np.column_stack([marks[:-1], marks[1:]])
+        at = pieces[pieces.mean(axis=1) % (length / DASH_SHARE) < length].ravel()
+        ends.append(np.column_stack([np.interp(at, along, line[:, axis]) for axis in range(3)]))
+    return np.concatenate(ends) if ends else np.zeros((0, 3))
+
+
+def _segments(ends: np.ndarray) -> pyvista.PolyData:
+    return _polylines(ends, [2] * (len(ends) // 2))
+
+
+def _polylines(points: np.ndarray, lengths: Sequence[int]) -> pyvista.PolyData:
+    """Lines of so many points each, one after the other."""
+    import pyvista
+
+    begin = np.cumsum([0, *lengths])[:-1]
+    lines = np.concatenate([[count, *range(first, first + count)] for first, count in zip(begin, lengths, strict=True)])
+    return pyvista.PolyData(points, lines=lines)

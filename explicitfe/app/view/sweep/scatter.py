@@ -1,0 +1,129 @@
+"""Any two columns of a sweep against each other: one picture without a script, and the numbers for a script that draws others."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
+from explicitfe.app.view.run_page.packed import Packed
+from explicitfe.app.view.sweep.effects import main_effect
+from explicitfe.results.documents.sweep_to_draw import SweepColumn, SweepToDraw
+
+# Maximum number of runs on a page; fewer if there are many columns, as each number takes two bytes.
+MOST_SCATTERED_MEMBERS = 3000
+MOST_SCATTERED_NUMBERS = 400_000
+SEED_OF_THE_SAMPLE = 0
+# Numbers are stored as whole steps from the lowest to the highest of their column; one more says that there is none.
+STEPS_OF_A_COLUMN = 65534
+NO_NUMBER = 65535
+# What a column of a drop-down stands under.
+GROUP_WORDS = {
+    "points": "named points",
+    "grooves": "grooves",
+    "constriction": "constriction",
+    "contact": "contact",
+    "highest": "highest point",
+    "body": "whole body",
+    "load": "loads",
+    "palatogram": "palatogram",
+    "airway": "airway",
+}
+
+
+@dataclass(frozen=True)
+class ColumnChoice:
+    """An entry of a drop-down: which column, how it is called, and whether it is chosen at first, along and up."""
+
+    number: int
+    title: str
+    is_x: bool
+    is_y: bool
+
+
+@dataclass(frozen=True)
+class ColumnScatter:
+    """The section of the page.
+
+    Attributes
+    ----------
+    picture : of two columns, without any script.
+    groups : entries of the drop-downs, with the words above them.
+    data : packed, for scatter.js.
+    drawn, stored : how many runs are in it, of how many.
+    """
+
+    picture: Chart
+    groups: list[tuple[str, list[ColumnChoice]]]
+    data: str
+    drawn: int
+    stored: int
+
+
+def scatter_of(sweep: SweepToDraw) -> ColumnScatter | None:
+    """The scatter of a sweep; None if no run has numbers in two columns."""
+    columns = [*sweep.factors, *sweep.measures, *sweep.checks]
+    if not sweep.factors or not sweep.measures or not columns:
+        return None
+    y = next((m for m in sweep.measures if m.name in sweep.main_measures[:1]), sweep.measures[0])
+    effects = [effect for factor in sweep.factors if (effect := main_effect(factor, y)) is not None]
+    if not effects:
+        return None
+    x = max(effects, key=lambda effect: np.nan_to_num(effect.share)).factor
+    sample = sample_of(len(sweep.statuses), len(columns))
+    statuses = [status for status, _ in Counter(sweep.statuses).most_common()]
+    statuses.sort(key=lambda status: status != sweep.finished)
+    places = np.array([statuses.index(sweep.statuses[row]) for row in sample], dtype=int)
+    picture = _picture(x, y, sample, places, statuses)
+    if picture is None:
+        return None
+    packed = Packed()
+    packed.add("member", sweep.numbers[sample], "<u4")
+    packed.add("status", places, "<u1")
+    entries: list[dict[str, object]] = []
+    for number, column in enumerate(columns):
+        values = column.values[sample]
+        known = values[np.isfinite(values)]
+        low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+        size = high - low or 1.0
+        steps = np.where(np.isfinite(values), np.rint((np.nan_to_num(values) - low) / size * STEPS_OF_A_COLUMN), NO_NUMBER)
+        packed.add(f"column_{number}", steps, "<u2")
+        entries.append({"title": column.title, "low": low, "size": size, "levels": list(column.levels)})
+    data = packed.text({"columns": entries, "statuses": statuses, "steps": STEPS_OF_A_COLUMN})
+    return ColumnScatter(picture, _groups(sweep, x, y), data, len(sample), len(sweep.statuses))
+
+
+def sample_of(stored: int, columns: int) -> np.ndarray:
+    """Rows that the page has of so many: all, or as many as it holds, drawn at random and the same each time."""
+    most = max(1, min(MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS // max(1, columns)))
+    if stored <= most:
+        return np.arange(stored)
+    return np.sort(np.random.default_rng(SEED_OF_THE_SAMPLE).choice(stored, most, replace=False))
+
+
+def _picture(x: SweepColumn, y: SweepColumn, sample: np.ndarray, places: np.ndarray, statuses: Sequence[str]) -> Chart | None:
+    across, up = x.values[sample], y.values[sample]
+    lines = [
+        Line(status, across[places == k], up[places == k], drawn="dots", colour=k % COLOUR_COUNT)
+        for k, status in enumerate(statuses)
+    ]
+    x_range = (-0.5, len(x.levels) - 0.5) if x.levels else None
+    return chart("", lines, x_label=x.title, y_label=y.title, x_range=x_range, x_words=x.levels)
+
+
+def _groups(sweep: SweepToDraw, x: SweepColumn, y: SweepColumn) -> list[tuple[str, list[ColumnChoice]]]:
+    columns = [*sweep.factors, *sweep.measures, *sweep.checks]
+    groups: dict[str, list[ColumnChoice]] = {}
+    for number, column in enumerate(columns):
+        owner = column.name.partition(".")[0]
+        if column in sweep.factors:
+            words = "what was varied"
+        elif column in sweep.checks:
+            words = "whether to believe it"
+        else:
+            words = GROUP_WORDS.get(owner, owner)
+        groups.setdefault(words, []).append(ColumnChoice(number, column.title, column is x, column is y))
+    return list(groups.items())

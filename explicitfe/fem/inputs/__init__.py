@@ -1,0 +1,1 @@
+"""Checked input values: tables of text files, bounds by unit, and numbers of Python callers."""

@@ -1,0 +1,86 @@
+"""Points on the surface of a mesh with their tributary areas, for springs, pressures and ties.
+
+Two by two Gauss points on every piece of a face: the held area is then that of the mesh's own surface, and a force per
+area on it is shared among the nodes as the shape functions ask.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from explicitfe.fem.mesh.hexmesh import CORNERS, FACES, HexMesh, MaterialPoints, free_faces, shape_functions, shape_gradients
+from explicitfe.platform.errors import InputError
+from explicitfe.platform.host.kept import kept
+
+# Natural coordinates of the four points, in each of the two directions; every weight is 1.
+_GAUSS = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / np.sqrt(3.0)
+
+
+def points_on_pieces(
+    element: np.ndarray, corners: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[MaterialPoints, np.ndarray]:
+    """Two by two Gauss points on rectangular pieces of the faces of elements.
+
+    Parameters
+    ----------
+    element : (k,) the element of each piece.
+    corners : (k, 8, 3) m. Its corners.
+    lower, upper : (k, 3) Natural coordinates of the bounds of each piece; the same along one axis, where it is flat.
+
+    Returns
+    -------
+    The 4 k points, piece after piece, and their areas (4 k,), m^2.
+    """
+    half = 0.5 * (upper - lower)
+    flat = np.argmin(half, axis=1)
+    across = np.array([[1, 2], [0, 2], [0, 1]])[flat]
+    row = np.arange(len(element))[:, None]
+    natural = np.repeat(0.5 * (lower + upper)[:, None], len(_GAUSS), axis=1)
+    for k in (0, 1):
+        axis = across[:, [k]]
+        natural[row, np.arange(len(_GAUSS)), axis] += _GAUSS[:, k] * half[row, axis]
+    natural = natural.reshape(-1, 3)
+
+    corners = np.repeat(corners, len(_GAUSS), axis=0)
+    tangents = np.einsum("pai,pac->pci", corners, shape_gradients(natural))
+    first, second = np.repeat(across, len(_GAUSS), axis=0).T
+    point = np.arange(len(natural))
+    normal = np.cross(tangents[point, first], tangents[point, second])
+    share = np.repeat(half[row, across].prod(axis=1), len(_GAUSS))
+    points = MaterialPoints(
+        element=np.repeat(element, len(_GAUSS)),
+        natural=natural,
+        position=np.einsum("pa,pai->pi", shape_functions(natural), corners),
+    )
+    return points, share * np.linalg.norm(normal, axis=1)
+
+
+def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]:
+    """Points on the faces of the surface whose four nodes belong to a node set, with their areas (k,), m^2.
+
+    Raises
+    ------
+    InputError
+        The mesh has no such set, or the set covers no face.
+    """
+    nodes = mesh.nodes_of(name)
+    element, face = free_faces(mesh.hexes)
+    inside = np.isin(mesh.hexes[element[:, None], FACES[face]], nodes).all(axis=1)
+    element, face = element[inside], face[inside]
+    if not len(element):
+        raise InputError(
+            f'the node set "{name}" contains no complete face of the surface, so it has no area; '
+            "include all four nodes of each face."
+        )
+    bounds = CORNERS[FACES[face]]
+    return points_on_pieces(element, mesh.points[mesh.hexes[element]], bounds.min(axis=1), bounds.max(axis=1))
+
+
+@kept(8)
+def surface_areas(mesh: HexMesh) -> np.ndarray:
+    """The area of the surface that belongs to each node, (n,) m^2: a quarter of each face that it is a corner of."""
+    element, face = free_faces(mesh.hexes)
+    corners = mesh.hexes[element[:, None], FACES[face]]
+    x = mesh.points[corners]
+    areas = 0.5 * np.linalg.norm(np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]), axis=1)
+    return np.bincount(corners.ravel(), np.repeat(areas / 4.0, 4), mesh.node_count)

@@ -1,0 +1,160 @@
+"""The course of a run between two returns to python, compiled: steps, samples and looks at the stable step."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from explicitfe.fem.solve.look import (
+    MAXIMUM,
+    MOST_STEPS_BETWEEN_LOOKS,
+    allow_growth,
+    calls_for_another_step,
+    is_due,
+    limit_of,
+    margins_of,
+    note_limit,
+    plan_next_scan,
+    smallest,
+    steps_ahead,
+)
+from explicitfe.platform.compiled.arrays import (
+    CEILING,
+    CORNER,
+    IN_ALL,
+    IN_LOOKS,
+    IN_SAMPLES,
+    PERIOD,
+    SINCE,
+    SMALLEST_J,
+    STIFFEST,
+    WAIT,
+    BoneRecord,
+)
+from explicitfe.platform.compiled.threads import asked_to_stop, ticks, wait
+
+# Placeholders, bound in solve/kernels.py.
+advance: Any = None
+snapshot: Any = None
+highest_frequency: Any = None
+scan: Any = None
+
+NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP, FIXED_STEP, LIMIT_ALONE = range(5)  # what ``looking`` can be
+# There are no more turns once the square of the highest frequency rises by less than this share in one; but it may pause for some
+# turns before it rises on, and so at the start of a run all turns are made.
+SETTLED_SHARE, NEVER_SETTLED = -1.0, -1.0
+
+
+def course(state, part, looks, looker, shared, actions, samples, instant, span, ledgers):
+    """Advance a part of the state by up to ``steps`` steps of length dt; give the number of steps done.
+
+    The threads of all parts call this at the same time. It ends early, after the step in which an element has turned inside out
+    or folded, after one in which the barrier has become so stiff that a look is due, and after a look that calls for another
+    step. Where the limit alone is asked for, it seeks that of the present state at once, and takes no step.
+
+    Parameters
+    ----------
+    state, part, shared, actions : as for ``step.advance``; the instants are those of the steps, and one more.
+    looks, looker : of the whole mesh and of the part.
+    samples : Samples; the instants are counted from the first one here.
+    instant : 0, where it begins: no literal, for which the compiler would make machine code of its own.
+    span : Span.
+    ledgers : (parts, LEDGER). That of each part, changed in place.
+    """
+    dt_before, dt, steps, looking, turns, length, contact_frequency = span
+    watch = looker.watch
+    margins = margins_of(looking == UNDAMPED_STEP)
+    ledger = ledgers[part.number]
+    taken = instant
+    begin = ticks()
+    while True:
+        if taken < len(samples.instant) and samples.instant[taken] == instant:
+            if part.number == 0:
+                now = ticks()
+                gather(state, shared, actions, instant, dt_before, ledgers, samples, taken)
+                looks.spent[IN_SAMPLES] += ticks() - now
+            taken += 1
+            wait(part.gate, part.parts)
+        if instant == steps and looking != LIMIT_ALONE:
+            break
+        end = steps
+        if looking != NO_LOOKS:
+            if watch[WAIT] <= 0.0:
+                now = ticks()
+                ahead = 0.0
+                if looking != LIMIT_ALONE:
+                    scan(state, part, looks, looker, shared.nodes, dt)
+                    ahead = steps_ahead(part, looks)
+                sought = is_due(watch, ahead)
+                if sought:
+                    barrier = -smallest(looks.sums, part, MAXIMUM, -part.blocks.corner[STIFFEST])
+                    nearest = part.blocks.corner[CORNER]  # a look evaluates forces beside the present state
+                    settled = NEVER_SETTLED if looking == LIMIT_ALONE else SETTLED_SHARE
+                    highest = highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length)
+                    limit = limit_of(highest, contact_frequency)
+                    note_limit(watch, limit)
+                    if looking == LIMIT_ALONE:
+                        break
+                    part.blocks.corner[CORNER] = nearest
+                    watch[CEILING] = barrier + margins.barrier * highest * highest
+                    allow_growth(part, looks, highest * highest, dt / limit, margins)
+                    wait(part.gate, part.parts)
+                    ahead = steps_ahead(part, looks)
+                plan_next_scan(watch, ahead)
+                if part.number == 0:
+                    looks.spent[IN_LOOKS] += ticks() - now
+                if sought and calls_for_another_step(watch, dt, looking == FIXED_STEP, margins):
+                    break
+            end = min(end, instant + int(watch[WAIT]))
+        if taken < len(samples.instant):
+            end = min(end, samples.instant[taken])
+        stiffest = math.inf if looking == NO_LOOKS else watch[CEILING]
+        reached = advance(state, part, shared, actions, dt_before, dt, stiffest, margins.fall, instant, end, ledger)
+        watch[SINCE] += reached - instant
+        watch[WAIT] -= reached - instant
+        watch[PERIOD] += reached - instant
+        dt_before = dt
+        instant = reached
+        wait(part.gate, part.parts)
+        if asked_to_stop(part.gate):
+            if looking != NO_LOOKS:  # the next call begins with a look
+                watch[WAIT], watch[SINCE] = 0.0, MOST_STEPS_BETWEEN_LOOKS
+            break
+    if part.number == 0:
+        looks.spent[IN_ALL] += ticks() - begin
+    return instant
+
+
+def gather(state, shared, actions, instant, dt, ledgers, samples, number):
+    """Write the present state, that of an instant, into a sample."""
+    rows, lanes = samples.rows, samples.lanes
+    ledger = samples.ledger
+    for entry in range(len(ledger)):
+        ledger[entry] = ledgers[0, entry]
+        for other in range(1, len(ledgers)):
+            theirs = ledgers[other, entry]
+            if entry < SMALLEST_J:
+                ledger[entry] += theirs
+            elif not theirs >= ledger[entry]:
+                ledger[entry] = theirs
+    record = BoneRecord(samples.contact[number], samples.point_pressure)
+    energies = snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes)
+    for k, energy in enumerate(energies):
+        samples.energies[number, k] = energy
+    samples.smallest_J[number] = ledger[SMALLEST_J]
+    samples.taken[0] = number + 1
+    u, velocity = state.u, rows[0]
+    for node in range(len(samples.node)):
+        row = samples.node[node]
+        for k in range(3):
+            samples.displacement[number, node, k] = u[row, k]
+            samples.velocity[number, node, k] = velocity[row, k]
+    for element in range(len(samples.element)):
+        lane = samples.element[element]
+        block, at = lane // lanes.shape[2], lane % lanes.shape[2]
+        samples.J[number, element] = lanes[0, block, at]
+        samples.hourglass[number, element] = lanes[2, block, at]
+    bones = actions.bones
+    for bone in range(len(bones.start)):
+        for point in range(len(bones.node)):
+            samples.pressure[number, bone, samples.touching[point]] = samples.point_pressure[bone, point]

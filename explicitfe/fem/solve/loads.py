@@ -1,0 +1,124 @@
+"""The loads of a model as the arrays that kernels read: dead loads, follower fibres, prescribed motion, and when each acts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
+from explicitfe.fem.model.model import FibrePull, Model, NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.bones import placements
+from explicitfe.platform.compiled.arrays import DeadLoads, FollowerFibres, Motion
+
+
+class Loads:
+    """What pulls at a body and when.
+
+    Parameters
+    ----------
+    model : the physics.
+    place : (n,) row of each node in computing order.
+
+    Attributes
+    ----------
+    dead, fibres : dead loads and follower fibres at activation 1, each with the row of its profile in the activation table.
+    """
+
+    def __init__(self, model: Model, place: np.ndarray) -> None:
+        self._place = place
+        self._motion = model.motion
+        self._profiles: list[Profile] = []
+        self.dead = self._dead_loads(model.loads)
+        self.fibres = self._follower_fibres(model.pulls, model.mesh)
+        self._muscles = [stress.profile for stress in model.stresses]
+        self._bones = [bone.motion for bone in model.bones]
+        self._holders = [attachment.motion for attachment in model.attachments]
+
+    @property
+    def edges_s(self) -> np.ndarray:
+        """Times at which some load jumps or bends: they are put on step boundaries."""
+        courses = [*self._profiles, *self._muscles, *self._bones, *self._holders]
+        return np.unique(np.concatenate([course.edges_s for course in courses if course is not None] or [np.zeros(0)]))
+
+    def activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
+        """Scale of each profile at instants (k,) s, (profiles, k).
+
+        An instant that is within a millionth of a step of an edge is taken to be on it.
+        """
+        return _scales(self._profiles, instants, dt_s)
+
+    def muscles(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
+        """Activation of the muscles that pull by a stress at instants (k,) s, (k, muscles)."""
+        return np.ascontiguousarray(_scales(self._muscles, instants, dt_s).T)
+
+    def bones(self, instants: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Placements of the bones that the body may touch, and of those that hold it, at instants (k,) s."""
+        return placements(self._bones, instants), placements(self._holders, instants)
+
+    def motion(self, instants: np.ndarray) -> Motion:
+        """Displacements of the prescribed nodes at instants [s]; no node without prescribed motion."""
+        if self._motion is None:
+            return Motion(node=np.zeros(0, dtype=np.int64), target=np.zeros((len(instants), 0, 3)))
+        # a copy: the compiler takes a read-only array for another type
+        target = np.array(self._motion.displacement(instants), dtype=float, order="C")
+        return Motion(node=self._place[self._motion.nodes], target=target)
+
+    def _dead_loads(self, loads: Sequence[NodalLoad]) -> DeadLoads:
+        sizes = [len(load.nodes) for load in loads]
+        nodes = np.concatenate([self._place[load.nodes] for load in loads] or [np.zeros(0, dtype=np.int64)])
+        forces = np.concatenate([np.asarray(load.force_N, dtype=float) for load in loads] or [np.zeros((0, 3))])
+        return DeadLoads(
+            start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            node=nodes.astype(np.int64),
+            force=np.ascontiguousarray(forces.reshape(-1, 3)),
+            profile=np.array([self._row_of(load.profile) for load in loads], dtype=np.int64),
+        )
+
+    def _follower_fibres(self, pulls: Sequence[FibrePull], mesh: HexMesh) -> FollowerFibres:
+        chains = [
+            (points, tension, self._row_of(pull.profile))
+            for pull in pulls
+            for points, tension in zip(pull.points, pull.tension_N, strict=True)
+        ]
+        sizes = [len(points) for points, _, _ in chains]
+        nodes, weights = self._carriers([points for points, _, _ in chains], mesh)
+        return FollowerFibres(
+            start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64),
+            nodes=nodes,
+            weights=weights,
+            position=np.concatenate([points.position for points, _, _ in chains] or [np.zeros((0, 3))]),
+            # one entry a vertex; the last vertex of a fibre starts no segment
+            tension=np.concatenate([np.append(t, 0.0) for _, t, _ in chains] or [np.zeros(0)]),
+            profile=np.array([p for _, _, p in chains], dtype=np.int64),
+        )
+
+    def _row_of(self, profile: Profile) -> int:
+        """Row of a profile in the activation table; equal profiles share one."""
+        for row, known in enumerate(self._profiles):
+            same = np.array_equal(known.time_s, profile.time_s) and np.array_equal(known.scale, profile.scale)
+            if same and known.lag_s == profile.lag_s:
+                return row
+        self._profiles.append(profile)
+        return len(self._profiles) - 1
+
+    def _carriers(self, chains: Sequence[MaterialPoints], mesh: HexMesh) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes (k, 8) in computing order and weights (k, 8) of all points; points fixed in space hang on the idle row."""
+        element = np.concatenate([points.element for points in chains] or [np.zeros(0, dtype=np.int64)])
+        natural = np.concatenate([points.natural for points in chains] or [np.zeros((0, 3))])
+        in_space = element < 0
+        nodes = self._place[mesh.hexes[np.where(in_space, 0, element)]]
+        nodes[in_space] = mesh.node_count
+        weights = shape_functions(natural)
+        weights[in_space] = 0.0
+        return np.ascontiguousarray(nodes), np.ascontiguousarray(weights)
+
+
+def _scales(profiles: Sequence[Profile], instants: np.ndarray, dt_s: float) -> np.ndarray:
+    scales: dict[tuple[bytes, bytes, float], np.ndarray] = {}  # equal courses of many muscles are computed once
+    names = [(profile.time_s.tobytes(), profile.scale.tobytes(), profile.lag_s) for profile in profiles]
+    for name, profile in zip(names, profiles, strict=True):
+        if name not in scales:
+            scales[name] = profile.at(instants, tolerance_s=1e-6 * dt_s)
+    return np.array([scales[name] for name in names]).reshape(-1, len(instants))

@@ -1,0 +1,447 @@
+"""A model with its state of motion: the compiled kernels and the arrays that they work on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from explicitfe.fem.inputs.argument import count_like, number_from_zero
+from explicitfe.fem.inputs.limits import ThreadCount
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.solve.body import Body
+from explicitfe.fem.solve.bones import bones_of, ties_of
+from explicitfe.fem.solve.course import LIMIT_ALONE, NO_LOOKS
+from explicitfe.fem.solve.loads import Loads
+from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
+from explicitfe.fem.solve.parts import parts_of, usual_threads
+from explicitfe.fem.solve.stable_step import fastest_element
+from explicitfe.platform.compiled.arrays import (
+    CORNER,
+    DAMPING_LOSS,
+    EXTERNAL_WORK,
+    IN_ALL,
+    IN_LOOKS,
+    IN_SAMPLES,
+    LEDGER,
+    LIMIT,
+    SMALLEST_CORNER,
+    SMALLEST_J,
+    Actions,
+    Blocks,
+    BoneRecord,
+    Looker,
+    Looks,
+    Samples,
+    Shared,
+    Span,
+    zeros,
+)
+from explicitfe.platform.compiled.simd import WIDTH
+from explicitfe.platform.compiled.threads import together
+from explicitfe.platform.errors import InputError
+
+_UNRECORDED = BoneRecord(np.zeros((0, 0)), np.zeros((0, 0)))
+_NOTHING = np.zeros(0, dtype=np.int64)  # no instants: asks for no samples
+SHORTEST_INCREMENT_S = 1e-12  # that the instants of a state before the first step are apart
+MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
+
+
+class Simulation(Body):
+    """A model with its state of motion, to be advanced by :class:`Transient`.
+
+    Time integration: explicit central differences with a lumped mass matrix (Hughes 2000, chapter 9).
+
+    Parameters
+    ----------
+    model : what is computed.
+    displacement, velocity : (n, 3) values at time 0, m and m/s; zero if left out.
+    threads : number of threads, 1 to 256; chosen by the size of the mesh if left out. A model with prescribed motion uses one.
+
+    Attributes
+    ----------
+    time_s : present time, s.
+    steps : number of steps so far.
+    dt_s : last time step, s.
+
+    Raises
+    ------
+    InputError : a parameter of another type, shape or range, or an inverted element at rest.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        displacement: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
+        threads: int | None = None,
+    ) -> None:
+        if threads is not None:
+            threads = count_like("Simulation: threads", threads, ThreadCount, "threads")
+        super().__init__(model, displacement=displacement, velocity=velocity)
+        self.loads = Loads(model, self._place)
+        held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
+        self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
+        self.ties = ties_of(model.attachments, model.mesh, self._place)
+        stiffest = self.bones.spring * self.nodes.inverse_mass[self.bones.node].max(axis=1)
+        self._contact_frequency = float(np.sqrt(stiffest.max(initial=0.0)))  # of a point that rests on bone alone [1/s]
+        self._external = zeros(self.state.u.shape)
+        self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
+        self.time_s = 0.0
+        self.dt_s = 0.0  # the step that led to time_s
+        self.steps = 0
+        self.course_s = 0.0  # spent inside the compiled course: steps, looks and samples
+        # Instants are counted from where dt last changed, so that a run does not depend on how it is cut into chunks.
+        self._origin_s, self._index = 0.0, 0
+        # Every instant of a transient run is accepted: the material's memory is overwritten in place.
+        running = self.blocks._replace(new=self.blocks.old)
+        share = 1 if model.motion else threads or usual_threads(len(self.hexes))
+        loaded = np.concatenate([self.loads.dead.node, self.loads.fibres.nodes.ravel(), self.ties.node])
+        self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
+        self._ledgers = np.zeros((len(self.parts), LEDGER))
+        self._looks = looks_of(self.nodes, len(self.parts))
+        self.lookers = lookers_of(self.parts, self.blocks, self.state, self._looks)
+        self._difference_m = 1e-6 * float(np.cbrt(self.volumes.min()))  # over which a force is differenced
+        self._now = self.recording(1)
+        self._activate()
+
+    # ---- the stable step ----
+
+    def stable_limit(self, turns: int) -> float:
+        """Estimate the largest stable step of the present state by a Lanczos iteration.
+
+        A point that touches a bone before the next stability check adds at most k A / m to the square of the highest frequency.
+        The limit is reduced if the ratio of step and limit does not cover that. It is NaN if it cannot be determined.
+
+        Parameters
+        ----------
+        turns : number of Lanczos iterations.
+        """
+        self._evaluate([looker.blocks for looker in self.lookers])
+        looks = self._looks._replace(basis=zeros((turns + 1, *self.state.u.shape)))
+        lookers = [
+            looker._replace(tridiagonal=np.zeros((4, turns)), watch=np.zeros_like(looker.watch)) for looker in self.lookers
+        ]
+        times = np.array([self.time_s, self.time_s])
+        self._course(times, 0, self.dt_s, LIMIT_ALONE, self._now.at(_NOTHING), (looks, lookers, turns))
+        return float(lookers[0].watch[LIMIT])
+
+    def see_elements(self) -> None:
+        """Compute how the highest frequency of each element depends on its shape, for the stability checks."""
+        shapes = shape_numbers(self.kernels.forces, self.blocks, self.points[self.hexes], self.density)
+        first = 0
+        for looker in self.lookers:
+            looker.shapes[:] = shapes[first : first + len(looker.shapes)]
+            first += len(looker.shapes)
+
+    def stable_bound(self) -> tuple[float, int]:
+        """A lower bound of the stable step [s], and the element that determines it: the one with the highest frequency.
+
+        If an element is inverted, the bound is NaN and the element is that one.
+        """
+        return self._fastest(np.arange(len(self.hexes)), self.blocks)
+
+    def limiting_element(self) -> int:
+        """Number of the element with the highest frequency by itself, which determines the time step.
+
+        In a large mesh only the elements are compared where the fastest vibration of the mesh is strongest.
+        """
+        if len(self.hexes) <= MANY_ELEMENTS:
+            return self.stable_bound()[1]
+        strength = np.sum(self._looks.vector**2, axis=1)[self.hexes].sum(axis=1)
+        strength = np.pad(strength, (0, len(self.blocks.nodes) * WIDTH - len(strength))).reshape(-1, WIDTH)
+        places = np.argsort(-strength.max(axis=1), kind="stable")[: MANY_ELEMENTS // WIDTH]
+        lanes = np.sort((places[:, None] * WIDTH + np.arange(WIDTH)).ravel())
+        lanes = lanes[lanes < len(self.hexes)]
+        return self._fastest(lanes, self.blocks.each(lambda array: array[np.sort(places)]))[1]
+
+    def node_bounds(self) -> np.ndarray:
+        """Upper bound of the squared highest frequency at each node at the last scan, (n,), 1/s^2; see ``look.py``."""
+        return self._looks.bound[self._place, 0]
+
+    def _fastest(self, elements: np.ndarray, blocks: Blocks) -> tuple[float, int]:
+        """``stable_bound`` for some elements, in computing order, and their blocks."""
+        volumes = self.volumes[elements]
+        frequency, element = fastest_element(
+            self.kernels.forces,
+            blocks,
+            self.state.u[self.hexes[elements], :3],
+            volumes * self.density[elements] / 8.0,
+            np.cbrt(volumes),
+        )
+        return 2.0 / frequency, int(self.element_order[elements[element]])
+
+    # ---- loads ----
+
+    def external_force(self) -> np.ndarray:
+        """External force on each node at the present time, (n, 3), N."""
+        self.snapshot()
+        return self._external[self._place, :3]
+
+    # ---- running ----
+
+    def compile(self, progress: Callable[[float], None] = lambda share: None) -> float:
+        """Load the compiled kernels from the cache, or compile them; return the seconds it took.
+
+        ``progress`` is called with the share that is done.
+        """
+        begin = time.perf_counter()
+        progress(0.0)
+        self.kernels.forces(self.state.u, np.zeros_like(self.state.u), self.lookers[0].blocks)
+        progress(0.2)
+        self.advance(0, 0.0)
+        self.course_s = 0.0
+        self._looks.spent[:] = 0
+        progress(1.0)
+        return time.perf_counter() - begin
+
+    def start(self, dt_s: float) -> None:
+        """Half-step start: v_(-1/2) = v_0 - dt/2 a_0, so that the first step leads to v_0 + dt/2 a_0.
+
+        ``dt_s``: the first time step, s.
+        """
+        number_from_zero("start: dt_s", dt_s)
+        v = self.state.v
+        smallest = self._evaluate([part.blocks for part in self.parts])
+        nearest = min(part.blocks.corner[CORNER] for part in self.parts)
+        for part in self.parts:  # the work of the muscles counts from here
+            part.blocks.last_length[:] = part.blocks.length.sum(axis=1)
+        self.dt_s = dt_s
+        self.snapshot()  # fills the forces at time 0
+        resting = self._now.arrays.rows[1]
+        acceleration = self.nodes.inverse_mass * (resting + self._external) - self.model.alpha_per_s * v
+        acceleration[self.nodes.inverse_mass == 0.0] = 0.0
+        # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
+        before = v - 0.5 * dt_s * acceleration
+        self._ledgers[:] = 0.0
+        self._ledgers[:, SMALLEST_J], self._ledgers[:, SMALLEST_CORNER] = smallest, nearest
+        self._ledgers[0, EXTERNAL_WORK] = -0.5 * dt_s * np.sum(self._external * before)
+        self._ledgers[0, DAMPING_LOSS] = -0.5 * dt_s * self.model.alpha_per_s * np.sum(self.nodes.mass * v * before)
+        v[:] = before
+
+    def advance(self, steps: int, dt_s: float) -> bool:
+        """Advance by a number of equal steps.
+
+        Parameters
+        ----------
+        steps : number of steps.
+        dt_s : time step, s; below :meth:`stable_limit`.
+
+        Returns
+        -------
+        False if an element has inverted; the loop then ended there.
+        """
+        if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 0:
+            raise InputError(f"advance: steps must be a whole number, 0 or more, not {steps!r}.")
+        self.go(steps, number_from_zero("advance: dt_s", dt_s))
+        return self.sound
+
+    def go(
+        self,
+        steps: int,
+        dt_s: float,
+        *,
+        end_s: float | None = None,
+        looking: int = NO_LOOKS,
+        recording: Recording | None = None,
+        instants: np.ndarray = _NOTHING,
+    ) -> int:
+        """Advance by equal steps, with stability checks and samples; :class:`Transient` uses it.
+
+        The loop ends early if an element inverts, or if a stability check requires another step.
+
+        Parameters
+        ----------
+        steps : largest number of steps.
+        dt_s : time step, s.
+        end_s : the exact time after all steps, s, without rounding error.
+        looking : NO_LOOKS, AUTOMATIC_STEP or FIXED_STEP of ``course.py``.
+        recording : receives samples after ``instants`` steps, (k,), increasing.
+
+        Returns
+        -------
+        Number of steps done.
+        """
+        if dt_s != self.dt_s:
+            self._origin_s, self._index = self.time_s, 0
+        self.set_increment(dt_s)
+        times = self._origin_s + dt_s * np.arange(self._index, self._index + steps + 2)
+        times[0] = self.time_s
+        if end_s is not None:
+            times[steps] = end_s
+        begin = time.perf_counter()
+        done = self._course(times, steps, float(dt_s), looking, (recording or self._now).at(instants))
+        self.course_s += time.perf_counter() - begin
+        if recording is not None:
+            recording.add(times[instants], np.where(instants > 0, dt_s, self.dt_s), self.steps + instants)
+        self.steps += done
+        self._index += done
+        self.time_s = float(times[done])
+        self.dt_s = float(dt_s)
+        return done
+
+    def snapshot(self) -> Snapshot:
+        """Energies and fields at the present time: a sample, as :meth:`Transient.samples` yields it."""
+        self._now.clear()
+        times = np.array([self.time_s, self.time_s + self.dt_s])
+        self._course(times, 0, self.dt_s, NO_LOOKS, self._now.at(np.zeros(1, dtype=np.int64)))
+        self._now.add(times[:1], np.array([self.dt_s]), np.array([self.steps]))
+        return self._now[0]
+
+    def recording(self, room: int) -> Recording:
+        """Memory for ``room`` samples of this body."""
+        lane = np.empty(len(self.hexes), dtype=np.int64)
+        lane[self.element_order] = np.arange(len(lane))
+        touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
+        return Recording(samples_of(room, self._place, lane, touching, len(self.model.bones), self.state))
+
+    @property
+    def loop_s(self) -> float:
+        """Wall time of the steps [s]."""
+        return self.course_s - self.look_s - self.sample_s
+
+    @property
+    def look_s(self) -> float:
+        """Wall time of the stability checks [s]."""
+        return self.course_s * self._looks.spent[IN_LOOKS] / max(self._looks.spent[IN_ALL], 1)
+
+    @property
+    def sample_s(self) -> float:
+        """Wall time of the samples [s]."""
+        return self.course_s * self._looks.spent[IN_SAMPLES] / max(self._looks.spent[IN_ALL], 1)
+
+    @property
+    def ledger(self) -> np.ndarray:
+        """(LEDGER,) Work so far [J], summed over all threads, and the smallest J and corner of any element in any step."""
+        total = self._ledgers.sum(axis=0)
+        total[SMALLEST_J:] = self._ledgers[:, SMALLEST_J:].min(axis=0)  # NaN if one is
+        return total
+
+    @property
+    def sound(self) -> bool:
+        """Whether no element has inverted, neither as a whole nor at a guarded corner."""
+        return bool((self.ledger[SMALLEST_J:] > 0.0).all())
+
+    # ---- restart ----
+
+    def restart_state(self, threads: int | None = None) -> dict[str, np.ndarray]:
+        """Copies of the complete state, in computing order.
+
+        ``threads``: number of threads for which sums are stored; that of this simulation if left out.
+        """
+        threads = threads or len(self.parts)
+        ledgers = _shared(self._ledgers, threads).copy()
+        ledgers[:, SMALLEST_J:] = self._ledgers[:, SMALLEST_J:] if threads == len(self.parts) else self.ledger[SMALLEST_J:]
+        return {
+            "u": self.state.u.copy(),
+            "v": self.state.v.copy(),
+            "highest_mode": self._looks.vector.copy(),
+            "allowed_bound": self._looks.bound[:, 2].copy(),
+            "watch": self.lookers[0].watch.copy(),
+            "ledgers": ledgers,
+            "memory": self.blocks.old.copy(),
+            "lengths": _shared(np.array([part.blocks.last_length for part in self.parts]), threads),
+            "times": np.array([self.time_s, self.dt_s, self._origin_s]),
+            "steps": np.array([self.steps, self._index], dtype=np.int64),
+        }
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Continue from a restart state of the same model, bitwise identically to an uninterrupted run.
+
+        With another number of threads the runs are identical up to rounding.
+        """
+        self.state.u[:] = state["u"]
+        self.state.v[:] = state["v"]
+        self._looks.vector[:] = state["highest_mode"]
+        self._looks.bound[:, 2] = state["allowed_bound"]
+        self.watch(state["watch"])
+        self._ledgers[:] = _shared(state["ledgers"], len(self.parts))
+        self._ledgers[:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
+        self.blocks.old[:] = state["memory"]
+        self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
+        self.steps, self._index = (int(x) for x in state["steps"])
+        self._activate()
+        self._evaluate([looker.blocks for looker in self.lookers])
+        for part, length in zip(self.parts, _shared(state["lengths"], len(self.parts)), strict=True):
+            part.blocks.last_length[:] = length
+
+    def watch(self, watch: np.ndarray) -> None:
+        """Set the result of the last stability check and the time of the next one for all threads, (WATCH,)."""
+        for looker in self.lookers:
+            looker.watch[:] = watch
+
+    # ---- inside ----
+
+    def _activate(self) -> None:
+        """Give the muscles that pull by a stress their activation of the present time."""
+        self.blocks.activation[:, 0] = self.loads.muscles(np.array([self.time_s]), max(self.dt_s, SHORTEST_INCREMENT_S))[0]
+
+    def _evaluate(self, blocks: Sequence[Blocks]) -> float:
+        """Minus the internal force of the present state, summed in the order of ``advance``; the smallest J."""
+        u, force = self.state.u, self.state.force
+        if len(self.parts) == 1:
+            return self.kernels.forces(u, force, blocks[0])
+        tasks = [
+            lambda part=part, some=some: self.kernels.forces(part.u, part.force, some)
+            for part, some in zip(self.parts, blocks, strict=True)
+        ]
+        smallest = together(tasks, self.parts[0].gate)
+        for part in self.parts:
+            part.force[: len(part.lower)] += part.lower
+            force[part.first : part.first + part.own] = part.force[: part.own]
+        return float(np.min(smallest))
+
+    def _course(
+        self,
+        times: np.ndarray,
+        steps: int,
+        dt_s: float,
+        looking: int,
+        samples: Samples,
+        looking_with: tuple[Looks, Sequence[Looker], int] | None = None,
+    ) -> int:
+        """Let each part have its thread; give the number of steps done. ``times`` are those of all instants, and one more."""
+        looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
+        tolerance_s = max(dt_s, SHORTEST_INCREMENT_S)
+        bone_placement, tie_placement = self.loads.bones(times)
+        actions = Actions(
+            dead=self.loads.dead,
+            fibres=self.loads.fibres,
+            activation=self.loads.activation(times, tolerance_s),
+            muscles=self.loads.muscles(times, tolerance_s),
+            bones=self.bones,
+            bone_placement=bone_placement,
+            ties=self.ties,
+            tie_placement=tie_placement,
+            motion=self.loads.motion(times),
+            planned=self._planned,
+        )
+        shared = Shared(self.blocks, self.nodes, self._external, float(self.model.alpha_per_s), _UNRECORDED)
+        span = Span(
+            dt_before=float(self.dt_s),
+            dt=float(dt_s),
+            steps=int(steps),
+            looking=int(looking),
+            turns=int(turns),
+            length=self._difference_m,
+            contact_frequency=self._contact_frequency,
+        )
+        others = (shared, actions, samples, 0, span, self._ledgers)
+        gate = self.parts[0].gate
+        gate[:] = 0
+        tasks = [
+            lambda part=part, looker=looker: self.kernels.course(self.state, part, looks, looker, *others)
+            for part, looker in zip(self.parts, lookers, strict=True)
+        ]
+        return int(together(tasks, gate)[0])
+
+
+def _shared(values: np.ndarray, parts: int) -> np.ndarray:
+    """What each part has added to a sum, (parts, ...), where as many parts have made it; or all of it in the first."""
+    if len(values) == parts:
+        return values
+    shared = np.zeros((parts, *values.shape[1:]))
+    shared[0] = values.sum(axis=0)
+    return shared

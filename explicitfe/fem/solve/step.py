@@ -1,0 +1,217 @@
+"""The central-difference loop, compiled whole: python never runs per step.
+
+The state holds u at t_n, v at t_(n-1/2) and minus the internal force at t_n. One step solves
+
+    M (v+ - v-) / h + alpha M (v+ + v-) / 2 = f_ext - f_int,   h = (dt- + dt+) / 2,   u <- u + dt+ v+
+
+and evaluates the new internal force. With T = 1/2 v- M v+ the change of T over a step is, exactly, the trapezoidal work of
+all forces, so the ledger sums those of the external and of the damping force and leaves nothing to chance (Hughes 2000,
+section 9.1; Belytschko et al. 2014, section 6.2.3 averages velocities instead, which is far off in the highest modes).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from explicitfe.fem.forces.bone import rest_on_bones
+from explicitfe.fem.forces.contraction import contraction_work
+from explicitfe.fem.forces.dead import add_dead_loads
+from explicitfe.fem.forces.follower import add_follower_fibres
+from explicitfe.fem.forces.ties import add_ties
+from explicitfe.fem.solve.boundary import correct, drive, place
+from explicitfe.platform.compiled.arrays import (
+    CONTACT_LOSS,
+    CORNER,
+    DAMPING_LOSS,
+    EXTERNAL_WORK,
+    FALL,
+    SMALLEST_CORNER,
+    SMALLEST_J,
+    STIFFEST,
+    SWEEP_ROWS,
+    Recurrence,
+)
+from explicitfe.platform.compiled.simd import ROW, WIDTH, load, load_fourth, splat, store, sum_lanes
+from explicitfe.platform.compiled.threads import ask_to_stop, asked_to_stop, wait
+
+# Placeholders, bound in solve/kernels.py.
+internal_force: Any = None
+internal_energy: Any = None
+
+
+def forces(u, force, blocks):
+    """Minus the internal force at displacement u into ``force``; give the smallest J."""
+    force[:] = 0.0
+    return internal_force(u, force, blocks)
+
+
+def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, first, last, ledger):
+    """Advance a part of the state from instant ``first`` to ``last`` by steps of length dt; give the instant where it ended.
+
+    The threads of all parts call this at the same time, and meet twice a step: when all internal forces are there, and when
+    all nodes have moved. One part is the whole, and meets nobody.
+
+    Parameters
+    ----------
+    state : State, changed in place.
+    part, shared, actions : Part, Shared, Actions.
+    dt_before : s. The step that led to the first instant; it differs from dt where the step has just been changed.
+    stiffest : 1/s^2. How stiff the barrier against folding may become, over mass, before the stable step must be looked at again.
+    most_fall : of the nearest corner in a step, as a share of what is left of it: where it falls faster, the step is too long.
+    ledger : (LEDGER,). Sums of work [J], the smallest J and the smallest corner of this part, changed in place.
+
+    The loop ends early, after the step in which an element has turned inside out (J <= 0 or not a number) or has folded at a
+    corner, in which the barrier has become too stiff or a corner has fallen too far. Prescribed motion is for one part only.
+    """
+    u, v, whole = state
+    nodes, external, alpha = shared.nodes, shared.external, shared.alpha
+    motion, muscles = actions.motion, actions.muscles
+    bones, placement = actions.bones, actions.bone_placement
+    force, shift, own = part.force, part.first * ROW, part.own * ROW
+    if part.parts > 1:
+        for here in range(0, own, WIDTH):
+            store(force, here, load(whole, here + shift))
+        force[part.own :] = 0.0
+    if part.number == 0:
+        external[:] = 0.0
+    done = last
+    nearest = part.blocks.corner[CORNER]
+    for step in range(first, last):
+        h = 0.5 * (dt_before + dt)
+        keep = (1.0 - 0.5 * alpha * h) / (1.0 + 0.5 * alpha * h)
+        gain = h / (1.0 + 0.5 * alpha * h)
+        driven_work, driven_loss = 0.0, 0.0
+        if part.number == 0:
+            add_dead_loads(external, actions.dead, actions.activation, step)
+            add_follower_fibres(external, u, actions.fibres, actions.activation, step)
+            add_ties(external, u, actions.ties, actions.tie_placement, step)
+            driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
+        wait(part.gate, part.parts)
+        if part.parts > 1 and asked_to_stop(part.gate):
+            done = step
+            break
+        for here in range(0, part.lower.size, WIDTH):
+            store(force, here, load(force, here) + load(part.lower, here))
+        recurrence = Recurrence(keep, gain, 0.5 * dt, 0.5 * dt_before)
+        friction_loss, bone_work, _ = rest_on_bones(
+            force, part.first, state, external, nodes, bones, placement, step, part.near, part.far, recurrence, shared.unrecorded
+        )
+        work = splat(0.0)
+        loss = splat(0.0)
+        for run in range(len(part.loaded)):
+            begin, end = run * (SWEEP_ROWS * ROW), min((run + 1) * (SWEEP_ROWS * ROW), own)
+            if part.loaded[run]:
+                for here in range(begin, end, WIDTH):
+                    at = here + shift
+                    old, push, mass = load(v, at), load(external, at), load_fourth(nodes.update, at)
+                    new = keep * old + gain * load(nodes.update, at) * (load(force, here) + push)
+                    store(v, at, new)
+                    store(u, at, load(u, at) + dt * new)
+                    store(force, here, splat(0.0))
+                    store(external, at, splat(0.0))
+                    moved = 0.5 * (dt_before * old + dt * new)
+                    work = work + push * moved
+                    loss = loss + mass * (old + new) * moved
+            else:  # the same without external forces: half of what a step of a large mesh moves is moved here
+                for here in range(begin, end, WIDTH):
+                    at = here + shift
+                    old, mass = load(v, at), load_fourth(nodes.update, at)
+                    new = keep * old + gain * load(nodes.update, at) * load(force, here)
+                    store(v, at, new)
+                    store(u, at, load(u, at) + dt * new)
+                    store(force, here, splat(0.0))
+                    loss = loss + mass * (old + new) * (0.5 * (dt_before * old + dt * new))
+        place(u, v, motion, actions.planned, step)
+        if part.number == 0:
+            for muscle in range(muscles.shape[1]):
+                part.blocks.activation[muscle, 0] = muscles[step + 1, muscle]
+        ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work + bone_work
+        ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
+        ledger[CONTACT_LOSS] += friction_loss
+        dt_before = dt
+        wait(part.gate, part.parts)
+        force[part.own :] = 0.0
+        smallest = internal_force(part.u, force, part.blocks)
+        ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
+        corner = part.blocks.corner[CORNER]
+        fall = nearest - corner
+        nearest = corner
+        part.blocks.corner[FALL] = fall
+        if not (smallest >= ledger[SMALLEST_J]):
+            ledger[SMALLEST_J] = smallest
+        if not (corner >= ledger[SMALLEST_CORNER]):
+            ledger[SMALLEST_CORNER] = corner
+        sound = smallest > 0.0 and corner > 0.0
+        if not (sound and part.blocks.corner[STIFFEST] <= stiffest and fall <= most_fall * corner):
+            ask_to_stop(part.gate)
+            if part.parts == 1:
+                done = step + 1
+                break
+    if part.parts > 1:
+        wait(part.gate, part.parts)
+        for here in range(0, part.lower.size, WIDTH):
+            store(force, here, load(force, here) + load(part.lower, here))
+        for here in range(0, own, WIDTH):
+            store(whole, here + shift, load(force, here))
+    return done
+
+
+def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
+    """Energies (ENERGIES,) [J] at an instant, that of the state, and what is recorded there; the state is only read.
+
+    ``rows`` (2, N, 4) receive the velocity at t_n, (v- + v+) / 2, and all forces but the external ones, ``record`` what the bones
+    do, and ``lanes`` (3, B, W) J, the strain energy and the hourglass energy [J] of the elements. The actions have one instant
+    more than those of ``advance``; dt is the step before. What ties store counts as work of the bones too, because their pull is
+    among the external forces.
+    """
+    u, v, force = state
+    nodes, external, alpha = shared.nodes, shared.external, shared.alpha
+    velocity, resting = rows[0], rows[1]
+    bones, placement = actions.bones, actions.bone_placement
+    keep = (1.0 - 0.5 * alpha * dt) / (1.0 + 0.5 * alpha * dt)
+    gain = dt / (1.0 + 0.5 * alpha * dt)
+    external[:] = 0.0
+    add_dead_loads(external, actions.dead, actions.activation, instant)
+    add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
+    tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
+    for at in range(0, u.size, WIDTH):
+        store(resting, at, load(force, at))
+    record.sums[:] = 0.0
+    record.pressure[:] = 0.0
+    recurrence = Recurrence(keep, gain, 0.0, 0.5 * dt)
+    friction_loss, bone_work, touching = rest_on_bones(
+        resting, 0, state, external, nodes, bones, placement, instant, 0, len(bones.node), recurrence, record
+    )
+    kinetic = splat(0.0)
+    work = splat(0.0)
+    loss = splat(0.0)
+    for at in range(0, u.size, WIDTH):
+        old = load(v, at)
+        push = load(external, at)
+        new = keep * old + gain * load(nodes.inverse_mass, at) * (load(resting, at) + push)
+        store(velocity, at, 0.5 * (old + new))
+        momentum = load(nodes.mass, at) * old
+        kinetic = kinetic + 0.5 * momentum * new
+        work = work + 0.5 * dt * push * old
+        loss = loss + 0.5 * dt * momentum * (old + new)
+    driven_kinetic, driven_work, driven_loss = correct(
+        u, v, force, external, velocity, nodes, actions.motion, instant, keep, alpha, dt
+    )
+    internal, hourglass, lost, barrier = internal_energy(u, shared.blocks, lanes[0], lanes[1], lanes[2])
+    return (
+        internal,
+        hourglass,
+        sum_lanes(kinetic) + driven_kinetic,
+        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + bone_work + tied,
+        ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
+        lost,
+        touching,
+        tied,
+        ledger[CONTACT_LOSS] + friction_loss,
+        barrier,
+    )
+
+
+def elastic_energy(u, blocks, element_J, element_energy, element_hourglass):
+    """Strain energy, hourglass energy, energy lost and that of the barrier [J], and the former two of each element, (B, W)."""
+    return internal_energy(u, blocks, element_J, element_energy, element_hourglass)

@@ -1,0 +1,1 @@
+"""Inverse problems: measured data, predictions, identification of constants, and the search for missing effects."""

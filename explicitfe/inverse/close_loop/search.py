@@ -1,0 +1,458 @@
+"""The comparison of hypotheses: sets of causes are screened, fitted and weighed by their evidence; from a system to an outcome.
+
+Every single effect is screened from its signature, and so is every pair; larger sets are built from the smaller ones that are
+nearest to the data. On a mesh fits are estimated further with fast answers. A hypothesis that could matter, by the errors that
+estimates have shown, is fitted with the simulator, and again from its fitted subsets if it ends worse than one of them. A set
+that was not fitted keeps the evidence of its estimate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from explicitfe.inverse.close_loop.baseline import Watch, fitted_baseline, with_own_numerics
+from explicitfe.inverse.close_loop.compared import (
+    ComparedCauses,
+    Entry,
+    Key,
+    forms_by_cause,
+    needed_decrease,
+    not_testable,
+    without_term,
+)
+from explicitfe.inverse.close_loop.estimates import Estimates
+from explicitfe.inverse.close_loop.evidence import (
+    Causes,
+    Prior,
+    cost_of_term,
+    evidence_of,
+    log_odds_of_other,
+    posterior_of,
+)
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
+from explicitfe.inverse.close_loop.statistics.noise import RowNoise
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit
+from explicitfe.inverse.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
+from explicitfe.inverse.close_loop.statistics.sketch import Sketch
+from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, System
+from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
+from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
+from explicitfe.platform.errors import RunError
+
+# A cause may use several terms: two more in a set than it has causes.
+FURTHER_TERMS = 2
+# Hypotheses from which larger ones are built.
+MOST_PARENTS = 6
+# Shares of the search at which its stages begin.
+SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
+
+# The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
+MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
+
+
+def compare(
+    system: System,
+    *,
+    max_effects: int,
+    rows: Sequence[RowNoise] | None = None,
+    limit: TimeLimit = NO_LIMIT,
+    watch: Watch = lambda stage, share: None,
+) -> ComparedCauses:
+    """Compare all sets of causes with the data.
+
+    Parameters
+    ----------
+    max_effects : the largest number of causes of a hypothesis.
+    rows : noise of the rows; estimated if left out.
+    limit : where it is reached, the other hypotheses keep their estimates.
+    watch : called with what is done now and the share of the whole that is done.
+
+    Raises
+    ------
+    RunError : the baseline cannot be computed.
+    """
+    system, covariance, fit = fitted_baseline(system, rows, watch)
+    return _Comparing(system, covariance, fit, max_effects, limit, watch).run()
+
+
+class _Comparing:
+    """One comparison: the table of responses near the baseline, and the hypotheses by the effects of their terms."""
+
+    def __init__(
+        self, system: System, covariance: Covariance, fit: BestFit, max_effects: int, limit: TimeLimit, watch: Watch
+    ) -> None:
+        self.system, self.covariance, self.watch = system, covariance, watch
+        self.max_effects, self.limit = max_effects, limit
+        self.left: list[Key] = []  # hypotheses that could matter when the limit was reached
+        self.failed: dict[Key, str] = {}
+        self.screened: dict[Key, tuple[Entry, Screening]] = {}
+        watch("screening of the candidates", SCREENING_PROGRESS)
+        self.library = system.candidates(fit.model)
+        self.cause_of = {c.effect: c.cause for c in self.library}
+        self.slow = {c.effect for c in self.library if c.slow}
+        tested = [c for c in self.library if not c.reason]
+        meshed = [c for c in tested if system.costly(fit.model.plus(c.term, c.trials[0]))]
+        changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
+        self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
+        self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
+        self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
+        self.sketched: set[Key] = set()
+        self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
+        self.near: dict[Key, dict[str, Signature]] = {}
+        self.at_baseline = self._signatures(fit, covariance, tested)
+        causes = {one.candidate.cause for one in self.at_baseline}
+        self.prior = Prior(len(causes), forms_by_cause(self.library))
+        visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
+        self.visible = visible
+        causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in visible}
+        self.prior = replace(self.prior, causes=len(causes))
+        self.fitted: dict[Key, Entry] = {(): self._entry(fit, system, covariance)}
+        limit.begin_fits()
+
+    # ---- the comparison ----
+
+    def run(self) -> ComparedCauses:
+        """Fit what matters, level by level, then exchange terms of the best hypothesis until it stays."""
+        parents = [self.fitted[()]]
+        for terms in range(1, self.max_effects + FURTHER_TERMS + 1):
+            if self.max_effects == 0:
+                break
+            for parent in parents:
+                self._screen_children(parent)
+            if terms == 2:
+                self._screen_children(self.fitted[()], pairs=True)  # with what the fits of the single effects have shown
+            if not self._fit_plausible(terms):
+                break
+            level = [one for one in (self.sketches | self.fitted).values() if len(one.key) == terms]
+            parents = sorted(level, key=self._closeness, reverse=True)[:MOST_PARENTS]
+        self._exchange()
+        self._finish()
+        return self._comparison()
+
+    def _exchange(self) -> None:
+        """Drop each term of the best hypothesis and replace it by others, as long as another becomes the best."""
+        for _ in range(FURTHER_TERMS):
+            if self.limit.reached():
+                return
+            best = max(self.fitted.values(), key=self._log_posterior)
+            for k in range(len(best.key)):
+                smaller = best.key[:k] + best.key[k + 1 :]
+                if smaller not in self.fitted and smaller not in self.failed:
+                    self._fit(smaller, [without_term(best.model, best.key[k])])
+                if smaller in self.fitted:
+                    self._screen_children(self.fitted[smaller])
+            self._fit_plausible(None)
+            if max(self.fitted.values(), key=self._log_posterior) is best:
+                return
+
+    def _screen_children(self, parent: Entry, *, pairs: bool = False) -> None:
+        """Screen the parent with one further term, or with each pair of further terms."""
+        assert parent.fit is not None and parent.covariance is not None and parent.system is not None
+        candidates = [c for c in parent.system.candidates(parent.model) if not c.reason and c.effect in self._allowed(parent)]
+        if parent.key and parent.key not in self.fitted:
+            candidates = [c for c in candidates if c.effect in self.table]
+        if not candidates:
+            return
+        known = self._signatures(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
+        tested = [one for one in known if one.values and one.candidate.effect in self._allowed(parent)]
+        residual = outside(parent.fit.movable, parent.fit.residual)
+        groups: list[tuple[Signature, ...]] = [(one,) for one in tested]
+        if pairs:
+            # A slow effect is tried beside others that were fitted, but not in pairs of which neither effect is known to help.
+            fast = [one for one in tested if self._is_fast(parent.model.plus(one.candidate.term, one.values[0]))]
+            groups = [pair for pair in combinations(fast, 2) if pair[0].candidate.cause != pair[1].candidate.cause]
+        for group in groups:
+            if len({*parent.causes, *(one.candidate.cause for one in group)}) > self.max_effects:
+                continue
+            self._screen(parent, group, residual)
+
+    def _allowed(self, parent: Entry) -> set[str]:
+        """Effects that may be added: those that the data can show, and further terms of a cause that is there."""
+        return self.visible | {c.effect for c in self.library if c.cause in parent.causes}
+
+    def _screen(self, parent: Entry, group: Sequence[Signature], residual: np.ndarray) -> None:
+        """Keep the screening of a hypothesis if it is better than that from another parent."""
+        key = tuple(sorted((*parent.key, *(one.candidate.effect for one in group))))
+        if key in self.fitted or key in self.failed:
+            return
+        screening = screen(residual, group)
+        model = parent.model
+        for one, values in zip(group, screening.starts, strict=True):
+            model = model.plus(one.candidate.term, values)
+        assert parent.covariance is not None
+        cost = sum(self._cost(one.candidate.effect, len(one.candidate.term.parameters)) for one in group)
+        evidence = replace(parent.evidence, closed=parent.evidence.closed - cost).with_gain(screening.gain)
+        causes = parent.causes | {one.candidate.cause for one in group}
+        entry = Entry(key, causes, evidence, model, bound=screening.bound, parent=parent.key)
+        before = self.screened.get(key)
+        # What is estimated near a fitted model with more of the terms is more certain.
+        fitted_terms = len(parent.key) if parent.key in self.fitted and key not in self.sketched else 0
+        known_terms = 0 if before is None or before[0].parent not in self.fitted else len(before[0].parent)
+        if before is None or (fitted_terms, evidence.closed) > (known_terms, before[0].evidence.closed):
+            self.screened[key] = entry, screening
+            assert parent.fit is not None
+            self.estimates.known[key] = EstimatedFit(max(parent.fit.whitened - screening.gain, 0.0), screening.change, fast=False)
+
+    def _fit_plausible(self, terms: int | None) -> int:
+        """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
+        costly = self.system.costly(self.fitted[()].model)
+        most = (MOST_FITS_ON_A_MESH if costly else MOST_FITS)[min(terms or 3, 3)]
+        count = 0
+        if self.sketch is not None and terms == 1:
+            for entry, _ in [one for key, one in self.screened.items() if len(key) == 1 and self._is_sketchable(key)]:
+                self._fit_sketch(entry, self.sketch)
+        while True:
+            best = max(map(self._log_posterior, self.fitted.values()))
+            waiting = [
+                entry
+                for key, (entry, screening) in self.screened.items()
+                if key not in self.fitted and key not in self.failed and (terms is None or len(key) <= terms + 1)
+                if self._could_matter(entry, screening, best, terms)
+            ]
+            if self.limit.reached():
+                self.left += [one.key for one in waiting]
+                return 0
+            if not waiting or count >= most:
+                return count
+            # Fast ones and fewer terms first: what they explain, others need not.
+            entry = max(waiting, key=lambda one: (self._is_fast(one.model), -len(one.key), self._closeness(one)))
+            if self.sketch is not None and self._is_sketchable(entry.key) and entry.key not in self.sketched:
+                self._fit_sketch(entry, self.sketch)
+                continue
+            share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
+            self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
+            self._fit(entry.key, [entry.model])
+            if self.limit.reached():
+                self.left += [entry.key]  # its fit may have ended early
+            done = self.fitted.get(entry.key)
+            if done is not None and done.fit is not None:
+                self.estimates.learn(entry.key, done.fit.whitened)
+            count += 1
+
+    def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
+        """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
+        self.sketched.add(entry.key)
+        try:
+            fit = refit(sketch, entry.model, self.covariance)
+        except RunError:
+            return
+        one = self._entry(fit, self.system, self.covariance)
+        self.sketches[entry.key] = one
+        baseline = self.fitted[()].fit
+        assert baseline is not None
+        change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
+        self.estimates.known[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
+        screening = self.screened[entry.key][1]
+        gain = screening.gain + entry.evidence.chi2 - one.evidence.chi2
+        entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain, parent=entry.parent)
+        self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain)
+
+    def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
+        """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
+
+        Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow
+        effects are fitted only if their estimate is probable. Without a mesh, single effects are fitted until one explains all.
+        """
+        top = max(self.fitted.values(), key=self._log_posterior)
+        explained = top.evidence.other + log_odds_of_other() <= 0.0
+        single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
+        if single and (not explained or entry.causes == top.causes):
+            return True
+        negligible = best + np.log(THRESHOLDS.negligible_probability)
+        if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= negligible:
+            return False
+        nearest, prior = max(self.fitted.values(), key=self._closeness), self.prior.log(entry.causes)
+        evidence = entry.evidence.with_gain(self.estimates.possible_gain(entry.key, screening, nearest))
+        least = np.inf if explained else self._closeness(nearest)
+        return evidence.closed + prior > least or evidence.best + prior > negligible
+
+    def _near(self, fitted: Entry) -> dict[str, Signature]:
+        """Effect -> signature beside a fitted hypothesis."""
+        if fitted.key not in self.near:
+            assert fitted.fit is not None and fitted.covariance is not None and fitted.system is not None
+            costly = self.system.costly(fitted.model)
+            usable = self.visible & set(self.table) if costly else self.visible
+            candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in usable]
+            known = self._signatures(fitted.fit, fitted.covariance, candidates)
+            self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
+        return self.near[fitted.key]
+
+    def _is_fast(self, model: Hypothesis) -> bool:
+        """Whether a model takes no more time than others: no slow effect, and no mesh where the baseline needs none."""
+        mesh = self.system.costly(model) and not self.system.costly(self.fitted[()].model)
+        return not mesh and self.slow.isdisjoint(model.effects)
+
+    def _is_sketchable(self, key: Key) -> bool:
+        """Whether all effects have fast answers."""
+        return self.sketch is not None and all(self.system.has_sketch(name) for name in key)
+
+    def _fit(self, key: Key, starts: Sequence[Hypothesis]) -> None:
+        """Fit a hypothesis from its screening and, where it ends worse than a subset, from that subset."""
+        system, covariance = self.fitted[()].system, self.covariance
+        assert system is not None
+        subsets = [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) is not None]
+        best: BestFit | None = None
+        reason = ""
+        for start in starts:
+            try:
+                fit = self._refit(start)
+            except RunError as error:
+                reason = str(error)
+                continue
+            best = fit if best is None or fit.whitened < best.whitened else best
+        least = min((one.fit for one in subsets if one.fit is not None), key=lambda f: f.whitened, default=None)
+        rough = best is not None and self._fast_slopes(best.model) is not None
+        if best is not None and rough and least is not None and best.whitened > least.whitened:
+            # Without strength the further term leaves what the subset leaves; another search would take as many runs again.
+            subset = max((one for one in subsets if one.fit is least), key=self._log_posterior)
+            causes = frozenset(self.cause_of[name] for name in key)
+            self.fitted[key] = replace(subset, key=key, causes=causes).lowered(self._cost_beyond(subset, key))
+            return
+        if least is not None and (best is None or best.whitened > least.whitened):
+            for one in [] if self.limit.reached() else sorted(subsets, key=lambda one: one.evidence.closed, reverse=True):
+                if (started := self._from_subset(one, key)) is None:
+                    continue
+                try:
+                    fit = self._refit(started)
+                except RunError as error:
+                    reason = reason or str(error)
+                    continue
+                best = fit if best is None or fit.whitened < best.whitened else best
+        if self.limit.reached() and best is not None and least is not None and best.whitened > least.whitened:
+            self.failed[key] = "its fit had not converged when the search reached its time limit"
+            return
+        if best is None:
+            self.failed[key] = reason
+        else:
+            self.fitted[key] = self._entry(best, system, covariance)
+
+    def _refit(self, start: Hypothesis) -> BestFit:
+        """The best fit of a hypothesis by the simulator."""
+        system = self.fitted[()].system
+        assert system is not None
+        return refit(system, start, self.covariance, renew=self._fast_slopes(start), limit=self.limit)
+
+    def _fast_slopes(self, model: Hypothesis) -> Slopes | None:
+        """Derivatives by fast answers, where those of the simulator are rough."""
+        return None if self.sketch is None or self.sketch.system.exact(model) else self.sketch.slopes
+
+    def _from_subset(self, subset: Entry, key: Key) -> Hypothesis | None:
+        """The subset at its best, with the term that it lacks at the start of its best trial."""
+        assert subset.fit is not None and subset.covariance is not None and subset.system is not None
+        lacking = list(key)
+        for name in subset.key:
+            lacking.remove(name)
+        candidates = [c for c in subset.system.candidates(subset.model) if not c.reason and c.effect == lacking[0]]
+        own = self._signatures(subset.fit, subset.covariance, candidates) if candidates else []
+        if not own or not own[0].values:
+            return None
+        start = screen(outside(subset.fit.movable, subset.fit.residual), own).starts[0]
+        return subset.model.plus(candidates[0].term, start)
+
+    def _entry(self, fit: BestFit, system: System, covariance: Covariance, *, with_forms: bool = False) -> Entry:
+        """A fitted hypothesis with its evidence."""
+        key = tuple(sorted(term.effect for term in fit.model.terms))
+        covariance = covariance.at(fit.answer)
+        causes = frozenset(self.cause_of[name] for name in key)
+        cost = sum(self._cost(term.effect, len(term.parameters)) for term in fit.model.terms)
+        forms = self._other_forms(fit, covariance, causes, system) if causes and with_forms else None
+        evidence = evidence_of(fit, covariance, cost, forms)
+        return Entry(key, causes, evidence, fit.model, fit, system, covariance)
+
+    def _other_forms(self, fit: BestFit, covariance: Covariance, causes: Causes, system: System) -> np.ndarray | None:
+        """Whitened changes (n, m) of the answer by other forms of the causes that are there; None where there are none.
+
+        They are taken near the model without these causes; where an answer takes the run of a mesh, near the baseline.
+        """
+        columns = []
+        for cause in (cause for cause in causes if self.prior.forms.get(cause, 1) > 1):
+            bare = fit.model
+            for name in [term.effect for term in fit.model.terms]:
+                if system.costly(fit.model) or self.cause_of[name] == cause:
+                    bare = without_term(bare, name)
+            forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
+            columns += [one.secants for one in self._signatures(fit, covariance, forms, bare) if one.values]
+        return np.concatenate(columns, axis=1) if columns else None
+
+    def _signatures(
+        self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate], model: Hypothesis | None = None
+    ) -> list[Signature]:
+        """Signatures near a fitted model, or near another; those that take the run of a mesh are from the table of responses."""
+        own = {c.effect: replace(c, trials=self.table[c.effect][0].trials) for c in candidates if c.effect in self.table}
+        others = [c for c in candidates if c.effect not in own]
+        changes = dict(zip([c.effect for c in others], self.system.changes(model or fit.model, others), strict=True))
+        changes |= {name: list(self.table[name][1]) for name in own}
+        every = [own.get(c.effect, c) for c in candidates]
+        return signatures(fit, covariance, every, [changes[c.effect] for c in every])
+
+    def _finish(self) -> None:
+        """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""
+        entries = sorted(self.fitted.values(), key=self._log_posterior, reverse=True)
+        finished: list[Entry] = []
+        best = self._log_posterior(entries[0])
+        for entry in entries:
+            if self._log_posterior(entry) < best + np.log(THRESHOLDS.negligible_probability):
+                break
+            if finished and self.limit.reached():
+                break
+            assert entry.fit is not None and entry.system is not None and entry.covariance is not None
+            system, fit, covariance = entry.system, entry.fit, entry.covariance
+            try:
+                if system.costly(entry.model) and entry.key:
+                    self.watch(f"numerical error with {' + '.join(entry.key)}", FINISH_PROGRESS)
+                    slopes = self._fast_slopes(fit.model)
+                    system, covariance, fit = with_own_numerics(system, covariance, fit, slopes, self.limit)
+                self.fitted[entry.key] = self._entry(fit, system, covariance, with_forms=True)
+                finished.append(self.fitted[entry.key])
+            except RunError as error:
+                self.failed[entry.key] = str(error)
+        if self.sketch is not None:
+            # What was screened beside a model with another numerical error is screened again.
+            self.screened = {key: one for key, one in self.screened.items() if one[0].parent not in {e.key for e in finished}}
+            for entry in finished:
+                self._screen_children(entry)
+                if not entry.key:
+                    self._screen_children(entry, pairs=True)
+
+    # ---- numbers ----
+
+    def _cost(self, effect: str, parameters: int) -> float:
+        """Cost of the parameters of a term."""
+        visible = max((one.visible for one in self.at_baseline if one.candidate.effect == effect), default=0.0)
+        return cost_of_term(parameters, self.covariance.effective, visible)
+
+    def _cost_beyond(self, subset: Entry, key: Key) -> float:
+        """Cost of the parameters of the terms that a subset lacks."""
+        lacking = list(key)
+        for name in subset.key:
+            lacking.remove(name)
+        terms = {c.effect: len(c.term.parameters) for c in self.library}
+        return sum(self._cost(name, terms[name]) for name in lacking)
+
+    def _log_posterior(self, entry: Entry) -> float:
+        return entry.evidence.best + self.prior.log(entry.causes)
+
+    def _closeness(self, entry: Entry) -> float:
+        """Log posterior if the residual is noise: it orders the search, because a smooth residual may be large at little cost."""
+        return entry.evidence.closed + self.prior.log(entry.causes)
+
+    def _is_visible(self, one: Signature) -> bool:
+        """Whether the largest plausible strength could make a cause as probable as a verdict asks for."""
+        forms = self.prior.forms.get(one.candidate.cause, 1)
+        needed = needed_decrease(self.covariance, self.prior.causes, forms, one)
+        return bool(one.values) and one.visible > needed
+
+    def _comparison(self) -> ComparedCauses:
+        best = max(map(self._log_posterior, self.fitted.values()))  # no estimate is more probable than it
+        unfitted = [entry for key, (entry, _) in self.screened.items() if key not in self.fitted]
+        entries = [*self.fitted.values(), *(one.lowered(self._log_posterior(one) - best) for one in unfitted)]
+        posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
+        entries.sort(key=self._log_posterior, reverse=True)
+        reasons = not_testable(self.library, [one for one in self.at_baseline if one.candidate.effect not in self.visible])
+        return ComparedCauses(
+            self.fitted[()], entries, self.prior, posterior, self.at_baseline, reasons, self.failed, self.cause_of, self.left
+        )

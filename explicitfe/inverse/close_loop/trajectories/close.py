@@ -1,0 +1,154 @@
+"""close-loop for trajectories of sensors; the resulting model is written as a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from explicitfe.inverse.close_loop.report import (
+    LoopDocuments,
+    add_failure,
+    add_outcome,
+    bound_warnings,
+    errors_of_model,
+    limit_warning,
+    new_report,
+)
+from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.split import Split
+from explicitfe.inverse.close_loop.statistics.refit import BestFit
+from explicitfe.inverse.close_loop.statistics.system import Answer
+from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
+from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.inverse.close_loop.verdict import conclude
+from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.platform.errors import InputError, Progress, RunError, Share
+from explicitfe.results.documents.loop_report import CurveError, LoopReport, ReportCurve, Side
+from explicitfe.results.files import provenance
+
+MM_PER_M = 1e3
+SCENARIO_FILE, BASELINE_FILE = "scenario.toml", "baseline.toml"
+
+
+def close_trajectories(
+    dataset: Dataset,
+    sides: Split,
+    effects: Sequence[str],
+    max_effects: int,
+    limit: TimeLimit,
+    processes: int | None,
+    progress: Progress,
+) -> LoopDocuments:
+    """The report, curves for its pictures, and the scenarios before and after.
+
+    Raises
+    ------
+    InputError : no scenario to compare with, or one that cannot be used.
+    """
+    if dataset.scenario is None:
+        raise InputError(f"{dataset.path}: the dataset has no scenario to compare with; add the key scenario.")
+    system = trajectory_system(dataset, sides.fit, processes or 1, only=tuple(effects))
+    progress("trace", 0.0)
+    report = _new_report(dataset, sides, system.considered, max_effects)
+    try:
+        comparison = compare(
+            system,
+            max_effects=max_effects,
+            rows=system.rows,
+            limit=limit,
+            watch=lambda step, share: progress("trace", Share(share, step)),
+        )
+        outcome = conclude(comparison)
+        progress("trace", 1.0)
+        before, after = comparison.baseline.fit, outcome.final.fit
+        assert before is not None and after is not None
+        add_outcome(report, outcome)
+        progress("predict", 0.0)
+        curves = _add_errors(report, system, sides, before, after)
+    except RunError as error:
+        report = _new_report(dataset, sides, system.considered, max_effects)
+        add_failure(report, str(error))
+        return LoopDocuments(report)
+    finally:
+        system.runs.close()
+    progress("predict", 1.0)
+    report.effect_titles |= {name: system.levers[name].title.partition(" [")[0] for name in report.effect_titles}
+    report.next_experiment = None
+    report.sensitivity_to_assumed = {}
+    report.warnings = [*limit_warning(comparison), *_warnings(sides, before, after)]
+    files = {SCENARIO_FILE: system.scenario_text(after.model), BASELINE_FILE: system.scenario_text(before.model)}
+    return LoopDocuments(report, curves, files)
+
+
+def _new_report(dataset: Dataset, sides: Split, effects: Sequence[str], max_effects: int) -> LoopReport:
+    report = new_report(dataset, sides, "mm")
+    report.provenance = provenance() | {
+        "dataset": str(dataset.path),
+        "source": dataset.source,
+        "scenario": str(dataset.scenario),
+        "effects_considered": list(effects),
+        "max_effects": max_effects,
+    }
+    return report
+
+
+def _add_errors(report: LoopReport, system: Trajectories, sides: Split, before: BestFit, after: BestFit) -> list[ReportCurve]:
+    """Put the rms over the sensors of each curve into the report, and return the coordinates for its pictures."""
+    every = system.for_curves((*sides.fit, *sides.holdout))
+    split: dict[str, Side] = dict.fromkeys((c.id for c in sides.holdout), "holdout")
+    split |= dict.fromkeys((c.id for c in sides.fit), "fit")
+    first, final = every.answers([before.model, after.model])
+    if first is None or final is None:
+        raise RunError("a curve cannot be computed with the final model.")
+    noise = {one.id: float(row.sd.mean()) for one, row in zip(every.series, every.rows, strict=True)}
+    for model, answer in ((report.baseline, first), (report.final, final)):
+        model.error = errors_of_model({name: _error_of(name, side, every, answer, noise) for name, side in split.items()})
+    return [_drawn(name, side, every, first, final, noise) for name, side in split.items()]
+
+
+def _error_of(name: str, side: Side, every: Trajectories, answer: Answer, noise: dict[str, float]) -> CurveError:
+    """The error of one curve over all its sensors.
+
+    Parameters
+    ----------
+    noise : series -> mean noise of its rows [m].
+    """
+    columns = [(one, y) for one, y in zip(every.series, answer, strict=True) if one.curve == name]
+    deviation = np.concatenate([MM_PER_M * (y - one.measured) for one, y in columns])
+    largest = max(MM_PER_M * float(np.ptp(one.measured)) for one, _ in columns)
+    rmse = float(np.sqrt(np.mean(deviation**2)))
+    return CurveError(split=side, rmse=rmse, nrmse=rmse / largest, floor=_floor_mm(name, every, noise) / largest)
+
+
+def _floor_mm(name: str, every: Trajectories, noise: dict[str, float]) -> float:
+    """Rms of the noise of all sensors of a curve [mm]."""
+    return MM_PER_M * float(np.sqrt(np.mean([noise[one.id] ** 2 for one in every.series if one.curve == name])))
+
+
+def _drawn(name: str, side: Side, every: Trajectories, first: Answer, final: Answer, noise: dict[str, float]) -> ReportCurve:
+    """The coordinate of a curve that moves most."""
+    columns = [entry for entry in zip(every.series, first, final, strict=True) if entry[0].curve == name]
+    most, before, after = max(columns, key=lambda entry: float(np.ptp(entry[0].measured)))
+    return ReportCurve(
+        id=f"{name}, {most.id.removeprefix(name).strip(' /:-')}",
+        split=side,
+        x_label="time (s)",
+        y_label="position (mm)",
+        time_s=most.time_s,
+        x=most.time_s,
+        measured=MM_PER_M * most.measured,
+        before=MM_PER_M * before,
+        after=MM_PER_M * after,
+        sd=np.full(len(most.measured), _floor_mm(name, every, noise)),
+    )
+
+
+def _warnings(sides: Split, before: BestFit, after: BestFit) -> list[str]:
+    """What a reader should know, in sentences."""
+    notes = [*bound_warnings("before", before), *bound_warnings("after", after)]
+    if not sides.holdout:
+        notes.append("no curve is held out; the errors are those of fitted curves.")
+    if len(sides.fit) == 1:
+        notes.append("only one curve is fitted; no effect is claimed, because no other curve can confirm it.")
+    return notes

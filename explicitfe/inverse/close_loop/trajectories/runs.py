@@ -1,0 +1,161 @@
+"""Runs of a scenario with different settings, read at the sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
+from explicitfe.fem.solve.transient import Transient
+from explicitfe.inverse.measured.curve import Curve
+from explicitfe.platform.errors import InputError, RunError
+from explicitfe.platform.host import stopping
+from explicitfe.platform.host.compilation import announcing
+from explicitfe.platform.host.worker_pool import WorkerPool
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.run.prepare import prepare
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
+
+# A finer mesh has so many times the elements along each direction, where the model names no finer resolution.
+CHECK_CELLS_FACTOR = 1.5
+
+Settings = tuple[str, ...]  # what --set takes
+Job = tuple[Settings, tuple[float, ...]]  # settings of the scenario, and times [s]
+Run = tuple[np.ndarray, float] | str  # displacements (k, s, 3) m and smallest step [s], or why they cannot be computed
+
+
+def displacements_of(
+    path: Path, settings: Sequence[str], places: np.ndarray, times_s: Sequence[float]
+) -> tuple[np.ndarray, float]:
+    """Displacements of places of the body at times.
+
+    Parameters
+    ----------
+    path, settings : the scenario.
+    places : (s, 3) m, in the undeformed body.
+    times_s : (k,) rising. A state between two instants is extrapolated from the later one by its velocity, which errs by less
+        than half a squared step times the acceleration.
+
+    Returns
+    -------
+    (k, s, 3) m, and the smallest step taken [s].
+
+    Raises
+    ------
+    InputError, RunError : the scenario cannot be built, or does not come to the last of the times.
+    """
+    prepared = prepare(path, settings)
+    analysis = prepared.scenario.analysis
+    simulation = prepared.body
+    if times_s[-1] > 1e-3 * analysis.duration_ms * (1.0 + 1e-9):
+        raise InputError(
+            f"{path}: analysis.duration_ms = {analysis.duration_ms:g} ends before the data do, at {1e3 * times_s[-1]:g} ms."
+        )
+    mesh = prepared.model.mesh
+    points = locate_in_mesh(mesh, places)
+    step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
+    transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
+    displacements = np.empty((len(times_s), *places.shape))
+    for row, time_s in enumerate(times_s):
+        status = transient.advance_to(time_s)
+        stopping.check()
+        if status:
+            raise RunError(status.message)
+        now = simulation.snapshot()
+        displacements[row] = mesh.at(points, now.displacement + (time_s - now.time_s) * now.velocity)
+    return displacements, transient.smallest_dt_s
+
+
+def _run_job(path: Path, places: np.ndarray, job: Job) -> Run:
+    try:
+        with announcing(f"runs of {path.name}"):
+            return displacements_of(path, job[0], places, job[1])
+    except (RunError, InputError) as error:
+        return str(error)
+
+
+class Runs:
+    """Runs of a scenario with different settings; what was computed once is kept.
+
+    Parameters
+    ----------
+    places : (s, 3) m, of the sensors in the undeformed body.
+    processes : at most so many.
+    """
+
+    def __init__(self, path: Path, places: np.ndarray, processes: int = 1) -> None:
+        self.path = path
+        self.places = places
+        self.processes = processes
+        self._kept: dict[Job, Run] = {}
+        self._pool: WorkerPool | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of different runs so far."""
+        return len(self._kept)
+
+    def close(self) -> None:
+        """End its processes."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+            self._pool = None
+
+    def of(self, jobs: Iterable[Job]) -> list[Run]:
+        """Displacements (k, s, 3) m and smallest step [s] of each job, or why it cannot be computed."""
+        jobs = list(jobs)
+        todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
+        # The first run is done here: it compiles the kernels, which the other processes then load.
+        if todo and not self._kept:
+            self._kept[todo[0]] = _run_job(self.path, self.places, todo[0])
+            del todo[0]
+        if self.processes > 1 and len(todo) > 1:
+            try:
+                self._pool = self._pool or WorkerPool(self.processes)
+                work = self._pool.map(_run_job, [self.path] * len(todo), [self.places] * len(todo), todo)
+                self._kept |= dict(zip(todo, work, strict=True))
+            except BrokenProcessPool:  # a script that is read from standard input can start no process
+                stopping.check()
+                self._pool, self.processes = None, 1
+        for job in todo:
+            if job not in self._kept:
+                self._kept[job] = _run_job(self.path, self.places, job)
+        return [self._kept[job] for job in jobs]
+
+
+@cache
+def scenario_with(path: Path, settings: Settings) -> TransientScenario:
+    """A transient scenario with settings."""
+    scenario, _ = read_scenario(path, settings)
+    assert isinstance(scenario, TransientScenario)
+    return scenario
+
+
+def settings_of(curve: Curve) -> Settings:
+    """The settings that a curve states for its own run."""
+    stated = curve.conditions.get("settings", [])
+    settings = [entry for entry in stated if isinstance(entry, str)] if isinstance(stated, list) else []
+    if not isinstance(stated, list) or len(settings) < len(stated):
+        raise InputError(f'curve "{curve.id}": conditions.settings must be an array of strings such as "muscle.GGp.force_N=1.0".')
+    return tuple(settings)
+
+
+def finer_setting(scenario: TransientScenario) -> str:
+    """The setting of the next finer mesh; "" where there is none."""
+    table = scenario.model
+    if table.name is None:
+        return ""
+    named = catalogue.contour(table.name).resolutions
+    if table.cells is None:
+        names = sorted(named, key=lambda name: np.prod(named[name]))
+        later = names[names.index(table.resolution or "medium") + 1 :]
+        if later:
+            return f"model.resolution={later[0]}"
+    s, t, w = catalogue.cells_of(table.name, table.resolution, table.cells)
+    factor = CHECK_CELLS_FACTOR
+    return f"model.cells={[round(factor * s), round(factor * t), 2 * round(factor * w / 2)]}"

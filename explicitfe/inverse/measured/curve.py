@@ -1,0 +1,257 @@
+"""Measured curves in SI, and datasets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from explicitfe.inverse.measured.rig import RigLimits
+from explicitfe.inverse.measured.tables import (
+    IDENTITY_CONDITIONS,
+    PROGRAMME_CONDITIONS,
+    Conditions,
+    ConditionValue,
+    MeasuredNoise,
+    MeasuredSpecimen,
+    MeasuredTool,
+    RegistrationTable,
+    Split,
+    TestKind,
+)
+from explicitfe.platform.errors import InputError, nearest, shortened
+
+Kind = Literal["force-displacement", "uniaxial", "shear", "trajectory"]
+TIME = "time_s"
+
+# Column of the file -> name and factor in SI.
+COLUMNS: dict[Kind, dict[str, tuple[str, float]]] = {
+    "force-displacement": {"displacement_mm": ("displacement_m", 1e-3), "force_N": ("force_N", 1.0)},
+    "uniaxial": {"stretch": ("stretch", 1.0), "nominal_stress_Pa": ("nominal_stress_Pa", 1.0)},
+    "shear": {"shear_strain": ("shear_strain", 1.0), "shear_stress_Pa": ("shear_stress_Pa", 1.0)},
+}
+# Kind of curve -> possible keys of [noise] -> the noisy column.
+NOISE: dict[Kind, dict[str, str]] = {
+    "force-displacement": {"force_sd_N": "force_N", "displacement_sd_mm": "displacement_mm"},
+    "uniaxial": {"stress_sd_Pa": "nominal_stress_Pa", "stretch_sd": "stretch"},
+    "shear": {"stress_sd_Pa": "shear_stress_Pa", "stretch_sd": "shear_strain"},
+    "trajectory": {"displacement_sd_mm": "the coordinates"},
+}
+# Column in SI -> unit in which it is printed, and factor.
+PRINTED_UNITS = {
+    "displacement_m": ("mm", 1e3),
+    "force_N": ("N", 1.0),
+    "nominal_stress_Pa": ("Pa", 1.0),
+    "shear_stress_Pa": ("Pa", 1.0),
+}
+
+# Two digitisations of one curve agree in rates and peaks within this share.
+_SAME_PROGRAMME_SHARE = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One measured curve, in SI.
+
+    Parameters
+    ----------
+    id, file, constants, group, split, conditions : as in the file; split is None if it is chosen by the rule.
+    kind : what the columns are.
+    specimen, tool, noise : tables of the dataset, overridden by those of the curve; tool is None for a homogeneous state, and
+        specimen too for a trajectory.
+    time_s (k,) : 0 in the first row, strictly increasing [s].
+    columns : name in SI -> (k,), see :data:`COLUMNS`; empty for a trajectory.
+    sensors : name -> positions (k, 3) [m]; a trajectory only.
+    """
+
+    id: str
+    file: str
+    kind: Kind
+    constants: str
+    group: str
+    split: Split | None
+    specimen: MeasuredSpecimen | None
+    tool: MeasuredTool | None
+    noise: MeasuredNoise
+    conditions: Conditions
+    time_s: np.ndarray
+    columns: dict[str, np.ndarray] = field(default_factory=dict)
+    sensors: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def defect(self) -> str | None:
+        """Description of a defect of the curve; None if there is none."""
+        defect = self.conditions.get("defect")
+        return None if defect is None else str(defect)
+
+    def number(self, condition: str) -> float | None:
+        """Return a numerical condition; None if the curve does not have it, or if it is not a number."""
+        value = self.conditions.get(condition)
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+    @property
+    def imposed(self) -> str:
+        """Name of the imposed column; not for a trajectory."""
+        return self._driven()[0]
+
+    @property
+    def predicted(self) -> str:
+        """Name of the predicted column; not for a trajectory."""
+        return self._driven()[1]
+
+    @property
+    def displacement_m(self) -> np.ndarray:
+        """Displacement of the tool, positive into the tissue (k,) [m]."""
+        return self.columns["displacement_m"]
+
+    @property
+    def force_N(self) -> np.ndarray:
+        """Force on the tool, positive in compression (k,) [N]."""
+        return self.columns["force_N"]
+
+    @property
+    def stretch(self) -> np.ndarray:
+        """Length over length at rest (k,)."""
+        return self.columns["stretch"]
+
+    @property
+    def nominal_stress_Pa(self) -> np.ndarray:
+        """First Piola stress, tension positive (k,) [Pa]."""
+        return self.columns["nominal_stress_Pa"]
+
+    @property
+    def shear_strain(self) -> np.ndarray:
+        """Amount of simple shear (k,)."""
+        return self.columns["shear_strain"]
+
+    @property
+    def shear_stress_Pa(self) -> np.ndarray:
+        """Shear stress (k,) [Pa]."""
+        return self.columns["shear_stress_Pa"]
+
+    def _driven(self) -> tuple[str, str]:
+        first, second = self.columns
+        return (second, first) if self.tool is not None and self.tool.control == "force" else (first, second)
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Curves of one test.
+
+    Parameters
+    ----------
+    path : the dataset.toml.
+    scenario, sensors, registration : of a trajectory; sensors maps a sensor to a named point of the model. Without a scenario
+        the dataset has data only.
+    rig : limits of the machine, if the dataset states them.
+    """
+
+    name: str
+    title: str
+    test: TestKind
+    source: str
+    license: str
+    notes: str
+    path: Path
+    curves: tuple[Curve, ...]
+    scenario: Path | None = None
+    sensors: dict[str, str] = field(default_factory=dict)
+    registration: RegistrationTable | None = None
+    rig: RigLimits | None = None
+
+    def constants_groups(self) -> dict[str, tuple[Curve, ...]]:
+        """Return the curves by the name of their constants, in the order of the file."""
+        groups: dict[str, tuple[Curve, ...]] = {}
+        for curve in self.curves:
+            groups[curve.constants] = (*groups.get(curve.constants, ()), curve)
+        return groups
+
+    def regrouped(self, key: str) -> Dataset:
+        """Return the same curves with constants shared by ``group`` or by a key of their conditions.
+
+        Raises
+        ------
+        InputError : a curve has no such condition, or a held-out curve shares constants with no fitted curve.
+        """
+        common = set.intersection(*(set(curve.conditions) for curve in self.curves)) | {"group"}
+        if key not in common:
+            lacking = next(curve.id for curve in self.curves if key not in curve.conditions)
+            raise InputError(
+                f'{self.path}: the constants cannot be grouped by "{shortened(key)}": curve "{lacking}" has no such condition; '
+                f"{nearest(key, common)}"
+            )
+        names = [curve.group if key == "group" else _name_of(curve.conditions[key]) for curve in self.curves]
+        curves = tuple(replace(curve, constants=name) for curve, name in zip(self.curves, names, strict=True))
+        check_constants(curves, str(self.path))
+        return replace(self, curves=curves)
+
+
+def same_measurement(one: Curve, other: Curve) -> bool:
+    """Whether two curves differ only in ``digitisation``, so that they must be on the same side of a split.
+
+    Numbers of the loading protocol may differ by 5 %, because they are digitised too. A default group is ignored.
+    """
+    if one.conditions.get("digitisation") == other.conditions.get("digitisation"):
+        return False
+    if one.group != other.group and one.group != one.id and other.group != other.id:
+        return False
+    if (one.specimen, one.tool, one.constants) != (other.specimen, other.tool, other.constants):
+        return False
+    if any(one.conditions.get(key) != other.conditions.get(key) for key in IDENTITY_CONDITIONS):
+        return False
+    for key in PROGRAMME_CONDITIONS:
+        a, b = one.number(key), other.number(key)
+        if a is None or b is None:
+            if a is not b:
+                return False
+        elif not math.isclose(a, b, rel_tol=_SAME_PROGRAMME_SHARE):
+            return False
+    return True
+
+
+def check_constants(curves: Sequence[Curve], path: str) -> None:
+    """Raise InputError if a held-out curve has constants that no fitted curve shares."""
+    fitted = {curve.constants for curve in curves if curve.split != "holdout"}
+    for curve in curves:
+        if curve.constants not in fitted:
+            raise InputError(
+                f'{path}: curve "{curve.id}" is held out, and no fitted curve shares its constants "{curve.constants}"; '
+                f'set split = "fit" for one of them, or use the same constants.'
+            )
+
+
+def check_sides(curves: Sequence[Curve], path: str) -> None:
+    """Raise InputError if one measurement is on both sides of the split."""
+    for one, other in combinations(curves, 2):
+        if {one.split, other.split} == {"fit", "holdout"} and same_measurement(one, other):
+            raise InputError(
+                f'{path}: curves "{one.id}" and "{other.id}" are digitisations of one measurement, on two sides of '
+                f"the split; set the same split for both."
+            )
+
+
+def _name_of(value: ConditionValue) -> str:
+    """A condition as a name: true for True, "a, b" for an array."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return ", ".join(map(_name_of, value)) if isinstance(value, list) else str(value)
+
+
+def programme_of(curve: Curve) -> np.ndarray:
+    """Return the imposed column (k,) in SI."""
+    return curve.columns[curve.imposed]
+
+
+def sd_of(curve: Curve, column: str) -> float | None:
+    """Return the standard deviation of the noise of a column, in SI; None if it is unknown."""
+    for key, of in NOISE[curve.kind].items():
+        name, factor = COLUMNS[curve.kind][of]
+        value = getattr(curve.noise, key)
+        if name == column and value is not None:
+            return float(value * factor)
+    return None

@@ -1,0 +1,309 @@
+"""Make a dataset from tables of a testing machine: convert units, signs and zeros, and write the folder."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+from typing_extensions import TypedDict
+
+from explicitfe.inverse.measured.curve import TIME
+from explicitfe.inverse.measured.export import Export
+from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS, SMALLEST_CURVE_ROWS
+from explicitfe.inverse.measured.quantities import QUANTITIES, Choice, Quantity
+from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.inverse.measured.tables import RawTable, TestKind
+from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
+from explicitfe.platform.errors import InputError, shortened
+from explicitfe.platform.host.shipped import DATASET_FILE
+from explicitfe.platform.host.toml_text import toml_key, toml_value
+from explicitfe.results.files.folder import whole_folder
+
+LARGEST_FIRST_STRAIN = 0.5
+_NOT_IN_A_NAME = re.compile(r"[^a-z0-9.]+")
+
+
+class NewCurve(TypedDict):
+    """A curve of a new dataset, with its source file, number of rows and duration."""
+
+    id: str
+    file: str
+    source: str
+    rows: int
+    duration_s: float
+
+
+class NewDataset(TypedDict):
+    """A dataset that was written: its folder, curves, the origin of each column, and what was changed in the numbers."""
+
+    dataset: str
+    test: str
+    columns: dict[str, str]
+    curves: list[NewCurve]
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A strip between clamps, with uniform strain along its free length."""
+
+    length_mm: float
+    area_mm2: float
+
+
+@dataclass(frozen=True)
+class TestDescription:
+    """Properties of a test that its tables do not state.
+
+    Attributes
+    ----------
+    specimen, tool, noise : tables of the dataset; tool is None where the columns are stretch and stress.
+    contact_force_N : rows before the force first reaches this value are omitted; None keeps all rows.
+    rate_per_s : rate of the imposed column, in its unit per second, where there is no time column. Rows in which that column does
+        not change are omitted.
+    strip : length and cross-section of a strip between clamps. Its displacement and force are converted to stretch and stress.
+    one_specimen : whether all files were measured on the same specimen.
+    """
+
+    test: TestKind
+    title: str
+    specimen: RawTable
+    tool: RawTable | None
+    noise: RawTable = field(default_factory=dict)
+    source: str = ""
+    license: str = ""
+    contact_force_N: float | None = None
+    rate_per_s: float | None = None
+    strip: Strip | None = None
+    one_specimen: bool = False
+
+
+def quantities_of(test: TestKind, with_tool: bool) -> tuple[Quantity, ...]:
+    """Return the quantities that a test must provide; the first is time."""
+    if test == "shear":
+        return "time", "shear-strain", "shear-stress"
+    return ("time", "displacement", "force") if with_tool else ("time", "stretch", "stress")
+
+
+def usual_folder(files: Sequence[Path]) -> Path:
+    """Return the default dataset folder: the common beginning of the file names, or the name of the first file."""
+    stems = [file.stem for file in files]
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*stems, strict=False))
+    common = "".join(letters[0] for letters in alike)
+    return Path(plain_name(common if len(common.strip("-_ .")) > 1 else stems[0]))
+
+
+def plain_name(text: str) -> str:
+    """Convert a text to lower-case letters, digits, points and hyphens, as required for names of datasets and curves."""
+    return _NOT_IN_A_NAME.sub("-", text.lower()).strip("-.") or "dataset"
+
+
+def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], description: TestDescription) -> NewDataset:
+    """Write the folder of a dataset: dataset.toml, and a CSV for each file.
+
+    Parameters
+    ----------
+    out : a folder that does not exist or is empty.
+    sources : file -> the columns of the quantities of :func:`quantities_of`, without time where a rate is given.
+
+    Raises
+    ------
+    InputError : the folder is not empty, or a value is outside its physical range. Nothing is written.
+    """
+    check_free(out)
+    notes: list[str] = []
+    ids = curve_names(list(sources))
+    tables = {ids[file]: _rows(file, choices, description, notes) for file, choices in sources.items()}
+    first = next(iter(sources.values()))
+    measured: tuple[Quantity, ...] = ("stretch", "stress") if description.strip else tuple(c.quantity for c in first[-2:])
+    columns = [TIME, *(QUANTITIES[quantity].column for quantity in measured)]
+    origins = [f"{choice.column.name} [{choice.unit}]" for choice in first]
+    origins = origins if len(origins) == len(columns) else [f"the rate, {description.rate_per_s:g} per s", *origins]
+    try:
+        with whole_folder(out) as folder:
+            (folder / DATASET_FILE).write_text(_toml(plain_name(out.resolve().name), list(tables), description), encoding="utf-8")
+            for name, rows in tables.items():
+                lines = [",".join(columns), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
+                (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+            check_written(folder, out)
+    except InputError as error:
+        raise InputError(str(error).replace(f"{DATASET_FILE}, line", f"{DATASET_FILE} (not written), line")) from None
+    return {
+        "dataset": str(out),
+        "test": description.test,
+        "columns": dict(zip(columns, origins, strict=True)),
+        "curves": [
+            {
+                "id": ids[file],
+                "file": f"{ids[file]}.csv",
+                "source": str(file),
+                "rows": len(tables[ids[file]]),
+                "duration_s": float(tables[ids[file]][-1, 0]),
+            }
+            for file in sources
+        ],
+        "notes": list(dict.fromkeys(notes)),
+    }
+
+
+def check_free(out: Path) -> None:
+    """Raise InputError if a folder exists and is not empty."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out}: this already exists; name another folder with --out.")
+
+
+def check_written(folder: Path, out: Path) -> None:
+    """Read a dataset back.
+
+    Parameters
+    ----------
+    folder : where it is written before it gets its final name.
+    out : its final name, which is the one in messages.
+
+    Raises
+    ------
+    InputError : a value is outside its physical range.
+    """
+    try:
+        read_dataset(folder)
+    except InputError as error:
+        raise InputError(str(error).replace(str(folder), str(out))) from None
+
+
+def curve_names(files: Sequence[Path]) -> dict[Path, str]:
+    """Name each curve after its file, without repetition."""
+    ids: dict[Path, str] = {}
+    for file in files:
+        name = plain_name(file.stem)
+        number = 2
+        while name in ids.values():
+            name, number = f"{plain_name(file.stem)}-{number}", number + 1
+        ids[file] = name
+    return ids
+
+
+def _rows(file: Path, choices: Sequence[Choice], description: TestDescription, notes: list[str]) -> np.ndarray:
+    """Convert the columns of a file to the units, signs and zeros of a dataset: (rows, columns)."""
+    values = [choice.column.values * choice.factor for choice in choices]
+    rows = np.column_stack(values if len(values) > 2 else [np.zeros(len(values[0])), *values])
+    complete = np.isfinite(rows).all(axis=1)
+    if not complete.all():
+        notes.append(f"{file}: {(~complete).sum()} rows with an empty cell are omitted.")
+    rows = rows[complete]
+    if not len(rows):
+        raise InputError(f"{file}: no row has a number in every selected column; check the columns.")
+    rows = _with_signs(file, rows, choices[-2:], description, notes)
+    if len(choices) == 2:
+        imposed = 2 if description.tool is not None and description.tool["control"] == "force" else 1
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rows[:, imposed])))])
+        rows[:, 0] = path / (description.rate_per_s or 1.0)
+    later = np.append(True, np.diff(np.maximum.accumulate(rows[:, 0])) > 0.0)
+    if not later.all():
+        notes.append(f"{file}: {(~later).sum()} rows whose time does not increase are omitted.")
+    rows = rows[later]
+    if description.contact_force_N is not None and choices[-1].quantity == "force":
+        rows = _from_contact(file, rows, description.contact_force_N, notes)
+    if len(rows) < SMALLEST_CURVE_ROWS:
+        raise InputError(f"{file}: {len(rows)} usable rows; a curve needs at least {SMALLEST_CURVE_ROWS}.")
+    rows[:, 0] -= rows[0, 0]
+    if description.strip is not None:
+        rows[:, 1] = 1.0 + rows[:, 1] / description.strip.length_mm
+        rows[:, 2] = rows[:, 2] / (1e-6 * description.strip.area_mm2)
+    return thinned(file, rows, notes)
+
+
+def thinned(file: Path, rows: np.ndarray, notes: list[str]) -> np.ndarray:
+    """Keep every n-th row of a table with more rows than a curve may have."""
+    every = -(-len(rows) // LARGEST_CURVE_ROWS)
+    if every > 1:
+        notes.append(f"{file}: one row in {every} is kept, because a curve has at most {LARGEST_CURVE_ROWS} rows.")
+    return rows[::every]
+
+
+def _with_signs(
+    file: Path, rows: np.ndarray, choices: Sequence[Choice], description: TestDescription, notes: list[str]
+) -> np.ndarray:
+    """Zeros and signs of a dataset, with a note on each change.
+
+    With a tool, a displacement into the tissue and a compressive force are positive. Of stretches and stresses, and of a strip
+    before they are computed, tension is positive.
+    """
+    first = choices[0].quantity
+    pulls = description.test == "tension"
+    if first == "stretch":
+        signs, convention = (1.0 if pulls else -1.0), "tension is positive"
+        # A strain begins at 0, a stretch at 1.
+        if abs(rows[0, 1]) < LARGEST_FIRST_STRAIN:
+            name = choices[0].column.name
+            notes.append(f'"{name}" begins near 0 and is taken as a strain: stretch = 1 + strain, below 1 in compression.')
+            rows[:, 1] = 1.0 + _signed(rows[:, 1], signs, "strain", convention, notes)
+        rows[:, 2] = _signed(rows[:, 2], signs, "stress", convention, notes)
+    if first == "displacement":
+        start, extent = rows[0, 1], float(np.ptp(rows[:, 1]))
+        if abs(start) > FAR_FROM_ZERO_SHARE * extent:
+            notes.append(f"{file}: the displacement begins at {start:.4g} mm; this value is subtracted.")
+            rows[:, 1] -= start
+        signs, convention = 1.0, "compression is positive"
+        if pulls:
+            signs, convention = (1.0, "tension is positive") if description.strip else (-1.0, "the pull of a tool is negative")
+        for column, choice in enumerate(choices, 1):
+            rows[:, column] = _signed(rows[:, column], signs, choice.quantity, convention, notes)
+    return rows
+
+
+def _signed(values: np.ndarray, sign: float, what: str, convention: str, notes: list[str]) -> np.ndarray:
+    """The values, with reversed signs if the largest one has the other sign."""
+    if np.sign(values[np.abs(values).argmax()]) in (0.0, sign):
+        return values
+    notes.append(f"the sign of the {what} is reversed: in a dataset, {convention}.")
+    return -values + 0.0  # no -0
+
+
+def _from_contact(file: Path, rows: np.ndarray, force_N: float, notes: list[str]) -> np.ndarray:
+    """The rows from first contact on; the displacement is zero in the first of them."""
+    pressing = np.flatnonzero(np.abs(rows[:, 2]) >= force_N)
+    if not len(pressing):
+        raise InputError(f"{file}: the force never reaches the contact force of {force_N:g} N; give a smaller --contact-force-N.")
+    begin = int(pressing[0])
+    if begin:
+        notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are omitted; the displacement is zero at contact.")
+    rows = rows[begin:].copy()
+    rows[:, 1] -= rows[0, 1]
+    return rows
+
+
+def _toml(name: str, ids: Sequence[str], description: TestDescription) -> str:
+    """The text of dataset.toml."""
+    lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
+    head = {
+        "format": "explicitfe-dataset/1",
+        "name": name,
+        "title": description.title,
+        "test": description.test,
+        "source": description.source,
+        "license": description.license,
+    }
+    lines += [f"{key} = {toml_value(value)}" for key, value in head.items() if value]
+    for key, table in (("specimen", description.specimen), ("tool", description.tool), ("noise", description.noise)):
+        if table:
+            lines += ["", f"[{key}]", *(f"{toml_key(inner)} = {toml_value(value)}" for inner, value in table.items())]
+    for curve in ids:
+        lines += ["", "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
+        if description.one_specimen and len(ids) > 1:
+            lines.append('group = "specimen"')
+    return "\n".join(lines) + "\n"
+
+
+def missing(export: Export, quantity: Quantity) -> InputError:
+    """The error where the column of a quantity, or its unit, is not known."""
+    names = ", ".join(shortened(column.name) for column in export.columns)
+    units = ", ".join(QUANTITIES[quantity].units)
+    otherwise = ", or --rate if there is no such column" if quantity == "time" else ""
+    return InputError(
+        f'{export.path}: the column of the {quantity}, or its unit, is not known; give --{quantity} "COLUMN:UNIT"{otherwise}. '
+        f"Columns: {names}. Units: {units}."
+    )

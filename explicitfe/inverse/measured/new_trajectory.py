@@ -1,0 +1,182 @@
+"""Make a trajectory dataset from recordings of sensors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from explicitfe.inverse.measured.coils import Coils
+from explicitfe.inverse.measured.curve import TIME
+from explicitfe.inverse.measured.new_dataset import NewDataset, check_free, check_written, curve_names, plain_name, thinned
+from explicitfe.inverse.measured.registration import determine_a_rotation
+from explicitfe.platform.errors import InputError, nearest
+from explicitfe.platform.host.shipped import DATASET_FILE, scenario_file, scenarios
+from explicitfe.platform.host.toml_text import toml_value
+from explicitfe.results.files.folder import whole_folder
+from explicitfe.simulate.anatomy.tongue import anatomy_of
+from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.transient import TransientScenario
+
+SCENARIO_FILE = "scenario.toml"  # the copy of a bundled scenario
+MM_PER_M, MS_PER_S = 1e3, 1e3
+
+
+@dataclass(frozen=True)
+class TrajectoryDescription:
+    """Properties of recordings that their tables do not state.
+
+    Attributes
+    ----------
+    mapping : point of the model -> sensor; without a scenario it must be empty.
+    scenario : the scenario to compare with: a file, or the name of a bundled one; None for data alone.
+    noise_mm : standard deviation of a coordinate; None if unknown.
+    interval_s : rows of the recordings to use, in their own time; None for all. The first of them is time 0 of the scenario.
+    one_speaker : whether all recordings are of the same speaker.
+    """
+
+    title: str
+    mapping: Mapping[str, str] = field(default_factory=dict)
+    scenario: Path | None = None
+    noise_mm: float | None = None
+    interval_s: tuple[float, float] | None = None
+    one_speaker: bool = False
+    source: str = ""
+    license: str = ""
+
+
+def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: TrajectoryDescription) -> NewDataset:
+    """Write the folder of a trajectory dataset: dataset.toml, a CSV for each recording, and a copy of a bundled scenario.
+
+    Parameters
+    ----------
+    out : a folder that does not exist or is empty.
+    recordings : all with the mapped sensors.
+
+    Raises
+    ------
+    InputError : the folder is not empty; a point, sensor or scenario does not exist; or a value is outside its range. Nothing is
+        written.
+    """
+    check_free(out)
+    notes: list[str] = []
+    scenario = None if description.scenario is None else scenario_file(description.scenario)
+    if scenario is None and description.mapping:
+        raise InputError("--map needs a scenario whose points are mapped; add --scenario, such as --scenario vowel-i.")
+    if scenario is not None:
+        notes += _check_scenario(scenario, description, recordings)
+    ids = curve_names([coils.path for coils in recordings])
+    tables = {ids[coils.path]: _table(coils, description, notes) for coils in recordings}
+    bundled = scenario is not None and scenario in scenarios().values()
+    with whole_folder(out) as folder:
+        relative = None
+        if scenario is not None:
+            relative = SCENARIO_FILE if bundled else Path(os.path.relpath(scenario.resolve(), out.resolve())).as_posix()
+            if bundled:
+                (folder / SCENARIO_FILE).write_bytes(scenario.read_bytes())
+        text = _toml(plain_name(out.resolve().name), list(tables), recordings[0], relative, description)
+        (folder / DATASET_FILE).write_text(text, encoding="utf-8")
+        for name, (head, rows) in tables.items():
+            lines = [",".join(head), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
+            (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        check_written(folder, out)
+    first = recordings[0]
+    points = {sensor: point for point, sensor in description.mapping.items()}
+    sensors = list(dict.fromkeys(column.rpartition("_")[0][:-2] for column in tables[ids[first.path]][0][1:]))
+    return {
+        "dataset": str(out),
+        "test": "trajectory",
+        "columns": {name: f"on {points[name]}" if name in points else "not mapped to a point" for name in sensors},
+        "curves": [
+            {
+                "id": ids[coils.path],
+                "file": f"{ids[coils.path]}.csv",
+                "source": str(coils.path),
+                "rows": len(tables[ids[coils.path]][1]),
+                "duration_s": float(tables[ids[coils.path]][1][-1, 0]),
+            }
+            for coils in recordings
+        ],
+        "notes": list(dict.fromkeys(notes)),
+    }
+
+
+def _check_scenario(path: Path, description: TrajectoryDescription, recordings: Sequence[Coils]) -> list[str]:
+    """Check that the scenario is transient and has the mapped points; notes on recordings that are longer than it."""
+    scenario, _ = read_scenario(path)
+    if not isinstance(scenario, TransientScenario):
+        raise InputError(f"{path}: trajectories need a transient scenario, not an indentation; give another --scenario.")
+    if not description.mapping:
+        raise InputError("--map is missing; map at least one point of the scenario to a sensor, such as --map tip=T1.")
+    points = anatomy_of(scenario.model, path.parent).mesh.named_points
+    for point in description.mapping:
+        if point not in points:
+            raise InputError(f"--map {point}: the model of {path.stem} has no such point; {nearest(point, points)}")
+    notes = []
+    start_s, end_s = description.interval_s or (-np.inf, np.inf)
+    for coils in recordings:
+        inside = coils.time_s[(coils.time_s >= start_s) & (coils.time_s <= end_s)]
+        lasts_s, simulated_s = float(np.ptp(inside)) if len(inside) else 0.0, scenario.analysis.duration_ms / MS_PER_S
+        if lasts_s > simulated_s * (1.0 + 1e-9):
+            notes.append(
+                f"{coils.path}: the recording lasts {lasts_s:.4g} s and the scenario {simulated_s:.4g} s; select rows with "
+                f"--interval-s, or increase analysis.duration_ms of the scenario before close-loop."
+            )
+    return notes
+
+
+def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -> tuple[list[str], np.ndarray]:
+    """Column names and rows of a recording: mapped sensors, and others without a missing value."""
+    start_s, end_s = description.interval_s or (-np.inf, np.inf)
+    inside = (coils.time_s >= start_s) & (coils.time_s <= end_s)
+    mapped = [name for name in description.mapping.values() if coils.sensor(name) is not None]
+    whole = [name for name, place in coils.positions.items() if np.isfinite(place[inside]).all()]
+    kept = [name for name in coils.positions if name in mapped or (name in whole and inside.any())]
+    omitted = [name for name in coils.positions if name not in kept]
+    if omitted:
+        notes.append(f"{coils.path}: sensors with missing values are omitted: {', '.join(omitted)}.")
+    if not kept:
+        raise InputError(f"{coils.path}: every sensor has missing values; select complete rows with --interval-s.")
+    chosen = coils.select(kept, start_s, end_s)
+    notes += chosen.notes
+    if coils.axes == "anatomical":
+        notes.append("coordinates are converted to the axes of the model: x backwards, y to the speaker's right, z up.")
+    if coils.planar:
+        notes.append("the recording has two coordinates; the lateral one (y) is set to 0 and is not compared.")
+    columns = [
+        chosen.time_s - chosen.time_s[0],
+        *(MM_PER_M * place[:, k] for place in chosen.positions.values() for k in range(3)),
+    ]
+    head = [TIME, *(f"{name}_{axis}_mm" for name in chosen.positions for axis in "xyz")]
+    return head, thinned(coils.path, np.column_stack(columns) + 0.0, notes)  # no -0
+
+
+def _toml(name: str, ids: Sequence[str], first: Coils, scenario: str | None, description: TrajectoryDescription) -> str:
+    """The text of dataset.toml."""
+    lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
+    head = {
+        "format": "explicitfe-dataset/1",
+        "name": name,
+        "title": description.title,
+        "test": "trajectory",
+        "source": description.source,
+        "license": description.license,
+        "scenario": scenario,
+    }
+    lines += [f"{key} = {toml_value(value)}" for key, value in head.items() if value]
+    for point, sensor in description.mapping.items():
+        lines += ["", "[[sensor]]", f"name = {toml_value(sensor)}", f"model_point = {toml_value(point)}"]
+    if scenario is not None:
+        places = np.stack([first.positions[sensor] for sensor in description.mapping.values()], axis=1)
+        turns = determine_a_rotation(np.nanmean(places, axis=0))
+        lines += ["", "[registration]", *(['rotation = "fit"'] if turns else []), 'translation = "fit"']
+    if description.noise_mm is not None:
+        lines += ["", "[noise]", f"displacement_sd_mm = {toml_value(description.noise_mm)}"]
+    for curve in ids:
+        lines += ["", "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
+        if description.one_speaker and len(ids) > 1:
+            lines.append('group = "speaker"')
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,173 @@
+"""Read a dataset from its folder, check it and convert it to SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+
+from explicitfe.fem.inputs.table import validated
+from explicitfe.inverse.measured.curve import COLUMNS, TIME, Curve, Dataset, Kind, check_constants, check_sides
+from explicitfe.inverse.measured.files import CurveCsv, DatasetToml
+from explicitfe.inverse.measured.tables import (
+    SHAPE_KEYS,
+    DatasetFile,
+    MergedTables,
+    RawTable,
+)
+from explicitfe.inverse.measured.units import check_noise, check_units
+from explicitfe.platform.errors import InputError, nearest
+from explicitfe.platform.host.shipped import DATASET_FILE, dataset_folder
+
+
+def read_dataset(path: Path | str) -> Dataset:
+    """Read a dataset, in SI units.
+
+    Parameters
+    ----------
+    path : the folder, the dataset.toml in it, or the name of a dataset that comes with the program.
+
+    Raises
+    ------
+    InputError : a file cannot be read, or a value is invalid; the message names the file, the line or key, and what to do.
+    """
+    path = dataset_folder(path)
+    with suppress(OSError, ValueError):  # The name may be none that a file can have; opening it says so.
+        path = path / DATASET_FILE if path.is_dir() else path
+    source = DatasetToml(path)
+    try:
+        table = validated(DatasetFile, source.data)
+    except ValidationError as error:
+        raise source.misfit(error, source.data, DatasetFile) from None
+    _check_tables(table, source)
+    _check_files(table, source)
+    curves = tuple(_curve(table, number, source) for number in range(len(table.curve)))
+    check_constants(curves, str(source.path))
+    check_sides(curves, str(source.path))
+    return Dataset(
+        name=table.name,
+        title=table.title,
+        test=table.test,
+        source=table.source,
+        license=table.license,
+        notes=table.notes,
+        path=source.path,
+        curves=curves,
+        scenario=None if table.scenario is None else source.path.parent / table.scenario,
+        sensors={sensor.name: sensor.model_point for sensor in table.sensor},
+        registration=table.registration,
+        rig=table.rig,
+    )
+
+
+def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
+    """Raise InputError where the test lacks a table or has one that it cannot have, or where a name is used twice."""
+    if table.test == "trajectory":
+        owners: list[tuple[tuple[str | int, ...], BaseModel]] = [((), table)]
+        owners += [(("curve", number), curve) for number, curve in enumerate(table.curve)]
+        for keys, owner in owners:
+            for name in ("specimen", "tool"):
+                if getattr(owner, name):
+                    raise source.fault((*keys, name), f"a trajectory has no [{name}]; remove it.")
+        for name in ("sensor", "registration"):
+            if table.scenario is None and getattr(table, name):
+                raise source.fault((name,), f"[{name}] needs a scenario to compare with; add the key scenario.")
+        if table.scenario is not None and not (source.path.parent / table.scenario).is_file():
+            raise source.fault(
+                ("scenario",), f'the scenario "{table.scenario}" is missing; put it into the folder of {source.path.name}.'
+            )
+    else:
+        for name in ("scenario", "sensor", "registration"):
+            if getattr(table, name):
+                raise source.fault((name,), f'{name} is for test = "trajectory" only; remove it.')
+        if table.specimen is None and not all(curve.specimen for curve in table.curve):
+            raise source.fault(("test",), '[specimen] is missing; add it, shape = "point" if the size is unknown.')
+        tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
+        if table.test == "indentation" and not all(tooled):
+            raise source.fault(("test",), "an indentation needs a [tool]; add it.")
+        if table.test == "shear" and any(tooled):
+            raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; remove it.")
+        if any(tooled) and not all(tooled):
+            raise source.fault(
+                ("curve", tooled.index(True), "tool"), "some curves have a tool, others none; add a [tool] for all."
+            )
+    for array, key in (("sensor", "name"), ("curve", "id"), ("curve", "file")):
+        names = [getattr(entry, key) for entry in getattr(table, array)]
+        for number, name in enumerate(names):
+            first = names.index(name)
+            if first != number:
+                sentence = f'two {array}s have the {key} "{name}", numbers {first + 1} and {number + 1}; give each a unique one.'
+                raise source.fault((array, number, key), sentence)
+
+
+def _check_files(table: DatasetFile, source: DatasetToml) -> None:
+    """Raise InputError unless every curve has its CSV, and every CSV of the folder its curve."""
+    folder = source.path.parent
+    files = {entry.name for entry in folder.iterdir() if entry.is_file() and not entry.name.startswith(".")}
+    unlisted = sorted(name for name in files - {curve.file for curve in table.curve} if name.lower().endswith(".csv"))
+    for number, curve in enumerate(table.curve):
+        if curve.file not in files:
+            hint = nearest(curve.file, unlisted) if unlisted else f"put it into the folder of {source.path.name}."
+            raise source.fault(("curve", number, "file"), f'the file "{curve.file}" of curve "{curve.id}" is missing; {hint}')
+    if unlisted:
+        raise InputError(f"{folder / unlisted[0]}: no curve of {source.path.name} has this file; add one or remove the file.")
+
+
+def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
+    entry = table.curve[number]
+    setup = _setup(table, number, source)
+    kind: Kind = (
+        "force-displacement" if setup.tool is not None else table.test if table.test in ("shear", "trajectory") else "uniaxial"
+    )
+    if setup.tool is not None and setup.specimen is not None and setup.specimen.shape == "point":
+        raise source.fault(("specimen", "shape"), 'a specimen of shape "point" cannot have a [tool]; give its dimensions.')
+    csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])
+    check_units(csv, setup)
+    check_noise(csv, setup, table, number, source)
+    si = {name: factor * csv.data[column] for column, (name, factor) in COLUMNS.get(kind, {}).items()}
+    return Curve(
+        id=entry.id,
+        file=entry.file,
+        kind=kind,
+        constants=entry.constants,
+        group=entry.id if entry.group is None else entry.group,
+        split=entry.split,
+        specimen=setup.specimen,
+        tool=setup.tool,
+        noise=setup.noise,
+        conditions=entry.conditions,
+        time_s=csv.data[TIME],
+        columns=si,
+        sensors={name: 1e-3 * position for name, position in csv.sensors().items()},
+    )
+
+
+def _merged(common: RawTable | None, own: RawTable) -> RawTable | None:
+    """A table of the dataset with the curve's own keys over it; keys of another shape do not carry over."""
+    if common is None:
+        return own or None
+    if "shape" in own and own["shape"] != common.get("shape"):
+        common = {key: value for key, value in common.items() if key not in SHAPE_KEYS}
+        if isinstance(common.get("assumed"), list):
+            common["assumed"] = [key for key in common["assumed"] if key not in SHAPE_KEYS]
+    return common | own
+
+
+def _setup(table: DatasetFile, number: int, source: DatasetToml) -> MergedTables:
+    entry = table.curve[number]
+    merged = {name: _merged(getattr(table, name), getattr(entry, name)) for name in ("specimen", "tool", "noise")}
+    try:
+        return validated(MergedTables, merged)
+    except ValidationError as error:
+
+        def own(keys: Sequence[str | int]) -> bool:
+            table_of_curve = getattr(entry, str(keys[0]))
+            return bool(table_of_curve) and (len(keys) == 1 or keys[1] in table_of_curve or not source.data.get(str(keys[0])))
+
+        def place(keys: Sequence[str | int]) -> Sequence[str | int]:
+            return ("curve", number, *keys) if own(keys) else keys
+
+        touched = any(getattr(entry, str(problem["loc"][0])) for problem in error.errors())
+        raise source.misfit(error, merged, MergedTables, place, f'curve "{entry.id}": ' if touched else "") from None

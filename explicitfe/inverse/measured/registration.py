@@ -1,0 +1,79 @@
+"""Rigid registration of a sensor frame to the frame of a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from explicitfe.inverse.measured.tables import RegistrationTable
+
+# Points within this share of their extent from a line do not determine a rotation about it.
+LINE_SHARE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Registration:
+    """Transformation from the sensor frame to the model frame: x_model = scale R x + t.
+
+    Attributes
+    ----------
+    rotation : (3, 3) R.
+    translation : (3,) t [m].
+    scale : of the model relative to the sensors.
+    """
+
+    rotation: np.ndarray
+    translation: np.ndarray
+    scale: float = 1.0
+
+    def to_sensors(self, positions: np.ndarray) -> np.ndarray:
+        """Transform positions (..., 3) m from the model frame to the sensor frame."""
+        return (positions - self.translation) @ self.rotation / self.scale
+
+    def to_model(self, positions: np.ndarray) -> np.ndarray:
+        """Transform positions (..., 3) m from the sensor frame to the model frame."""
+        return self.scale * positions @ self.rotation.T + self.translation
+
+    @property
+    def table(self) -> RegistrationTable:
+        """The table ``[registration]`` of a dataset, with the translation in mm."""
+        values = {
+            "rotation": self.rotation.tolist(),
+            "translation": (1e3 * self.translation).tolist(),
+            "scale": float(self.scale),
+        }
+        return RegistrationTable.model_validate(values)
+
+
+def procrustes(table: RegistrationTable, model: np.ndarray, seen: np.ndarray) -> Registration:
+    """Fit the registration that minimizes the squared distances of paired points (Umeyama 1991, IEEE PAMI 13:376).
+
+    Parameters
+    ----------
+    table : which parts are fitted ("fit"), and the values of the others.
+    model, seen : (k, 3) m; the same points in the model frame and in the sensor frame.
+    """
+    free = table.translation == "fit"
+    centre = model.mean(axis=0) if free else 1e-3 * np.array(table.translation)
+    place = seen.mean(axis=0) if free else np.zeros(3)
+    a, b = model - centre, seen - place
+    scale = 1.0 if table.scale == "fit" else table.scale
+    rotation = rotation_between(b, a) if table.rotation == "fit" else np.array(table.rotation)
+    if table.scale == "fit":
+        scale = float(np.sum(a * (b @ rotation.T)) / np.sum(b * b))
+    return Registration(rotation, centre - scale * rotation @ place, scale)
+
+
+def rotation_between(from_: np.ndarray, to: np.ndarray) -> np.ndarray:
+    """Proper rotations (..., 3, 3) that bring points (..., k, 3) nearest to others, both about the origin (Kabsch 1976)."""
+    u, _, vt = np.linalg.svd(np.swapaxes(to, -1, -2) @ from_)
+    u[..., -1] *= np.linalg.det(u @ vt)[..., None]
+    rotation: np.ndarray = u @ vt
+    return rotation
+
+
+def determine_a_rotation(points: np.ndarray) -> bool:
+    """Whether points (k, 3) do not lie on one line, so that a rotation can be fitted to them."""
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return len(points) > 2 and bool(extents[1] > LINE_SHARE * extents[0])

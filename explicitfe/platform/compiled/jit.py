@@ -1,0 +1,157 @@
+"""All compile options in one place: nothing else calls ``numba.njit`` bare.
+
+``leaf`` marks a small function that is compiled into its callers. ``bind`` makes a kernel from a template, a function some
+of whose globals are placeholders for leaves (a material's ``stress``, an hourglass force): the placeholders are bound,
+and the name of the result carries a digest of every source that can reach the machine code. Numba's cache on disk looks
+at the name and at the template's own file only, so without the digest an edited law would silently be served stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numba
+from numba.core.dispatcher import Dispatcher
+
+from explicitfe.platform.compiled.cache import store_compiled_code
+from explicitfe.platform.compiled.simd import WIDTH
+
+# contract: multiply and add may fuse. No reassociation (sums keep their order), no nnan or ninf (NaN checks keep their
+# meaning). error_model numpy: a division by zero gives inf, not a branch.
+OPTIONS: dict[str, object] = {
+    "nopython": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "boundscheck": False,
+    "nogil": True,
+    # No kernel makes or keeps an array, so none needs to count references to them. Counting, which is atomic, cost ten times
+    # the work itself in loops over the points of a contact.
+    "_nrt": False,
+}
+
+_PACKAGE = Path(__file__).parents[2]
+# Where anything that can reach machine code stands.
+_KERNEL_SOURCES = (
+    "platform/compiled",
+    "fem/elements",
+    "fem/materials",
+    "fem/effects/effect.py",
+    "fem/effects/material",
+    "fem/forces",
+    "fem/solve/boundary.py",
+    "fem/solve/step.py",
+    "fem/solve/relax_step.py",
+    "fem/solve/look.py",
+    "fem/solve/course.py",
+)
+
+
+Template = Callable[..., Any]  # a function that is compiled for arguments of many types: arrays, lanes, tuples of lanes
+PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in its place
+
+
+def leaf(function: Template) -> Dispatcher:
+    """Compile ``function`` into its callers; not cached by itself."""
+    return numba.jit(function, forceinline=True, **OPTIONS)
+
+
+def kernel(function: Template) -> Dispatcher:
+    """Compile a function that needs no binding, with its code cached on disk."""
+    return bind(function)
+
+
+def bind(
+    template: Template, *, stored: bool = True, inline: bool = False, allocates: bool = False, **bindings: Any
+) -> Dispatcher:
+    """A compiled copy of ``template`` with the globals named in ``bindings`` replaced.
+
+    Parameters
+    ----------
+    template : the function as written; its own globals stay as they are.
+    stored : keep the machine code on disk. Only the outermost kernel needs it: what it calls is contained in it.
+    inline : compile it into its callers, as a leaf.
+    allocates : it makes arrays of its own.
+    bindings : placeholder name -> leaf, bound kernel or constant.
+
+    Raises
+    ------
+    TypeError : a binding names no global that the template reads, so it would change nothing.
+    """
+    unread = set(bindings) - set(template.__code__.co_names)
+    if unread:
+        raise TypeError(f"{template.__qualname__} reads no global named {', '.join(sorted(unread))}")
+    bound = FunctionType(template.__code__, {**template.__globals__, **bindings}, template.__name__, template.__defaults__, None)
+    bound.__doc__ = template.__doc__
+    bound.__module__ = template.__module__
+    bound.__qualname__ = f"{template.__qualname__}_{_digest(bindings)}"
+    options = OPTIONS | {"_nrt": allocates}
+    if not stored:  # python never calls it: wrappers that take its arguments apart take long to compile
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher = numba.jit(bound, forceinline=inline, **options)
+    if stored and not inline:
+        store_compiled_code(dispatcher)
+    return dispatcher
+
+
+def _digest(bindings: Mapping[str, object]) -> str:
+    sums = hashlib.sha256(_package_digest())
+    for name, value in sorted(bindings.items()):
+        sums.update(name.encode())
+        if isinstance(value, Dispatcher):
+            for part in _reached(value.py_func):
+                sums.update(part)
+        else:
+            sums.update(repr(value).encode())
+    return sums.hexdigest()[:16]
+
+
+def _reached(function: FunctionType) -> list[bytes]:
+    """What identifies a function and all that it calls: names, byte code, constants, and the files they stand in."""
+    parts: list[bytes] = []
+    waiting, seen = [function], set()
+    while waiting:
+        current = waiting.pop()
+        if id(current) in seen:
+            continue
+        seen.add(id(current))
+        parts.append(f"{current.__module__}.{current.__qualname__}".encode())
+        parts.append(_file_bytes(current.__code__.co_filename))
+        reads: dict[str, object] = {}
+        codes = [current.__code__]
+        while codes:  # inner functions and comprehensions too: the repr of their code would carry an address
+            code = codes.pop()
+            parts += [code.co_code, repr(code.co_names).encode()]
+            parts += [repr(constant).encode() for constant in code.co_consts if not isinstance(constant, CodeType)]
+            codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+            reads |= {name: current.__globals__[name] for name in code.co_names if name in current.__globals__}
+        cells = zip(current.__code__.co_freevars, current.__closure__ or (), strict=True)
+        reads |= {name: cell.cell_contents for name, cell in cells}
+        for name, value in reads.items():
+            if isinstance(value, Dispatcher):
+                waiting.append(value.py_func)
+            elif isinstance(value, int | float | tuple):
+                parts.append(f"{name} = {value!r}".encode())
+            elif isinstance(value, ModuleType):  # a leaf called as module.leaf: its whole file counts
+                parts.append(_file_bytes(getattr(value, "__file__", None) or ""))
+    return parts
+
+
+@cache
+def _package_digest() -> bytes:
+    sums = hashlib.sha256(f"{WIDTH} lanes".encode())
+    for source in _KERNEL_SOURCES:
+        path = _PACKAGE / source
+        for file in [path] if path.is_file() else sorted(path.rglob("*.py")):
+            sums.update(file.relative_to(_PACKAGE).as_posix().encode())
+            sums.update(file.read_bytes())
+    return sums.digest()
+
+
+def _file_bytes(path: str) -> bytes:
+    file = Path(path)
+    return hashlib.sha256(file.read_bytes()).digest() if file.suffix == ".py" and file.is_file() else b""

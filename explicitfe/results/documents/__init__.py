@@ -1,0 +1,1 @@
+"""Documents that commands return and write as JSON, as types."""

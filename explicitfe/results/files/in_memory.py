@@ -1,0 +1,142 @@
+"""A result that is never a file: filled by a run as a result file is, measured as one is, and gone with its process."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.results.files import layout
+from explicitfe.results.files.contents import FieldInfo, StoredBone
+from explicitfe.results.files.layout import Quantity
+from explicitfe.results.files.recorded import Recorded
+from explicitfe.results.files.recorder import Recorder
+
+
+class ResultInMemory(Recorded, Recorder):
+    """The samples of one run.
+
+    A run begins it, appends samples and finishes it, with the methods that :class:`~.writer.ResultWriter` has;
+    afterwards it is read as :class:`~.reader.Result` is. States to go on from are not kept.
+
+    Parameters
+    ----------
+    path : what messages call it.
+
+    Attributes
+    ----------
+    last_row : name -> number or (components,), the last row of the history; empty before the first sample.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self.last_row: dict[str, np.ndarray] = {}
+        self._status = layout.RUNNING
+        self._times: list[np.ndarray] = []
+        self._rows: dict[str, list[np.ndarray]] = {}
+        self._data: dict[str, list[np.ndarray]] = {}
+
+    # ---- filled by a run ----
+
+    def begin(
+        self,
+        *,
+        mesh: HexMesh,
+        point_fields: Mapping[str, Quantity] | None = None,
+        cell_fields: Mapping[str, Quantity] | None = None,
+        history: Mapping[str, Quantity] | None = None,
+        model: Mapping[str, object],
+        bones: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
+    ) -> Self:
+        """Say what will be stored; see :class:`explicitfe.results.files.writer.ResultWriter`."""
+        self._mesh, self._model = mesh, model
+        self._bones = {name: StoredBone(*surface) for name, surface in (bones or {}).items()}
+        points = {"displacement": layout.DISPLACEMENT, **(point_fields or {})}
+        self._fields = {name: FieldInfo("point", quantity) for name, quantity in points.items()}
+        self._fields |= {name: FieldInfo("cell", quantity) for name, quantity in (cell_fields or {}).items()}
+        self._history_names = {"time": layout.TIME, **(history or {})}
+        return self
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None) -> None:
+        """Nothing is to be closed."""
+
+    def samples(
+        self,
+        times_s: np.ndarray,
+        rows: Mapping[str, np.ndarray],
+        point_data: Mapping[str, np.ndarray],
+        cell_data: Mapping[str, np.ndarray] | None = None,
+    ) -> None:
+        """Append samples: times (k,) s, columns (k, ...) of the history, fields (k, N or E, ...)."""
+        if not len(times_s):
+            return
+        self._times.append(np.array(times_s, dtype=float))
+        for name, column in {"time": times_s, **rows}.items():
+            self._rows.setdefault(name, []).append(np.array(column, dtype=float))
+        for name, array in {**point_data, **(cell_data or {})}.items():
+            self._data.setdefault(name, []).extend(np.array(array, dtype=float))
+        self.last_row = {name: parts[-1][-1] for name, parts in self._rows.items()}
+
+    def restart(self, arrays: Mapping[str, npt.ArrayLike]) -> None:
+        """Pass over a state to go on from."""
+
+    def place(self, status: str) -> Path:
+        """What messages call it."""
+        return self.path
+
+    def finish(self, status: str, message: str, summary: Mapping[str, object]) -> Path:
+        """Note how the run ended."""
+        self._status = status
+        return self.path
+
+    # ---- read ----
+
+    @property
+    def status(self) -> str:
+        """How the run ended; "running" until then."""
+        return self._status
+
+    @property
+    def model(self) -> Mapping[str, Any]:
+        """The model that was run."""
+        return self._model
+
+    @property
+    def mesh(self) -> HexMesh:
+        """The reference mesh."""
+        return self._mesh
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the samples, (T,), s."""
+        return np.concatenate([np.zeros(0), *self._times])
+
+    @property
+    def fields(self) -> dict[str, FieldInfo]:
+        """The fields by name."""
+        return self._fields
+
+    @property
+    def history_names(self) -> dict[str, Quantity]:
+        """The history by name."""
+        return self._history_names
+
+    @property
+    def bones(self) -> dict[str, StoredBone]:
+        """The bones by name, at rest."""
+        return self._bones
+
+    def history(self, name: str) -> np.ndarray:
+        """One history, (T,) or (T, components)."""
+        return np.concatenate(self._rows[name])
+
+    def _of_step(self, name: str, step: int) -> np.ndarray:
+        return self._data[name][step].copy()  # as a file gives it: the reader's own

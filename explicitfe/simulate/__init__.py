@@ -1,0 +1,1 @@
+"""Simulations: scenarios, anatomy, runs and sweeps."""

@@ -1,0 +1,156 @@
+"""The built-in models and materials, read from data folders.
+
+Laws and result files are imported where they are needed: whoever asks for the names of models waits for no compiler.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from explicitfe.fem.bones.tables import BoneShape, read_bones
+from explicitfe.fem.mesh.bent_block import ContourMap
+from explicitfe.fem.mesh.hexmesh import MaterialPoints
+from explicitfe.fem.mesh.muscle_lines import read_muscles
+from explicitfe.fem.mesh.quality import check
+from explicitfe.fem.mesh.size import check_size
+from explicitfe.platform.errors import InputError, nearest
+from explicitfe.platform.host.shipped import folder_of
+from explicitfe.simulate.anatomy.anatomy import Anatomy
+
+if TYPE_CHECKING:
+    from explicitfe.fem.materials import Law
+    from explicitfe.results.files.airway_table import AirwayTable
+
+_Shared = TypeVar("_Shared")
+
+# So many meshes are kept for the next run of this process: one, and a finer one to compare with.
+_KEPT_MESHES = 2
+
+
+def model_folders() -> dict[str, Path]:
+    """Built-in models: name -> folder."""
+    return {path.parent.name: path.parent for path in sorted(folder_of("models").glob("*/geometry.toml"))}
+
+
+@cache
+def materials() -> dict[str, Law]:
+    """Named materials of all built-in models.
+
+    Raises
+    ------
+    InputError : two models give the same name.
+    """
+    from explicitfe.fem.materials import LAWS
+
+    laws: dict[str, Law] = {}
+    places: dict[str, Path] = {}
+    for path in sorted(folder_of("models").glob("*/materials.toml")):
+        for name, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
+            if name in laws:
+                raise InputError(f'{path}: {places[name]} also has a material "{name}"; rename one of them.')
+            places[name] = path
+            laws[name] = LAWS[table.get("law", "yeoh")][0].model_validate(table)
+    return laws
+
+
+def material(choice: str | Law) -> Law:
+    """The material that a scenario names or spells out.
+
+    Raises
+    ------
+    InputError : no material has that name.
+    """
+    if not isinstance(choice, str):
+        return choice
+    if choice not in materials():
+        raise InputError(f'unknown material "{choice}"; {nearest(choice, materials())}')
+    return materials()[choice]
+
+
+@cache
+def contour(name: str) -> ContourMap:
+    """The contour map of a built-in model; the arrays are shared, so read-only."""
+    folders = model_folders()
+    if name not in folders:
+        raise InputError(f'unknown model "{name}"; {nearest(name, folders)}')
+    return _locked(ContourMap.from_toml(folders[name] / "geometry.toml"))
+
+
+@cache
+def bones(name: str) -> dict[str, BoneShape]:
+    """The bones of a built-in model by name, none where its folder has no bones.toml; the arrays are shared, so read-only."""
+    contour(name)  # refuses an unknown model
+    path = model_folders()[name] / "bones.toml"
+    return _locked(read_bones(path)) if path.is_file() else {}
+
+
+@cache
+def airway(name: str) -> AirwayTable | None:
+    """The airway around a built-in model by name; None for a mesh of one's own, and where its folder has no airway.toml."""
+    from explicitfe.results.files.airway_table import AirwayTable
+
+    folder = model_folders().get(name)
+    if folder is None or not (folder / "airway.toml").is_file():
+        return None
+    return AirwayTable.model_validate(tomllib.loads((folder / "airway.toml").read_text(encoding="utf-8")))
+
+
+def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | None) -> tuple[int, int, int]:
+    """Numbers of elements along s, t and w for a resolution's name, or those asked for."""
+    if cells is not None:
+        return cells
+    resolutions = contour(name).resolutions
+    resolution = resolution or "medium"
+    if resolution not in resolutions:
+        raise InputError(f'unknown resolution "{resolution}"; {nearest(resolution, resolutions)}')
+    return resolutions[resolution]
+
+
+def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, int] | None = None) -> Anatomy:
+    """A built-in model at a resolution ('medium' if neither it nor cells is given); the arrays are shared, so read-only."""
+    grid = tuple(cells_of(name, resolution, cells))
+    check_size(math.prod(grid), "model: this mesh", "use fewer cells or a coarser resolution")
+    return _built_in(name, grid)
+
+
+@lru_cache(maxsize=_KEPT_MESHES)
+def _built_in(name: str, grid: tuple[int, int, int]) -> Anatomy:
+    shape = contour(name)
+    muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
+    mesh = shape.mesh(grid)
+    check(mesh, f"model {name}")
+    return _locked(Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed))
+
+
+@lru_cache(maxsize=_KEPT_MESHES)
+def attachment_points(name: str, cells: tuple[int, int, int], patch: str) -> tuple[MaterialPoints, np.ndarray]:
+    """Points and areas of an attachment of a built-in model; see :meth:`ContourMap.attachment_points`. Read-only."""
+    return _locked(contour(name).attachment_points(cells, patch))
+
+
+def _locked(shared: _Shared) -> _Shared:
+    """The same, all arrays in it read-only: what one run of a process wrote into it another would compute with."""
+    waiting: list[object] = [shared]
+    seen: set[int] = set()
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen:
+            continue
+        seen.add(id(value))
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)
+        elif isinstance(value, Mapping):
+            waiting.extend(value.values())
+        elif isinstance(value, tuple | list):
+            waiting.extend(value)
+        elif is_dataclass(value):
+            waiting.extend(getattr(value, of.name) for of in fields(value))
+    return shared

@@ -1,0 +1,102 @@
+"""Tables of a scenario for bones and for the motion of jaw and hyoid."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Name, Pair, Table, Vector
+
+
+class BoneTable(Table):
+    """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
+
+    name: Name = Field(description="palate or jaw of the built-in tongue; of a file: what to call it")
+    file: str | None = Field(default=None, description="STL, OBJ, PLY or VTP file, relative to this file")
+    length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
+    friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
+    shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="moves its place at rest, along x (back), y (right), z (up)")
+    hard_palate_mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="length of the hard palate, from the edge of the incisors along the midline",
+    )
+    with_jaw: bool | None = Field(
+        default=None, description='whether it moves with the jaw; by default true for the bone "jaw" only'
+    )
+
+    @model_validator(mode="after")
+    def _keys_that_go_together(self) -> BoneTable:
+        if (self.file is None) != (self.length_unit is None):
+            raise ValueError("give both file and length_unit, because a surface file has no unit of length")
+        if "/" in self.name or not self.name.strip(" ."):
+            raise ValueError(f'"{self.name}" cannot be a name in a result file: give one of letters and digits, without "/"')
+        if self.hard_palate_mm is not None and self.name != "palate":
+            raise ValueError(f'"{self.name}" has no hard palate: hard_palate_mm belongs to the bone called "palate"')
+        return self
+
+    @property
+    def moves_with_jaw(self) -> bool:
+        return self.name == "jaw" if self.with_jaw is None else self.with_jaw
+
+
+# The condyles glide forward by so much for each degree that the jaw turns: Muto & Kanazawa (1996), J. Oral Maxillofac. Surg.
+# 54:970-974, 20.5 mm and 39.1 degrees in 29 men, 18.1 mm and 36.3 degrees in 31 women, at the widest opening. That the path is
+# straight in speech too, of a slope that hangs on speaker and sound, say Vatikiotis-Bateson & Ostry (1995). That all of it goes
+# forward, and none down, is this project's choice.
+GLIDE_MM_PER_DEG = 0.5
+
+
+class JawTable(Table):
+    """How the jaw opens: it turns about the axis through the condyles, and shifts along with it."""
+
+    opening_deg: float | None = Field(
+        default=None, ge=-20.0, le=40.0, description="turn about the condyles; positive opens the mouth; 0 by default"
+    )
+    opening_mm: float | None = Field(
+        default=None, ge=-10.0, le=40.0, description="the same, as how far the turn lowers the edge of the incisors"
+    )
+    forward_mm: float | None = Field(
+        default=None, ge=-30.0, le=30.0, description="shift of the condyles; 0.5 mm for each degree of rotation by default"
+    )
+    down_mm: float = Field(default=0.0, ge=-30.0, le=30.0, description="shift of the condyles")
+    start_ms: float = Field(default=0.0, ge=0.0)
+    rise_ms: float = Field(default=50.0, gt=0.0, description="time that it takes to open [ms]")
+    table: list[Pair] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, share] pairs instead, linear in between"
+    )
+    axis_mm: Vector | None = Field(
+        default=None, description="a point of the axis, which runs along y; that of the built-in tongue by default"
+    )
+    incisor_mm: Vector | None = Field(
+        default=None, description="the edge of the lower incisors, with opening_mm; that of the built-in tongue by default"
+    )
+
+    @model_validator(mode="after")
+    def _one_opening(self) -> JawTable:
+        if self.opening_deg is not None and self.opening_mm is not None:
+            raise ValueError("give either opening_deg or opening_mm, not both")
+        return self
+
+    @model_validator(mode="after")
+    def _table_begins_at_rest(self) -> JawTable:
+        times = [time for time, _ in self.table]
+        if times != sorted(set(times)) or any(time < 0.0 for time in times):
+            raise ValueError("the times of table must increase and not be negative")
+        if self.table and self.table[0][1] != 0.0:
+            raise ValueError("table must begin with a share of 0, because the tongue is at rest at time 0")
+        return self
+
+
+# Eight springs of 220 N/m hold the hyoid bone in the model of S. Buchaillard: ArtiSynth, artisynth_models,
+# jawTongue/BadinJawHyoid.java, setHyoidSpringStiffness, which names her model.
+HYOID_STIFFNESS_N_PER_MM = 1.76
+
+
+class HyoidTable(Table):
+    """How the hyoid bone is held: by springs, so that it gives way without turning."""
+
+    stiffness_N_per_mm: float = Field(
+        default=HYOID_STIFFNESS_N_PER_MM, gt=0.0, description="of the springs that hold it, along every axis"
+    )

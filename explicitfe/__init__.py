@@ -22,6 +22,7 @@ _PLACES = {
     # commands
     "run": "explicitfe.app.api.run",
     "resume": "explicitfe.app.api.run",
+    "save": "explicitfe.app.api.run",
     "sweep": "explicitfe.simulate.sweep.sweep",
     "check": "explicitfe.simulate.run.check",
     "check_dataset": "explicitfe.inverse.close_loop.outlook",
@@ -52,6 +53,21 @@ _PLACES = {
     "specimen_model": "explicitfe.simulate.anatomy.specimen",
     "SpecimenTable": "explicitfe.fem.inputs.specimen",
     "ToolTable": "explicitfe.fem.inputs.specimen",
+    # effects of the material, and extensions
+    "Viscoelastic": "explicitfe.fem.effects.material.viscoelastic",
+    "NonlinearRelaxation": "explicitfe.fem.effects.material.nonlinear_relaxation",
+    "PowerLaw": "explicitfe.fem.effects.material.power_law",
+    "Fractional": "explicitfe.fem.effects.material.fractional",
+    "Softening": "explicitfe.fem.effects.material.softening",
+    "PermanentSet": "explicitfe.fem.effects.material.permanent_set",
+    "Payne": "explicitfe.fem.effects.material.payne",
+    "ThirdYeoh": "explicitfe.fem.effects.material.third_yeoh",
+    "Fibres": "explicitfe.fem.effects.material.fibres",
+    "Compressible": "explicitfe.fem.effects.material.compressible",
+    "Drainage": "explicitfe.fem.effects.material.drainage",
+    "DiscoveredLaw": "explicitfe.fem.effects.material.discovered_law",
+    "register_law": "explicitfe.fem.inputs.extensions",
+    "register_effect": "explicitfe.fem.inputs.extensions",
     # loads
     "NodalLoad": "explicitfe.fem.model.model",
     "face_load": "explicitfe.fem.model.face_load",
@@ -81,7 +97,22 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.app.api.report import report as report
     from explicitfe.app.api.run import resume as resume
     from explicitfe.app.api.run import run as run
+    from explicitfe.app.api.run import save as save
     from explicitfe.app.api.view import view as view
+    from explicitfe.fem.effects.material.compressible import Compressible as Compressible
+    from explicitfe.fem.effects.material.discovered_law import DiscoveredLaw as DiscoveredLaw
+    from explicitfe.fem.effects.material.drainage import Drainage as Drainage
+    from explicitfe.fem.effects.material.fibres import Fibres as Fibres
+    from explicitfe.fem.effects.material.fractional import Fractional as Fractional
+    from explicitfe.fem.effects.material.nonlinear_relaxation import NonlinearRelaxation as NonlinearRelaxation
+    from explicitfe.fem.effects.material.payne import Payne as Payne
+    from explicitfe.fem.effects.material.permanent_set import PermanentSet as PermanentSet
+    from explicitfe.fem.effects.material.power_law import PowerLaw as PowerLaw
+    from explicitfe.fem.effects.material.softening import Softening as Softening
+    from explicitfe.fem.effects.material.third_yeoh import ThirdYeoh as ThirdYeoh
+    from explicitfe.fem.effects.material.viscoelastic import Viscoelastic as Viscoelastic
+    from explicitfe.fem.inputs.extensions import register_effect as register_effect
+    from explicitfe.fem.inputs.extensions import register_law as register_law
     from explicitfe.fem.inputs.specimen import SpecimenTable as SpecimenTable
     from explicitfe.fem.inputs.specimen import ToolTable as ToolTable
     from explicitfe.fem.materials.mooney_rivlin import MooneyRivlin as MooneyRivlin

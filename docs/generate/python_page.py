@@ -17,12 +17,20 @@ invalid.
 
 """
 GROUPS = {
-    "Runs and data": ("run", "resume", "sweep", "check", "check_dataset", "identify", "predict", "close_loop", "design_test"),
+    "Runs and data": (
+        "run", "resume", "save", "sweep", "check", "check_dataset", "identify", "predict", "close_loop", "design_test",
+        "propose_tests",
+    ),
     "Results": ("open_result", "Result", "measure", "compare", "compare_recording", "plot", "view", "report", "export"),
     "Meshes and models": (
         "HexMesh", "box", "Yeoh", "NeoHooke", "MooneyRivlin", "Ogden", "Model", "Inclusion", "tongue_model", "specimen_model",
         "SpecimenTable", "ToolTable",
     ),
+    "Effects of the material": (
+        "Viscoelastic", "NonlinearRelaxation", "PowerLaw", "Fractional", "Softening", "PermanentSet",
+        "Payne", "ThirdYeoh", "Fibres", "Compressible", "Drainage", "DiscoveredLaw",
+    ),
+    "Extensions": ("register_law", "register_effect"),
     "Loads": ("NodalLoad", "face_load", "gravity_load", "Profile"),
     "Solvers": ("Simulation", "Transient", "Relaxation"),
     "Errors": ("InputError", "RunError"),

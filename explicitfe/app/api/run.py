@@ -1,4 +1,4 @@
-"""``explicitfe.run`` and ``explicitfe.resume``."""
+"""``explicitfe.run``, ``explicitfe.resume`` and ``explicitfe.save``."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from pathlib import Path
 
 from explicitfe.app.api.open_result import NotebookResult, open_result
 from explicitfe.app.api.source import folder_of, path_of
+from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.platform.errors import InputError, Progress, shortened, silent
+from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.files import FINISHED
 from explicitfe.simulate.run.resume import resume as resume_run
 from explicitfe.simulate.run.run import run as run_scenario
+from explicitfe.simulate.run.save import save as save_run
 
 
 class RunResult(dict[str, object]):
@@ -93,6 +96,53 @@ def run(
     )
 
 
+def save(
+    simulation: Simulation,
+    path: Path | str,
+    *,
+    duration_s: float,
+    every_s: float = 1e-3,
+    step_s: float | None = None,
+    title: str = "A model built in Python",
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> RunResult:
+    """Run a simulation of a model that was built in Python, and store its result as that of a scenario.
+
+    Parameters
+    ----------
+    simulation : at time 0.
+    path : result file; ".vtkhdf" is appended if it is missing, and the folder is created.
+    duration_s : simulated time, s.
+    every_s : time between samples, s.
+    step_s : a fixed time step, s; the largest stable step if left out.
+    title : heading of tables and pictures.
+    overwrite : replace an existing result.
+    progress : called with the stage and the share of it that is done.
+
+    Returns
+    -------
+    The summary, as :func:`run` returns it; :func:`open_result`, :func:`measure`, :func:`plot` and :func:`report` take it. Such a
+    run cannot be resumed, because no scenario describes its model.
+
+    Raises
+    ------
+    InputError : a value is out of range, or the file exists or cannot be written.
+    """
+    return RunResult(
+        save_run(
+            simulation,
+            folder_of(path, "save: path"),
+            duration_s=duration_s,
+            every_s=every_s,
+            step_s=step_s,
+            title=title,
+            overwrite=overwrite,
+            progress=progress,
+        )
+    )
+
+
 def resume(result: Path | str, *, overwrite: bool = False, threads: int | None = None, progress: Progress = silent) -> RunResult:
     """Resume an interrupted run. The result is bitwise identical to that of an uninterrupted run.
 
@@ -115,10 +165,11 @@ def resume(result: Path | str, *, overwrite: bool = False, threads: int | None =
 
 
 def _settings(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
-    """Settings as ``key=value`` texts; JSON numbers, texts and lists are TOML too."""
+    """Settings as ``key=value`` texts."""
     if isinstance(settings, Mapping):
         try:
-            return [f"{key}={json.dumps(value, allow_nan=False)}" for key, value in settings.items()]
+            json.dumps(settings, allow_nan=False)  # refuses what no scenario can hold
+            return [f"{key}={toml_value(value)}" for key, value in settings.items()]
         except (TypeError, ValueError):
             raise InputError(f"run: settings need finite numbers, texts or lists, not {shortened(repr(settings))}.") from None
     if isinstance(settings, list | tuple) and all(isinstance(text, str) for text in settings):

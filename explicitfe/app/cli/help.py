@@ -1,10 +1,16 @@
-"""Commands whose help shows a type beside options that take a value, and none beside flags."""
+"""Commands as typer makes them, with two changes: the help shows no type beside flags, and messages name options as flags.
+
+The library names its parameters, such as `constants_by`; the command line calls the same thing --constants-by.
+"""
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
+
+from explicitfe.platform.errors import InputError, RunError
 
 
 def _without_types_of_flags(parameters: list[Any]) -> list[Any]:
@@ -19,6 +25,19 @@ class PlainCommand(TyperCommand):
 
     def get_params(self, ctx: Any) -> list[Any]:
         return _without_types_of_flags(super().get_params(ctx))
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (InputError, RunError) as error:
+            error.args = (with_flags(str(error), self.params),)
+            raise
+
+
+def with_flags(message: str, parameters: list[Any]) -> str:
+    """A message of the library in which the names of parameters, in backticks, are those of options and arguments."""
+    names = {p.name: p.name.upper() if p.param_type_name == "argument" else max(p.opts, key=len) for p in parameters}
+    return re.sub(r"`(\w+)`", lambda match: names.get(match[1], match[0]), message)
 
 
 class PlainGroup(TyperGroup):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from explicitfe.fem.elements import hex8
+from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.look import FEWEST_STEPS_BETWEEN_SCANS, MOST_STEPS_BETWEEN_LOOKS
 from explicitfe.fem.solve.stable_step import own_frequencies
 from explicitfe.platform.compiled.arrays import (
@@ -33,6 +34,7 @@ from explicitfe.platform.compiled.arrays import (
     zeros,
 )
 from explicitfe.platform.compiled.simd import ROW, WIDTH
+from explicitfe.platform.errors import InputError, nearest, shortened
 
 TURNS_LATER = 12  # at most of the iteration that finds the limit, from what it came to last
 SHAPE_NUMBERS = 7  # of each element: six of M, and its share of a node's mass
@@ -44,6 +46,7 @@ class Snapshot:
 
     Attributes
     ----------
+    model : what was simulated.
     time_s : s.
     displacement, velocity : (n, 3) m, m/s.
     J, hourglass_energy : (m,), (m,) J.
@@ -54,6 +57,7 @@ class Snapshot:
     contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
     """
 
+    model: Model = field(repr=False)
     time_s: float
     displacement: np.ndarray
     velocity: np.ndarray
@@ -64,12 +68,24 @@ class Snapshot:
     contact_pressure: np.ndarray
     contact: np.ndarray
 
+    def probe(self, name: str) -> np.ndarray:
+        """Displacement of a named point of the model, (3,) m.
+
+        Raises
+        ------
+        InputError : the model has no such point.
+        """
+        if name not in self.model.probes:
+            raise InputError(f'the model has no named point "{shortened(name)}"; {nearest(name, self.model.probes)}')
+        return self.model.mesh.at(self.model.probes[name], self.displacement)[0]
+
 
 class Recording:
     """Room for samples, and those that have been taken.
 
     Parameters
     ----------
+    model : what is simulated.
     arrays : for ``room`` samples.
 
     Attributes
@@ -79,7 +95,8 @@ class Recording:
     steps : (room,) steps done then.
     """
 
-    def __init__(self, arrays: Samples) -> None:
+    def __init__(self, model: Model, arrays: Samples) -> None:
+        self.model = model
         self.arrays = arrays
         self.room = len(arrays.displacement)
         self.clear()
@@ -123,6 +140,7 @@ class Recording:
         """A copy of a sample."""
         a = self.arrays
         return Snapshot(
+            model=self.model,
             time_s=float(self.time_s[number]),
             displacement=a.displacement[number].copy(),
             velocity=a.velocity[number].copy(),

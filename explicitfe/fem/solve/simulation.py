@@ -295,7 +295,7 @@ class Simulation(Body):
         lane = np.empty(len(self.hexes), dtype=np.int64)
         lane[self.element_order] = np.arange(len(lane))
         touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
-        return Recording(samples_of(room, self._place, lane, touching, len(self.model.bones), self.state))
+        return Recording(self.model, samples_of(room, self._place, lane, touching, len(self.model.bones), self.state))
 
     @property
     def loop_s(self) -> float:

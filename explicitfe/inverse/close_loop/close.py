@@ -37,19 +37,19 @@ def find_causes(
     dataset = read_dataset(dataset_path)
     for name in effects:
         if dataset.test != "trajectory" and name not in EFFECTS:
-            raise InputError(f"--effects {shortened(name)}: unknown effect; {nearest(name, EFFECTS)}")
+            raise InputError(f"`effects` {shortened(name)}: unknown effect; {nearest(name, EFFECTS)}")
     if minutes is not None and not minutes > 0.0:
-        raise InputError(f"--minutes {minutes:g}: must be larger than 0.")
+        raise InputError(f"`minutes` {minutes:g}: must be larger than 0.")
     if max_effects < 0:
-        raise InputError(f"--max-effects {max_effects}: must be 0 or more.")
+        raise InputError(f"`max_effects` {max_effects}: must be 0 or more.")
     if dataset.test == "trajectory" and constants_by is not None:
-        raise InputError(f"{dataset.path}: --constants-by does not apply to trajectories; remove it.")
+        raise InputError(f"{dataset.path}: `constants_by` does not apply to trajectories; remove it.")
     grouping = grouping_of(dataset, holdout) if constants_by is None and dataset.test != "trajectory" else None
     if grouping is not None:
         constants_by = grouping.by
     more = [read_dataset(path) for path in add]
     if dataset.test == "trajectory" and more:
-        raise InputError(f"{dataset.path}: --add does not apply to trajectories; remove it.")
+        raise InputError(f"{dataset.path}: `add` does not apply to trajectories; remove it.")
     if constants_by is not None:
         dataset = dataset.regrouped(constants_by)
         more = [other.regrouped(constants_by) for other in more]

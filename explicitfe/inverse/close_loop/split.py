@@ -63,9 +63,9 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
     known = [c.id for c in dataset.curves]
     for name in holdout:
         if name not in known:
-            raise InputError(f"{dataset.path}: --holdout {shortened(name)}: there is no such curve; {nearest(name, known)}")
+            raise InputError(f"{dataset.path}: `holdout` {shortened(name)}: there is no such curve; {nearest(name, known)}")
         if name in left_out:
-            raise InputError(f"{dataset.path}: --holdout {name}: this curve is left out ({left_out[name]}).")
+            raise InputError(f"{dataset.path}: `holdout` {name}: this curve is left out ({left_out[name]}).")
     if holdout:
         held, rule = set(holdout), "the curves named by --holdout are held out"
     elif any(c.split is not None for c in usable):

@@ -63,7 +63,7 @@ def forces(
             raise RunError(
                 f"the forward model stops at {1e3 * reached.reached:.3g} mm of {1e3 * depths_to_reach[-1]:.3g} mm "
                 f"(constants {', '.join(f'{c:.4g}' for c in constants)} Pa; {reached.reason} at {place} mm): "
-                "fit a smaller part of the curve, or use another --refinement."
+                "fit a smaller part of the curve, or use another `refinement`."
             )
         answers.append(reached.force_N)
         progress(len(answers) / len(depths_to_reach))

@@ -71,13 +71,13 @@ def identify_constants(
     """
     begin = time.perf_counter()
     if method not in METHODS:
-        raise InputError(f"--method {shortened(method)}: {nearest(method, METHODS)}")
+        raise InputError(f"`method` {shortened(method)}: {nearest(method, METHODS)}")
     if not POISSON_LIMITS[0] <= poisson <= POISSON_LIMITS[1]:
-        raise InputError(f"--poisson {poisson:g}: the value must lie between 0 and 0.4995.")
+        raise InputError(f"`poisson` {poisson:g}: the value must lie between 0 and 0.4995.")
     if not REFINEMENT_LIMITS[0] <= refinement <= REFINEMENT_LIMITS[1]:
-        raise InputError(f"--refinement {refinement:g}: the value must lie between 0.2 and 4.")
+        raise InputError(f"`refinement` {refinement:g}: the value must lie between 0.2 and 4.")
     if method == "paper" and law != YEOH.name:
-        raise InputError(f"--law {shortened(law)}: the paper's method identifies Yeoh constants only; omit --law or --method.")
+        raise InputError(f"`law` {shortened(law)}: the paper's method identifies Yeoh constants only; omit `law` or `method`.")
     requested_laws(law, homogeneous=True)
     data = read_dataset(dataset)
     if constants_by is not None:
@@ -234,14 +234,14 @@ def _paper_fit(group: Group, models: ForwardModels, work: _Work, loads_N: np.nda
     """The paper's iteration; see :func:`identify_by_paper`."""
     setup = models.setups[group.fitted[0].id]
     if any(models.setups[curve.id].key != setup.key for curve in group.fitted):
-        raise InputError("the paper's method needs curves of one test; choose them by --fit.")
+        raise InputError("the paper's method needs curves of one test; choose them by `fit`.")
     start = first_guess(setup, loads_N[0], measured_m[0])
     fit = identify_by_paper(by_simulator(setup, loads_N), measured_m, start, progress=lambda runs: work.done())
     models.other_runs += len(fit.trace)
     if fit.status == "not-converged":
         raise RunError(
             f"the paper's iteration did not converge in {len(fit.trace)} runs: at the largest load it misses by "
-            f"{1e6 * fit.errors_m[-1]:+.0f} µm; take --method least-squares."
+            f"{1e6 * fit.errors_m[-1]:+.0f} µm; take `method` least-squares."
         )
     return fit
 

@@ -146,10 +146,10 @@ def requested_laws(name: str, *, homogeneous: bool) -> list[FitLaw]:
     InputError : there is no such law, or the tests need the simulator and the law is for homogeneous tests only.
     """
     if name != ALL and name not in FIT_LAWS:
-        raise InputError(f"--law {shortened(name)}: there is no such law; valid are {', '.join([*FIT_LAWS, ALL])}.")
+        raise InputError(f"`law` {shortened(name)}: there is no such law; valid are {', '.join([*FIT_LAWS, ALL])}.")
     if not homogeneous and name != ALL and name not in TOOL_LAWS:
         raise InputError(
-            f"--law {name}: this law is fitted to homogeneous tests only (tension, shear, compression between frictionless "
+            f"`law` {name}: this law is fitted to homogeneous tests only (tension, shear, compression between frictionless "
             f"platens); take {', '.join(TOOL_LAWS[:-1])} or {TOOL_LAWS[-1]} for tests under a tool."
         )
     others = list(FIT_LAWS) if homogeneous else list(TOOL_LAWS) if name == ALL else [name]

@@ -69,7 +69,7 @@ def force_steps(curves: tuple[Curve, ...], rows: dict[str, int]) -> tuple[np.nda
     ------
     InputError : the curves were not measured by force steps.
     """
-    advice = 'the paper\'s method needs force steps (control = "force", one row a load); take --method least-squares.'
+    advice = 'the paper\'s method needs force steps (control = "force", one row a load); take `method` least-squares.'
     loads: list[np.ndarray] = []
     depths: list[np.ndarray] = []
     for curve in curves:
@@ -83,7 +83,7 @@ def force_steps(curves: tuple[Curve, ...], rows: dict[str, int]) -> tuple[np.nda
         loads.append(load)
         depths.append(depth)
     if any(len(load) != len(loads[0]) or not np.allclose(load, loads[0], rtol=1e-3) for load in loads[1:]):
-        raise InputError("the curves have different loads: the paper's method needs the same ones; choose curves by --fit.")
+        raise InputError("the curves have different loads: the paper's method needs the same ones; choose curves by `fit`.")
     measured = np.mean(depths, axis=0)
     if measured[0] <= 0.0:
         raise InputError(f"the displacement at the smallest load is {1e3 * measured[0]:g} mm; the paper's method scales by it.")

@@ -101,7 +101,7 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     InputError : the file cannot be read, or axes, units or times are missing or wrong.
     """
     if rate_hz is not None and not 0.0 < rate_hz < np.inf:
-        raise InputError(f"--rate-hz {rate_hz:g} is not possible; give the sampling rate, a number above 0.")
+        raise InputError(f"`rate_hz` {rate_hz:g} is not possible; give the sampling rate, a number above 0.")
     export = read_export(path)
     notes: list[str] = []
     sensors, ignored = _sensors(export)
@@ -138,10 +138,10 @@ def parse_mapping(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         point, equals, sensor = (part.strip() for part in word.partition("="))
         if not (point and equals and sensor):
-            raise InputError(f"--map {shortened(word)}: write POINT=SENSOR, such as --map tip=T1.")
+            raise InputError(f"`mapping` {shortened(word)}: write POINT=SENSOR, such as `mapping` tip=T1.")
         if point in mapping or sensor in mapping.values():
             twice = f'point "{point}"' if point in mapping else f'sensor "{sensor}"'
-            raise InputError(f"--map {shortened(word)}: the {shortened(twice)} is mapped twice; map each of them once.")
+            raise InputError(f"`mapping` {shortened(word)}: the {shortened(twice)} is mapped twice; map each of them once.")
         mapping[point] = sensor
     return mapping
 
@@ -211,7 +211,7 @@ def _metres(export: Export, column: ExportColumn, unit: str | None) -> np.ndarra
     valid = ", ".join(QUANTITIES["displacement"].units)
     if not stated:
         raise InputError(
-            f'{export.path}: the unit of "{shortened(column.name)}" is not known; give --unit mm or --unit m, or name the column '
+            f'{export.path}: the unit of "{shortened(column.name)}" is not known; give `unit` mm or `unit` m, or name the column '
             f"{shortened(column.name)}_mm."
         )
     if known is None:
@@ -226,12 +226,12 @@ def _time(export: Export, columns: Sequence[ExportColumn], rate_hz: float | None
         return np.arange(len(export.columns[0].values)) / rate_hz, None
     column = guessed(replace(export, columns=tuple(columns)), "time")
     if column is None:
-        raise InputError(f"{export.path}: there is no time column; name one {TIME}, or give the sampling rate with --rate-hz.")
+        raise InputError(f"{export.path}: there is no time column; name one {TIME}, or give the sampling rate with `rate_hz`.")
     unit = unit_of("time", column.unit)
     if unit is None:
         raise InputError(
             f'{export.path}: the unit of "{shortened(column.name)}" is not known; name the column time_s or time_ms, or give the '
-            f"sampling rate with --rate-hz."
+            f"sampling rate with `rate_hz`."
         )
     return QUANTITIES["time"].units[unit] * column.values, column
 

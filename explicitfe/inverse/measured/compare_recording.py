@@ -96,7 +96,7 @@ def compare_recording(
         run.
     """
     if not mapping:
-        raise InputError("--map is missing; map at least one point to a sensor, such as --map tip=T1.")
+        raise InputError("`mapping` is missing; map at least one point to a sensor, such as `mapping` tip=T1.")
     coils = recording if isinstance(recording, Coils) else read_coils(export_file(recording))
     for name in head:
         coils.sensor(name)
@@ -187,7 +187,7 @@ def _align(
     if len(now_s) < SMALLEST_CURVE_ROWS:
         raise InputError(
             f"{coils.path}: {len(now_s)} rows lie within the simulation ({times_s[-1]:g} s) if it starts at {shift_s:g} s "
-            f"of the recording ({coils.time_s[0]:g} to {coils.time_s[-1]:g} s); change --offset-s."
+            f"of the recording ({coils.time_s[0]:g} to {coils.time_s[-1]:g} s); change `offset_s`."
         )
     model = interp1d(times_s, paths, axis=0)(now_s)
     compared = recorded[inside]
@@ -212,7 +212,7 @@ def _rows_between(time_s: np.ndarray, start_s: float, end_s: float) -> slice:
 def _reference_rows(coils: Coils, start_s: float, end_s: float) -> slice:
     rows = _rows_between(coils.time_s, start_s, end_s)
     if rows.start == rows.stop:
-        raise InputError(f"{coils.path}: no row lies between {start_s:g} and {end_s:g} s; give another --reference-s.")
+        raise InputError(f"{coils.path}: no row lies between {start_s:g} and {end_s:g} s; give another `reference_s`.")
     return rows
 
 
@@ -230,7 +230,7 @@ def _best_offset(path: Path, align: Callable[[float], _Aligned], recorded_s: np.
     step = max(float(np.median(np.diff(recorded_s))), SMALLEST_OFFSET_STEP_S)
     if high - low > MOST_OFFSETS * step:
         raise InputError(
-            f"{path}: the recording lasts {np.ptp(recorded_s):.4g} s, and --offset-s fit searches at most "
+            f"{path}: the recording lasts {np.ptp(recorded_s):.4g} s, and `offset_s` fit searches at most "
             f"{MOST_OFFSETS * step:.4g} s; give an offset, or a part of the recording."
         )
     grid = np.arange(low, high + 0.5 * step, step)

@@ -153,7 +153,7 @@ def write_new_dataset(out: Path, sources: Mapping[Path, Sequence[Choice]], descr
 def check_free(out: Path) -> None:
     """Raise InputError if a folder exists and is not empty."""
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: this already exists; name another folder with --out.")
+        raise InputError(f"{out}: this already exists; name another folder with `out`.")
 
 
 def check_written(folder: Path, out: Path) -> None:
@@ -267,7 +267,7 @@ def _from_contact(file: Path, rows: np.ndarray, force_N: float, notes: list[str]
     """The rows from first contact on; the displacement is zero in the first of them."""
     pressing = np.flatnonzero(np.abs(rows[:, 2]) >= force_N)
     if not len(pressing):
-        raise InputError(f"{file}: the force never reaches the contact force of {force_N:g} N; give a smaller --contact-force-N.")
+        raise InputError(f"{file}: the force never reaches the contact force of {force_N:g} N; give a smaller `contact_force_N`.")
     begin = int(pressing[0])
     if begin:
         notes.append(f"{file}: {begin} rows before contact ({force_N:g} N) are omitted; the displacement is zero at contact.")
@@ -302,7 +302,7 @@ def missing(export: Export, quantity: Quantity) -> InputError:
     """The error where the column of a quantity, or its unit, is not known."""
     names = ", ".join(shortened(column.name) for column in export.columns)
     units = ", ".join(QUANTITIES[quantity].units)
-    otherwise = ", or --rate if there is no such column" if quantity == "time" else ""
+    otherwise = ", or `rate` if there is no such column" if quantity == "time" else ""
     return InputError(
         f'{export.path}: the column of the {quantity}, or its unit, is not known; give --{quantity} "COLUMN:UNIT"{otherwise}. '
         f"Columns: {names}. Units: {units}."

@@ -65,7 +65,7 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
     notes: list[str] = []
     scenario = None if description.scenario is None else scenario_file(description.scenario)
     if scenario is None and description.mapping:
-        raise InputError("--map needs a scenario whose points are mapped; add --scenario, such as --scenario vowel-i.")
+        raise InputError("`mapping` needs a scenario whose points are mapped; add `scenario`, such as `scenario` vowel-i.")
     if scenario is not None:
         notes += _check_scenario(scenario, description, recordings)
     ids = curve_names([coils.path for coils in recordings])
@@ -108,13 +108,13 @@ def _check_scenario(path: Path, description: TrajectoryDescription, recordings: 
     """Check that the scenario is transient and has the mapped points; notes on recordings that are longer than it."""
     scenario, _ = read_scenario(path)
     if not isinstance(scenario, TransientScenario):
-        raise InputError(f"{path}: trajectories need a transient scenario, not an indentation; give another --scenario.")
+        raise InputError(f"{path}: trajectories need a transient scenario, not an indentation; give another `scenario`.")
     if not description.mapping:
-        raise InputError("--map is missing; map at least one point of the scenario to a sensor, such as --map tip=T1.")
+        raise InputError("`mapping` is missing; map at least one point of the scenario to a sensor, such as `mapping` tip=T1.")
     points = anatomy_of(scenario.model, path.parent).mesh.named_points
     for point in description.mapping:
         if point not in points:
-            raise InputError(f"--map {point}: the model of {path.stem} has no such point; {nearest(point, points)}")
+            raise InputError(f"`mapping` {point}: the model of {path.stem} has no such point; {nearest(point, points)}")
     notes = []
     start_s, end_s = description.interval_s or (-np.inf, np.inf)
     for coils in recordings:
@@ -123,7 +123,7 @@ def _check_scenario(path: Path, description: TrajectoryDescription, recordings: 
         if lasts_s > simulated_s * (1.0 + 1e-9):
             notes.append(
                 f"{coils.path}: the recording lasts {lasts_s:.4g} s and the scenario {simulated_s:.4g} s; select rows with "
-                f"--interval-s, or increase analysis.duration_ms of the scenario before close-loop."
+                f"`interval_s`, or increase analysis.duration_ms of the scenario before close-loop."
             )
     return notes
 
@@ -139,7 +139,7 @@ def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -
     if omitted:
         notes.append(f"{coils.path}: sensors with missing values are omitted: {', '.join(omitted)}.")
     if not kept:
-        raise InputError(f"{coils.path}: every sensor has missing values; select complete rows with --interval-s.")
+        raise InputError(f"{coils.path}: every sensor has missing values; select complete rows with `interval_s`.")
     chosen = coils.select(kept, start_s, end_s)
     notes += chosen.notes
     if coils.axes == "anatomical":

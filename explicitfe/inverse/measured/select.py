@@ -70,7 +70,7 @@ def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dic
                 continue
             side.append(curve)
         if not fitted:
-            which = " ".join(f"--fit {w}" for w in fit_where)
+            which = " ".join(f"`fit` {w}" for w in fit_where)
             raise InputError(
                 f'{dataset.path}: no curve remains to fit the constants "{name}"'
                 + (f" with {which}; allow one." if which else ": all are held out or defective.")
@@ -95,12 +95,12 @@ def _wanted(dataset: Dataset, fit_where: Sequence[str]) -> dict[str, list[str]]:
     for text in fit_where:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not key or not value:
-            raise InputError(f"--fit {shortened(text)}: write KEY=VALUE, for example --fit sample=A.")
+            raise InputError(f"`fit` {shortened(text)}: write KEY=VALUE, for example `fit` sample=A.")
         if key not in known:
-            raise InputError(f'--fit {shortened(text)}: no curve has the condition "{shortened(key)}"; {nearest(key, known)}')
+            raise InputError(f'`fit` {shortened(text)}: no curve has the condition "{shortened(key)}"; {nearest(key, known)}')
         values = {_text(_of(curve, key)) for curve in dataset.curves} - {""}
         if value not in values:
-            raise InputError(f'--fit {shortened(text)}: no curve has {key} = "{shortened(value)}"; {nearest(value, values)}')
+            raise InputError(f'`fit` {shortened(text)}: no curve has {key} = "{shortened(value)}"; {nearest(value, values)}')
         wanted.setdefault(key, []).append(value)
     return wanted
 

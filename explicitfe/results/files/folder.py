@@ -50,7 +50,7 @@ def checked_target(out: Path, overwrite: bool, *, summary: str, what: str) -> Pa
             if not (target / summary).is_file():
                 raise InputError(f"{out} contains other files; give a new or an empty folder.")
             if not overwrite:
-                raise InputError(f"{out} contains an earlier {what}; add --overwrite to replace it, or give another folder.")
+                raise InputError(f"{out} contains an earlier {what}; add `overwrite` to replace it, or give another folder.")
         # Better now than after the work.
         existing = next(folder for folder in target.parents if folder.exists())
         with tempfile.TemporaryDirectory(prefix=f".{target.name}.", suffix=".part", dir=existing):
@@ -65,7 +65,7 @@ def checked_target(out: Path, overwrite: bool, *, summary: str, what: str) -> Pa
 
 
 def _cannot_write(folder: Path, error: BaseException) -> InputError | MachineError:
-    return refusal(error, f"cannot write the folder {folder}", "choose another --out folder")
+    return refusal(error, f"cannot write the folder {folder}", "choose another `out` folder")
 
 
 @contextmanager

@@ -33,16 +33,16 @@ def check_names(path: Path, overwrite: bool) -> None:
     running = running_path(path)
     if path.stem.endswith(RUNNING_SUFFIX):
         owner = path.stem.removesuffix(RUNNING_SUFFIX)
-        raise InputError(f'{path} is the name of an unfinished result of "{owner}"; choose another name with --name')
+        raise InputError(f'{path} is the name of an unfinished result of "{owner}"; choose another name with `name`')
     try:
         is_folder = path.is_dir()
     except OSError as error:  # a name that is too long
         raise InputError(f"result {path} cannot be written ({files.reason(error)}); choose another name") from None
     if is_folder:
-        raise InputError(f"result {path} is a folder; choose another --out folder")
+        raise InputError(f"result {path} is a folder; choose another `out` folder")
     if os.path.lexists(path):
         if not overwrite:
-            raise InputError(f"result {path} exists; add --overwrite to replace it or choose another --out folder")
+            raise InputError(f"result {path} exists; add `overwrite` to replace it or choose another `out` folder")
         with _locked(path):
             _check_replaceable(path)
     if os.path.lexists(running):
@@ -62,7 +62,7 @@ def check_stopped(path: Path, final: Path, overwrite: bool) -> tuple[int, int]:
         if result.format != FORMAT_VERSION:
             raise InputError(f"{path} was written by an older version, which stored no restart state; run the scenario again")
         if path != final and os.path.lexists(final) and not overwrite:
-            raise InputError(f"result {final} exists; add --overwrite to replace it, or move it away")
+            raise InputError(f"result {final} exists; add `overwrite` to replace it, or move it away")
         if len(result.times):
             result.history("time")
             for name in result.fields:
@@ -112,7 +112,7 @@ def _check_replaceable(path: Path) -> None:
     try:
         open_result(path).close()
     except NoResultError as error:
-        raise InputError(f"{error}. It is not replaced; move it away or choose another --out folder") from None
+        raise InputError(f"{error}. It is not replaced; move it away or choose another `out` folder") from None
     except InputError:
         pass  # HDF5, damaged
 
@@ -126,16 +126,16 @@ def _locked(path: Path) -> Iterator[None]:
     InputError : another process holds it, or it is a link or no regular file, or may not be written.
     """
     if path.is_symlink():
-        raise InputError(f"{path} is a symbolic link and is not replaced; remove it or choose another --out folder")
+        raise InputError(f"{path} is a symbolic link and is not replaced; remove it or choose another `out` folder")
     if not files.is_plain(path):
-        raise InputError(f"{path} is not a regular file and is not replaced; choose another --out folder")
+        raise InputError(f"{path} is not a regular file and is not replaced; choose another `out` folder")
     try:
         number = files.open_plain(path)
     except OSError as error:
-        raise InputError(f"{path} cannot be replaced ({files.reason(error)}); choose another --out folder") from None
+        raise InputError(f"{path} cannot be replaced ({files.reason(error)}); choose another `out` folder") from None
     try:
         if not files.lock(number) or not files.is_at(path, number):
-            raise InputError(f"another run is writing {path}; wait until it ends or choose another --out folder")
+            raise InputError(f"another run is writing {path}; wait until it ends or choose another `out` folder")
         yield
     finally:
         os.close(number)
@@ -148,11 +148,11 @@ def _unfinished(running: Path, overwrite: bool) -> Iterator[None]:
         _check_replaceable(running)
         state, samples = _progress_of(running)
         if state == FINISHED:
-            raise InputError(f"{running} is a complete result that was not renamed; rename it or choose another --out folder")
+            raise InputError(f"{running} is a complete result that was not renamed; rename it or choose another `out` folder")
         if not overwrite:
             held = f"{samples} samples" if samples is not None else "damaged data"
             how = f"resume it with 'explicitfe resume {shlex.quote(str(running))}', or " if samples else ""
-            raise InputError(f"{running} holds {held} of an interrupted run; {how}add --overwrite to start again")
+            raise InputError(f"{running} holds {held} of an interrupted run; {how}add `overwrite` to start again")
         yield
 
 

@@ -407,12 +407,12 @@ class ResultWriter(Recorder):
             f"cannot write {kept} ({files.reason(error)}). The {samples} samples stored so far are readable; "
             f"free disk space, then resume the run with 'explicitfe resume {shlex.quote(str(kept))}'."
             if samples
-            else f"cannot write {self.path} ({files.reason(error)}); free disk space or choose another --out folder."
+            else f"cannot write {self.path} ({files.reason(error)}); free disk space or choose another `out` folder."
         )
 
 
 def _cannot_write(path: Path, error: Exception) -> InputError | MachineError:
-    return files.refusal(error, f"cannot write results to {path.parent}", "choose another --out folder")
+    return files.refusal(error, f"cannot write results to {path.parent}", "choose another `out` folder")
 
 
 def _cannot_reopen(path: Path, error: Exception) -> InputError | MachineError:

@@ -57,7 +57,7 @@ def compare(path_a: Path | str, path_b: Path | str, tolerance: float | None = No
     InputError : a file cannot be read, the two are of different kinds or bodies, or have no stored time in common.
     """
     if tolerance is not None and not 0.0 <= tolerance < np.inf:
-        raise InputError(f"--tolerance {tolerance:g}: give a fraction of the largest displacement, 0 or more, such as 0.01.")
+        raise InputError(f"`tolerance` {tolerance:g}: give a fraction of the largest displacement, 0 or more, such as 0.01.")
     with open_result(path_a) as a, open_result(path_b) as b:
         if kind_of(a.model) != kind_of(b.model):
             raise InputError(f"{a.path} and {b.path}: one is a transient run, one an indentation; compare two of a kind.")

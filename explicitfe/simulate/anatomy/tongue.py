@@ -155,7 +155,7 @@ def tongue_model(
     *,
     material: str | Law = "gerard-2005",
     resolution: Literal["coarse", "medium", "fine"] = "medium",
-    distribution: Literal["stress", "ends", "along", "volume"] = "ends",
+    distribution: Literal["stress", "ends", "along", "volume"] = "stress",
     direction: Literal["reference", "following"] = "reference",
     attachment: Literal["nodes", "area"] = "nodes",
     bones: Sequence[str] = (),

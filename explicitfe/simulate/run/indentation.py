@@ -108,7 +108,7 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
 
         state = None if begun is None else begun.state
         if begun is None and isinstance(target, Path):
-            check_room(target, self._result_bytes(), "take fewer loads, fewer record.fields or another --out")
+            check_room(target, self._result_bytes(), "take fewer loads, fewer record.fields or another `out`")
         with self._opened(target, overwrite, len(loads) + 1, begun) as writer:
             compile_s = make_ready(body, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
             started = time.perf_counter()

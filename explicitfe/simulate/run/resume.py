@@ -84,7 +84,7 @@ def resume_analysis(analysis: Analysis[Any, Any], path: Path, *, overwrite: bool
         difference = _first_difference(before, now)
         if difference is not None:
             raise InputError(
-                f"cannot resume {path}, because the scenario has changed: {difference}. Use --overwrite instead of --resume to "
+                f"cannot resume {path}, because the scenario has changed: {difference}. Use `overwrite` instead of `resume` to "
                 f"start again, or 'explicitfe resume {shlex.quote(str(path))}' to continue with the stored values."
             )
         return _resume(analysis, result, overwrite, progress)
@@ -109,7 +109,7 @@ def _resume(analysis: Analysis[Any, Any], result: Result, overwrite: bool, progr
             "Change the scenario and run it again."
         )
     if target != path and target.exists() and not overwrite:
-        raise InputError(f"a finished result {target} exists; add --overwrite to replace it when this run has finished.")
+        raise InputError(f"a finished result {target} exists; add `overwrite` to replace it when this run has finished.")
     _check_sameness(analysis, result)
     state = result.restart_state()
     begun = Begun(path, state, _rows_until(result, state))

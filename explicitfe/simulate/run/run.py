@@ -28,13 +28,13 @@ def result_path(scenario_path: Path | str, out: Path | str = OUTPUT_FOLDER, name
     if name is None:
         name = scenario_file(scenario_path).stem
     elif not name or not name.isprintable() or name != Path(name).name or name.startswith("."):
-        raise InputError(f'--name "{shortened(name)}" cannot be the name of a file; use letters and digits, such as softer.')
+        raise InputError(f'`name` "{shortened(name)}" cannot be the name of a file; use letters and digits, such as softer.')
     name = name.removesuffix(SUFFIX)
     size = len(os.fsencode(name))
     if size > LONGEST_NAME_BYTES:
         raise InputError(
             f'the name of the result, "{shortened(name)}", has {size} bytes; at most {LONGEST_NAME_BYTES} are possible: choose a '
-            "shorter --name."
+            "shorter `name`."
         )
     return Path(out) / f"{name}{SUFFIX}"
 

@@ -138,7 +138,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         step_s = None if scenario.analysis.step_us is None else 1e-6 * scenario.analysis.step_us
         expected = int(duration_s / every_s) + 2
         if begun is None and isinstance(target, Path):
-            check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another --out")
+            check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another `out`")
 
         largest_m = 0.0 if begun is None else _largest_stored(begun)
         with self._opened(target, overwrite, expected, begun) as writer:

@@ -90,18 +90,18 @@ _ALTERNATIVES = {
 }
 
 
-LONGEST_SETTING_CHARACTERS = 20_000  # of one --set
+LONGEST_SETTING_CHARACTERS = 20_000  # of one setting
 # Keys of an added muscle that are copied from the first listed muscle: its time course and its kind of force.
 _COPIED_TO_ADDED_MUSCLE = ("profile", "start_ms", "rise_ms", "end_ms", "table", "distribution", "force_length", "direction")
 
 
 def _apply(data: object, setting: str) -> None:
     """Set one ``key=value`` in the parsed scenario."""
-    option = f"--set {shortened(setting)}"
+    option = f"`settings` {shortened(setting)}"
     path, equals, text = setting.partition("=")
     keys = path.strip().split(".")
     if not equals or not all(keys):
-        raise InputError(f"{option} is not of the form key=value; write for example --set muscle.GGp.force_N=1.5.")
+        raise InputError(f"{option} is not of the form key=value; write for example `settings` muscle.GGp.force_N=1.5.")
     if len(setting) > LONGEST_SETTING_CHARACTERS or len(keys) > MOST_LEVELS:
         raise InputError(
             f"{option}: the setting is longer than {LONGEST_SETTING_CHARACTERS} characters or {MOST_LEVELS} keys; "
@@ -150,7 +150,7 @@ def _value(text: str, option: str) -> object:
     except ValueError as error:  # a whole number of thousands of digits
         raise InputError(f"{option}: the number cannot be read ({shortened(str(error))}); write fewer digits.") from None
     if table.keys() != {"value"}:
-        raise InputError(f"{option}: the value has more than one line; use one --set for each key.")
+        raise InputError(f"{option}: the value has more than one line; use one `settings` for each key.")
     return table["value"]
 
 

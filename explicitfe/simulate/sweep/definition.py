@@ -101,7 +101,7 @@ def define(
     factors: tuple[Factor, ...] = (),
     seed: int = 0,
     measures: Sequence[str | Measuring],
-    origin: str = "--vary",
+    origin: str = "`vary`",
 ) -> Definition:
     """Read the scenario and check its first runs.
 
@@ -130,7 +130,7 @@ def define(
             for part in parts:
                 if part not in own:
                     raise InputError(
-                        f"--measure {part}: not available for indentations, whose rows contain the curve. Remove this option."
+                        f"`measures` {part}: not available for indentations, whose rows contain the curve. Remove this option."
                     )
         sums = sums_of(path, scenario) | _sums_of_words(text, path, settings, members)
         break
@@ -163,7 +163,7 @@ def _refusal_of(refusal: InputError, text: str, path: Path, settings: tuple[str,
     except InputError as error:
         if str(error) == str(refusal):
             return refusal
-    return InputError(f"{origin}: {str(refusal).removeprefix('--set ').removeprefix(f'{path}: ')}")
+    return InputError(f"{origin}: {str(refusal).removeprefix('`settings` ').removeprefix(f'{path}: ')}")
 
 
 def _measures(wanted: Sequence[str | Measuring]) -> tuple[tuple[str, ...], dict[str, OwnMeasure]]:
@@ -173,7 +173,7 @@ def _measures(wanted: Sequence[str | Measuring]) -> tuple[tuple[str, ...], dict[
     for part in wanted:
         if isinstance(part, str):
             if part not in PARTS:
-                raise InputError(f"--measure {shortened(part)}: unknown measure; {nearest(part, PARTS)}")
+                raise InputError(f"`measures` {shortened(part)}: unknown measure; {nearest(part, PARTS)}")
             parts.append(part)
             continue
         measure = OwnMeasure(part)
@@ -193,11 +193,11 @@ def begin(out: Path, wanted: Definition) -> None:
     """
     document = wanted.document()
     if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: this is a file. Name a new or empty folder with --out.")
+        raise InputError(f"{out}: this is a file. Name a new or empty folder with `out`.")
     try:
         others = [path.name for path in out.iterdir() if not path.name.startswith(".")] if out.is_dir() else []
         if DEFINITION_FILE not in others and any(name not in _NAMES for name in others):
-            raise InputError(f"{out}: this folder contains other files. Name a new or empty folder with --out.")
+            raise InputError(f"{out}: this folder contains other files. Name a new or empty folder with `out`.")
         out.mkdir(parents=True, exist_ok=True)
         for folder in (RESULTS_FOLDER, ROWS_FOLDER):
             (out / folder).mkdir(exist_ok=True)
@@ -215,7 +215,7 @@ def begin(out: Path, wanted: Definition) -> None:
         if begun.get(key) != value:
             raise InputError(
                 f"{out}: this folder contains another sweep ({_difference(key, begun.get(key), value)}). Name another folder "
-                "with --out, or rerun the original command to resume that sweep."
+                "with `out`, or rerun the original command to resume that sweep."
             )
 
 
@@ -230,10 +230,10 @@ def definition_of(out: Path) -> dict[str, Any]:
     try:
         table = json.loads(text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES))
     except ValueError:
-        raise InputError(f"{path}: this file is damaged. Rerun the sweep with a new folder (--out).") from None
+        raise InputError(f"{path}: this file is damaged. Rerun the sweep with a new folder (`out`).") from None
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise InputError(
-            f"{path}: this is no sweep of this version, whose format is {FORMAT}. Rerun the sweep with a new folder (--out)."
+            f"{path}: this is no sweep of this version, whose format is {FORMAT}. Rerun the sweep with a new folder (`out`)."
         )
     return table
 
@@ -249,7 +249,7 @@ def members_of(out: Path) -> Members:
     text = text_of(path, "give the folder of a sweep", largest_bytes=LARGEST_TABLE_OF_MEMBERS_BYTES)
     if hashlib.sha256(text.encode()).hexdigest() != definition_of(out).get("members_sha256"):
         raise InputError(
-            f"{path}: this table has changed since the sweep began. Restore it, or rerun the sweep with a new folder (--out)."
+            f"{path}: this table has changed since the sweep began. Restore it, or rerun the sweep with a new folder (`out`)."
         )
     return members_in(text, path)
 

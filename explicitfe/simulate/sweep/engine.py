@@ -178,7 +178,7 @@ class Cluster(Engine):
             self._client = Client(address, timeout=CONNECT_WITHIN_S, set_as_default=False)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
             raise InputError(
-                f"--scheduler {shortened(address)}: no scheduler answers ({type(error).__name__}). Give the address that "
+                f"`scheduler` {shortened(address)}: no scheduler answers ({type(error).__name__}). Give the address that "
                 "dask scheduler prints, such as tcp://127.0.0.1:8786."
             ) from None
         self._counted, self._counted_at = 0, 0.0
@@ -188,7 +188,7 @@ class Cluster(Engine):
             if time.monotonic() > until:
                 self._client.close()
                 raise InputError(
-                    f"--scheduler {shortened(address)}: the scheduler has no workers. Start some with: dask worker {address}"
+                    f"`scheduler` {shortened(address)}: the scheduler has no workers. Start some with: dask worker {address}"
                 )
             time.sleep(POLL_FUTURES_S)
         self._executor = self._client.get_executor(pure=False)
@@ -345,7 +345,7 @@ class Bundles:
             if self._deaths_before_a_row >= DEATHS_BEFORE_A_ROW:
                 raise MachineError(
                     f"the worker processes ended {DEATHS_BEFORE_A_ROW} times before the first row. Check the free memory and "
-                    f"reduce --processes; in Python, {GUARD}."
+                    f"reduce `processes`; in Python, {GUARD}."
                 )
             guilty = False
         for members in unfinished:
@@ -365,5 +365,5 @@ class Bundles:
         if self._lost_in_a_row >= MOST_LOST_IN_A_ROW:
             raise MachineError(
                 f"the processes of {MOST_LOST_IN_A_ROW} successive runs ended, often because memory runs out. These runs have "
-                "the status lost: reduce --processes, and add --retry failed to recompute them."
+                "the status lost: reduce `processes`, and add `retry` failed to recompute them."
             )

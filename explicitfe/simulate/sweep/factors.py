@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date, time
+
+import numpy as np
 
 from explicitfe.platform.errors import InputError, shortened
 from explicitfe.platform.host.toml_text import toml_value
@@ -37,21 +39,29 @@ class Factor:
         return not self.levels
 
 
-def factors_of(texts: Iterable[str]) -> tuple[Factor, ...]:
-    """The factors of ``--vary``, in the order given.
+def factors_of(vary: Iterable[str] | Mapping[str, Iterable[object]]) -> tuple[Factor, ...]:
+    """The factors in the order given: texts in the syntax of ``--vary``, or a dictionary of keys and their values.
 
     Raises
     ------
     InputError : a text is invalid, or a key is varied twice.
     """
-    factors = tuple(factor_of(text) for text in texts)
+    factors = tuple(factor_of(text) for text in (_texts_of(vary) if isinstance(vary, Mapping) else vary))
     keys = [factor.key for factor in factors]
     for key in keys:
         if keys.count(key) > 1:
             raise InputError(
-                f"--vary {shortened(key)}: this key is varied {keys.count(key)} times. Give all its values in one option."
+                f"`vary` {shortened(key)}: this key is varied {keys.count(key)} times. Give all its values in one option."
             )
     return factors
+
+
+def _texts_of(values: Mapping[str, Iterable[object]]) -> Iterator[str]:
+    for key, levels in values.items():
+        if isinstance(levels, str) or not isinstance(levels, Iterable):
+            raise InputError(f"`vary` {shortened(key)}: give a list or an array of values, not {shortened(repr(levels))}.")
+        plain = (level.item() if isinstance(level, np.generic) else level for level in levels)
+        yield f"{key}={','.join(map(toml_value, plain))}"
 
 
 def factor_of(text: str) -> Factor:
@@ -63,7 +73,7 @@ def factor_of(text: str) -> Factor:
     ------
     InputError : the text has none of these forms, or no value.
     """
-    option = f"--vary {shortened(text)}"
+    option = f"`vary` {shortened(text)}"
     key, equals, values = text.partition("=")
     key = key.strip()
     if not equals or not all(key.split(".")):

@@ -66,10 +66,10 @@ def grid(factors: Sequence[Factor]) -> Members:
     for factor in factors:
         if factor.is_range:
             raise InputError(
-                f"--vary {factor.key}={factor.low:g}:{factor.high:g}: a grid needs a number of values, such as "
-                f"{factor.low:g}:{factor.high:g}:9. For a range, add --random N, --sobol N or --morris N."
+                f"`vary` {factor.key}={factor.low:g}:{factor.high:g}: a grid needs a number of values, such as "
+                f"{factor.low:g}:{factor.high:g}:9. For a range, add `random` N, `sobol` N or `morris` N."
             )
-    _check_count(math.prod(len(factor.levels) for factor in factors), "--vary")
+    _check_count(math.prod(len(factor.levels) for factor in factors), "`vary`")
     return Members(_keys(factors), list(itertools.product(*(factor.levels for factor in factors))))
 
 
@@ -78,7 +78,7 @@ def random(factors: Sequence[Factor], count: int, seed: int) -> Members:
 
     Sample k depends only on the seed and on k, so that a larger count keeps the first samples.
     """
-    _check_count(count, "--random")
+    _check_count(count, "`random`")
     _check_seed(seed)
 
     def drawn(number: int) -> tuple[object, ...]:
@@ -101,10 +101,10 @@ def sobol(factors: Sequence[Factor], base: int, seed: int) -> Members:
     InputError : a factor has no range, or ``base`` is no power of 2; or SALib is not installed.
     """
     require("sensitivity", "a Sobol analysis")
-    problem = problem_of(factors, "--sobol")
+    problem = problem_of(factors, "`sobol`")
     if base < 2 or base & (base - 1):
-        raise InputError(f"--sobol {base}: must be a power of 2, such as 256.")
-    _check_count(base * (len(factors) + 2), "--sobol")
+        raise InputError(f"`sobol` {base}: must be a power of 2, such as 256.")
+    _check_count(base * (len(factors) + 2), "`sobol`")
     _check_seed(seed)
     from SALib.sample import sobol as sampler
 
@@ -119,10 +119,10 @@ def morris(factors: Sequence[Factor], trajectories: int, seed: int) -> Members:
     InputError : a factor has no range, or there are too few trajectories; or SALib is not installed.
     """
     require("sensitivity", "a Morris analysis")
-    problem = problem_of(factors, "--morris")
+    problem = problem_of(factors, "`morris`")
     if trajectories < 2:
-        raise InputError(f"--morris {trajectories}: the smallest number of trajectories is 2; 20 is usual.")
-    _check_count(trajectories * (len(factors) + 1), "--morris")
+        raise InputError(f"`morris` {trajectories}: the smallest number of trajectories is 2; 20 is usual.")
+    _check_count(trajectories * (len(factors) + 1), "`morris`")
     _check_seed(seed)
     from SALib.sample import morris as sampler
 
@@ -138,7 +138,7 @@ def problem_of(factors: Sequence[Factor], option: str) -> dict[str, Any]:
     """
     for factor in factors:
         if not factor.is_range:
-            raise InputError(f"{option}: the factor {factor.key} needs a range, such as --vary {factor.key}=0:1.")
+            raise InputError(f"{option}: the factor {factor.key} needs a range, such as `vary` {factor.key}=0:1.")
     return {
         "num_vars": len(factors),
         "names": [factor.key for factor in factors],
@@ -190,7 +190,7 @@ def _members_of_lines(lines: Any, path: Path) -> Members:
             raise InputError(f"{path}: line {lines.line_num}: {error}") from None
     if not values:
         raise InputError(f"{path}: the table has no rows. Add one row per run.")
-    _check_count(len(values), f"--table {path}")
+    _check_count(len(values), f"`table` {path}")
     return Members(keys, values)
 
 
@@ -203,7 +203,7 @@ def share_of(members: Members, share: str) -> list[int]:
     """
     part, slash, whole = share.partition("/")
     if not slash or not (part.isdecimal() and whole.isdecimal()) or not 1 <= int(part) <= int(whole) <= MOST_MEMBERS:
-        raise InputError(f"--only {shortened(share)}: invalid share. Write K/N with K from 1 to N, such as 1/4.")
+        raise InputError(f"`only` {shortened(share)}: invalid share. Write K/N with K from 1 to N, such as 1/4.")
     return list(range(int(part) - 1, len(members), int(whole)))
 
 
@@ -222,4 +222,4 @@ def _check_count(count: int, option: str) -> None:
 
 def _check_seed(seed: int) -> None:
     if not 0 <= seed <= LARGEST_SEED_OF_A_SWEEP:
-        raise InputError(f"--seed {seed}: allowed range: 0 to {LARGEST_SEED_OF_A_SWEEP}.")
+        raise InputError(f"`seed` {seed}: allowed range: 0 to {LARGEST_SEED_OF_A_SWEEP}.")

@@ -7,7 +7,7 @@ import os
 import re
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from functools import partial
@@ -77,7 +77,7 @@ class Sweep:
         self, definition: Definition, out: Path, engine: Callable[[int], Engine], *, keep: str, retry: bool, only: str | None
     ) -> None:
         if keep not in KEEP_WORDS and not re.fullmatch(r"every:[1-9]\d{0,8}", keep):
-            raise InputError(f"--keep {shortened(keep)}: valid values are none, all, failed and every:N, such as every:100.")
+            raise InputError(f"`keep` {shortened(keep)}: valid values are none, all, failed and every:N, such as every:100.")
         self.definition, self.out, self.only = definition, out, only
         numbers = range(len(definition.members)) if only is None else share_of(definition.members, only)
         begin(out, definition)
@@ -206,7 +206,7 @@ class Sweep:
 
 def sweep(
     scenario: Path | str,
-    vary: Sequence[str] = (),
+    vary: Sequence[str] | Mapping[str, Iterable[object]] = (),
     *,
     out: Path | str | None = None,
     random: int | None = None,
@@ -234,7 +234,8 @@ def sweep(
     Parameters
     ----------
     scenario : file, or the name of a built-in scenario.
-    vary : ``KEY=LOW:HIGH:N``, ``KEY=LOW:HIGH`` or ``KEY=a,b,c`` for each factor: a full grid, unless another design is given.
+    vary : ``KEY=LOW:HIGH:N``, ``KEY=LOW:HIGH`` or ``KEY=a,b,c`` for each factor, or a dictionary of keys and values, such as
+        ``{"muscle.GGp.force_N": np.linspace(0, 4, 9)}``: a full grid, unless another design is given.
     out : folder of the sweep; outputs/sweep-NAME if left out.
     random : number of random samples.
     sobol : N of a design for Sobol indices with N x (factors + 2) runs; a power of 2.
@@ -258,19 +259,19 @@ def sweep(
     asked = {"random": random, "sobol": sobol, "morris": morris, "table": table}
     chosen: list[Design] = [name for name, value in asked.items() if value is not None]  # type: ignore[misc]
     if len(chosen) > 1:
-        raise InputError(f"--{chosen[0]} and --{chosen[1]} are different designs; give one of them.")
+        raise InputError(f"`{chosen[0]}` and `{chosen[1]}` are different designs; give one of them.")
     design: Design = chosen[0] if chosen else "grid"
     factors = factors_of(vary)
     members: Members
     if table is not None:
         if vary:
             raise InputError(
-                "--vary cannot be combined with --table: the columns of the table are the factors. Remove one of the options."
+                "`vary` cannot be combined with `table`: the columns of the table are the factors. Remove one of the options."
             )
         members = designs.from_table(Path(table))
     else:
         if not factors:
-            raise InputError("no factor is given; add --vary, such as --vary muscle.GGp.force_N=0:4:9, or --table FILE.")
+            raise InputError("no factor is given; add `vary`, such as `vary` muscle.GGp.force_N=0:4:9, or `table` FILE.")
         if design == "random":
             members = designs.random(factors, random or 0, seed)
         elif design == "sobol":
@@ -287,7 +288,7 @@ def sweep(
         factors=factors,
         seed=seed,
         measures=measures,
-        origin="--vary" if table is None else str(table),
+        origin="`vary`" if table is None else str(table),
     )
     folder = Path("outputs") / f"sweep-{path.stem}" if out is None else Path(out)
     engine = partial(engine_for, processes, executor, scheduler)
@@ -298,10 +299,10 @@ def engine_for(processes: int | None, executor: Executor | None, scheduler: str 
     """The engine for a number of runs; see :func:`sweep`."""
     if scheduler is not None and (processes is not None or executor is not None):
         raise InputError(
-            "--scheduler: the scheduler has its own workers; remove --processes (in Python, processes and executor)."
+            "`scheduler`: the scheduler has its own workers; remove `processes` (in Python, processes and executor)."
         )
     if processes is not None and processes < 1:
-        raise InputError(f"--processes {processes}: the smallest value is 1.")
+        raise InputError(f"`processes` {processes}: the smallest value is 1.")
     if executor is not None:
         return UserExecutor(executor, processes)
     if scheduler is not None:

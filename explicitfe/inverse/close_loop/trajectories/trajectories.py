@@ -420,7 +420,7 @@ def trajectory_system(
     levers = levers_of(scenario, anatomy.muscles, _registration_table(dataset), totals)
     for name in only:
         if name not in levers:
-            raise InputError(f"--effects {name}: there is no such effect; {nearest(name, levers)}")
+            raise InputError(f"`effects` {name}: there is no such effect; {nearest(name, levers)}")
     for sensor, point in dataset.sensors.items():
         if point not in mesh.named_points:
             hint = nearest(point, mesh.named_points)

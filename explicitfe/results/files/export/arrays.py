@@ -51,7 +51,7 @@ def mat_bytes(result: Result, progress: Progress) -> bytes:
     if fields[largest].nbytes > LARGEST_MAT_BYTES:
         raise InputError(
             f"{result.path}: {largest} has {in_words(fields[largest].nbytes)}, and a .mat file holds arrays of up to "
-            f"{in_words(LARGEST_MAT_BYTES)}; take --to npz."
+            f"{in_words(LARGEST_MAT_BYTES)}; take `to` npz."
         )
     units = _units(result)
     content: dict[str, object] = {

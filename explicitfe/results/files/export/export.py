@@ -70,14 +70,14 @@ def export(
     path = find_result(Path(path))
     for name in to:
         if name not in FORMATS:
-            raise InputError(f"--to {name}: unknown format; {nearest(name, FORMATS)}")
+            raise InputError(f"`to` {name}: unknown format; {nearest(name, FORMATS)}")
     if not to:
-        raise InputError(f"--to is missing; give a format: {', '.join(FORMATS)}.")
+        raise InputError(f"`to` is missing; give a format: {', '.join(FORMATS)}.")
     if "parquet" in to:
         require("parquet", "writing Parquet")
     folder = path.parent if out is None else Path(out)
     if os.path.lexists(folder) and not folder.is_dir():
-        raise InputError(f"--out {folder} is a file; give a folder, in which the files get the name of the result.")
+        raise InputError(f"`out` {folder} is a file; give a folder, in which the files get the name of the result.")
     with open_result(path) as result:
         targets = {name: _free(folder / f"{path.stem}.{name}", overwrite) for name in dict.fromkeys(to)}
         if not len(result.times):
@@ -99,9 +99,9 @@ def export(
                 for parent in created:
                     parent.rmdir()
             if isinstance(error, FileExistsError):
-                raise InputError(f"{target} was created by another program meanwhile; add --overwrite to replace it.") from None
+                raise InputError(f"{target} was created by another program meanwhile; add `overwrite` to replace it.") from None
             if isinstance(error, OSError):
-                raise refusal(error, f"cannot write {target}", "choose another --out folder") from None
+                raise refusal(error, f"cannot write {target}", "choose another `out` folder") from None
             raise
     return {"result": str(path), "files": files}
 
@@ -124,7 +124,7 @@ def _free(target: Path, overwrite: bool) -> Path:
     """
     if target.is_symlink() or target.is_dir():
         kind = "symbolic link" if target.is_symlink() else "folder"
-        raise InputError(f"{target} is a {kind} and is not replaced; choose another --out folder.")
+        raise InputError(f"{target} is a {kind} and is not replaced; choose another `out` folder.")
     if os.path.lexists(target) and not overwrite:
-        raise InputError(f"{target} exists; add --overwrite to replace it, or choose another --out folder.")
+        raise InputError(f"{target} exists; add `overwrite` to replace it, or choose another `out` folder.")
     return target

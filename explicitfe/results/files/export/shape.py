@@ -46,7 +46,7 @@ def stl_bytes(result: Result, time_s: float | None) -> bytes:
 
     displacement = result.displacement(time_s=time_s)
     if not np.isfinite(displacement).all():
-        raise InputError(f"{result.path}: displacements are not finite at that time; give an earlier --at-ms.")
+        raise InputError(f"{result.path}: displacements are not finite at that time; give an earlier time.")
     corners, _ = surface_triangles(result.mesh, result.mesh.points + displacement)
     points = MILLIMETRES_PER_METRE * corners.reshape(-1, 3)
     mesh = meshio.Mesh(points, [("triangle", np.arange(len(points)).reshape(-1, 3))])

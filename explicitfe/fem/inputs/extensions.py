@@ -1,0 +1,85 @@
+"""Laws and effects of users: they join the tables of the package, so that models, scenarios and close-loop take them.
+
+A class is registered by a decorator at the top of a script, or in a module that an installed package names in its pyproject.toml:
+
+    [project.entry-points."explicitfe.extensions"]
+    my_tissues = "my_tissues.laws"
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from functools import cache
+from importlib.metadata import entry_points
+from typing import TypeVar
+
+from explicitfe.fem.effects import EFFECTS, Effect
+from explicitfe.fem.materials import LAWS, Law
+from explicitfe.platform.errors import InputError, shortened
+
+GROUP = "explicitfe.extensions"
+# Their tables of a scenario are made from those of laws and effects, once.
+MADE_FROM_LAWS, MADE_FROM_EFFECTS = "explicitfe.fem.inputs.material", "explicitfe.simulate.scenario.effects_table"
+
+LawT = TypeVar("LawT", bound=Law)
+EffectT = TypeVar("EffectT", bound=Effect)
+
+
+def register_law(law: type[LawT]) -> type[LawT]:
+    """Decorate a material law, so that elements and scenarios take it.
+
+    The module of the class has the leaves ``isochoric`` and ``slope`` (or ``slopes`` for a law of two invariants), and the class
+    has its name as the default of the key ``law``; see docs/reference/extending.md.
+
+    Raises
+    ------
+    InputError : another law has this name, or scenarios have been read already.
+    """
+    name = law.model_fields["law"].default
+    _check(name, law, LAWS[name][0] if name in LAWS else None, MADE_FROM_LAWS)
+    LAWS[name] = law, sys.modules[law.__module__]
+    return law
+
+
+def register_effect(name: str) -> Callable[[type[EffectT]], type[EffectT]]:
+    """Decorate an effect, so that models, scenarios, ``predict`` and ``close_loop`` take it under this name.
+
+    Raises
+    ------
+    InputError : another effect has this name, or scenarios have been read already.
+    """
+
+    def register(effect: type[EffectT]) -> type[EffectT]:
+        _check(name, effect, EFFECTS.get(name), MADE_FROM_EFFECTS)
+        EFFECTS[name] = effect
+        return effect
+
+    return register
+
+
+def _check(name: object, new: type, present: type | None, made: str) -> None:
+    if not isinstance(name, str) or not name:
+        raise InputError(f"{new.__name__} has no name; a law has its name as the default of its key law.")
+    same = present is not None and (present.__module__, present.__qualname__) == (new.__module__, new.__qualname__)
+    if present is not None and not same:
+        raise InputError(f"{new.__name__}: {shortened(name)} is the name of {present.__name__}; choose another one.")
+    if made in sys.modules and not same:
+        raise InputError(f"{new.__name__}: register it at the top of the script, before the first scenario is read.")
+
+
+@cache
+def load_installed() -> None:
+    """Import the extensions of installed packages.
+
+    Raises
+    ------
+    InputError : an extension cannot be imported.
+    """
+    for entry in entry_points(group=GROUP):
+        try:
+            entry.load()
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(f"the extension {entry.name} ({entry.value}) cannot be imported: {error}.") from error

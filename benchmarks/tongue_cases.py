@@ -41,14 +41,7 @@ from explicitfe.simulate.anatomy import catalogue  # noqa: E402
 from explicitfe.simulate.anatomy.tongue import assemble  # noqa: E402
 from explicitfe.simulate.run.transient import TransientAnalysis  # noqa: E402
 from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable  # noqa: E402
-from explicitfe.simulate.scenario.transient import (  # noqa: E402
-    AnalysisTable,
-    Damping,
-    ModelTable,
-    MuscleTable,
-    RecordTable,
-    TransientScenario,
-)
+from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, RecordTable, TransientScenario  # noqa: E402
 
 MEASURED_TONGUE = SHARED_DATA / "tongue" / "artisynth-hextongue"
 MEASURED = "measured"

@@ -115,7 +115,7 @@ def test_a_delay_is_recovered(result: Path, tmp_path: Path) -> None:
     assert wrong.rms_mm > 1.0
     still = {name: np.repeat(place[:1], 10_000, axis=0) for name, place in coils.positions.items()}
     long = replace(coils, time_s=0.002 * np.arange(10_000), positions=still)
-    with pytest.raises(InputError, match="the recording lasts 20 s, and --offset-s fit searches at most 10 s; give an offset"):
+    with pytest.raises(InputError, match="the recording lasts 20 s, and `offset_s` fit searches at most 10 s; give an offset"):
         compare_recording(result, long, MAPPING, offset_s="fit")
 
 

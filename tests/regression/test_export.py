@@ -173,7 +173,7 @@ def test_an_undeformed_surface_is_closed_and_has_the_volume_of_the_body(tmp_path
 def test_nothing_is_replaced_and_nothing_half_written(result: Path, tmp_path: Path) -> None:
     target = tmp_path / "run.csv"
     target.write_text("mine", encoding="utf-8")
-    with pytest.raises(InputError, match=r"run\.csv exists; add --overwrite"):
+    with pytest.raises(InputError, match=r"run\.csv exists; add `overwrite`"):
         export(result, ["npz", "csv"], tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["run.csv"] and target.read_text(encoding="utf-8") == "mine"
     export(result, ["csv"], tmp_path, overwrite=True)
@@ -234,7 +234,7 @@ def test_a_full_disk_leaves_no_exported_file(
 
 
 def test_a_file_is_no_folder_for_exports(result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Not even with --overwrite, and the advice is not to add --overwrite."""
+    """Not even with --overwrite, and the advice is not to add `overwrite`."""
     (tmp_path / "table.csv").write_text("mine", encoding="utf-8")
     words = ["export", str(result), "--to", "csv", "--out", str(tmp_path / "table.csv"), "--overwrite"]
     assert command(words) == 2

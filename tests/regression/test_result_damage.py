@@ -131,7 +131,7 @@ def both(one, other):
     return lambda file: (one(file), other(file))
 
 
-HUGE, BONE = 10**15, "explicitfe/fem/bones/a"
+HUGE, BONE = 10**15, "explicitfe/bones/a"
 
 
 def huge(name, dtype=float):
@@ -151,8 +151,8 @@ DAMAGES = {
     "summary no table": put("explicitfe/status/summary", b"[1]"),
     "summary nested": put("explicitfe/status/summary", b"[" * 100_000),
     "summary no UTF-8": put("explicitfe/status/summary", b"\xff\xfe"),
-    "no model": put("explicitfe/simulate/anatomy", None),
-    "model no JSON": put("explicitfe/simulate/anatomy", "x"),
+    "no model": put("explicitfe/model", None),
+    "model no JSON": put("explicitfe/model", "x"),
     "NSteps text": attribute("VTKHDF/Steps", "NSteps", "three"),
     "NSteps -1": attribute("VTKHDF/Steps", "NSteps", -1),
     "NSteps 1e9": attribute("VTKHDF/Steps", "NSteps", 10**9),
@@ -166,7 +166,7 @@ DAMAGES = {
     "no description": attribute("explicitfe/history/time", "description", None),
     "no rows": attribute("explicitfe/history", "rows", None),
     "rows 1e9": attribute("explicitfe/history", "rows", 10**9),
-    "no sha256": attribute("explicitfe/simulate/scenario", "sha256", None),
+    "no sha256": attribute("explicitfe/scenario", "sha256", None),
     "Connectivity not of hexes": put("VTKHDF/Connectivity", np.arange(15)),
     "Connectivity out of range": put("VTKHDF/Connectivity", np.full(16, N)),
     "Connectivity negative": put("VTKHDF/Connectivity", np.full(16, -1)),
@@ -250,7 +250,7 @@ LINKS = {
     "external group": link("explicitfe/history", None),
     "external root group": link("explicitfe", None),
     "soft link": link("explicitfe/node_sets/jaw", "/explicitfe/node_sets/hyoid"),
-    "dangling soft link": link("explicitfe/simulate/scenario", "/nothing"),
+    "dangling soft link": link("explicitfe/scenario", "/nothing"),
     "external dataset": external_dataset("VTKHDF/Points"),
     "virtual dataset": virtual_dataset("VTKHDF/Points"),
 }

@@ -33,7 +33,7 @@ def test_the_file_has_its_final_name_only_when_it_is_whole(tmp_path):
 def test_an_existing_result_stays_until_the_new_one_is_whole(tmp_path):
     path = write(tmp_path / "a.vtkhdf", 2)
     before = path.read_bytes()
-    with pytest.raises(InputError, match="exists; add --overwrite to replace it or choose another --out folder"):
+    with pytest.raises(InputError, match="exists; add `overwrite` to replace it or choose another `out` folder"):
         start(path)
     assert [*tmp_path.iterdir()] == [path]
     with start(path, overwrite=True) as run:
@@ -104,7 +104,7 @@ def test_a_name_of_an_unfinished_result_is_refused(tmp_path):
     """A scenario x.running.toml would take the place in which x.toml writes."""
     with start(tmp_path / "x.vtkhdf") as run:
         add(run, 0)
-        with pytest.raises(InputError, match='is the name of an unfinished result of "x"; choose another name with --name'):
+        with pytest.raises(InputError, match='is the name of an unfinished result of "x"; choose another name with `name`'):
             start(tmp_path / "x.running.vtkhdf", overwrite=True)
     # One that an older version has finished under such a name is not taken for the rest of x.toml's run.
     write(tmp_path / "y.vtkhdf", 1).rename(tmp_path / "x.running.vtkhdf")
@@ -251,7 +251,7 @@ def test_what_dead_processes_left_is_cleared_away(tmp_path):
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match=r"cannot write results to .*file/sub \(Not a directory\); choose another --out"):
+    with pytest.raises(InputError, match=r"cannot write results to .*file/sub \(Not a directory\); choose another `out`"):
         start(tmp_path / "file" / "sub" / "a.vtkhdf")
     (tmp_path / "b.vtkhdf").mkdir()
     with pytest.raises(InputError, match="is a folder"):

@@ -21,7 +21,7 @@ REPORTS = ("progress", "_progress", "_enter", "_show")  # what a module calls wi
 def reported_stages() -> set[str]:
     """Stages that stand in a call anywhere in the package."""
     stages = set()
-    for path in sorted((ROOT / "explicitfe").rglob("*.py")):
+    for path in [*sorted((ROOT / "explicitfe").rglob("*.py")), *sorted((ROOT / "studies").rglob("*.py"))]:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.Call) or not node.args:
                 continue

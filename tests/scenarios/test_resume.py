@@ -145,7 +145,7 @@ def test_a_finished_result_is_not_replaced_by_a_part(tmp_path: Path) -> None:
     part = explicitfe.run(scenario, tmp_path, settings=settings, overwrite=True, progress=interrupting(0.5))
     assert part["status"] == "interrupted" and part["result"].endswith(".running.vtkhdf")
     assert Path(whole["result"]).read_bytes() == before
-    with pytest.raises(explicitfe.InputError, match="add --overwrite"):
+    with pytest.raises(explicitfe.InputError, match="add `overwrite`"):
         explicitfe.resume(part["result"])
     last = explicitfe.resume(part["result"], overwrite=True)
     assert last["result"] == whole["result"] and len(list(tmp_path.iterdir())) == 1

@@ -118,7 +118,7 @@ def test_designs_for_a_sensitivity_analysis():
         members.morris(factors, 1, seed=1)
     with pytest.raises(InputError, match="needs a range"):
         members.morris(factors_of([f"{FORCE}=1,2"]), 4, seed=1)
-    with pytest.raises(InputError, match="--seed -1"):
+    with pytest.raises(InputError, match="`seed` -1"):
         members.random(factors, 2, seed=-1)
 
 

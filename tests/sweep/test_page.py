@@ -50,7 +50,7 @@ def words(page: str) -> str:
 
 
 def page_of(folder: Path, out: Path) -> str:
-    write_sweep_report(folder, out, overwrite=True)
+    write_sweep_report(sweep_to_draw, folder, out, overwrite=True)
     return out.read_text(encoding="utf-8")
 
 
@@ -201,7 +201,7 @@ def test_a_large_sweep_is_sampled(tmp_path: Path) -> None:
     assert len(some) == MOST_SCATTERED_NUMBERS // 400 and np.array_equal(some, sample_of(60_000, 400))
     members = designs.random(factors_of(FORCES), MOST_SCATTERED_MEMBERS + 500, 0)
     folder = write_sweep(tmp_path / "sweep", members)
-    answer = write_sweep_report(folder)
+    answer = write_sweep_report(sweep_to_draw, folder)
     assert answer["scattered"] == MOST_SCATTERED_MEMBERS and answer["size_MB"] < 1.5
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert f"{MOST_SCATTERED_MEMBERS} of {MOST_SCATTERED_MEMBERS + 500} runs, sampled at random" in words(page)
@@ -240,7 +240,7 @@ def test_a_sweep_that_is_not_complete_and_one_where_all_failed(tmp_path: Path) -
     assert "0 of 20 runs finished 20 did not finish" in words(page) and "refused 20" in words(page)
     assert "alert" in page and EVIL not in page
     with pytest.raises(InputError, match="no run of this sweep is finished yet"):
-        write_sweep_report(write_sweep(tmp_path / "empty", members, stored=0))
+        write_sweep_report(sweep_to_draw, write_sweep(tmp_path / "empty", members, stored=0))
 
 
 def test_another_body(tmp_path: Path) -> None:
@@ -292,7 +292,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.mark.parametrize("width, scheme", [(1280, "light"), (390, "dark")])
 def test_in_a_browser(browser: Any, folder: Path, tmp_path: Path, width: int, scheme: str) -> None:
-    path = Path(write_sweep_report(folder, tmp_path / "page.html")["report"])
+    path = Path(write_sweep_report(sweep_to_draw, folder, tmp_path / "page.html")["report"])
     page = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme).new_page()
     complaints: list[str] = []
     requests: list[str] = []

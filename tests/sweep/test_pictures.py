@@ -57,7 +57,7 @@ def test_two_columns_against_each_other(folder):
 )
 def test_what_is_not_there(folder, tmp_path, only, says):
     with pytest.raises(InputError, match=says):
-        draw_sweep(folder, tmp_path, only=[only])
+        draw_sweep(sweep_to_draw, folder, tmp_path, only=[only])
     assert not list(tmp_path.iterdir())
 
 

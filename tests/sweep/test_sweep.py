@@ -149,7 +149,7 @@ def test_results_are_kept_on_demand(executor, tmp_path):
     assert {path.name for path in (tmp_path / "every" / "results").iterdir()} == {
         "member-0000000.vtkhdf", "member-0000002.vtkhdf"
     }  # fmt: skip
-    with pytest.raises(InputError, match="--keep some"):
+    with pytest.raises(InputError, match="`keep` some"):
         sweep(tmp_path / "some", executor, keep="some")
 
 

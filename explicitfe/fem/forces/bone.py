@@ -13,15 +13,7 @@ from __future__ import annotations
 
 import math
 
-from explicitfe.platform.compiled.arrays import (
-    BONE_AREA,
-    BONE_DEPTH,
-    BONE_FORCE,
-    ROTATION,
-    SHIFT,
-    SPEED,
-    SPIN,
-)
+from explicitfe.platform.compiled.arrays import BONE_AREA, BONE_DEPTH, BONE_FORCE, ROTATION, SHIFT, SPEED, SPIN
 from explicitfe.platform.compiled.jit import leaf
 
 CONTACT_STIFFNESS_PA_M = 2e7  # k: a pressure of 2 kPa presses a node 0.1 mm into bone

@@ -15,14 +15,7 @@ from explicitfe.fem.elements.hex8 import (
     minus_corner_forces,
 )
 from explicitfe.fem.forces import contraction, response
-from explicitfe.fem.forces.barrier import (
-    barrier_energy,
-    hold_corners,
-    no_barrier,
-    no_barrier_energy,
-    no_suspects,
-    note_suspects,
-)
+from explicitfe.fem.forces.barrier import barrier_energy, hold_corners, no_barrier, no_barrier_energy, no_suspects, note_suspects
 from explicitfe.fem.forces.contraction import no_contraction, no_start
 from explicitfe.fem.forces.corners import add_corner_forces, element_modes
 from explicitfe.fem.forces.response import Layout

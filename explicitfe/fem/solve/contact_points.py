@@ -8,20 +8,7 @@ import numpy as np
 
 from explicitfe.fem.model.model import Model, Tool
 from explicitfe.fem.solve.kernels import Kernels
-from explicitfe.platform.compiled.arrays import (
-    COMPLIANCE,
-    DEPTH,
-    DRIVE,
-    FREE,
-    GOAL,
-    LOAD,
-    PACE,
-    SHAPE,
-    TIED,
-    TILT,
-    TOOL,
-    Contact,
-)
+from explicitfe.platform.compiled.arrays import COMPLIANCE, DEPTH, DRIVE, FREE, GOAL, LOAD, PACE, SHAPE, TIED, TILT, TOOL, Contact
 
 # The contact springs begin at this multiple of the shear modulus over the face size, and are doubled while the tool sinks in by
 # more than the allowed share of the indentation. Softer ones would only be doubled more often, stiffer ones slow the relaxation.

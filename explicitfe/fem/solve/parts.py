@@ -6,13 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from explicitfe.platform.compiled.arrays import (
-    SWEEP_ROWS,
-    Blocks,
-    Part,
-    State,
-    zeros,
-)
+from explicitfe.platform.compiled.arrays import SWEEP_ROWS, Blocks, Part, State, zeros
 from explicitfe.platform.compiled.simd import ROW
 from explicitfe.platform.compiled.threads import cores, gate
 

@@ -25,14 +25,7 @@ from explicitfe.inverse.close_loop.compared import (
     without_term,
 )
 from explicitfe.inverse.close_loop.estimates import Estimates
-from explicitfe.inverse.close_loop.evidence import (
-    Causes,
-    Prior,
-    cost_of_term,
-    evidence_of,
-    log_odds_of_other,
-    posterior_of,
-)
+from explicitfe.inverse.close_loop.evidence import Causes, Prior, cost_of_term, evidence_of, log_odds_of_other, posterior_of
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit

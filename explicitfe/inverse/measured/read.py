@@ -11,12 +11,7 @@ from pydantic import BaseModel, ValidationError
 from explicitfe.fem.inputs.table import validated
 from explicitfe.inverse.measured.curve import COLUMNS, TIME, Curve, Dataset, Kind, check_constants, check_sides
 from explicitfe.inverse.measured.files import CurveCsv, DatasetToml
-from explicitfe.inverse.measured.tables import (
-    SHAPE_KEYS,
-    DatasetFile,
-    MergedTables,
-    RawTable,
-)
+from explicitfe.inverse.measured.tables import SHAPE_KEYS, DatasetFile, MergedTables, RawTable
 from explicitfe.inverse.measured.units import check_noise, check_units
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import DATASET_FILE, dataset_folder

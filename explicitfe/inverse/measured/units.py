@@ -8,12 +8,7 @@ import numpy as np
 
 from explicitfe.inverse.measured.curve import COLUMNS, NOISE, TIME
 from explicitfe.inverse.measured.files import CurveCsv, DatasetToml
-from explicitfe.inverse.measured.tables import (
-    DatasetFile,
-    MeasuredSpecimen,
-    MeasuredTool,
-    MergedTables,
-)
+from explicitfe.inverse.measured.tables import DatasetFile, MeasuredSpecimen, MeasuredTool, MergedTables
 
 # All limits are wide: a curve that is merely unusual must pass.
 _STRETCH_LIMITS = (0.05, 10.0)

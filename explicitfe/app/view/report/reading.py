@@ -8,15 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from explicitfe.results.documents.loop_report import (
-    AssumedValue,
-    Column,
-    LoopReport,
-    MeanError,
-    ReportCurve,
-    ReportedModel,
-    Side,
-)
+from explicitfe.results.documents.loop_report import AssumedValue, Column, LoopReport, MeanError, ReportCurve, ReportedModel, Side
 
 
 @dataclass(frozen=True, eq=False)

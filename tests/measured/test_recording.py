@@ -236,7 +236,7 @@ def test_an_indentation_is_refused(tmp_path: Path) -> None:
         ("time_s,T1_x_mm,T1_x_mm", 'two columns are called "T1_x"'),
         ("time_s,T1_x,T1_z", 'the unit of "T1_x" is not known; give --unit mm or --unit m'),
         ("time_s,T1_x (N),T1_z (N)", '"N" of "T1_x" is no unit of length'),
-        ("row,T1_x_mm,T1_z_mm", "there is no time column; name one time_s, or give the sampling rate with --rate-hz"),
+        ("row,T1_x_mm,T1_z_mm", "there is no time column; name one time_s, or give the sampling rate with `rate_hz`"),
         ("time,T1_x_mm,T1_z_mm", 'the unit of "time" is not known; name the column time_s or time_ms'),
         ("time_s,T1_x_mm,T1_up_mm", "some columns have the axes x, y, z and others directions"),
         ("time_s,T1_y_mm,T1_z_mm", 'sensor "T1" has the axes y, z; give x, y, z'),

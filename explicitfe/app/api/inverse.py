@@ -10,7 +10,7 @@ from explicitfe.app.view.page.design import design_page
 from explicitfe.app.view.page.predict import predict_page
 from explicitfe.inverse.close_loop.close import USUAL_MAX_EFFECTS, find_causes
 from explicitfe.inverse.close_loop.design import plan_test
-from explicitfe.inverse.close_loop.propose import propose
+from explicitfe.inverse.close_loop.propose import propose, protocols_of
 from explicitfe.inverse.close_loop.report import SUMMARY, LoopDocuments
 from explicitfe.inverse.identify.identify import identify_constants
 from explicitfe.inverse.predict.predict import predict_curves
@@ -269,8 +269,9 @@ def propose_tests(
     InputError : a dataset or a report that cannot be used, or a folder that cannot be written.
     """
     target = None if out is None else checked_target(Path(out), overwrite, summary=PROPOSALS_FILE, what="proposal")
-    proposed, protocols = propose(dataset, processes=processes, progress=progress)
+    proposed, report = propose(dataset, processes=processes, progress=progress)
     if target is not None:
+        protocols = protocols_of(proposed, report)
         proposed = proposed.model_copy(update={"files": [str(target / name) for name in (PROPOSALS_FILE, *protocols)]})
         _write(target, PROPOSALS_FILE, proposed, protocols)
     return proposed

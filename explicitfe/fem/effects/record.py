@@ -7,6 +7,8 @@ from typing import Literal
 
 import numpy as np
 
+MaterialKind = Literal["force-displacement", "uniaxial", "shear"]
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -27,7 +29,7 @@ class Record:
         test of one curve.
     """
 
-    kind: Literal["force-displacement", "uniaxial", "shear"]
+    kind: MaterialKind
     time_s: np.ndarray
     motion: np.ndarray
     cycle: float = 1.0

@@ -25,7 +25,7 @@ from explicitfe.inverse.close_loop.statistics.noise import SMALLEST_NOISE_SHARE,
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.inverse.close_loop.statistics.signatures import Signature, signatures
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis
-from explicitfe.inverse.measured.curve import COLUMNS, TIME, Dataset, Kind
+from explicitfe.inverse.measured.curve import COLUMNS, TIME, Kind, SpecimenDataset
 from explicitfe.inverse.measured.files import LARGEST_CURVE_ROWS
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.tables import RawTable
@@ -224,7 +224,7 @@ def _model(system: Specimens, protocol: ProtocolFile) -> Hypothesis:
     return start.at(np.array([p.sought.coordinate(v) for p, v in zip(start.parameters, values, strict=True)]))
 
 
-def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
+def _dataset(path: Path, protocol: ProtocolFile) -> SpecimenDataset:
     """The protocol as a dataset, so that the same checks apply; the column that is not known yet is guessed."""
     tool = protocol.tool
     kind: Kind = "shear" if protocol.test == "shear" else "uniaxial" if tool is None else "force-displacement"
@@ -260,7 +260,7 @@ def _dataset(path: Path, protocol: ProtocolFile) -> Dataset:
             (Path(folder) / f"{number}.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
         (Path(folder) / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
         try:
-            return read_dataset(folder)
+            return read_dataset(folder).specimens("a protocol plans")
         except InputError as error:
             raise InputError(f"{path}: invalid protocol: {str(error).replace(folder, '').lstrip('/')}") from None
 

@@ -11,7 +11,7 @@ from explicitfe.fem.effects import EFFECTS
 from explicitfe.inverse.close_loop.specimens.features import features_of
 from explicitfe.inverse.close_loop.specimens.series import peers_of, series_of
 from explicitfe.inverse.close_loop.split import Split, split
-from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, sd_of
+from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, SpecimenDataset, TrajectoryDataset, sd_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
 from explicitfe.results.documents.dataset_check import CheckedCurve, ColumnRange, DatasetCheckReport, HiddenEffect
@@ -32,7 +32,8 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
     """
     dataset = read_dataset(path)
     sides = split(dataset)
-    specimens = dataset.test != "trajectory"
+    scenario, sensors = (dataset.scenario, dataset.sensors) if isinstance(dataset, TrajectoryDataset) else (None, {})
+    specimens = isinstance(dataset, SpecimenDataset)
     features = _features(sides.fit) if specimens else set()
     hidden: list[HiddenEffect] = [
         {"effect": name, "needs": kind.about.needs}
@@ -49,8 +50,8 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
         "license": dataset.license,
         "specimens": _distinct([c.specimen.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.specimen]),
         "tools": _distinct([c.tool.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.tool]),
-        "scenario": None if dataset.scenario is None else str(dataset.scenario),
-        "sensors": dataset.sensors,
+        "scenario": None if scenario is None else str(scenario),
+        "sensors": sensors,
         "rule": sides.rule,
         "curves": [_checked(curve, sides) for curve in dataset.curves],
         "can_show": [name for name in EFFECTS if specimens and name not in names],
@@ -93,7 +94,7 @@ def _checked(curve: Curve, sides: Split) -> CheckedCurve:
 
 def _stated_noise(curve: Curve) -> float | None:
     """Standard deviation of the predicted column, or of a coordinate in mm, in the unit of the table; None if not stated."""
-    if curve.kind == "trajectory":
+    if curve.sensors:
         return curve.noise.displacement_sd_mm
     sd = sd_of(curve, curve.predicted)
     return None if sd is None else sd * PRINTED_UNITS.get(curve.predicted, ("1", 1.0))[1]
@@ -106,7 +107,7 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
         notes.append("there is only one curve, so no prediction can be tested; measure at least one more.")
     elif not sides.holdout:
         notes.append('no curve is held out, so no prediction is tested; set split = "holdout" for one of them.')
-    if dataset.test == "trajectory":
+    if isinstance(dataset, TrajectoryDataset):
         if dataset.scenario is None:
             notes.append("there is no scenario to compare these trajectories with; add the key scenario.")
         elif not dataset.sensors:
@@ -114,7 +115,7 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
     unstated = [c.id for c in sides.fit if _stated_noise(c) is None]
     if unstated:
         notes.append(f"the noise of {_listed(unstated)} is not stated; it is estimated from the roughness of the rows.")
-    if dataset.test == "trajectory":
+    if isinstance(dataset, TrajectoryDataset):
         return notes
     supposed = {
         "the support of the specimen is unknown; it is assumed to slide, as between platens": [

@@ -18,20 +18,18 @@ from explicitfe.results.documents.loop_report import LoopReport, NextExperiment,
 from explicitfe.results.documents.proposed_tests import ProposedTests
 
 
-def propose(
-    path: Path | str, *, processes: int | None = None, progress: Progress = silent
-) -> tuple[ProposedTests, dict[str, str]]:
+def propose(path: Path | str, *, processes: int | None = None, progress: Progress = silent) -> tuple[ProposedTests, LoopReport]:
     """Propose the tests with the largest expected information per minute; see :func:`explicitfe.propose_tests`.
 
     Returns
     -------
     proposed : the tests.
-    files : name -> text of the protocol of each test.
+    report : the report that they follow from.
     """
     path = Path(path)
     file = path / SUMMARY if path.is_dir() and (path / SUMMARY).is_file() else path
     report = _read(file) if file.suffix == ".json" else find_causes(path, processes=processes, progress=progress).report
-    proposed = ProposedTests(
+    tests = ProposedTests(
         dataset=report.dataset or "",
         file=str(report.provenance.get("dataset", "")),
         verdict=report.verdict or "failed",
@@ -39,8 +37,13 @@ def propose(
         posterior=report.posterior,
         tests=report.proposed_tests,
     )
+    return tests, report
+
+
+def protocols_of(proposed: ProposedTests, report: LoopReport) -> dict[str, str]:
+    """Name of a file -> text of the protocol of each test, which :func:`explicitfe.design_test` takes."""
     dataset = read_dataset(proposed.file)
-    return proposed, {f"test-{n}.toml": _protocol(test, dataset, report) for n, test in enumerate(proposed.tests, 1)}
+    return {f"test-{n}.toml": _protocol(test, dataset, report) for n, test in enumerate(proposed.tests, 1)}
 
 
 def _read(file: Path) -> LoopReport:

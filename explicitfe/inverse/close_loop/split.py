@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
-from explicitfe.inverse.measured.curve import Curve, Dataset, programme_of, same_measurement
+from explicitfe.inverse.measured.curve import Curve, Dataset, TrajectoryDataset, programme_of, same_measurement
 from explicitfe.inverse.predict.experiment import experiments
 from explicitfe.platform.errors import InputError, nearest, shortened
 
@@ -70,7 +70,7 @@ def split(dataset: Dataset, holdout: Sequence[str] = ()) -> Split:
         held, rule = set(holdout), "the curves named by --holdout are held out"
     elif any(c.split is not None for c in usable):
         held, rule = {c.id for c in usable if c.split == "holdout"}, "as the dataset says"
-    elif dataset.test == "trajectory":
+    elif isinstance(dataset, TrajectoryDataset):
         count = round(THRESHOLDS.held_out_share * len(usable)) if len(usable) > 2 else 0
         held, rule = (
             {c.id for c in usable[len(usable) - count :]},

@@ -79,7 +79,7 @@ def identify_constants(
     if method == "paper" and law != YEOH.name:
         raise InputError(f"`law` {shortened(law)}: the paper's method identifies Yeoh constants only; omit `law` or `method`.")
     requested_laws(law, homogeneous=True)
-    data = read_dataset(dataset)
+    data = read_dataset(dataset).specimens("constants are identified from")
     if constants_by is not None:
         data = data.regrouped(constants_by)
     groups, left_out = select(data, fit)

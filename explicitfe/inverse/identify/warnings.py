@@ -12,7 +12,7 @@ from explicitfe.inverse.identify.fit import Observed
 from explicitfe.inverse.identify.forward import UniformResponse
 from explicitfe.inverse.identify.group_fit import GroupFit
 from explicitfe.inverse.identify.laws import ALL
-from explicitfe.inverse.measured.curve import Curve, Dataset
+from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
 from explicitfe.inverse.measured.select import Group
 
 # Numerical noise above this share of the data's noise leads to a warning.
@@ -159,7 +159,7 @@ def _buckles(curve: Curve, observed: Observed) -> bool:
 
 
 def dataset_warnings(
-    dataset: Dataset, groups: Sequence[Group], left_out: Mapping[str, str], failures: Mapping[str, str]
+    dataset: SpecimenDataset, groups: Sequence[Group], left_out: Mapping[str, str], failures: Mapping[str, str]
 ) -> list[str]:
     """Everything that a reader must know about the dataset as a whole."""
     warnings = [f'Curve "{name}" was not used: {why}.' for name, why in left_out.items()]

@@ -139,16 +139,13 @@ class Curve:
         return (second, first) if self.tool is not None and self.tool.control == "force" else (first, second)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Dataset:
-    """Curves of one test.
+    """Curves of one test, of specimens or of a moving body.
 
     Parameters
     ----------
     path : the dataset.toml.
-    scenario, sensors, registration : of a trajectory; sensors maps a sensor to a named point of the model. Without a scenario
-        the dataset has data only.
-    rig : limits of the machine, if the dataset states them.
     """
 
     name: str
@@ -159,10 +156,45 @@ class Dataset:
     notes: str
     path: Path
     curves: tuple[Curve, ...]
+
+    def specimens(self, task: str) -> SpecimenDataset:
+        """The dataset, if it has tests of specimens.
+
+        Raises
+        ------
+        InputError : it has trajectories; ``task`` begins the sentence, such as "constants are identified from".
+        """
+        raise InputError(f"{self.path}: {task} tests of specimens, and this is a trajectory; use close-loop.")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TrajectoryDataset(Dataset):
+    """Recordings of sensors on a moving body.
+
+    Parameters
+    ----------
+    scenario : the model to compare with; without it the dataset has data only.
+    sensors : sensor -> named point of the model.
+    """
+
     scenario: Path | None = None
     sensors: dict[str, str] = field(default_factory=dict)
     registration: RegistrationTable | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpecimenDataset(Dataset):
+    """Material tests.
+
+    Parameters
+    ----------
+    rig : limits of the machine, if the dataset states them.
+    """
+
     rig: RigLimits | None = None
+
+    def specimens(self, task: str) -> SpecimenDataset:
+        return self
 
     def constants_groups(self) -> dict[str, tuple[Curve, ...]]:
         """Return the curves by the name of their constants, in the order of the file."""
@@ -171,7 +203,7 @@ class Dataset:
             groups[curve.constants] = (*groups.get(curve.constants, ()), curve)
         return groups
 
-    def regrouped(self, key: str) -> Dataset:
+    def regrouped(self, key: str) -> SpecimenDataset:
         """Return the same curves with constants shared by ``group`` or by a key of their conditions.
 
         Raises

@@ -114,7 +114,7 @@ class CurveCsv:
 
     def sensors(self) -> dict[str, np.ndarray]:
         """Name -> positions (k, 3) [mm], in the order of the file; empty unless a trajectory."""
-        if self.kind != "trajectory":
+        if self.kind in COLUMNS:
             return {}
         names = dict.fromkeys(match[1] for match in map(_SENSOR.fullmatch, self.data) if match)
         return {name: np.column_stack([self.data[f"{name}_{axis}_mm"] for axis in "xyz"]) for name in names}
@@ -124,7 +124,7 @@ class CurveCsv:
         where = f"{self.path}, line {self.line_of[0]}:"
         if len(names) == 1 and set(header) & set(";\t"):
             raise InputError(f"{where} the columns must be separated by commas, with a point in decimal numbers.")
-        if self.kind == "trajectory":
+        if self.kind not in COLUMNS:
             named = dict.fromkeys(match[1] for match in map(_SENSOR.fullmatch, names) if match)
             valid = [TIME, *(f"{sensor}_{axis}_mm" for sensor in dict.fromkeys([*named, *sensors]) for axis in "xyz")]
             should = f"a trajectory has {TIME} and, for each sensor, <sensor>_x_mm, <sensor>_y_mm and <sensor>_z_mm"

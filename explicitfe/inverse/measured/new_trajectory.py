@@ -18,8 +18,7 @@ from explicitfe.platform.host.shipped import DATASET_FILE, scenario_file, scenar
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.files.folder import whole_folder
 from explicitfe.simulate.anatomy.tongue import anatomy_of
-from explicitfe.simulate.scenario.read import read_scenario
-from explicitfe.simulate.scenario.transient import TransientScenario
+from explicitfe.simulate.scenario.read import read_transient
 
 SCENARIO_FILE = "scenario.toml"  # the copy of a bundled scenario
 MM_PER_M, MS_PER_S = 1e3, 1e3
@@ -106,9 +105,7 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
 
 def _check_scenario(path: Path, description: TrajectoryDescription, recordings: Sequence[Coils]) -> list[str]:
     """Check that the scenario is transient and has the mapped points; notes on recordings that are longer than it."""
-    scenario, _ = read_scenario(path)
-    if not isinstance(scenario, TransientScenario):
-        raise InputError(f"{path}: trajectories need a transient scenario, not an indentation; give another `scenario`.")
+    scenario = read_transient(path)
     if not description.mapping:
         raise InputError("`mapping` is missing; map at least one point of the scenario to a sensor, such as `mapping` tip=T1.")
     points = anatomy_of(scenario.model, path.parent).mesh.named_points

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import NamedTuple
 
 from pydantic import BaseModel, ValidationError
+from typing_extensions import TypedDict
 
 from explicitfe.fem.inputs.table import validated
-from explicitfe.inverse.measured.curve import COLUMNS, TIME, Curve, Dataset, Kind, check_constants, check_sides
+from explicitfe.inverse.measured.curve import (
+    COLUMNS,
+    TIME,
+    Curve,
+    Dataset,
+    Kind,
+    SpecimenDataset,
+    TrajectoryDataset,
+    check_constants,
+    check_sides,
+)
 from explicitfe.inverse.measured.files import CurveCsv, DatasetToml
-from explicitfe.inverse.measured.tables import SHAPE_KEYS, DatasetFile, MergedTables, RawTable
+from explicitfe.inverse.measured.tables import SHAPE_KEYS, DatasetFile, MergedTables, RawTable, TestKind
 from explicitfe.inverse.measured.units import check_noise, check_units
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import DATASET_FILE, dataset_folder
@@ -41,53 +53,105 @@ def read_dataset(path: Path | str) -> Dataset:
     curves = tuple(_curve(table, number, source) for number in range(len(table.curve)))
     check_constants(curves, str(source.path))
     check_sides(curves, str(source.path))
-    return Dataset(
-        name=table.name,
-        title=table.title,
-        test=table.test,
-        source=table.source,
-        license=table.license,
-        notes=table.notes,
-        path=source.path,
+    return KINDS[table.test].dataset(table, source.path, curves)
+
+
+class DatasetHead(TypedDict):
+    """What all datasets state."""
+
+    name: str
+    title: str
+    test: TestKind
+    source: str
+    license: str
+    notes: str
+    path: Path
+
+
+class KindOfDataset(NamedTuple):
+    """What differs between tests of specimens and trajectories when a dataset is read.
+
+    Attributes
+    ----------
+    check : raises an InputError where the test lacks a table or has one that it cannot have.
+    dataset : from the file, its path and its curves.
+    kind : of curves without a tool.
+    """
+
+    check: Callable[[DatasetFile, DatasetToml], None]
+    dataset: Callable[[DatasetFile, Path, tuple[Curve, ...]], Dataset]
+    kind: Kind
+
+
+def _head(table: DatasetFile, path: Path) -> DatasetHead:
+    return {
+        "name": table.name,
+        "title": table.title,
+        "test": table.test,
+        "source": table.source,
+        "license": table.license,
+        "notes": table.notes,
+        "path": path,
+    }
+
+
+def _specimens(table: DatasetFile, path: Path, curves: tuple[Curve, ...]) -> Dataset:
+    return SpecimenDataset(**_head(table, path), curves=curves, rig=table.rig)
+
+
+def _trajectories(table: DatasetFile, path: Path, curves: tuple[Curve, ...]) -> Dataset:
+    return TrajectoryDataset(
+        **_head(table, path),
         curves=curves,
-        scenario=None if table.scenario is None else source.path.parent / table.scenario,
+        scenario=None if table.scenario is None else path.parent / table.scenario,
         sensors={sensor.name: sensor.model_point for sensor in table.sensor},
         registration=table.registration,
-        rig=table.rig,
     )
+
+
+def _check_trajectories(table: DatasetFile, source: DatasetToml) -> None:
+    owners: list[tuple[tuple[str | int, ...], BaseModel]] = [((), table)]
+    owners += [(("curve", number), curve) for number, curve in enumerate(table.curve)]
+    for keys, owner in owners:
+        for name in ("specimen", "tool"):
+            if getattr(owner, name):
+                raise source.fault((*keys, name), f"a trajectory has no [{name}]; remove it.")
+    for name in ("sensor", "registration"):
+        if table.scenario is None and getattr(table, name):
+            raise source.fault((name,), f"[{name}] needs a scenario to compare with; add the key scenario.")
+    if table.scenario is not None and not (source.path.parent / table.scenario).is_file():
+        raise source.fault(
+            ("scenario",), f'the scenario "{table.scenario}" is missing; put it into the folder of {source.path.name}.'
+        )
+
+
+def _check_specimens(table: DatasetFile, source: DatasetToml) -> None:
+    for name in ("scenario", "sensor", "registration"):
+        if getattr(table, name):
+            raise source.fault((name,), f'{name} is for test = "trajectory" only; remove it.')
+    if table.specimen is None and not all(curve.specimen for curve in table.curve):
+        raise source.fault(("test",), '[specimen] is missing; add it, shape = "point" if the size is unknown.')
+    tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
+    if table.test == "indentation" and not all(tooled):
+        raise source.fault(("test",), "an indentation needs a [tool]; add it.")
+    if table.test == "shear" and any(tooled):
+        raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; remove it.")
+    if any(tooled) and not all(tooled):
+        raise source.fault(("curve", tooled.index(True), "tool"), "some curves have a tool, others none; add a [tool] for all.")
+
+
+KINDS: dict[TestKind, KindOfDataset] = {
+    "indentation": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
+    "compression": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
+    "tension": KindOfDataset(_check_specimens, _specimens, "uniaxial"),
+    "shear": KindOfDataset(_check_specimens, _specimens, "shear"),
+    "trajectory": KindOfDataset(_check_trajectories, _trajectories, "trajectory"),
+}
 
 
 def _check_tables(table: DatasetFile, source: DatasetToml) -> None:
     """Raise InputError where the test lacks a table or has one that it cannot have, or where a name is used twice."""
-    if table.test == "trajectory":
-        owners: list[tuple[tuple[str | int, ...], BaseModel]] = [((), table)]
-        owners += [(("curve", number), curve) for number, curve in enumerate(table.curve)]
-        for keys, owner in owners:
-            for name in ("specimen", "tool"):
-                if getattr(owner, name):
-                    raise source.fault((*keys, name), f"a trajectory has no [{name}]; remove it.")
-        for name in ("sensor", "registration"):
-            if table.scenario is None and getattr(table, name):
-                raise source.fault((name,), f"[{name}] needs a scenario to compare with; add the key scenario.")
-        if table.scenario is not None and not (source.path.parent / table.scenario).is_file():
-            raise source.fault(
-                ("scenario",), f'the scenario "{table.scenario}" is missing; put it into the folder of {source.path.name}.'
-            )
-    else:
-        for name in ("scenario", "sensor", "registration"):
-            if getattr(table, name):
-                raise source.fault((name,), f'{name} is for test = "trajectory" only; remove it.')
-        if table.specimen is None and not all(curve.specimen for curve in table.curve):
-            raise source.fault(("test",), '[specimen] is missing; add it, shape = "point" if the size is unknown.')
-        tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
-        if table.test == "indentation" and not all(tooled):
-            raise source.fault(("test",), "an indentation needs a [tool]; add it.")
-        if table.test == "shear" and any(tooled):
-            raise source.fault(("tool",), "a shear test is a homogeneous state and has no [tool]; remove it.")
-        if any(tooled) and not all(tooled):
-            raise source.fault(
-                ("curve", tooled.index(True), "tool"), "some curves have a tool, others none; add a [tool] for all."
-            )
+    KINDS[table.test].check(table, source)
     for array, key in (("sensor", "name"), ("curve", "id"), ("curve", "file")):
         names = [getattr(entry, key) for entry in getattr(table, array)]
         for number, name in enumerate(names):
@@ -113,9 +177,7 @@ def _check_files(table: DatasetFile, source: DatasetToml) -> None:
 def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
     entry = table.curve[number]
     setup = _setup(table, number, source)
-    kind: Kind = (
-        "force-displacement" if setup.tool is not None else table.test if table.test in ("shear", "trajectory") else "uniaxial"
-    )
+    kind: Kind = "force-displacement" if setup.tool is not None else KINDS[table.test].kind
     if setup.tool is not None and setup.specimen is not None and setup.specimen.shape == "point":
         raise source.fault(("specimen", "shape"), 'a specimen of shape "point" cannot have a [tool]; give its dimensions.')
     csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.inverse.measured.curve import Curve, Dataset, programme_of, same_measurement, sd_of
+from explicitfe.inverse.measured.curve import Curve, SpecimenDataset, programme_of, same_measurement, sd_of
 from explicitfe.inverse.measured.tables import ConditionValue
 from explicitfe.platform.errors import InputError, nearest, shortened
 
@@ -35,7 +35,7 @@ class Group:
     rows: dict[str, int] = field(default_factory=dict)
 
 
-def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dict[str, str]]:
+def select(dataset: SpecimenDataset, fit_where: Sequence[str]) -> tuple[list[Group], dict[str, str]]:
     """Select the curves to fit.
 
     Parameters
@@ -50,10 +50,8 @@ def select(dataset: Dataset, fit_where: Sequence[str]) -> tuple[list[Group], dic
 
     Raises
     ------
-    InputError : a trajectory, an unknown key, or constants without a curve to fit.
+    InputError : an unknown key, or constants without a curve to fit.
     """
-    if dataset.test == "trajectory":
-        raise InputError(f"{dataset.path}: a trajectory has no material test, so no constants can be identified; use close-loop.")
     wanted = _wanted(dataset, fit_where)
     left_out = {c.id: f"defect: {c.defect}" for c in dataset.curves if c.defect}
     groups = []
@@ -89,7 +87,7 @@ def loading_rows(curve: Curve) -> int:
     return len(load) if first >= len(load) - ROWS_OF_NO_UNLOADING else first + 1
 
 
-def _wanted(dataset: Dataset, fit_where: Sequence[str]) -> dict[str, list[str]]:
+def _wanted(dataset: SpecimenDataset, fit_where: Sequence[str]) -> dict[str, list[str]]:
     known = {"id", "group"}.union(*(curve.conditions for curve in dataset.curves))
     wanted: dict[str, list[str]] = {}
     for text in fit_where:

@@ -31,9 +31,9 @@ def check_units(csv: CurveCsv, setup: MergedTables) -> None:
     if csv.kind == "force-displacement":
         assert setup.specimen is not None and setup.tool is not None
         _check_tool_curve(csv, setup.specimen, setup.tool)
-    elif csv.kind == "trajectory":
+    elif sensors := csv.sensors():
         low, high = _COORDINATE_LIMITS_MM
-        coordinates = np.column_stack(list(csv.sensors().values()))
+        coordinates = np.column_stack(list(sensors.values()))
         largest = np.abs(coordinates).max(axis=1)
         row = int(largest.argmax())
         if not low <= largest[row] <= high:

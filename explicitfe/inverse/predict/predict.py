@@ -51,9 +51,7 @@ def predict_curves(
     """
     begin = time.perf_counter()
     tissue = read_tissue(model_path)
-    dataset = read_dataset(dataset_path)
-    if dataset.test == "trajectory":
-        raise InputError(f"{dataset.path}: tests of specimens are predicted with a model file; this is a trajectory.")
+    dataset = read_dataset(dataset_path).specimens("a model file predicts")
     tissue = _with_numerics(tissue, refinement, density, tolerance)
     try:
         dataset = tissue.grouped(dataset)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
 from explicitfe.fem.effects import Measurement, Rig
-from explicitfe.fem.effects.record import Record
+from explicitfe.fem.effects.record import MaterialKind, Record
 from explicitfe.inverse.measured.curve import Curve, programme_of
 from explicitfe.inverse.predict.experiment import cycle_of, start_times
 from explicitfe.inverse.predict.tissue import Tissue
@@ -19,13 +20,12 @@ OTHER_SIDE_SHARE = 0.05
 
 def record_of(curve: Curve) -> Record:
     """A curve as effects of the reading see it."""
-    assert curve.kind != "trajectory"
     if curve.tool is not None:
         return Record("force-displacement", curve.time_s, curve.displacement_m, cycle_of(curve))
     motion = programme_of(curve) - undeformed(curve)
     side = -1.0 if -motion.min() > motion.max() else 1.0
     one_sided = -(side * motion).min() <= OTHER_SIDE_SHARE * (side * motion).max()
-    return Record(curve.kind, curve.time_s, motion, cycle_of(curve), side, bool(one_sided))
+    return Record(cast(MaterialKind, curve.kind), curve.time_s, motion, cycle_of(curve), side, bool(one_sided))
 
 
 def undeformed(curve: Curve) -> float:

@@ -31,7 +31,7 @@ from explicitfe.fem.effects import EFFECTS, Effect
 from explicitfe.fem.inputs.sentences import explain
 from explicitfe.fem.inputs.table import Table, Title, validated
 from explicitfe.fem.materials.yeoh import Yeoh
-from explicitfe.inverse.measured.curve import Curve, Dataset
+from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
 from explicitfe.inverse.measured.tables import MeasuredSpecimen, MeasuredTool, RawTable
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.text import text_of, toml_of
@@ -118,7 +118,7 @@ class Tissue(Table):
         key = effect_name(effect).replace("-", "_")
         return self.model_copy(update={"effects": self.effects.model_copy(update={key: effect})})
 
-    def grouped(self, dataset: Dataset) -> Dataset:
+    def grouped(self, dataset: SpecimenDataset) -> SpecimenDataset:
         """The dataset with its constants by ``constants_by`` and the keys of [specimen] and [tool] replaced.
 
         Raises

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing_extensions import TypedDict
 
+MATERIAL_TESTS = ("indentation", "compression", "tension", "shear")  # the others are trajectories
+
 
 class ColumnRange(TypedDict):
     """The least and the largest value of a column, in ``unit``."""

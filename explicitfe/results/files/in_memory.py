@@ -97,6 +97,15 @@ class ResultInMemory(Recorded, Recorder):
         self._status = status
         return self.path
 
+    def hand_to(self, recorder: Recorder) -> None:
+        """Give all samples to another recorder, such as a file that is written."""
+        rows = {name: np.concatenate(parts) for name, parts in self._rows.items() if name != "time"}
+        points, cells = (
+            {name: np.array(data) for name, data in self._data.items() if self._fields[name].kind == kind}
+            for kind in ("point", "cell")
+        )
+        recorder.samples(self.times, rows, points, cells)
+
     # ---- read ----
 
     @property

@@ -116,6 +116,21 @@ class Analysis(ABC, Generic[ScenarioT, BodyT]):
 
     # ---- what all kinds have in common ----
 
+    def write(self, recorded: ResultInMemory, summary: RunSummary, target: Path) -> None:
+        """Store a run that was recorded in memory as a file; a present one is replaced.
+
+        Raises
+        ------
+        MachineError : the disk refuses.
+        """
+        with self._writer(target, True, len(recorded.times)) as writer:
+            recorded.hand_to(writer)
+            writer.finish(summary["status"], summary["message"], {**self._completed(summary), "result": str(target)})
+
+    def _completed(self, summary: RunSummary) -> RunSummary:
+        """A summary with what only files hold."""
+        return summary
+
     @property
     def built_in(self) -> bool:
         """Whether the program has made the mesh, and not the user."""

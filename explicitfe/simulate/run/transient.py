@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from explicitfe.platform.errors import InputError, Progress
 from explicitfe.platform.host import stopping
 from explicitfe.results.documents.run_summary import (
     FoldedElements,
+    RunSummary,
     SurgeryReport,
     TransientCheckReport,
     TransientModelDescription,
@@ -192,8 +193,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 status = Status(INTERRUPTED, f"{status.message} of {1e3 * duration_s:g} ms; {how_to_resume(place)}")
             seconds = time.perf_counter() - started
             summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row, largest_m)
-            if isinstance(writer, ResultWriter) and np.isfinite(simulation.snapshot().energies).all():
-                summary["limiting_element"] = simulation.limiting_element()  # it takes as long as 500 steps
+            if isinstance(writer, ResultWriter):
+                summary = self._completed(summary)
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
             writer.finish(status.state, status.message, summary)
         return summary
@@ -223,6 +224,12 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         }
 
     # ---- inside ----
+
+    def _completed(self, summary: RunSummary) -> TransientSummary:
+        whole = cast(TransientSummary, summary)
+        if np.isfinite(self.body.snapshot().energies).all():
+            whole["limiting_element"] = self.body.limiting_element()  # it takes as long as 500 steps
+        return whole
 
     def _result_bytes(self) -> float:
         """Size of the fields in the result."""

@@ -37,6 +37,19 @@ _OTHER_FILES = {
 }
 
 
+def read_transient(path: Path, settings: Sequence[str] = ()) -> TransientScenario:
+    """Read a scenario file that trajectories are compared with; see :func:`read_scenario`.
+
+    Raises
+    ------
+    InputError : it is an indentation.
+    """
+    scenario, _ = read_scenario(path, settings)
+    if not isinstance(scenario, TransientScenario):
+        raise InputError(f"{path}: trajectories need a transient scenario, not an indentation; give another `scenario`.")
+    return scenario
+
+
 def read_scenario(path: Path | str, settings: Sequence[str] = ()) -> tuple[Scenario, str]:
     """Read and validate a scenario file; return it and its text, with the settings as comments at the top.
 

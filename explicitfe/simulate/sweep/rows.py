@@ -29,7 +29,7 @@ from explicitfe.results.measure.sections import X, Z, midsagittal
 from explicitfe.results.measure.shape import grooves, highest_point
 from explicitfe.results.measure.steps import last_step
 from explicitfe.simulate.run.prepare import analysis_of
-from explicitfe.simulate.scenario.read import Scenario, scenario_in
+from explicitfe.simulate.scenario.read import scenario_in
 from explicitfe.simulate.scenario.transient import TransientScenario
 from explicitfe.simulate.sweep.own_measure import OwnMeasure
 
@@ -188,9 +188,13 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
     """Status, message, and cells."""
     scenario, text = scenario_in(task.text, task.path, member.settings)
     result = ResultInMemory(task.path)
-    summary = analysis_of(task.path, scenario, text).run(result, overwrite=False, progress=silent)
+    analysis = analysis_of(task.path, scenario, text)
+    summary = analysis.run(result, overwrite=False, progress=silent)
     if is_kept(task.keep, member.number, summary["status"]):
-        _keep(task, member, scenario, text)
+        try:
+            analysis.write(result, summary, task.folder / result_name(member.number))
+        except InputError as error:  # the scenario has run, so the machine has caused this
+            raise MachineError(str(error)) from None
     cells: Row = {key: cast(Cell, summary[key]) for key in SUMMARY_CELLS if key in summary}  # type: ignore[literal-required]
     if "loop_s" in summary:
         ran = cast(TransientSummary, summary)
@@ -220,20 +224,6 @@ def _computed(task: Task, member: Member) -> tuple[str, str, Row]:
             f"internal error of explicitfe: {wrong[0]} is not a finite number; please report it with the settings of this run",
         )
     return status, message, {name: None if name in wrong else value for name, value in cells.items()}
-
-
-def _keep(task: Task, member: Member, scenario: Scenario, text: str) -> None:
-    """Compute a run again into a file; the result depends on its settings alone.
-
-    Raises
-    ------
-    MachineError : the file cannot be written.
-    """
-    target = task.folder / result_name(member.number)
-    try:
-        analysis_of(task.path, scenario, text).run(target, overwrite=True, progress=silent)
-    except InputError as error:  # the run was computed before, so the machine has caused this
-        raise MachineError(str(error)) from None
 
 
 def contour(mesh: HexMesh, displacement: np.ndarray) -> list[int]:

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs, text_of
-from explicitfe.results.documents.dataset_check import ColumnRange, DatasetCheckReport
+from explicitfe.results.documents.dataset_check import MATERIAL_TESTS, ColumnRange, DatasetCheckReport
 
 
 def new_dataset_table(dataset: Mapping[str, Any]) -> Group:
@@ -20,7 +20,7 @@ def new_dataset_table(dataset: Mapping[str, Any]) -> Group:
     table = pairs("")
     table.add_row("test", dataset["test"])
     for name, column in dataset["columns"].items():
-        table.add_row(escape(name), escape(column if dataset["test"] == "trajectory" else f"from {column}"))
+        table.add_row(escape(name), escape(f"from {column}" if dataset["test"] in MATERIAL_TESTS else column))
     for curve in dataset["curves"]:
         text = f"{curve['rows']} rows, {curve['duration_s']:.4g} s, from {Path(curve['source']).name}"
         table.add_row(f"curve {escape(curve['id'])}", escape(text))
@@ -51,9 +51,10 @@ def dataset_check_tables(report: DatasetCheckReport) -> Group:
     curves.add_column("use")
     for column in ("rows", "time"):
         curves.add_column(column, justify="right")
-    if report["test"] != "trajectory":
+    of_material = report["test"] in MATERIAL_TESTS
+    if of_material:
         curves.add_column("imposed")
-    curves.add_column("movement" if report["test"] == "trajectory" else "measured")
+    curves.add_column("measured" if of_material else "movement")
     curves.add_column("noise", justify="right")
     for curve in report["curves"]:
         imposed = [column for column in curve["columns"] if column["column"] == curve["imposed"]]
@@ -64,7 +65,7 @@ def dataset_check_tables(report: DatasetCheckReport) -> Group:
             escape(f"{curve['side']}: {curve['why']}" if curve["why"] else curve["side"]),
             str(curve["rows"]),
             f"{curve['duration_s']:.4g} s",
-            *([] if report["test"] == "trajectory" else [_ranges(imposed)]),
+            *([_ranges(imposed)] if of_material else []),
             _ranges(read),
             "not stated" if noise is None else f"{noise:.3g} {read[0]['unit']}" if read else f"{noise:.3g}",
         )

@@ -34,10 +34,10 @@ from explicitfe.inverse.close_loop.statistics.lack_of_fit import lack_of_fit
 from explicitfe.inverse.close_loop.statistics.noise import row_noise
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
 from explicitfe.inverse.close_loop.statistics.system import values_by_name
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
+from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude, numerical_errors, numerical_shares
-from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, programme_of
+from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, SpecimenDataset, programme_of
 from explicitfe.inverse.measured.rig import RigLimits
 from explicitfe.platform.errors import Progress, RunError, Share, Stage
 from explicitfe.results.documents.loop_report import (
@@ -76,19 +76,17 @@ Y_AXES = {
 
 
 def close_specimens(
-    dataset: Dataset,
+    dataset: SpecimenDataset,
     sides: Split,
     constants_by: str | None,
     effects: Sequence[str],
-    max_effects: int,
-    limit: TimeLimit,
-    processes: int | None,
+    limits: SearchLimits,
     progress: Progress,
 ) -> LoopDocuments:
     """The report, curves for its pictures, and the tissues before and after."""
-    simulator = Simulator(processes)
+    simulator = Simulator(limits.processes)
     try:
-        loop = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), max_effects, limit, progress)
+        loop = _SpecimenLoop(dataset, sides, simulator, constants_by, tuple(effects), limits, progress)
         documents = loop.close()
     finally:
         simulator.close()
@@ -101,17 +99,16 @@ class _SpecimenLoop:
 
     def __init__(
         self,
-        dataset: Dataset,
+        dataset: SpecimenDataset,
         sides: Split,
         simulator: Simulator,
         constants_by: str | None,
         effects: tuple[str, ...],
-        max_effects: int,
-        limit: TimeLimit,
+        limits: SearchLimits,
         progress: Progress,
     ) -> None:
         self.dataset, self.sides, self.simulator = dataset, sides, simulator
-        self.max_effects, self.limit, self.progress = max_effects, limit, progress
+        self.limits, self.progress = limits, progress
         self.system = Specimens(dataset, sides.fit, simulator, CORRECTED, constants_by, effects)
         self._stage: tuple[Stage, float, float] = ("trace", 0.0, 0.0)
         self._step = ""
@@ -153,8 +150,8 @@ class _SpecimenLoop:
             outcome = conclude(
                 compare(
                     self.system,
-                    max_effects=self.max_effects,
-                    limit=self.limit,
+                    max_effects=self.limits.max_effects,
+                    limit=self.limits.time,
                     watch=lambda step, share: self._begin_step(step, share, min(share + STEP_PROGRESS_SHARE, 1.0)),
                 )
             )
@@ -205,7 +202,7 @@ class _SpecimenLoop:
             "source": self.dataset.source,
             "constants_by": self.system.constants_by,
             "effects_considered": list(self.system.only) or list(EFFECTS),
-            "max_effects": self.max_effects,
+            "max_effects": self.limits.max_effects,
         }
         return report
 

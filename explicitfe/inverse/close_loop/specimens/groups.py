@@ -17,7 +17,7 @@ from scipy.stats import t as student
 
 from explicitfe.inverse.close_loop.specimens.series import peers_of
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
-from explicitfe.inverse.measured.curve import Curve, Dataset
+from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
 from explicitfe.inverse.predict.experiment import experiments
 from explicitfe.results.documents.loop_report import Estimate, GroupedConstant, ReportedGroups, ReportedModel, estimates
 
@@ -58,7 +58,7 @@ class Grouping:
         )
 
 
-def grouping_of(dataset: Dataset, holdout: Sequence[str] = ()) -> Grouping | None:
+def grouping_of(dataset: SpecimenDataset, holdout: Sequence[str] = ()) -> Grouping | None:
     """The grouping of constants that equal tests ask for; None where one set may serve, or where they cannot tell.
 
     Parameters

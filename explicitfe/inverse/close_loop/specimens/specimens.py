@@ -32,7 +32,7 @@ from explicitfe.inverse.close_loop.statistics.system import (
     candidate,
     steps_of,
 )
-from explicitfe.inverse.measured.curve import Curve, Dataset
+from explicitfe.inverse.measured.curve import Curve, SpecimenDataset
 from explicitfe.inverse.predict.correction import Correction, corrections_of
 from explicitfe.inverse.predict.experiment import effects_of, experiments
 from explicitfe.inverse.predict.tissue import EVERY, Constants, Numerics, Tissue
@@ -75,7 +75,7 @@ class Specimens:
     corrections : curve -> what a finer mesh changes, see :meth:`at`.
     """
 
-    dataset: Dataset
+    dataset: SpecimenDataset
     curves: tuple[Curve, ...]
     simulator: Simulator
     numerics: Numerics = EXACT

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 SECONDS_PER_MINUTE = 60.0
 
@@ -33,3 +34,11 @@ class TimeLimit:
 
 
 NO_LIMIT = TimeLimit()
+
+
+class SearchLimits(NamedTuple):
+    """Bounds on a search: largest number of added effects, time, and number of processes (None: one per core)."""
+
+    max_effects: int
+    time: TimeLimit
+    processes: int | None

@@ -19,10 +19,10 @@ from explicitfe.inverse.close_loop.search import compare
 from explicitfe.inverse.close_loop.split import Split
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
 from explicitfe.inverse.close_loop.statistics.system import Answer
-from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
+from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits
 from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.inverse.close_loop.verdict import conclude
-from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.curve import TrajectoryDataset
 from explicitfe.platform.errors import InputError, Progress, RunError, Share
 from explicitfe.results.documents.loop_report import CurveError, LoopReport, ReportCurve, Side
 from explicitfe.results.files import provenance
@@ -32,12 +32,10 @@ SCENARIO_FILE, BASELINE_FILE = "scenario.toml", "baseline.toml"
 
 
 def close_trajectories(
-    dataset: Dataset,
+    dataset: TrajectoryDataset,
     sides: Split,
     effects: Sequence[str],
-    max_effects: int,
-    limit: TimeLimit,
-    processes: int | None,
+    limits: SearchLimits,
     progress: Progress,
 ) -> LoopDocuments:
     """The report, curves for its pictures, and the scenarios before and after.
@@ -48,15 +46,15 @@ def close_trajectories(
     """
     if dataset.scenario is None:
         raise InputError(f"{dataset.path}: the dataset has no scenario to compare with; add the key scenario.")
-    system = trajectory_system(dataset, sides.fit, processes or 1, only=tuple(effects))
+    system = trajectory_system(dataset, sides.fit, limits.processes or 1, only=tuple(effects))
     progress("trace", 0.0)
-    report = _new_report(dataset, sides, system.considered, max_effects)
+    report = _new_report(dataset, sides, system.considered, limits.max_effects)
     try:
         comparison = compare(
             system,
-            max_effects=max_effects,
+            max_effects=limits.max_effects,
             rows=system.rows,
-            limit=limit,
+            limit=limits.time,
             watch=lambda step, share: progress("trace", Share(share, step)),
         )
         outcome = conclude(comparison)
@@ -67,7 +65,7 @@ def close_trajectories(
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
     except RunError as error:
-        report = _new_report(dataset, sides, system.considered, max_effects)
+        report = _new_report(dataset, sides, system.considered, limits.max_effects)
         add_failure(report, str(error))
         return LoopDocuments(report)
     finally:
@@ -81,7 +79,7 @@ def close_trajectories(
     return LoopDocuments(report, curves, files)
 
 
-def _new_report(dataset: Dataset, sides: Split, effects: Sequence[str], max_effects: int) -> LoopReport:
+def _new_report(dataset: TrajectoryDataset, sides: Split, effects: Sequence[str], max_effects: int) -> LoopReport:
     report = new_report(dataset, sides, "mm")
     report.provenance = provenance() | {
         "dataset": str(dataset.path),

@@ -18,7 +18,7 @@ from explicitfe.platform.host.compilation import announcing
 from explicitfe.platform.host.worker_pool import WorkerPool
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.run.prepare import prepare
-from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.read import read_transient
 from explicitfe.simulate.scenario.transient import TransientScenario
 
 # A finer mesh has so many times the elements along each direction, where the model names no finer resolution.
@@ -131,9 +131,7 @@ class Runs:
 @cache
 def scenario_with(path: Path, settings: Settings) -> TransientScenario:
     """A transient scenario with settings."""
-    scenario, _ = read_scenario(path, settings)
-    assert isinstance(scenario, TransientScenario)
-    return scenario
+    return read_transient(path, settings)
 
 
 def settings_of(curve: Curve) -> Settings:

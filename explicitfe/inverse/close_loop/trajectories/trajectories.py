@@ -29,7 +29,7 @@ from explicitfe.inverse.close_loop.statistics.system import (
 )
 from explicitfe.inverse.close_loop.trajectories.levers import Lever, levers_of, total_force_N
 from explicitfe.inverse.close_loop.trajectories.runs import Job, Runs, Settings, finer_setting, scenario_with, settings_of
-from explicitfe.inverse.measured.curve import Curve, Dataset
+from explicitfe.inverse.measured.curve import Curve, TrajectoryDataset
 from explicitfe.inverse.measured.registration import Registration, procrustes
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError, RunError, nearest
@@ -37,7 +37,7 @@ from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.muscles import profile_of
 from explicitfe.simulate.anatomy.tongue import anatomy_of
-from explicitfe.simulate.scenario.read import read_scenario
+from explicitfe.simulate.scenario.read import read_scenario, read_transient
 from explicitfe.simulate.scenario.transient import TransientScenario
 
 AXIS_NAMES = "xyz"
@@ -71,7 +71,7 @@ class Trajectories:
     placement_mm : likely error of where each sensor sits, constant in time, along each axis.
     """
 
-    dataset: Dataset
+    dataset: TrajectoryDataset
     curves: tuple[Curve, ...]
     first: Registration
     undeformed: np.ndarray
@@ -394,7 +394,7 @@ class Trajectories:
 
 
 def trajectory_system(
-    dataset: Dataset,
+    dataset: TrajectoryDataset,
     curves: Sequence[Curve],
     processes: int = 1,
     *,
@@ -411,9 +411,7 @@ def trajectory_system(
     """
     if dataset.scenario is None or not dataset.sensors:
         raise InputError(f"{dataset.path}: scenario or sensors are missing; add the key scenario and a [[sensor]] for each.")
-    scenario, _ = read_scenario(dataset.scenario)
-    if not isinstance(scenario, TransientScenario):
-        raise InputError(f"{dataset.scenario}: trajectories need a transient scenario, not an indentation; give another.")
+    scenario = read_transient(dataset.scenario)
     anatomy = anatomy_of(scenario.model, dataset.scenario.parent)
     curves, mesh = tuple(curves), anatomy.mesh
     totals = [total_force_N(scenario_with(dataset.scenario, settings_of(curve))) for curve in curves]
@@ -437,6 +435,6 @@ def trajectory_system(
     return Trajectories(dataset, curves, first, undeformed, runs, levers, tuple(only), placement_mm)
 
 
-def _registration_table(dataset: Dataset) -> RegistrationTable:
+def _registration_table(dataset: TrajectoryDataset) -> RegistrationTable:
     """What the dataset says of the registration; nothing is fitted if it says nothing."""
     return dataset.registration or RegistrationTable()

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
 
-from explicitfe.app.view.run_page.write import write_report
+from explicitfe.app.view.page.run.write import write_report
 from explicitfe.simulate.run.run import run
 
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]

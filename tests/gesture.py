@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from support import tongue
+from support import result_writer, tongue
 
 from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.triangles import surface_triangles
-from explicitfe.results.files import FINISHED, Quantity, ResultWriter
+from explicitfe.results.files import FINISHED, Quantity
 
 ENERGIES = ("external_work", "internal_energy", "hourglass_energy", "kinetic_energy", "damping_loss", "balance_error")
 FRAMES, DURATION_S = 11, 0.1
@@ -53,7 +53,7 @@ def write_gesture(path: Path, warnings: list[str] | None = None, frames: int = F
     history = {name: Quantity("J") for name in ENERGIES}
     for name in mesh.named_points:
         history |= {f"probe_{name}_displacement": Quantity("m", 3), f"probe_{name}_velocity": Quantity("m/s", 3)}
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         bones={"palate": plate()},
@@ -88,7 +88,7 @@ def write_indentation(path: Path, depths_mm: tuple[float, ...] = (0.0, 1.0, 2.0)
     block = box((4, 4, 2), (0.02, 0.02, 0.01))
     mesh = HexMesh(block.points - [0.01, 0.01, 0.0], block.hexes)
     names = ("force", "indentation")
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         history={name: Quantity(unit) for name, unit in zip(names, ("N", "m"), strict=True)},

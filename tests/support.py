@@ -225,3 +225,17 @@ def assert_order(errors: Sequence[float], steps: Sequence[float], order: float, 
     measured = np.log(e[:-1] / e[1:]) / np.log(h[:-1] / h[1:])
     assert np.abs(measured - order).max() <= tolerance, f"orders {measured}, wanted {order} +- {tolerance}; errors {e}"
     return measured
+
+
+def result_writer(
+    path, *, scenario_text="", model=None, provenance=None, restart=None, expected_samples=64, overwrite=False, **declared
+):
+    """A result file to fill; ``declared`` is what it will hold, see ``Declaration``."""
+    from explicitfe.results.files import ResultWriter
+    from explicitfe.results.files.layout import Declaration, Origin
+
+    origin = Origin(scenario_text, model or {}, provenance or {})
+    options = {"restart": restart, "expected_samples": expected_samples, "overwrite": overwrite}
+    return ResultWriter(
+        path, Declaration(**{name: value for name, value in declared.items() if value is not None}), origin, **options
+    )

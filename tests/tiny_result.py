@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from support import ROOT
+from support import ROOT, result_writer
 
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.results.files import FINISHED, Quantity, ResultWriter
@@ -53,7 +53,7 @@ def start(path: Path, **changes) -> ResultWriter:
         "restart": {"half_step_velocity": np.zeros((N, 3)), "step": 0},
         "expected_samples": 4,
     }
-    return ResultWriter(path, **options | changes)
+    return result_writer(path, **options | changes)
 
 
 def add(result: ResultWriter, step: int) -> None:

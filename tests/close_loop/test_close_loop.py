@@ -258,7 +258,7 @@ def test_a_folder_of_something_else_is_left_alone(closed, tmp_path):
 
 def test_a_report_that_fails_halfway_leaves_nothing(closed, tmp_path, monkeypatch):
     """The page cannot be drawn: the folder does not exist afterwards, nor does what was written beside it."""
-    from explicitfe.app.view.report import page as loopreport
+    from explicitfe.app.view.page.close_loop import page as loopreport
 
     def fails(*_args, **_more):
         raise OSError(28, "No space left on device")

@@ -12,11 +12,12 @@ import pytest
 from answers import check_answer
 from command import command
 from pydantic import ValidationError
+from support import result_writer
 
 from explicitfe.app.view.airway import airway_figure
 from explicitfe.app.view.palette import save
 from explicitfe.platform.errors import InputError
-from explicitfe.results.files import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.results.files import FINISHED, Quantity, open_result
 from explicitfe.results.files.airway_table import AirwayTable
 from explicitfe.results.measure.airway import (
     Surroundings,
@@ -57,7 +58,7 @@ def tongue(
     mesh = catalogue.built_in("tongue", "coarse").mesh
     shapes = {name: catalogue.bones("tongue")[name].surface for name in bones}
     scenario = {"title": "Shifted", "analysis": {"type": "transient"}, "bone": list(bone), **({"lips": lips} if lips else {})}
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         bones={name: (shape.points, shape.triangles) for name, shape in shapes.items()},

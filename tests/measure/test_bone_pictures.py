@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import ROOT
+from support import ROOT, result_writer
 
 from explicitfe.app.view.bones import AROUND_TONGUE_MM
 from explicitfe.app.view.draw import draw
 from explicitfe.app.view.tongue import contour_figure, coronal_figure
 from explicitfe.fem.bones.tables import read_bones
-from explicitfe.results.files import FINISHED, Quantity, Result, ResultWriter, open_result
+from explicitfe.results.files import FINISHED, Quantity, Result, open_result
 from explicitfe.results.measure.measure import measures_of, nearest_of
 from explicitfe.simulate.anatomy import catalogue
 
@@ -27,7 +27,7 @@ def result_path(tmp_path_factory) -> Path:
     raised = np.zeros_like(mesh.points)
     raised[:, 2] = 0.004 * np.exp(-(((mesh.points[:, 0] - 0.08) / 0.02) ** 2)) * np.clip((mesh.points[:, 2] - 0.08) / 0.03, 0, 1)
     path = tmp_path_factory.mktemp("bones") / "raised.vtkhdf"
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         bones={name: (bone.surface.points, bone.surface.triangles) for name, bone in bones.items()},

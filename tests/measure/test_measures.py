@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from answers import check_answer
 from command import command
+from support import result_writer
 
 from explicitfe.app.view.terminal.measures import measure_rows
 from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.triangles import plane_segments, surface_triangles
 from explicitfe.platform.errors import InputError
-from explicitfe.results.files import FINISHED, Quantity, ResultWriter
+from explicitfe.results.files import FINISHED, Quantity
 from explicitfe.results.measure import motion, shape, tract
 from explicitfe.results.measure.measure import measure
 
@@ -51,7 +52,7 @@ def write(
     history |= {f"contact_{name}_force": Quantity("N", 3) for name in force or {}}
     row = {f"bone_{name}_placement": value for name, value in (placement or {}).items()}
     row |= {f"contact_{name}_force": value for name, value in (force or {}).items()}
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         bones=bones,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import command
-from support import ROOT
+from support import ROOT, result_writer
 
 from explicitfe.app.view.palatogram import TOUCHED, palatogram_figure
 from explicitfe.fem.bones.tables import read_bones
@@ -16,7 +16,7 @@ from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.mesh.triangles import surface_triangles
-from explicitfe.results.files import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.results.files import FINISHED, Quantity, open_result
 from explicitfe.results.measure.measure import measure
 from explicitfe.results.measure.palatogram import anteriority, centrality, centre_of_gravity, electrodes_of, palatogram
 from explicitfe.results.measure.tract import TOUCHING_GAP_M
@@ -61,7 +61,7 @@ def write(
     """
     top = mesh.points[:, 2] > -1e-9
     shift = np.zeros(3) if shift is None else shift
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         bones={"palate": bone or flat_palate()},
@@ -201,7 +201,7 @@ def test_a_symmetric_tongue_has_a_symmetric_pattern(tmp_path):
     surface = read_bones(ROOT / "models" / "tongue" / "bones.toml")["palate"].surface
     pressed = np.where((surface_areas(mesh) > 0.0) & (np.abs(mesh.points[:, 1]) > 0.008), PRESSURE_PA, 0.0)
     lifted = np.tile([0.0, 0.0, 0.0025], (mesh.node_count, 1))
-    with ResultWriter(
+    with result_writer(
         tmp_path / "a.vtkhdf",
         mesh=mesh,
         bones={"palate": (surface.points, surface.triangles)},
@@ -310,7 +310,7 @@ def test_the_picture_follows_contact_and_release(tmp_path):
 def test_without_a_palate_or_its_pressure_there_is_none(tmp_path):
     mesh = block()
     for name, fields in (("jaw", {"contact_pressure_jaw": Quantity("Pa")}), ("palate", {})):
-        with ResultWriter(
+        with result_writer(
             tmp_path / f"{name}.vtkhdf",
             mesh=mesh,
             bones={name: flat_palate()},

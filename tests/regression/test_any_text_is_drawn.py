@@ -107,7 +107,7 @@ def test_a_picture_that_fails_costs_no_constants(
     assert any("an internal error (ZeroDivisionError" in text for text in stored["warnings"])
     assert {Path(name).name for name in answer["files"]} == {path.name for path in (tmp_path / "out").iterdir()}
 
-    monkeypatch.setattr(import_module("explicitfe.app.view.report.page"), "before_after", lambda *given: 1 / 0)
+    monkeypatch.setattr(import_module("explicitfe.app.view.page.close_loop.page"), "before_after", lambda *given: 1 / 0)
     assert command(["close-loop", str(data), "--out", str(tmp_path / "loop"), "--json", "--max-effects", "0"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert any("an internal error (ZeroDivisionError" in text for text in report["warnings"])

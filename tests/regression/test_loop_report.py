@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from explicitfe.app.view.report import pictures
-from explicitfe.app.view.report.axis import goes_one_way
-from explicitfe.app.view.report.page import EmbeddedPictures, html, write
-from explicitfe.app.view.report.reading import DrawnCurve, drawn_curves
-from explicitfe.app.view.report.words import chance, with_interval
+from explicitfe.app.view.page.close_loop import pictures
+from explicitfe.app.view.page.close_loop.axis import goes_one_way
+from explicitfe.app.view.page.close_loop.page import EmbeddedPictures, html, write
+from explicitfe.app.view.page.close_loop.reading import DrawnCurve, drawn_curves
+from explicitfe.app.view.page.words import chance, with_interval
 from explicitfe.app.view.terminal.close_loop import loop_tables
 from explicitfe.results.documents.loop_report import Estimate, LoopReport, ReportCurve, ReportedCause
 from explicitfe.results.documents.verdict_text import details, headline, named_forms, probability, sentence, strength

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from gesture import write_gesture, write_indentation
 
-from explicitfe.app.view.run_page.write import write_report
+from explicitfe.app.view.page.run.write import write_report
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="pages are tested with playwright: pip install playwright")
 

@@ -17,10 +17,10 @@ from explicitfe.app.view.draw import draw
 from explicitfe.app.view.energy_balance import energy_balance
 from explicitfe.app.view.over_time import energies_figure
 from explicitfe.app.view.page.chart import CHART_SIDE, Line, chart, round_ticks
-from explicitfe.app.view.report.words import motion_at_end, paragraphs, speed
-from explicitfe.app.view.run_page.charts import BALANCE_TITLE, charts_of
-from explicitfe.app.view.run_page.parts import scenario_words
-from explicitfe.app.view.run_page.write import write_report
+from explicitfe.app.view.page.run.charts import BALANCE_TITLE, charts_of
+from explicitfe.app.view.page.run.parts import scenario_words
+from explicitfe.app.view.page.run.write import write_report
+from explicitfe.app.view.page.words import motion_at_end, paragraphs, speed
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.measure import measure

@@ -18,9 +18,9 @@ from support import tongue
 
 from explicitfe.app.view.heading import labels_of
 from explicitfe.app.view.page.chart import Line, chart, round_ticks
-from explicitfe.app.view.run_page.parts import differences
-from explicitfe.app.view.run_page.playback import ROUNDING_MM, playback
-from explicitfe.app.view.run_page.write import MOST_RESULTS, write_report
+from explicitfe.app.view.page.run.parts import differences
+from explicitfe.app.view.page.run.playback import ROUNDING_MM, playback
+from explicitfe.app.view.page.run.write import MOST_RESULTS, write_report
 from explicitfe.fem.mesh.hexmesh import FACES, free_faces
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import open_result

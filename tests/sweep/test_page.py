@@ -18,9 +18,9 @@ from answers import check_answer
 from command import command
 from written_sweeps import FORCES, indices, write_sweep
 
-from explicitfe.app.view.sweep.effects import main_effect
-from explicitfe.app.view.sweep.report import write_sweep_report
-from explicitfe.app.view.sweep.scatter import MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS, sample_of
+from explicitfe.app.view.page.sweep.effects import main_effect
+from explicitfe.app.view.page.sweep.report import write_sweep_report
+from explicitfe.app.view.page.sweep.scatter import MOST_SCATTERED_MEMBERS, MOST_SCATTERED_NUMBERS, sample_of
 from explicitfe.platform.errors import InputError
 from explicitfe.results.documents.sweep_to_draw import SweepColumn
 from explicitfe.results.documents.sweep_words import factors_in_words, measure_in_words

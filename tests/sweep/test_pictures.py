@@ -10,7 +10,7 @@ from answers import check_answer
 from command import command
 from written_sweeps import FORCES, indices, write_sweep
 
-from explicitfe.app.view.sweep.pictures import PICTURES, against, draw_sweep
+from explicitfe.app.view.page.sweep.pictures import PICTURES, against, draw_sweep
 from explicitfe.platform.errors import InputError
 from explicitfe.simulate.sweep import members as designs
 from explicitfe.simulate.sweep.factors import factors_of

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from answers import check_answer
 from command import command
-from support import ROOT
+from support import ROOT, result_writer
 
 from explicitfe.app.view.draw import PICTURES, draw
 from explicitfe.app.view.heading import variant_of
 from explicitfe.app.view.tongue import contour_figure, coronal_figure
 from explicitfe.fem.mesh.box import box
 from explicitfe.platform.errors import InputError, RunWarning
-from explicitfe.results.files import FINISHED, ResultWriter, open_result
+from explicitfe.results.files import FINISHED, open_result
 from explicitfe.simulate.run.run import result_path, run
 
 VOWEL = ROOT / "scenarios" / "vowel-i.toml"
@@ -85,7 +85,7 @@ def test_a_picture_without_anything_to_show_is_named(tiny, tmp_path):
 def test_a_mesh_that_begins_at_zero_is_cut_in_its_middle(tmp_path):
     """As that of the tutorial on a mesh of one's own: its side lies at y = 0."""
     mesh = box((4, 2, 2), (0.04, 0.02, 0.02))
-    with ResultWriter(tmp_path / "bar.vtkhdf", mesh=mesh, scenario_text="", model={}, provenance={}) as writer:
+    with result_writer(tmp_path / "bar.vtkhdf", mesh=mesh, scenario_text="", model={}, provenance={}) as writer:
         for step in range(2):
             bent = np.zeros_like(mesh.points)
             bent[:, 2] = step * (0.1 * mesh.points[:, 0] + 0.2 * mesh.points[:, 1])

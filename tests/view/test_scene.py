@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from answers import check_answer
 from command import command
-from support import ROOT
+from support import ROOT, result_writer
 from tiny_result import python
 
 from explicitfe.app.view.scene.carried import CarriedPoints
@@ -22,7 +22,7 @@ from explicitfe.app.view.scene.viewpoint import VIEWPOINTS, viewpoint
 from explicitfe.fem.bones.tables import read_bones
 from explicitfe.fem.mesh.hexmesh import MaterialPoints
 from explicitfe.platform.errors import InputError, MachineError
-from explicitfe.results.files import FINISHED, Quantity, ResultWriter, open_result
+from explicitfe.results.files import FINISHED, Quantity, open_result
 from explicitfe.simulate.anatomy import catalogue
 
 GRADIENT = np.array([[0.1, 0.02, -0.03], [0.0, 0.05, 0.01], [0.07, 0.0, -0.02]])
@@ -36,7 +36,7 @@ def result_path(tmp_path_factory) -> Path:
     bones = read_bones(ROOT / "models" / "tongue" / "bones.toml")
     muscle = {"name": "GGp", "force_N": 2.0, "start_ms": 0.0, "rise_ms": 100.0, "distribution": "stress"}
     path = tmp_path_factory.mktemp("scene") / "moved.vtkhdf"
-    with ResultWriter(
+    with result_writer(
         path,
         mesh=mesh,
         bones={name: (bone.surface.points, bone.surface.triangles) for name, bone in bones.items()},

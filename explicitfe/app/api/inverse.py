@@ -202,7 +202,7 @@ def write_loop(target: Path, documents: LoopDocuments) -> None:
     ------
     InputError : the folder cannot be written.
     """
-    from explicitfe.app.view.report import page as loop_page
+    from explicitfe.app.view.page.close_loop import page as loop_page
 
     report = documents.report
     with whole_folder(target, summary=SUMMARY) as folder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from explicitfe.app.api.source import Source, path_of
-from explicitfe.app.view.run_page.write import report_text
+from explicitfe.app.view.page.run.write import report_text
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Result
 from explicitfe.results.files.reader import open_result as open_file

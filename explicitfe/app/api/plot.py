@@ -38,7 +38,7 @@ def plot(result: Source, picture: str | None = None, *, times_s: Sequence[float]
     if is_sweep(path):
         if times_s is not None:
             raise InputError(f"plot: {path} is a sweep, which has no times; omit times_s.")
-        from explicitfe.app.view.sweep.figure import sweep_figure  # sweeps need the compiler, results do not
+        from explicitfe.app.view.page.sweep.figure import sweep_figure  # sweeps need the compiler, results do not
         from explicitfe.simulate.sweep.page_data import sweep_to_draw
 
         return sweep_figure(sweep_to_draw, path, picture)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from explicitfe.app.api.source import Source, folder_of, is_sweep, path_of
-from explicitfe.app.view.run_page.write import write_report
+from explicitfe.app.view.page.run.write import write_report
 from explicitfe.platform.errors import InputError, Progress, silent
 
 
@@ -35,7 +35,7 @@ def report(*results: Source, out: Path | str | None = None, overwrite: bool = Fa
     if any(map(is_sweep, paths)):
         if len(paths) > 1:
             raise InputError("report: results contains a sweep, which has a page of its own; give it alone.")
-        from explicitfe.app.view.sweep.report import write_sweep_report  # sweeps need the compiler, results do not
+        from explicitfe.app.view.page.sweep.report import write_sweep_report  # sweeps need the compiler, results do not
         from explicitfe.simulate.sweep.page_data import sweep_to_draw
 
         return Path(write_sweep_report(sweep_to_draw, paths[0], target, overwrite=overwrite, progress=progress)["report"])

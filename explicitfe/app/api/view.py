@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
@@ -21,9 +22,7 @@ def view(
     *,
     field: str = "displacement",
     time_s: float | None = None,
-    bones: bool = True,
-    fibres: bool = True,
-    at_rest: bool = True,
+    without: Sequence[str] = (),
     size_px: tuple[int, int] = SIZE_PX,
     file: FileKind | None = None,
     folder: Path | str | None = None,
@@ -39,7 +38,7 @@ def view(
     viewpoint : "midsagittal" (cut in the middle), "side", "front", "top" or "oblique"; chosen by the kind of result if left out.
     field : the stored field that colours the body, or "none".
     time_s : the time shown, s; a film ends there. The end if left out.
-    bones, fibres, at_rest : whether to show bones, muscle fibres and the shape at rest.
+    without : parts that are hidden: "bones", "fibres" (of muscles) or "rest" (the shape at rest).
     size_px : width and height, pixels.
     file : "png", "gif" or "mp4" to write a file instead.
     folder : of the file; that of the result if left out.
@@ -60,18 +59,14 @@ def view(
     time_s = None if time_s is None else finite_number("view: time_s", time_s)
     check_sizes(size_px, finite_number("view: film_s", film_s))
     if file is None:
-        return plotter_of(
-            path, viewpoint, field=field, bones=bones, fibres=fibres, at_rest=at_rest, time_s=time_s, size_px=size_px
-        )
+        return plotter_of(path, viewpoint, field=field, without=without, time_s=time_s, size_px=size_px)
     if file not in get_args(FileKind):
         raise InputError(f'view: file = {shortened(repr(file))} is not possible: it must be "png", "gif" or "mp4".')
     shown = show(
         path,
         viewpoint,
         field=field,
-        bones=bones,
-        fibres=fibres,
-        at_rest=at_rest,
+        without=without,
         files=[file],
         folder=None if folder is None else folder_of(folder, "view: folder"),
         time_s=time_s,

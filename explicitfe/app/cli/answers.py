@@ -24,7 +24,7 @@ from explicitfe.app.tools.lists import (
     ListedScenario,
 )
 from explicitfe.app.tools.new_scenario import NewScenario
-from explicitfe.app.view.run_page.write import ReportAnswer
+from explicitfe.app.view.page.run.write import ReportAnswer
 from explicitfe.inverse.measured.new_dataset import NewDataset
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.results.documents.dataset_check import DatasetCheckReport

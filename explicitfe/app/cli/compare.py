@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
@@ -9,6 +10,7 @@ import typer
 
 from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.completion import complete_words
+from explicitfe.app.cli.grouped import with_options
 from explicitfe.app.cli.options import JsonOption, OverwriteFilesOption, ResultArgument
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError, nearest
@@ -16,15 +18,15 @@ from explicitfe.platform.host.result_files import find_result
 from explicitfe.platform.host.shipped import export_file
 
 REGISTRATIONS = ("rest", "movement", "none")
+# Options that only recordings have.
+OF_RECORDINGS = ("mapping", "register", "reference_s", "offset_s", "head", "unit", "rate_hz", "picture", "overwrite")
 RECORDING_SUFFIXES = (".csv", ".txt", ".tsv")
 
 
-def compare(
-    result: ResultArgument,
-    other: Annotated[
-        Path,
-        typer.Argument(help="Result to compare with it, or a recording of sensors (.csv, .txt, .tsv).", show_default=False),
-    ],
+@dataclass(frozen=True)
+class CompareOptions:
+    """Options of ``explicitfe compare``."""
+
     tolerance: Annotated[
         float | None,
         typer.Option(
@@ -33,11 +35,11 @@ def compare(
             help="Exit with code 3 if displacements differ by more than this share of the largest displacement.",
             show_default=False,
         ),
-    ] = None,
+    ] = None
     mapping: Annotated[
         list[str] | None,
         typer.Option("--map", metavar="POINT=SENSOR", help="Map a point of the model to a sensor; repeat for several."),
-    ] = None,
+    ] = None
     register: Annotated[
         str | None,
         typer.Option(
@@ -47,7 +49,7 @@ def compare(
             show_default="rest",
             autocompletion=complete_words(REGISTRATIONS),
         ),
-    ] = None,
+    ] = None
     reference_s: Annotated[
         str | None,
         typer.Option(
@@ -56,7 +58,7 @@ def compare(
             help="Interval of the recording in which the speaker rests, in s.",
             show_default="its first 20 ms",
         ),
-    ] = None,
+    ] = None
     offset_s: Annotated[
         str | None,
         typer.Option(
@@ -65,25 +67,35 @@ def compare(
             help="Time of the recording at which the simulation starts; fit minimizes the distance.",
             show_default="first row",
         ),
-    ] = None,
+    ] = None
     head: Annotated[
         list[str] | None,
         typer.Option("--head", metavar="SENSOR", help="Sensor on the head or jaw whose motion is removed; repeat."),
-    ] = None,
+    ] = None
     unit: Annotated[
         str | None,
         typer.Option("--unit", help="Unit of columns that name none, such as mm or m.", show_default=False),
-    ] = None,
+    ] = None
     rate_hz: Annotated[
         float | None,
         typer.Option("--rate-hz", metavar="HZ", help="Sampling rate of a recording without a time column.", show_default=False),
-    ] = None,
+    ] = None
     picture: Annotated[
         Path | None,
         typer.Option("--picture", metavar="FILE", help="Draw the paths (.png, .pdf or .svg).", show_default=False),
-    ] = None,
-    overwrite: OverwriteFilesOption = False,
-    as_json: JsonOption = False,
+    ] = None
+    overwrite: OverwriteFilesOption = False
+    as_json: JsonOption = False
+
+
+@with_options(CompareOptions)
+def compare(
+    result: ResultArgument,
+    other: Annotated[
+        Path,
+        typer.Argument(help="Result to compare with it, or a recording of sensors (.csv, .txt, .tsv).", show_default=False),
+    ],
+    options: CompareOptions,
 ) -> None:
     """Compare a result with another result or with a recording of sensors.
 
@@ -94,43 +106,39 @@ def compare(
 
     Example: [bold]explicitfe compare vowel-i coils.csv --map tip=TT --map dorsum=TD --picture coils.png[/bold]
     """
-    of_recordings = {
-        "--map": mapping, "--register": register, "--reference-s": reference_s, "--offset-s": offset_s, "--head": head,
-        "--unit": unit, "--rate-hz": rate_hz, "--picture": picture, "--overwrite": overwrite,
-    }  # fmt: skip
-    given = [option for option, value in of_recordings.items() if value]
+    given = [name for name in OF_RECORDINGS if getattr(options, name)]
     if other.suffix.lower() not in RECORDING_SUFFIXES:
         if given:
-            raise InputError(f"{given[0]} is for a recording (.csv, .txt, .tsv), and {other} is none; omit it.")
-        _compare_results(result, find_result(other), tolerance, as_json)
+            raise InputError(f"`{given[0]}` is for a recording (.csv, .txt, .tsv), and {other} is none; omit it.")
+        _compare_results(result, find_result(other), options.tolerance, options.as_json)
         return
-    if tolerance is not None:
+    if options.tolerance is not None:
         raise InputError(f"--tolerance is for two results, and {other} is a recording; omit it.")
-    if not mapping:
+    if not options.mapping:
         raise InputError("--map is missing; map at least one point of the model to a sensor, such as --map tip=T1.")
-    if register not in (None, *REGISTRATIONS):
-        raise InputError(f'--register "{register}" is not possible; {nearest(register, REGISTRATIONS)}')
+    if options.register not in (None, *REGISTRATIONS):
+        raise InputError(f'--register "{options.register}" is not possible; {nearest(options.register, REGISTRATIONS)}')
     with following(console, f"reading {result}, {other}"):
         from explicitfe.app.view.recording import draw_recording
         from explicitfe.app.view.terminal.recording import recording_tables
         from explicitfe.inverse.measured.coils import parse_interval, parse_mapping, read_coils
         from explicitfe.inverse.measured.compare_recording import compare_recording
 
-        coils = read_coils(export_file(other), unit=unit, rate_hz=rate_hz)
+        coils = read_coils(export_file(other), unit=options.unit, rate_hz=options.rate_hz)
         comparison, tracks = compare_recording(
             result,
             coils,
-            parse_mapping(mapping),
-            register=cast("Literal['rest', 'movement', 'none']", register or "rest"),
-            reference_s=None if reference_s is None else parse_interval(reference_s, "--reference-s"),
-            offset_s=_offset(offset_s),
-            head=head or (),
+            parse_mapping(options.mapping),
+            register=cast("Literal['rest', 'movement', 'none']", options.register or "rest"),
+            reference_s=None if options.reference_s is None else parse_interval(options.reference_s, "--reference-s"),
+            offset_s=_offset(options.offset_s),
+            head=options.head or (),
         )
-        if picture is not None:
+        if options.picture is not None:
             labels = [f"{point} ({compared.sensor})" for point, compared in comparison.points.items()]
-            draw_recording(result, picture, tracks.time_s, tracks.model, tracks.recorded, labels, overwrite)
-            comparison = comparison.model_copy(update={"picture": str(picture)})
-    print_answer(comparison.document, as_json, lambda: recording_tables(comparison), comparison.warnings)
+            draw_recording(result, options.picture, tracks.time_s, tracks.model, tracks.recorded, labels, options.overwrite)
+            comparison = comparison.model_copy(update={"picture": str(options.picture)})
+    print_answer(comparison.document, options.as_json, lambda: recording_tables(comparison), comparison.warnings)
 
 
 def _compare_results(a: Path, b: Path, tolerance: float | None, as_json: bool) -> None:

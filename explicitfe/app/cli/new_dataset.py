@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
@@ -12,13 +13,14 @@ from rich.table import Table
 from explicitfe.app.cli import asking
 from explicitfe.app.cli.answer import console, print_answer
 from explicitfe.app.cli.completion import complete_scenario, complete_table, complete_words
+from explicitfe.app.cli.grouped import with_options
 from explicitfe.app.cli.new import print_next
 from explicitfe.app.cli.options import JsonOption
 from explicitfe.app.view.progress import following
 from explicitfe.platform.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from explicitfe.inverse.measured.export import Export
     from explicitfe.inverse.measured.new_dataset import NewDataset, Strip
@@ -43,6 +45,85 @@ def _size(words: str) -> typer.models.OptionInfo:
     return typer.Option(metavar="MM", help=words)
 
 
+# Options of one kind of test only.
+OF_TRAJECTORIES = ("mapping", "scenario", "unit", "rate_hz", "noise_mm", "interval_s")
+COLUMNS = ("time", "displacement", "force", "stretch", "stress", "shear_strain", "shear_stress")
+OF_SPECIMENS = ("tool", "diameter_mm", "height_mm", "size_mm", "force_sd_N", "rate", "contact_force_N")
+
+
+@dataclass(frozen=True)
+class NewDatasetOptions:
+    """Options of ``explicitfe new dataset``."""
+
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset.", show_default="named after the files")
+    ] = None
+    test: Annotated[str | None, typer.Option("--test", help=" | ".join(TESTS), autocompletion=complete_words(TESTS))] = None
+    time: Annotated[str | None, _column("time")] = None
+    displacement: Annotated[str | None, _column("displacement")] = None
+    force: Annotated[str | None, _column("force")] = None
+    stretch: Annotated[str | None, _column("stretch")] = None
+    stress: Annotated[str | None, _column("stress")] = None
+    shear_strain: Annotated[str | None, _column("shear-strain")] = None
+    shear_stress: Annotated[str | None, _column("shear-stress")] = None
+    diameter_mm: Annotated[float | None, _size("Diameter of a cylindrical specimen.")] = None
+    height_mm: Annotated[float | None, _size("Height of the cylinder, along the load.")] = None
+    size_mm: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="Dimensions of a block; the last one is along the load.")
+    ] = None
+    base: Annotated[str, typer.Option(help=f"Support of the specimen: {' | '.join(BASES)}")] = "unknown"
+    tool: Annotated[str | None, typer.Option("--tool", help=" | ".join(TOOLS), autocompletion=complete_words(TOOLS))] = None
+    tool_diameter_mm: Annotated[float | None, _size("Diameter of the tool.")] = None
+    control: Annotated[str, typer.Option(help=f"Quantity that the machine imposed: {' | '.join(CONTROLS)}")] = "displacement"
+    friction: Annotated[str, typer.Option(help="Friction coefficient of the tool, or stick | unknown")] = "unknown"
+    length_mm: Annotated[float | None, _size("Free length of a strip between clamps.")] = None
+    area_mm2: Annotated[float | None, typer.Option(metavar="MM2", help="Cross-section of the strip.")] = None
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", metavar="PER_S", help="Loading rate in mm/s or N/s, if there is no time column."),
+    ] = None
+    force_sd_N: Annotated[
+        float | None,
+        typer.Option("--force-sd-N", metavar="N", help="Standard deviation of the force noise.", show_default="estimated"),
+    ] = None
+    contact_force_N: Annotated[
+        float | None,
+        typer.Option("--contact-force-N", metavar="N", help="Omit the rows before the force first reaches this value."),
+    ] = None
+    one_specimen: Annotated[
+        bool | None,
+        typer.Option("--one-specimen/--a-specimen-each", help="Whether all files are of the same specimen or speaker."),
+    ] = None
+    mapping: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="POINT=SENSOR", help="Trajectory: map a point of the scenario to a sensor; repeat."),
+    ] = None
+    scenario: Annotated[
+        Path | None,
+        typer.Option(
+            "--scenario", metavar="SCENARIO", help="Trajectory: scenario to compare with.", autocompletion=complete_scenario
+        ),
+    ] = None
+    unit: Annotated[str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, such as mm or m.")] = (
+        None
+    )
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate-hz", metavar="HZ", help="Trajectory: sampling rate, if there is no time column.")
+    ] = None
+    noise_mm: Annotated[
+        float | None, typer.Option("--noise-mm", metavar="MM", help="Trajectory: standard deviation of a coordinate.")
+    ] = None
+    interval_s: Annotated[
+        str | None,
+        typer.Option("--interval-s", metavar="START:END", help="Trajectory: rows to use; START is time 0 of the scenario."),
+    ] = None
+    title: Annotated[str | None, typer.Option("--title", help="Title in tables and pictures.")] = None
+    source: Annotated[str, typer.Option("--source", help="Who measured the data, and where they are published.")] = ""
+    license_: Annotated[str, typer.Option("--license", help="License of the data.")] = ""
+    as_json: JsonOption = False
+
+
+@with_options(NewDatasetOptions)
 def new_dataset(
     files: Annotated[
         list[Path],
@@ -52,72 +133,7 @@ def new_dataset(
             autocompletion=complete_table,
         ),
     ],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the dataset.", show_default="named after the files")
-    ] = None,
-    test: Annotated[str | None, typer.Option("--test", help=" | ".join(TESTS), autocompletion=complete_words(TESTS))] = None,
-    time: Annotated[str | None, _column("time")] = None,
-    displacement: Annotated[str | None, _column("displacement")] = None,
-    force: Annotated[str | None, _column("force")] = None,
-    stretch: Annotated[str | None, _column("stretch")] = None,
-    stress: Annotated[str | None, _column("stress")] = None,
-    shear_strain: Annotated[str | None, _column("shear-strain")] = None,
-    shear_stress: Annotated[str | None, _column("shear-stress")] = None,
-    diameter_mm: Annotated[float | None, _size("Diameter of a cylindrical specimen.")] = None,
-    height_mm: Annotated[float | None, _size("Height of the cylinder, along the load.")] = None,
-    size_mm: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Dimensions of a block; the last one is along the load.")
-    ] = None,
-    base: Annotated[str, typer.Option(help=f"Support of the specimen: {' | '.join(BASES)}")] = "unknown",
-    tool: Annotated[str | None, typer.Option("--tool", help=" | ".join(TOOLS), autocompletion=complete_words(TOOLS))] = None,
-    tool_diameter_mm: Annotated[float | None, _size("Diameter of the tool.")] = None,
-    control: Annotated[str, typer.Option(help=f"Quantity that the machine imposed: {' | '.join(CONTROLS)}")] = "displacement",
-    friction: Annotated[str, typer.Option(help="Friction coefficient of the tool, or stick | unknown")] = "unknown",
-    length_mm: Annotated[float | None, _size("Free length of a strip between clamps.")] = None,
-    area_mm2: Annotated[float | None, typer.Option(metavar="MM2", help="Cross-section of the strip.")] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option("--rate", metavar="PER_S", help="Loading rate in mm/s or N/s, if there is no time column."),
-    ] = None,
-    force_sd_N: Annotated[
-        float | None,
-        typer.Option("--force-sd-N", metavar="N", help="Standard deviation of the force noise.", show_default="estimated"),
-    ] = None,
-    contact_force_N: Annotated[
-        float | None,
-        typer.Option("--contact-force-N", metavar="N", help="Omit the rows before the force first reaches this value."),
-    ] = None,
-    one_specimen: Annotated[
-        bool | None,
-        typer.Option("--one-specimen/--a-specimen-each", help="Whether all files are of the same specimen or speaker."),
-    ] = None,
-    mapping: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="POINT=SENSOR", help="Trajectory: map a point of the scenario to a sensor; repeat."),
-    ] = None,
-    scenario: Annotated[
-        Path | None,
-        typer.Option(
-            "--scenario", metavar="SCENARIO", help="Trajectory: scenario to compare with.", autocompletion=complete_scenario
-        ),
-    ] = None,
-    unit: Annotated[
-        str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, such as mm or m.")
-    ] = None,
-    rate_hz: Annotated[
-        float | None, typer.Option("--rate-hz", metavar="HZ", help="Trajectory: sampling rate, if there is no time column.")
-    ] = None,
-    noise_mm: Annotated[
-        float | None, typer.Option("--noise-mm", metavar="MM", help="Trajectory: standard deviation of a coordinate.")
-    ] = None,
-    interval_s: Annotated[
-        str | None,
-        typer.Option("--interval-s", metavar="START:END", help="Trajectory: rows to use; START is time 0 of the scenario."),
-    ] = None,
-    title: Annotated[str | None, typer.Option("--title", help="Title in tables and pictures.")] = None,
-    source: Annotated[str, typer.Option("--source", help="Who measured the data, and where they are published.")] = "",
-    license_: Annotated[str, typer.Option("--license", help="License of the data.")] = "",
-    as_json: JsonOption = False,
+    options: NewDatasetOptions,
 ) -> None:
     """Make a dataset from tables of a testing machine, or from recordings of sensors.
 
@@ -128,43 +144,32 @@ def new_dataset(
 
     Example: [bold]explicitfe new dataset coils.csv --test trajectory --map tip=TT --map dorsum=TD --scenario vowel-i[/bold]
     """
-    _check_words(test, tool, base, control, friction, rate)
-    of_trajectories = {
-        "--map": mapping, "--scenario": scenario, "--unit": unit, "--rate-hz": rate_hz, "--noise-mm": noise_mm,
-        "--interval-s": interval_s,
-    }  # fmt: skip
-    columns = {
-        "time": time, "displacement": displacement, "force": force, "stretch": stretch, "stress": stress,
-        "shear-strain": shear_strain, "shear-stress": shear_stress,
-    }  # fmt: skip
-    if test == "trajectory":
-        for_others = {f"--{name}": column for name, column in columns.items()} | {
-            "--tool": tool, "--diameter-mm": diameter_mm, "--height-mm": height_mm, "--size-mm": size_mm,
-            "--force-sd-N": force_sd_N, "--rate": rate, "--contact-force-N": contact_force_N,
-        }  # fmt: skip
-        _refuse(for_others, "is not for --test trajectory")
+    _check_words(options)
+    columns = {name.replace("_", "-"): getattr(options, name) for name in COLUMNS}
+    if options.test == TESTS[-1]:
+        _refuse(options, (*COLUMNS, *OF_SPECIMENS), "is not for --test trajectory")
         with following(console, f"reading {', '.join(map(str, files))}"):
             from explicitfe.inverse.measured.coils import parse_interval, parse_mapping, read_coils
             from explicitfe.inverse.measured.new_dataset import usual_folder
             from explicitfe.inverse.measured.new_trajectory import TrajectoryDescription, write_new_trajectory
             from explicitfe.platform.host.shipped import export_file
 
-            folder = out or usual_folder(files)
+            folder = options.out or usual_folder(files)
             trajectories = TrajectoryDescription(
-                title=title or f"Recording of {folder.name}",
-                mapping=parse_mapping(mapping or ()),
-                scenario=scenario,
-                noise_mm=noise_mm,
-                interval_s=None if interval_s is None else parse_interval(interval_s, "--interval-s"),
-                one_speaker=bool(one_specimen),
-                source=source,
-                license=license_,
+                title=options.title or f"Recording of {folder.name}",
+                mapping=parse_mapping(options.mapping or ()),
+                scenario=options.scenario,
+                noise_mm=options.noise_mm,
+                interval_s=None if options.interval_s is None else parse_interval(options.interval_s, "--interval-s"),
+                one_speaker=bool(options.one_specimen),
+                source=options.source,
+                license=options.license_,
             )
-            recordings = [read_coils(export_file(file), unit=unit, rate_hz=rate_hz) for file in files]
+            recordings = [read_coils(export_file(file), unit=options.unit, rate_hz=options.rate_hz) for file in files]
             dataset = write_new_trajectory(folder, recordings, trajectories)
-        _print(dataset, as_json)
+        _print(dataset, options.as_json)
         return
-    _refuse(of_trajectories, "is for --test trajectory only")
+    _refuse(options, OF_TRAJECTORIES, "is for --test trajectory only")
     with following(console, f"reading {', '.join(map(str, files))}"):
         from explicitfe.inverse.measured.export import read_export
         from explicitfe.inverse.measured.new_dataset import TestDescription, quantities_of, usual_folder, write_new_dataset
@@ -173,12 +178,12 @@ def new_dataset(
         exports = [read_export(export_file(file)) for file in files]
     if asking.somebody_is_there():
         _show(exports[0])
-    kind = cast("TestKind", _word(test, TESTS[:-1], "--test", "Test", "compression"))
-    with_tool = kind != "shear" and stretch is None and stress is None and not _only_stress(exports[0], kind)
-    shape = _tool_shape(kind, tool) if with_tool else ""
+    kind = cast("TestKind", _word(options.test, TESTS[:-1], "--test", "Test", "compression"))
+    with_tool = kind != "shear" and options.stretch is None and options.stress is None and not _only_stress(exports[0], kind)
+    shape = _tool_shape(kind, options.tool) if with_tool else ""
     by_clamps = shape == "clamps"
     quantities = quantities_of(kind, with_tool)
-    rate = _rate(rate, exports[0], time)
+    rate = _rate(options.rate, exports[0], options.time)
     sources: dict[Path, Sequence[Choice]] = {}
     stated = columns
     for export in exports:
@@ -188,18 +193,18 @@ def new_dataset(
         stated = columns | {choice.quantity: f"{choice.column.name}:{choice.unit}" for choice in choices}
     description = TestDescription(
         test=kind,
-        title=title or f"{kind.capitalize()} of {(out or usual_folder(files)).name}",
-        specimen=_specimen(with_tool and not by_clamps, diameter_mm, height_mm, size_mm, base),
-        tool=_tool(shape, tool_diameter_mm, control, friction) if with_tool and not by_clamps else None,
+        title=options.title or f"{kind.capitalize()} of {(options.out or usual_folder(files)).name}",
+        specimen=_specimen(with_tool and not by_clamps, options.diameter_mm, options.height_mm, options.size_mm, options.base),
+        tool=_tool(shape, options.tool_diameter_mm, options.control, options.friction) if with_tool and not by_clamps else None,
         rate_per_s=rate,
-        strip=_strip(length_mm, area_mm2) if by_clamps else None,
-        noise={} if force_sd_N is None else {"force_sd_N": force_sd_N},
-        source=source,
-        license=license_,
-        contact_force_N=contact_force_N,
-        one_specimen=_one_specimen(one_specimen, len(files)),
+        strip=_strip(options.length_mm, options.area_mm2) if by_clamps else None,
+        noise={} if options.force_sd_N is None else {"force_sd_N": options.force_sd_N},
+        source=options.source,
+        license=options.license_,
+        contact_force_N=options.contact_force_N,
+        one_specimen=_one_specimen(options.one_specimen, len(files)),
     )
-    _print(write_new_dataset(out or usual_folder(files), sources, description), as_json)
+    _print(write_new_dataset(options.out or usual_folder(files), sources, description), options.as_json)
 
 
 def _print(dataset: NewDataset, as_json: bool) -> None:
@@ -210,24 +215,28 @@ def _print(dataset: NewDataset, as_json: bool) -> None:
         print_next(f"explicitfe check {dataset['dataset']}", f"explicitfe close-loop {dataset['dataset']}")
 
 
-def _check_words(test: str | None, tool: str | None, base: str, control: str, friction: str, rate: float | None) -> None:
+def _check_words(options: NewDatasetOptions) -> None:
     """Raise InputError if an option has an impossible value, before any table is read."""
-    for option, given, words in (("--test", test, TESTS), ("--tool", tool, TOOLS), ("--base", base, BASES)):
+    for option, given, words in (
+        ("--test", options.test, TESTS),
+        ("--tool", options.tool, TOOLS),
+        ("--base", options.base, BASES),
+        ("--control", options.control, CONTROLS),
+    ):
         if given is not None:
             _word(given, words, option, "", "")
-    if test is None and not asking.somebody_is_there():
+    if options.test is None and not asking.somebody_is_there():
         _word(None, TESTS, "--test", "", "")
-    _word(control, CONTROLS, "--control", "", "")
-    _friction(friction)
-    if rate is not None and not 0.0 < rate < float("inf"):
-        raise InputError(f"--rate {rate:g} is not possible; give a number above 0.")
+    _friction(options.friction)
+    if options.rate is not None and not 0.0 < options.rate < float("inf"):
+        raise InputError(f"--rate {options.rate:g} is not possible; give a number above 0.")
 
 
-def _refuse(options: Mapping[str, object], why: str) -> None:
+def _refuse(options: NewDatasetOptions, names: Sequence[str], why: str) -> None:
     """Raise InputError if an option is given that the test does not have."""
-    for option, value in options.items():
-        if value not in (None, []):
-            raise InputError(f"{option} {why}; omit it.")
+    for name in names:
+        if getattr(options, name) not in (None, []):
+            raise InputError(f"`{name}` {why}; omit it.")
 
 
 def _show(export: Export) -> None:

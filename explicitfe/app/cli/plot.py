@@ -54,7 +54,7 @@ def plot(
         from explicitfe.app.view.terminal.drawn import drawn_table
 
         if sweeps := [path for path in results if is_sweep(path)]:
-            from explicitfe.app.view.sweep.pictures import draw_sweep
+            from explicitfe.app.view.page.sweep.pictures import draw_sweep
             from explicitfe.simulate.sweep.page_data import sweep_to_draw
 
             if len(results) > 1:

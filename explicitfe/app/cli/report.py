@@ -38,7 +38,7 @@ def report(
     with following(console, f"reading {results[0]}") as progress:
         folders = [path for path in results if is_sweep(path)]
         if folders:
-            from explicitfe.app.view.sweep.report import write_sweep_report
+            from explicitfe.app.view.page.sweep.report import write_sweep_report
             from explicitfe.app.view.terminal.sweep import sweep_report_table
             from explicitfe.simulate.sweep.page_data import sweep_to_draw
 
@@ -47,7 +47,7 @@ def report(
             of_sweep = write_sweep_report(sweep_to_draw, folders[0], out, overwrite=overwrite, progress=progress)
             print_later = partial(print_answer, of_sweep, as_json, lambda: sweep_report_table(of_sweep))
         else:
-            from explicitfe.app.view.run_page.write import write_report
+            from explicitfe.app.view.page.run.write import write_report
             from explicitfe.app.view.terminal.report import report_table
 
             answer = write_report(results, out, overwrite=overwrite, progress=progress)

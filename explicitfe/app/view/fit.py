@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.app.view.indentation import ENERGY_LABEL, paint_section
+from explicitfe.app.view.page import words
 from explicitfe.app.view.palette import COLOURS, WIDTH_IN, new_figure, plain, save
-from explicitfe.app.view.report import words
 from explicitfe.results.documents.fitted_curves import ConstantProfile, DeformedSpecimen, FittedCurve, GroupCurve, PaperTrace
 
 MARKERS = "os^Dv"

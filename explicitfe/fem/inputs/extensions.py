@@ -58,13 +58,13 @@ def register_effect(name: str) -> Callable[[type[EffectT]], type[EffectT]]:
     return register
 
 
-def _check(name: object, new: type, present: type | None, made: str) -> None:
+def _check(name: object, new: type, present: type | None, table: str) -> None:
     if not isinstance(name, str) or not name:
         raise InputError(f"{new.__name__} has no name; a law has its name as the default of its key law.")
     same = present is not None and (present.__module__, present.__qualname__) == (new.__module__, new.__qualname__)
     if present is not None and not same:
         raise InputError(f"{new.__name__}: {shortened(name)} is the name of {present.__name__}; choose another one.")
-    if made in sys.modules and not same:
+    if table in sys.modules and not same:
         raise InputError(f"{new.__name__}: register it at the top of the script, before the first scenario is read.")
 
 

@@ -36,8 +36,7 @@ from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLi
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.platform.errors import RunError
 
-# A cause may use several terms: two more in a set than it has causes.
-FURTHER_TERMS = 2
+FURTHER_TERMS = 2  # A cause may use several terms: two more in a set than it has causes.
 # Hypotheses from which larger ones are built.
 MOST_PARENTS = 6
 # Shares of the search at which its stages begin.

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.results.files import layout
 from explicitfe.results.files.contents import FieldInfo, StoredBone
-from explicitfe.results.files.layout import Quantity
+from explicitfe.results.files.layout import Declaration, Quantity
 from explicitfe.results.files.recorded import Recorded
 from explicitfe.results.files.recorder import Recorder
 
@@ -43,23 +43,13 @@ class ResultInMemory(Recorded, Recorder):
 
     # ---- filled by a run ----
 
-    def begin(
-        self,
-        *,
-        mesh: HexMesh,
-        point_fields: Mapping[str, Quantity] | None = None,
-        cell_fields: Mapping[str, Quantity] | None = None,
-        history: Mapping[str, Quantity] | None = None,
-        model: Mapping[str, object],
-        bones: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
-    ) -> Self:
-        """Say what will be stored; see :class:`explicitfe.results.files.writer.ResultWriter`."""
-        self._mesh, self._model = mesh, model
-        self._bones = {name: StoredBone(*surface) for name, surface in (bones or {}).items()}
-        points = {"displacement": layout.DISPLACEMENT, **(point_fields or {})}
-        self._fields = {name: FieldInfo("point", quantity) for name, quantity in points.items()}
-        self._fields |= {name: FieldInfo("cell", quantity) for name, quantity in (cell_fields or {}).items()}
-        self._history_names = {"time": layout.TIME, **(history or {})}
+    def begin(self, declared: Declaration, model: Mapping[str, object]) -> Self:
+        """Declare what will be stored."""
+        self._mesh, self._model = declared.mesh, model
+        self._bones = {name: StoredBone(*surface) for name, surface in declared.bones.items()}
+        self._fields = {name: FieldInfo("point", quantity) for name, quantity in declared.points.items()}
+        self._fields |= {name: FieldInfo("cell", quantity) for name, quantity in declared.cell_fields.items()}
+        self._history_names = declared.columns
         return self
 
     def __enter__(self) -> Self:

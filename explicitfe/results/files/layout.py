@@ -42,15 +42,15 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from zlib import crc32
 
 import h5py
 import numpy as np
 import numpy.typing as npt
 
-from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 
 FORMAT_VERSION = 3
 FIRST_FORMAT_WITH_CHECKSUMS = 3
@@ -114,23 +114,64 @@ DISPLACEMENT = Quantity("m", 3, "displacement of the nodes from their reference 
 TIME = Quantity("s", 1, "time of each row of the history")
 
 
+@dataclass(frozen=True)
+class Declaration:
+    """What a run will store, declared before its first sample.
+
+    Attributes
+    ----------
+    mesh : the reference mesh; its node sets and named points are stored too.
+    point_fields, cell_fields : name -> quantity of each field in addition to ``displacement`` (m), which is always stored.
+    history : name -> quantity of each column of the history in addition to the time.
+    bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
+    fibres : fibre lines of each muscle of ``model["muscles"]``.
+    """
+
+    mesh: HexMesh
+    point_fields: Mapping[str, Quantity] = field(default_factory=dict)
+    cell_fields: Mapping[str, Quantity] = field(default_factory=dict)
+    history: Mapping[str, Quantity] = field(default_factory=dict)
+    bones: Mapping[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    fibres: Sequence[Sequence[MaterialPoints]] = ()
+
+    @property
+    def points(self) -> dict[str, Quantity]:
+        """All fields of nodes."""
+        return {"displacement": DISPLACEMENT, **self.point_fields}
+
+    @property
+    def columns(self) -> dict[str, Quantity]:
+        """All columns of the history."""
+        return {"time": TIME, **self.history}
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a result comes from.
+
+    Attributes
+    ----------
+    scenario_text : the scenario file as the user wrote it.
+    model, provenance : JSON-able dicts.
+    """
+
+    scenario_text: str
+    model: Mapping[str, object]
+    provenance: Mapping[str, object]
+
+
 def create(
     file: h5py.File,
+    declared: Declaration,
+    origin: Origin,
     *,
-    mesh: HexMesh,
-    bones: Mapping[str, tuple[np.ndarray, np.ndarray]],
     fibres: Mapping[str, np.ndarray],
-    point_fields: Mapping[str, Quantity],
-    cell_fields: Mapping[str, Quantity],
-    history: Mapping[str, Quantity],
-    scenario_text: str,
-    model: Mapping[str, object],
-    provenance: Mapping[str, object],
     restart: dict[str, np.ndarray],
     capacity: int,
     reserve: Callable[[int], None],
 ) -> None:
     """Write everything that is known before the first step and make room for ``capacity`` steps; see :func:`resize`."""
+    mesh, history = declared.mesh, declared.columns
     n, m = mesh.node_count, mesh.element_count
 
     vtk = file.create_group("VTKHDF")
@@ -161,7 +202,7 @@ def create(
         _growing(file, f"{STEPS}/{name}", shape, np.int64, NUMBERS_PER_CHUNK)
     own = file.create_group("explicitfe")
     own.attrs["format"] = FORMAT_VERSION
-    for data, count, fields in ((POINT_DATA, n, point_fields), (CELL_DATA, m, cell_fields)):
+    for data, count, fields in ((POINT_DATA, n, declared.points), (CELL_DATA, m, declared.cell_fields)):
         file.create_group(data)
         for name, quantity in fields.items():
             _describe(_growing(file, f"{data}/{name}", quantity.shape, "<f8", STEPS_PER_CHUNK * count), quantity)
@@ -178,17 +219,17 @@ def create(
     _create_state(file)
     _growing(file, ENDING, (), np.uint8, ENDING_BYTES_PER_CHUNK).resize(1, axis=0)
     file[ENDING].attrs["crc32"] = np.uint32(0)
-    _put(file, SCENARIO, scenario_text)
-    file[SCENARIO].attrs["sha256"] = _text(hashlib.sha256(scenario_text.encode()).hexdigest())
-    _put(file, MODEL, to_json(model))
-    _put(file, PROVENANCE, to_json(provenance))
+    _put(file, SCENARIO, origin.scenario_text)
+    file[SCENARIO].attrs["sha256"] = _text(hashlib.sha256(origin.scenario_text.encode()).hexdigest())
+    _put(file, MODEL, to_json(origin.model))
+    _put(file, PROVENANCE, to_json(origin.provenance))
     file.create_group(NODE_SETS)
     for name, nodes in mesh.node_sets.items():
         _put(file, f"{NODE_SETS}/{name}", np.asarray(nodes, dtype=np.int64))
     file.create_group(NAMED_POINTS)
     for name, point in mesh.named_points.items():
         _put(file, f"{NAMED_POINTS}/{name}", np.concatenate([point.element, point.natural[0]]).astype("<f8"))
-    for name, (points, triangles) in bones.items():
+    for name, (points, triangles) in declared.bones.items():
         _put(file, f"{BONES}/{name}/points", np.asarray(points, dtype="<f8"))
         _put(file, f"{BONES}/{name}/triangles", np.asarray(triangles, dtype=np.int64))
     for name, array in fibres.items():

@@ -5,29 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NotRequired
+from typing import Any
 
 import numpy as np
-from typing_extensions import TypedDict
 
 from explicitfe.fem.mesh.hexmesh import HexMesh, shape_functions
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.results.files.contents import FieldInfo, StoredBone
 from explicitfe.results.files.layout import Quantity
-
-
-class Declared(TypedDict):
-    """What a run says before its first sample: what fields and history it will store, of what mesh, among what bones.
-
-    Name -> quantity of fields beside ``displacement`` and of the history beside ``time``; name -> points (k, 3) m and triangles
-    (m, 3) of the surface of each bone at rest.
-    """
-
-    mesh: HexMesh
-    point_fields: NotRequired[Mapping[str, Quantity]]
-    cell_fields: NotRequired[Mapping[str, Quantity]]
-    history: NotRequired[Mapping[str, Quantity]]
-    bones: NotRequired[Mapping[str, tuple[np.ndarray, np.ndarray]]]
 
 
 class Recorded(ABC):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -15,15 +15,14 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.platform.errors import InputError, MachineError
 from explicitfe.platform.host import files
 from explicitfe.platform.host.result_files import final_path, running_path
 from explicitfe.results.documents.run_summary import without_history
 from explicitfe.results.files import layout, names
 from explicitfe.results.files.disk import DiskFile
-from explicitfe.results.files.fibres import FibreLines, fibre_arrays
-from explicitfe.results.files.layout import INTERRUPTED, RUNNING, Quantity
+from explicitfe.results.files.fibres import fibre_arrays
+from explicitfe.results.files.layout import INTERRUPTED, RUNNING, Declaration, Origin
 from explicitfe.results.files.recorder import Recorder
 from explicitfe.results.files.rows import FieldRows, HistoryRows, Rows
 
@@ -42,13 +41,8 @@ class ResultWriter(Recorder):
     Parameters
     ----------
     path : the finished result; ends in ``.vtkhdf``. Missing folders are made.
-    mesh : the reference mesh; its node sets and named points are stored too.
-    point_fields, cell_fields : name -> quantity of each field in addition to ``displacement`` (m), which is always stored.
-    history : name -> quantity of each column of the history in addition to the time.
-    scenario_text : the scenario file as the user wrote it.
-    model, provenance : JSON-able dicts.
-    bones : name -> points (k, 3) m and triangles (m, 3) of the surface of each bone at rest.
-    fibres : fibre lines of each muscle of ``model["muscles"]``.
+    declared : mesh, fields and history.
+    origin : scenario, model and provenance.
     restart : name -> array or number of the shape and type that :meth:`restart` will get; values are ignored.
     expected_samples : number of samples to allocate; more are possible, unused ones are removed by :meth:`finish`.
     overwrite : whether a result at ``path``, and the file of an interrupted run, may be replaced.
@@ -80,16 +74,9 @@ class ResultWriter(Recorder):
     def __init__(
         self,
         path: Path | str,
+        declared: Declaration,
+        origin: Origin,
         *,
-        mesh: HexMesh,
-        point_fields: Mapping[str, Quantity] | None = None,
-        cell_fields: Mapping[str, Quantity] | None = None,
-        history: Mapping[str, Quantity] | None = None,
-        scenario_text: str,
-        model: Mapping[str, object],
-        provenance: Mapping[str, object],
-        bones: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
-        fibres: Sequence[FibreLines] = (),
         restart: Mapping[str, npt.ArrayLike] | None = None,
         expected_samples: int = 64,
         overwrite: bool = False,
@@ -110,15 +97,9 @@ class ResultWriter(Recorder):
         try:
             layout.create(
                 self._file,
-                mesh=mesh,
-                bones=bones or {},
-                fibres=fibre_arrays(fibres),
-                point_fields={"displacement": layout.DISPLACEMENT, **(point_fields or {})},
-                cell_fields=cell_fields or {},
-                history={"time": layout.TIME, **(history or {})},
-                scenario_text=scenario_text,
-                model=model,
-                provenance=provenance,
+                declared,
+                origin,
+                fibres=fibre_arrays(declared.fibres),
                 restart={key: np.asarray(value) for key, value in (restart or {}).items()},
                 capacity=max(1, expected_samples),
                 reserve=self._disk.reserve,

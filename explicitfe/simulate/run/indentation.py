@@ -26,7 +26,7 @@ from explicitfe.results.documents.run_summary import (
     IndentationSummary,
 )
 from explicitfe.results.files import Quantity, ResultInMemory, ResultWriter, provenance
-from explicitfe.results.files.recorded import Declared
+from explicitfe.results.files.layout import Declaration, Origin
 from explicitfe.simulate.anatomy.specimen import specimen_model
 from explicitfe.simulate.run.analysis import HOURGLASS_WARNING_SHARE, Analysis, Begun, how_to_resume, restart_extras
 from explicitfe.simulate.run.machine_code import kernels_of, make_ready
@@ -181,19 +181,17 @@ class IndentationAnalysis(Analysis[IndentationScenario, Relaxation]):
 
     def _writer(self, target: Path | ResultInMemory, overwrite: bool, expected: int) -> ResultWriter | ResultInMemory:
         wanted = self.scenario.record.fields
-        declared: Declared = {
-            "mesh": self.model.mesh,
-            "cell_fields": {name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
-            "history": INDENTATION_HISTORY,
-        }
+        declared = Declaration(
+            mesh=self.model.mesh,
+            cell_fields={name: quantity for name, quantity in INDENTATION_FIELDS.items() if name in wanted},
+            history=INDENTATION_HISTORY,
+        )
         if isinstance(target, ResultInMemory):
-            return target.begin(**declared, model=self.describe())
+            return target.begin(declared, self.describe())
         return ResultWriter(
             target,
-            **declared,
-            scenario_text=self.text,
-            model=self._stored_model(),
-            provenance=provenance(),
+            declared,
+            Origin(self.text, self._stored_model(), provenance()),
             restart=self.body.restart_state() | restart_extras(0, 0.0),
             expected_samples=expected,
             overwrite=overwrite,

@@ -54,7 +54,7 @@ from explicitfe.results.documents.run_summary import (
     probes_of,
 )
 from explicitfe.results.files import ResultInMemory, ResultWriter, open_result, provenance
-from explicitfe.results.files.recorded import Declared
+from explicitfe.results.files.layout import Declaration, Origin
 from explicitfe.results.measure.motion import has_settled, largest_displacement
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.tongue import assemble
@@ -245,26 +245,24 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         bones = [bone.name for bone in model.bones]
         per_sample = 8 * (6 * model.mesh.node_count + 2 * model.mesh.element_count)
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
-        declared: Declared = {
-            "mesh": model.mesh,
-            "point_fields": point_fields(wanted, bones),
-            "cell_fields": cell_fields(wanted),
-            "history": history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
-            "bones": {bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
-        }
+        declared = Declaration(
+            mesh=model.mesh,
+            point_fields=point_fields(wanted, bones),
+            cell_fields=cell_fields(wanted),
+            history=history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
+            bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
+            fibres=model.fibres,
+        )
         if isinstance(target, ResultInMemory):
-            return target.begin(**declared, model=self.describe())
+            return target.begin(declared, self.describe())
         state = (
             simulation.restart_state() | {"clock": np.zeros(3), "counters": np.zeros(2, dtype=np.int64)} | restart_extras(0, 0.0)
         )
         return ResultWriter(
             target,
-            **declared,
-            scenario_text=self.text,
-            model=self._stored_model(),
-            provenance=provenance(),
+            declared,
+            Origin(self.text, self._stored_model(), provenance()),
             restart=state,
-            fibres=model.fibres,
             expected_samples=min(expected, room),
             overwrite=overwrite,
         )

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from explicitfe.app.view.report.words import SUPERSCRIPTS
+from explicitfe.app.view.page.words import SUPERSCRIPTS
 
 CHART_SIDE = 1000.0
 # More points are not distinguishable on a screen; longer lines are reduced to their extremes.

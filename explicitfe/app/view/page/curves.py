@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
-from explicitfe.app.view.report.axis import goes_one_way
+from explicitfe.app.view.page.close_loop.axis import goes_one_way
 
 # Data are black as the letters of the page, and the model has its first colour.
 DATA_COLOUR, MODEL_COLOUR = COLOUR_COUNT - 1, 0

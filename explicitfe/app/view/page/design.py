@@ -5,8 +5,8 @@ from __future__ import annotations
 import shlex
 
 from explicitfe.app.view.page.frame import page_text
-from explicitfe.app.view.report.tables import PageTable, bars, table
-from explicitfe.app.view.report.words import bare, count, finite, plural
+from explicitfe.app.view.page.tables import PageTable, bars, table
+from explicitfe.app.view.page.words import bare, count, finite, plural
 from explicitfe.app.view.terminal.design import strength_in_words
 from explicitfe.results.documents.planned_test import EffectInTest, PlannedTest
 

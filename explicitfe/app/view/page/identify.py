@@ -13,8 +13,8 @@ from explicitfe.app.view.fit import CHI2_RISE_95_PERCENT, constant_name, unit_of
 from explicitfe.app.view.page.chart import Chart, Line, chart
 from explicitfe.app.view.page.curves import CurveToDraw, charts_of_curves
 from explicitfe.app.view.page.frame import page_text
-from explicitfe.app.view.report.tables import PageTable, bars, table
-from explicitfe.app.view.report.words import finite, number, percent, plural
+from explicitfe.app.view.page.tables import PageTable, bars, table
+from explicitfe.app.view.page.words import finite, number, percent, plural
 from explicitfe.results.documents.fitted_curves import ConstantProfile, FittedCurve
 from explicitfe.results.documents.identification import Identification, IdentifiedGroup, changes_of
 

@@ -10,8 +10,8 @@ import numpy as np
 from explicitfe.app.view.page.chart import Chart
 from explicitfe.app.view.page.curves import MOST_CURVES, CurveToDraw, axis_of, charts_of_curves
 from explicitfe.app.view.page.frame import page_text
-from explicitfe.app.view.report.tables import PageTable, bars, table
-from explicitfe.app.view.report.words import finite, joined, number, percent, plural
+from explicitfe.app.view.page.tables import PageTable, bars, table
+from explicitfe.app.view.page.words import finite, joined, number, percent, plural
 from explicitfe.results.documents.prediction import PredictedCurve, Prediction
 
 SIDES = {"holdout": "held out", "fit": "fitted", None: ""}

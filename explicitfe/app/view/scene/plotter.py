@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from explicitfe.app.view.opengl import tried_renderer
 from explicitfe.app.view.rendering import HOW_TO_RENDER
-from explicitfe.app.view.scene.scene import Look
-from explicitfe.app.view.scene.show import VIEW_OF_SPECIMEN, has_screen
+from explicitfe.app.view.scene.scene import look_of
+from explicitfe.app.view.scene.show import has_screen
 from explicitfe.app.view.scene.shown_field import check_field
 from explicitfe.app.view.scene.stage import Stage
-from explicitfe.app.view.scene.viewpoint import viewpoint
 from explicitfe.platform.errors import MachineError
 from explicitfe.platform.host.extras import require
 from explicitfe.results.documents.run_summary import kind_of
@@ -28,9 +28,7 @@ def plotter_of(
     view: str | None = None,
     *,
     field: str = "displacement",
-    bones: bool = True,
-    fibres: bool = True,
-    at_rest: bool = True,
+    without: Sequence[str] = (),
     time_s: float | None = None,
     size_px: tuple[int, int],
 ) -> pyvista.Plotter:
@@ -44,12 +42,11 @@ def plotter_of(
     require("view", "a view in three dimensions")
     with open_result(result_path) as result:
         check_field(result, field)
-        view = view or (VIEW_OF_SPECIMEN if kind_of(result.model) == "relaxation" else Look.view)
-        viewpoint(view)
+        look = look_of(view, kind_of(result.model), field, without)
         step = step_at(result, time_s)
         if why_not := _why_not_rendered():
             raise MachineError(f"this machine cannot render ({why_not}); {HOW_TO_RENDER}.")
-        stage = Stage(result, [step], Look(view, field, bones, fibres, at_rest), size_px, window=has_screen())
+        stage = Stage(result, [step], look, size_px, window=has_screen())
         stage.show(step)
         return stage.plotter
 

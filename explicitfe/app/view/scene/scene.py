@@ -17,6 +17,7 @@ from explicitfe.app.view.palette import BONE, BONE_EDGE, FIBRE_AT_REST, FIBRE_PU
 from explicitfe.app.view.scene.carried import CarriedPoints, joined
 from explicitfe.app.view.scene.shown_field import ShownField, shown_field
 from explicitfe.app.view.scene.viewpoint import Viewpoint, aim, viewpoint
+from explicitfe.platform.errors import InputError, shortened
 from explicitfe.results.files import Result, StoredBone
 from explicitfe.results.measure.sections import Y, middle, midsagittal
 
@@ -32,6 +33,8 @@ GHOST_OPACITY, GHOST_COLOUR = 0.7, "#303030"
 DASH_LENGTH_SHARE, DASH_SHARE = 0.016, 0.6
 # The outline at rest and cut bones are drawn this share of the body in front of the cut face.
 BEFORE_FACE_SHARE = 0.004
+PARTS = ("bones", "fibres", "rest")  # that a scene may lack
+VIEW_OF_SPECIMEN = "oblique"  # It has no midsagittal plane.
 PLAIN_COLOUR = "#D9827B"
 # Fibres run inside the body; they are drawn in front of everything.
 ON_TOP_UNITS = -66000.0
@@ -53,6 +56,21 @@ class Look:
     bones: bool = True
     fibres: bool = True
     at_rest: bool = True
+
+
+def look_of(view: str | None, kind: str, field: str, without: Sequence[str]) -> Look:
+    """What is shown of a result of this kind of analysis; see :func:`explicitfe.view`.
+
+    Raises
+    ------
+    InputError : ``without`` names no part of a scene, or there is no such view.
+    """
+    for part in without:
+        if part not in PARTS:
+            raise InputError(f'`without` "{shortened(part)}" is not valid; use {", ".join(PARTS[:-1])} or {PARTS[-1]}.')
+    view = view or (VIEW_OF_SPECIMEN if kind == "relaxation" else Look.view)
+    viewpoint(view)
+    return Look(view, field, *(part not in without for part in PARTS))
 
 
 @dataclass(frozen=True)

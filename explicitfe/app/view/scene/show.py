@@ -14,9 +14,8 @@ from explicitfe.app.view.files import new_files
 from explicitfe.app.view.heading import common_stem
 from explicitfe.app.view.muscles import muscles_of
 from explicitfe.app.view.rendering import rendering
-from explicitfe.app.view.scene.scene import Look
+from explicitfe.app.view.scene.scene import look_of
 from explicitfe.app.view.scene.shown_field import check_field
-from explicitfe.app.view.scene.viewpoint import viewpoint
 from explicitfe.app.view.several import check_count, same_kind
 from explicitfe.platform.errors import InputError, Progress, shortened, silent
 from explicitfe.platform.host.extras import require
@@ -30,8 +29,6 @@ FILM_S = 4.0
 SMALLEST_PX, LARGEST_PX = 64, 8192
 SHORTEST_FILM_S, LONGEST_FILM_S = 0.1, 60.0
 MOST_SIDE_BY_SIDE = 4  # more pictures are too wide for a screen
-# A specimen has no midsagittal plane.
-VIEW_OF_SPECIMEN = "oblique"
 
 
 def show(
@@ -39,9 +36,7 @@ def show(
     view: str | None = None,
     *,
     field: str = "displacement",
-    bones: bool = True,
-    fibres: bool = True,
-    at_rest: bool = True,
+    without: Sequence[str] = (),
     files: Sequence[FileKind] = (),
     folder: Path | None = None,
     time_s: float | None = None,
@@ -59,7 +54,7 @@ def show(
     results : a result, or several of the same kind of analysis.
     view : a name of ``VIEWPOINTS``; by default the midsagittal cut, "oblique" for a specimen.
     field : a stored field that colours the body, or "none"; other than displacement, it is part of the names of the files.
-    bones, fibres, at_rest : whether these are shown too.
+    without : parts that are hidden: "bones", "fibres" or "rest", the shape at rest.
     folder : output folder; that of the first result by default.
     time_s : time of a picture and end of a film; by default the last time that all results have.
     size_px : width and height of the picture of each result.
@@ -79,15 +74,13 @@ def show(
     notes: list[str] = []
     with ExitStack() as opened:
         of_all = [opened.enter_context(open_result(path)) for path in paths]
-        view = view or (VIEW_OF_SPECIMEN if same_kind(of_all) == "relaxation" else Look.view)
-        viewpoint(view)
+        look = look_of(view, same_kind(of_all), field, without)
         for result in of_all:
             check_field(result, field)
-            notes += _notes(result, fibres)
+            notes += _notes(result, look.fibres)
         time_ms = 1e3 * float(of_all[0].times[common_steps(of_all, time_s)[1][0]])
-    look = Look(view, field, bones, fibres, at_rest)
     folder = paths[0].parent if folder is None else Path(folder)
-    ending = view if field in ("displacement", "none") else f"{view}-{field}"
+    ending = look.view if field in ("displacement", "none") else f"{look.view}-{field}"
     targets = {kind: folder / f"{common_stem(paths)}-{ending}.{kind}" for kind in files}
     common = {"look": asdict(look), "size_px": size_px, "time_s": time_s}
     if targets:
@@ -106,7 +99,7 @@ def show(
         "result": str(paths[0]),
         "files": [str(path) for path in targets.values()],
         "warnings": notes,
-        "view": view,
+        "view": look.view,
         "field": field,
         "time_ms": time_ms,
     }

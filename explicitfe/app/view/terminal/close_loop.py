@@ -6,8 +6,8 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.app.view.report.reading import has_changed
-from explicitfe.app.view.report.words import how_sure, percent, with_interval, worth_of
+from explicitfe.app.view.page.close_loop.reading import has_changed
+from explicitfe.app.view.page.words import how_sure, percent, with_interval, worth_of
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs
 from explicitfe.results.documents.loop_report import LoopReport, estimates

@@ -6,7 +6,7 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.app.view.report.words import bare, worth_of
+from explicitfe.app.view.page.words import bare, worth_of
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs
 from explicitfe.results.documents.planned_test import EffectInTest, PlannedTest

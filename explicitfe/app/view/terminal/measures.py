@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.app.view.report.words import motion_at_end, number, speed
+from explicitfe.app.view.page.words import motion_at_end, number, speed
 from explicitfe.app.view.terminal.rows import forward_up, moved, pairs
 from explicitfe.results.measure.document import Airway, BoneContact, Constriction, Measures, PalatogramPattern, PointMotion
 

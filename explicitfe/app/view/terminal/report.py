@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Group
 from rich.markup import escape
 
-from explicitfe.app.view.run_page.write import ReportAnswer
+from explicitfe.app.view.page.run.write import ReportAnswer
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs
 

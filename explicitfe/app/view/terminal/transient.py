@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rich.console import Group
 from rich.markup import escape
 
-from explicitfe.app.view.report.words import motion_at_end, speed
+from explicitfe.app.view.page.words import motion_at_end, speed
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import StoredTimes, add_mesh_rows, inverted_text, moved, pairs, size_text, with_files
 from explicitfe.results.documents.run_summary import TransientCheckReport, TransientSummary

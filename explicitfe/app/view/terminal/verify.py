@@ -6,7 +6,7 @@ from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
 
-from explicitfe.app.view.report.words import bare
+from explicitfe.app.view.page.words import bare
 from explicitfe.app.view.terminal.rows import pairs
 from explicitfe.results.documents.verification import Verification
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from explicitfe.app.view.page.sweep.pictures import AGAINST, PICTURES, against
 from explicitfe.app.view.palette import use_plain_text
-from explicitfe.app.view.sweep.pictures import AGAINST, PICTURES, against
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.extras import require
 from explicitfe.results.documents.sweep_to_draw import SweepToDraw

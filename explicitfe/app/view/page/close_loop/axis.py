@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from explicitfe.app.view.report.reading import DrawnCurve
-from explicitfe.app.view.report.words import bare
+from explicitfe.app.view.page.close_loop.reading import DrawnCurve
+from explicitfe.app.view.page.words import bare
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

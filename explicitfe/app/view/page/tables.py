@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from explicitfe.app.view.report.words import DASH, finite
+from explicitfe.app.view.page.words import DASH, finite
 
 
 @dataclass(frozen=True)

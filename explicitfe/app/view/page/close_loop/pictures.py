@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from explicitfe.app.view.page.close_loop.axis import place_rows, spread_rows
+from explicitfe.app.view.page.close_loop.reading import DrawnCurve, assumed_values, has_changed, noise_is_known
+from explicitfe.app.view.page.words import bare, finite, model_names, percent, quantity, shortened
 from explicitfe.app.view.palette import AFTER, BEFORE, COLOURS, new_figure, plain
-from explicitfe.app.view.report.axis import place_rows, spread_rows
-from explicitfe.app.view.report.reading import DrawnCurve, assumed_values, has_changed, noise_is_known
-from explicitfe.app.view.report.words import bare, finite, model_names, percent, quantity, shortened
 from explicitfe.results.documents.loop_report import AssumedValue, LoopReport, estimates
 from explicitfe.results.documents.verdict_text import NOTHING, cause_title, named_forms, probability
 

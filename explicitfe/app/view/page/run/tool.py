@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from explicitfe.app.view.indentation import tool_outline
-from explicitfe.app.view.run_page.packed import Packed
+from explicitfe.app.view.page.run.packed import Packed
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.app.view.page.chart import COLOUR_COUNT, Chart, Line, chart
-from explicitfe.app.view.run_page.packed import Packed
-from explicitfe.app.view.sweep.effects import main_effect
+from explicitfe.app.view.page.run.packed import Packed
+from explicitfe.app.view.page.sweep.effects import main_effect
 from explicitfe.results.documents.sweep_to_draw import SweepColumn, SweepToDraw
 
 # Maximum number of runs on a page; fewer if there are many columns, as each number takes two bytes.

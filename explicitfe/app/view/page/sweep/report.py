@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from explicitfe.app.view.page.page_file import page_file, write_page
-from explicitfe.app.view.sweep.page import sweep_page
+from explicitfe.app.view.page.sweep.page import sweep_page
 from explicitfe.platform.errors import Progress, silent
 from explicitfe.results.documents.sweep_summary import SweepReport
 from explicitfe.results.documents.sweep_to_draw import SweepToDraw

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from explicitfe.app.view.run_page.packed import Packed
-from explicitfe.app.view.run_page.tool import tool_of
+from explicitfe.app.view.page.run.packed import Packed
+from explicitfe.app.view.page.run.tool import tool_of
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Result

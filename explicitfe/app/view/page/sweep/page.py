@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.app.view.page.frame import page_text
-from explicitfe.app.view.report.tables import PageTable, table
-from explicitfe.app.view.report.words import bare, count, finite, number, plural
-from explicitfe.app.view.sweep.effects import MOST_FACTORS_DRAWN, EffectsOnMeasure, effects_on, shares_of
-from explicitfe.app.view.sweep.scatter import scatter_of
+from explicitfe.app.view.page.sweep.effects import MOST_FACTORS_DRAWN, EffectsOnMeasure, effects_on, shares_of
+from explicitfe.app.view.page.sweep.scatter import scatter_of
+from explicitfe.app.view.page.tables import PageTable, table
+from explicitfe.app.view.page.words import bare, count, finite, number, plural
 from explicitfe.results.documents.sweep_to_draw import DrawnMember, MeasureIndices, SweepColumn, SweepToDraw
 
 # Margin around the outlines, as a share of their extent.
@@ -83,9 +83,9 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
     scatter = scatter_of(sweep)
     effects = list(_effects(sweep))
     text = page_text(
-        "sweep/sweep.html.j2",
-        styles=["sweep/sweep.css"],
-        scripts=["sweep/scatter.js"],
+        "page/sweep/sweep.html.j2",
+        styles=["page/sweep/sweep.css"],
+        scripts=["page/sweep/scatter.js"],
         title=sweep.title,
         sweep=sweep,
         numbers=list(_numbers(sweep)),

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from explicitfe.app.view.page.close_loop import parts
+from explicitfe.app.view.page.close_loop.pictures import before_after, causes, residuals, sensitivity
+from explicitfe.app.view.page.close_loop.reading import DrawnCurve, assumed_values, drawn_curves, has_changed
 from explicitfe.app.view.page.frame import page_text
+from explicitfe.app.view.page.words import smooth_part
 from explicitfe.app.view.palette import save
-from explicitfe.app.view.report import parts
-from explicitfe.app.view.report.pictures import before_after, causes, residuals, sensitivity
-from explicitfe.app.view.report.reading import DrawnCurve, assumed_values, drawn_curves, has_changed
-from explicitfe.app.view.report.words import smooth_part
 from explicitfe.results.documents.loop_report import LoopReport, ReportCurve
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPic
     """The text of the page, from ``page.html.j2`` and ``style.css`` beside this file."""
     first = parts.first_screen(report)
     return page_text(
-        "report/page.html.j2",
-        styles=["report/style.css"],
+        "page/close_loop/page.html.j2",
+        styles=["page/close_loop/style.css"],
         title=f"{report.dataset or report.title or 'closed loop'}: {first.headline}",
         pictures=pictures,
         first=first,

@@ -16,10 +16,10 @@ from pydantic import JsonValue
 from explicitfe.app.view.heading import NOT_PHYSICS, title_of
 from explicitfe.app.view.muscles import muscles_of, pull_in_words
 from explicitfe.app.view.page.chart import Chart
-from explicitfe.app.view.report.tables import PageTable, table
-from explicitfe.app.view.report.words import bare, finite, motion_at_end, number, paragraphs, percent, speed
-from explicitfe.app.view.run_page.checks import Checks, checks_of
-from explicitfe.app.view.run_page.playback import frame_count, playback
+from explicitfe.app.view.page.run.checks import Checks, checks_of
+from explicitfe.app.view.page.run.playback import frame_count, playback
+from explicitfe.app.view.page.tables import PageTable, table
+from explicitfe.app.view.page.words import bare, finite, motion_at_end, number, paragraphs, percent, speed
 from explicitfe.platform.host import shipped
 from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.documents.units_of_keys import terms_of, words_and_unit

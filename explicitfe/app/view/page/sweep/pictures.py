@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from explicitfe.app.view.files import new_files, writing
+from explicitfe.app.view.page.sweep.effects import MainEffect, main_effect, share_in_words
 from explicitfe.app.view.palette import AT_REST, BONE_EDGE, COLOURS, FORMATS, WIDTH_IN, new_figure, plain, save
-from explicitfe.app.view.sweep.effects import MainEffect, main_effect, share_in_words
 from explicitfe.platform.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.platform.host.extras import require
 from explicitfe.results.documents.drawn import DrawnPictures

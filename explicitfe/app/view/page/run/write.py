@@ -12,9 +12,9 @@ from typing_extensions import TypedDict
 from explicitfe.app.view.heading import labels_of
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.page_file import page_file, write_page
-from explicitfe.app.view.report.tables import PageTable
-from explicitfe.app.view.run_page.charts import charts_of
-from explicitfe.app.view.run_page.parts import RunOnPage, differences, facts_table, provenance_table, run_on_page
+from explicitfe.app.view.page.run.charts import charts_of
+from explicitfe.app.view.page.run.parts import RunOnPage, differences, facts_table, provenance_table, run_on_page
+from explicitfe.app.view.page.tables import PageTable
 from explicitfe.platform.errors import InputError, Progress, silent
 from explicitfe.results.files import Result, open_result
 from explicitfe.results.measure.steps import last_step
@@ -113,9 +113,9 @@ def _page(results: Sequence[Result], progress: Progress) -> _Page:
         runs.append(run_on_page(result, last_step(result), label, charts, 1.0 / len(results)))
     differing = differences([result.model.get("scenario", {}) for result in results], [run.label for run in runs])
     text = page_text(
-        "run_page/page.html.j2",
-        styles=["run_page/run.css"],
-        scripts=["run_page/three/three.min.js", "run_page/scene.js", "run_page/player.js"],
+        "page/run/page.html.j2",
+        styles=["page/run/run.css"],
+        scripts=["page/run/three/three.min.js", "page/run/scene.js", "page/run/player.js"],
         title=runs[0].title if len(runs) == 1 else f"{len(runs)} runs side by side: {', '.join(run.label for run in runs)}",
         runs=runs,
         differing=differing,

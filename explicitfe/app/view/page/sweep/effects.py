@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.app.view.page.chart import Chart, Line, chart
-from explicitfe.app.view.report.words import NO_BREAK
+from explicitfe.app.view.page.words import NO_BREAK
 from explicitfe.results.documents.sweep_to_draw import SweepColumn
 
 # A factor with more values than this is binned; maximum number of bins, and approximate number of runs per bin.

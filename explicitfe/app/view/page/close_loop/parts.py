@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from explicitfe.app.view.report.pictures import ROWS_WITHOUT_MEAN
-from explicitfe.app.view.report.reading import DrawnCurve, assumed_values, has_changed, mean_error, noise_is_known
-from explicitfe.app.view.report.tables import Bars, PageTable, bars, table
-from explicitfe.app.view.report.words import (
+from explicitfe.app.view.page.close_loop.pictures import ROWS_WITHOUT_MEAN
+from explicitfe.app.view.page.close_loop.reading import DrawnCurve, assumed_values, has_changed, mean_error, noise_is_known
+from explicitfe.app.view.page.tables import Bars, PageTable, bars, table
+from explicitfe.app.view.page.words import (
     DASH,
     VERDICTS,
     bare,

@@ -48,6 +48,7 @@ _PLACES = {
     "MooneyRivlin": "explicitfe.fem.materials.mooney_rivlin",
     "Ogden": "explicitfe.fem.materials.ogden",
     "Model": "explicitfe.fem.model.model",
+    "Bone": "explicitfe.fem.model.model",
     "Inclusion": "explicitfe.fem.model.model",
     "tongue_model": "explicitfe.simulate.anatomy.tongue",
     "specimen_model": "explicitfe.simulate.anatomy.specimen",
@@ -123,6 +124,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.fem.mesh.hexmesh import HexMesh as HexMesh
     from explicitfe.fem.model.face_load import face_load as face_load
     from explicitfe.fem.model.gravity import gravity_load as gravity_load
+    from explicitfe.fem.model.model import Bone as Bone
     from explicitfe.fem.model.model import Inclusion as Inclusion
     from explicitfe.fem.model.model import Model as Model
     from explicitfe.fem.model.model import NodalLoad as NodalLoad

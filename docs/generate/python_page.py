@@ -23,8 +23,8 @@ GROUPS = {
     ),
     "Results": ("open_result", "Result", "measure", "compare", "compare_recording", "plot", "view", "report", "export"),
     "Meshes and models": (
-        "HexMesh", "box", "Yeoh", "NeoHooke", "MooneyRivlin", "Ogden", "Model", "Inclusion", "tongue_model", "specimen_model",
-        "SpecimenTable", "ToolTable",
+        "HexMesh", "box", "Yeoh", "NeoHooke", "MooneyRivlin", "Ogden", "Model", "Inclusion", "Bone",
+        "tongue_model", "specimen_model", "SpecimenTable", "ToolTable",
     ),
     "Effects of the material": (
         "Viscoelastic", "NonlinearRelaxation", "PowerLaw", "Fractional", "Softening", "PermanentSet",

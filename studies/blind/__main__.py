@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import typer
@@ -40,8 +41,15 @@ def score_cases(folder: Path) -> None:
     console.print((folder / "score.md").read_text(encoding="utf-8"))
 
 
-if __name__ == "__main__":
+def main(words: list[str] | None = None) -> int:
+    """Run the command; return its exit code, 2 for an input that cannot be used."""
     try:
-        app()
+        app(words, standalone_mode=False)
     except InputError as error:
-        raise SystemExit(f"error: {error}") from None
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

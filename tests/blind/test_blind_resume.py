@@ -11,12 +11,12 @@ import time
 from pathlib import Path
 
 import pytest
-from command import command
 from killing import killed_at
 from support import ROOT
 
 from explicitfe.platform.errors import InputError
 from studies.blind import score as scoring
+from studies.blind.__main__ import main
 from studies.blind.make import make
 from studies.blind.score import score
 
@@ -171,7 +171,7 @@ OPTIONS = [
 
 @pytest.mark.parametrize(("options", "words"), OPTIONS, ids=[" ".join(options)[:30] for options, _ in OPTIONS])
 def test_options_that_cannot_be(options: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command(["blind", "make", str(tmp_path / "study"), *options]) == 2
+    assert main(["make", str(tmp_path / "study"), *options]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "study").exists()
 
@@ -185,9 +185,9 @@ def test_folders_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (tmp_path, "contains other files"),
         (long, "too long"),
     ):
-        assert command(["blind", "make", str(folder), "--seed", "1"]) == 2
+        assert main(["make", str(folder), "--seed", "1"]) == 2
         assert words in capsys.readouterr().err
     for folder in (tmp_path, tmp_path / "none", tmp_path / "file", long):
-        assert command(["blind", "score", str(folder)]) == 2
+        assert main(["score", str(folder)]) == 2
         assert "this folder contains no cases" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -7,14 +7,15 @@ cores, and longer where kernels have to be compiled first.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
-from answers import check_answer
+from pydantic import TypeAdapter
 
 from explicitfe.app.view.json_text import json_text
 from studies.blind.make import make
-from studies.blind.score import score
+from studies.blind.score import StudyScore, score
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +26,7 @@ def test_a_small_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # The processes are the parallel part.
     make(tmp_path / "cases", seed=SEED, kinds={"control": 3, "single": 4}, family="homogeneous", processes=2)
     result = score(tmp_path / "cases", processes=2, pages=False)
-    check_answer("blind-score", json_text(result))
+    TypeAdapter(StudyScore).validate_python(json.loads(json_text(result)))
     outcomes = {case["case"]: (case["kind"], case["outcome"], case["true"]) for case in result["cases"]}
     assert len(outcomes) == 7
     assert all(outcome == "no-missing-effect" for kind, outcome, _ in outcomes.values() if kind == "control"), outcomes

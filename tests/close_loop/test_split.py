@@ -107,8 +107,8 @@ def test_the_dataset_and_the_command_line_decide(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "holdout", "words"),
     [
-        ({}, ["r9"], ["--holdout r9", "no such curve", "did you mean"]),
-        ({"r1": 'conditions = { defect = "wet" }'}, ["r1"], ["--holdout r1", "left out", "wet"]),
+        ({}, ["r9"], ["`holdout` r9", "no such curve", "did you mean"]),
+        ({"r1": 'conditions = { defect = "wet" }'}, ["r1"], ["`holdout` r1", "left out", "wet"]),
         ({"r1": 'constants = "B"'}, ["r1"], ['"r1"', '"B"', "no fit curve"]),
         ({}, ["r0", "r1", "r2"], ["no fit curve"]),
         ({f"r{k}": 'conditions = { defect = "wet" }' for k in range(3)}, [], ["no curve is left"]),

@@ -270,8 +270,8 @@ def test_selection_that_cannot_be(tmp_path, fit_where, sentence):
     ("options", "sentence"),
     [
         ({"method": "papr"}, 'did you mean "paper"'),
-        ({"poisson": 0.5}, "--poisson 0.5"),
-        ({"refinement": 0.0}, "--refinement 0"),
+        ({"poisson": 0.5}, "`poisson` 0.5"),
+        ({"refinement": 0.0}, "`refinement` 0"),
         ({"constants_by": "sample"}, 'cannot be grouped by "sample"'),
     ],
 )

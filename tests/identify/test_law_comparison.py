@@ -163,8 +163,8 @@ def test_constants_that_simulations_refuse_are_announced(tmp_path):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ({"law": "ogden"}, "--law ogden: there is no such law; valid are yeoh, neo-hooke, mooney-rivlin, yeoh-3, ogden-1"),
-        ({"law": "ogden-1"}, "--law ogden-1: this law is fitted to homogeneous tests only"),
+        ({"law": "ogden"}, "`law` ogden: there is no such law; valid are yeoh, neo-hooke, mooney-rivlin, yeoh-3, ogden-1"),
+        ({"law": "ogden-1"}, "`law` ogden-1: this law is fitted to homogeneous tests only"),
         ({"law": "neo-hooke", "method": "paper"}, "the paper's method identifies Yeoh constants only"),
     ],
 )

@@ -12,15 +12,15 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from explicitfe.fem.effects import EFFECTS, Effect
 from explicitfe.fem.materials import LAWS, Law
 from explicitfe.platform.errors import InputError, shortened
 
 GROUP = "explicitfe.extensions"
-# Their tables of a scenario are made from those of laws and effects, once.
-MADE_FROM_LAWS, MADE_FROM_EFFECTS = "explicitfe.fem.inputs.material", "explicitfe.simulate.scenario.effects_table"
+# "laws" and "effects" once the tables of scenarios have been made from them.
+_complete: set[str] = set()
 
 LawT = TypeVar("LawT", bound=Law)
 EffectT = TypeVar("EffectT", bound=Effect)
@@ -37,7 +37,7 @@ def register_law(law: type[LawT]) -> type[LawT]:
     InputError : another law has this name, or scenarios have been read already.
     """
     name = law.model_fields["law"].default
-    _check(name, law, LAWS[name][0] if name in LAWS else None, MADE_FROM_LAWS)
+    _check(name, law, LAWS[name][0] if name in LAWS else None, "laws")
     LAWS[name] = law, sys.modules[law.__module__]
     return law
 
@@ -51,20 +51,20 @@ def register_effect(name: str) -> Callable[[type[EffectT]], type[EffectT]]:
     """
 
     def register(effect: type[EffectT]) -> type[EffectT]:
-        _check(name, effect, EFFECTS.get(name), MADE_FROM_EFFECTS)
+        _check(name, effect, EFFECTS.get(name), "effects")
         EFFECTS[name] = effect
         return effect
 
     return register
 
 
-def _check(name: object, new: type, present: type | None, table: str) -> None:
+def _check(name: object, new: type, present: type | None, kind: str) -> None:
     if not isinstance(name, str) or not name:
         raise InputError(f"{new.__name__} has no name; a law has its name as the default of its key law.")
     same = present is not None and (present.__module__, present.__qualname__) == (new.__module__, new.__qualname__)
     if present is not None and not same:
         raise InputError(f"{new.__name__}: {shortened(name)} is the name of {present.__name__}; choose another one.")
-    if table in sys.modules and not same:
+    if kind in _complete and not same:
         raise InputError(f"{new.__name__}: register it at the top of the script, before the first scenario is read.")
 
 
@@ -83,3 +83,8 @@ def load_installed() -> None:
             raise
         except Exception as error:
             raise InputError(f"the extension {entry.name} ({entry.value}) cannot be imported: {error}.") from error
+
+
+def complete(kind: Literal["laws", "effects"]) -> None:
+    """Note that the table of scenarios for this kind exists; later registrations are refused."""
+    _complete.add(kind)

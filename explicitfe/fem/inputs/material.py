@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Union
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Tag
 
 from explicitfe.fem.inputs.bounds import check_fields
-from explicitfe.fem.inputs.extensions import load_installed
+from explicitfe.fem.inputs.extensions import complete, load_installed
 from explicitfe.fem.materials import LAWS, Law, law_of
 from explicitfe.fem.materials.ogden import Ogden
 from explicitfe.platform.errors import InputError
 
 load_installed()
+complete("laws")
 
 
 def _law_of(value: object) -> str:

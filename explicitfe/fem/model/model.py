@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from explicitfe.fem.bones.distance import DistanceField
+from explicitfe.fem.bones.distance import DistanceField, bone_field
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.bones.surface import TriangleSurface
 from explicitfe.fem.effects.effect import MaterialEffect
@@ -143,6 +143,24 @@ class Bone:
     surface: TriangleSurface
     motion: RigidMotion | None = None
     friction: float = 0.0
+
+    @classmethod
+    def of_surface(cls, name: str, points_m: np.ndarray, triangles: np.ndarray, mesh: HexMesh, *, friction: float = 0.0) -> Bone:
+        """A fixed bone from a closed surface, near a body.
+
+        Parameters
+        ----------
+        points_m : (n, 3) m.
+        triangles : (m, 3) corners of each triangle, counter-clockwise seen from outside.
+        mesh : the body that may touch it; the signed distance is computed around it.
+
+        Raises
+        ------
+        InputError : the surface is not closed, inside out, cuts itself, or is in another unit of length.
+        """
+        points, corners = number_array(f"Bone {name}: points_m", points_m, ("n", 3)), np.asarray(triangles, dtype=np.int64)
+        surface = TriangleSurface(points, corners)
+        return cls(name, bone_field(surface, f'bone "{name}"', mesh.points), surface, friction=friction)
 
 
 @dataclass(frozen=True)

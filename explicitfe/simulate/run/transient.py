@@ -314,6 +314,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 f"does not resist it: {f'{spread}, or ' if spread else ''}reduce the forces, and compare with "
                 'element = "hex8-full".'
             )
+        if not np.isfinite(last.displacement).all():
+            return warnings
         through = self_penetration(mesh, last.displacement)
         if through.where_m is not None:
             x, y, z = 1e3 * through.where_m

@@ -9,10 +9,11 @@ from pydantic import AfterValidator, Field, create_model
 
 from explicitfe.fem.effects import EFFECTS, Effect
 from explicitfe.fem.inputs.bounds import check_fields
-from explicitfe.fem.inputs.extensions import load_installed
+from explicitfe.fem.inputs.extensions import complete, load_installed
 from explicitfe.fem.inputs.table import Table
 
 load_installed()
+complete("effects")
 
 
 class EffectsBase(Table):

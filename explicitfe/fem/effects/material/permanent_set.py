@@ -26,7 +26,7 @@ AT_REST = 1e-9
 
 
 class PermanentSet(MaterialEffect):
-    """Shear modulus of the network that forms anew."""
+    """Shear modulus of the network that forms again."""
 
     about: ClassVar[Description] = Description(
         title="permanent set",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from tongue_cases import Answer, Case, Laboratory
 
-from explicitfe.app.view.palette import AFTER, AT_REST, BEFORE, BONE, BONE_EDGE, GRID, new_figure, plain, save
+from explicitfe.app.view.palette import AFTER, BEFORE, BONE, BONE_EDGE, GREY, GRID, new_figure, plain, save
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.results.measure.sections import X, Y, Z, cut_surface, midsagittal
 from explicitfe.simulate.anatomy import catalogue
@@ -58,7 +58,7 @@ def draw_palate(laboratory: Laboratory, panels: list[Panel], path: Path) -> None
         touched = kPa > 0.0
         plain(axes)
         axes.set_aspect("equal")
-        axes.axhline(0.0, color=AT_REST, lw=1.0, ls="--")
+        axes.axhline(0.0, color=GREY, lw=1.0, ls="--")
         surface = catalogue.bones("tongue")["palate"].surface
         axes.plot(*_sheet_edge(1e3 * surface.points), color=BONE_EDGE, lw=1.2)
         axes.scatter(now[touched, X], now[touched, Y], s=DOT_PER_KPA * kPa[touched], color=BEFORE, alpha=0.7, lw=0.0)
@@ -113,7 +113,7 @@ def _side_view(axes: Axes, answer: Answer) -> None:
             else:
                 axes.plot(loop[:, X], loop[:, Z], ":", color=BONE_EDGE, lw=1.0, zorder=0.5)
     cut = midsagittal(mesh)
-    for moved, colour, width in ((0.0, AT_REST, 1.2), (1.0, BEFORE, 2.0)):
+    for moved, colour, width in ((0.0, GREY, 1.2), (1.0, BEFORE, 2.0)):
         line = 1e3 * cut.outline(mesh.points + moved * u)
         axes.plot(line[:, X], line[:, Z], color=colour, lw=width)
     axes.set_xlim(*SHOWN_MM[0])

@@ -3,6 +3,7 @@
 - Pages generated from the program: the command line, all keys, the Python API.
 - ``models/*/SOURCES.md`` and ``CHANGELOG.md``, which are outside docs/.
 - Links to the glossary at the first use of a term.
+- Formulas as MathML.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from command_page import command_page
 from glossary import Glossary
 from key_pages import dataset_page, other_files_page, result_page, scenario_page
+from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
@@ -30,6 +32,9 @@ GENERATED = {
 }
 FROM_THE_TOP = ("models/tongue/SOURCES.md", "models/specimen/SOURCES.md", "CHANGELOG.md")
 GLOSSARY = "explanation/glossary.md"
+_CODE = re.compile(r"(^```.*?^```$|`[^`\n]+`)", re.M | re.S)
+_FORMULA = re.compile(r"^\$\$(.+?)\$\$$", re.M | re.S)
+_INLINE_FORMULA = re.compile(r"(?<![\\$\w])\$(?=\S)([^$\n]+?)(?<=\S)\$(?![\w$])")
 _LINK_TO_THE_TOP = re.compile(rf"\]\((?:\.\./)+({'|'.join(map(re.escape, FROM_THE_TOP))})\)")
 _LINK_TO_DOCS = re.compile(r"\]\((?:\.\./)*docs/")
 
@@ -44,8 +49,19 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def typeset(markdown: str) -> str:
+    """Formulas between dollar signs as MathML, which browsers draw without a script; code stays as it is."""
+    parts = _CODE.split(markdown)
+    for k in range(0, len(parts), 2):
+        parts[k] = _FORMULA.sub(lambda match: convert(match[1], display="block"), parts[k])
+        parts[k] = _INLINE_FORMULA.sub(lambda match: convert(match[1]), parts[k])
+    return "".join(parts)
+
+
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Redirect links to files outside docs/ to their copies in the site."""
+    """Typeset formulas; redirect links to files outside docs/ to their copies in the site."""
+    if page.file.src_uri not in GENERATED:
+        markdown = typeset(markdown)
     up = posixpath.relpath(".", posixpath.dirname(page.file.src_uri) or ".")
     return _LINK_TO_THE_TOP.sub(lambda match: f"]({posixpath.join(up, match[1])})", markdown)
 

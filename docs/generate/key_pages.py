@@ -68,7 +68,7 @@ def other_files_page() -> str:
 
 def result_page() -> str:
     """Fields, histories and the ``--json`` answers of all commands."""
-    from explicitfe.app.cli.answers import ANSWERS, answer_schema
+    from explicitfe.app.cli.answers import ANSWERS_OF_COMMANDS, answer_schema
     from explicitfe.results.files.layout import DISPLACEMENT
     from explicitfe.simulate.run.indentation import INDENTATION_FIELDS, INDENTATION_HISTORY
     from explicitfe.simulate.run.quantities import cell_fields, history_columns, point_fields
@@ -85,7 +85,7 @@ def result_page() -> str:
         _quantities(INDENTATION_HISTORY, "history"),
     ]
     kinds: dict[tuple[Any, ...], list[str]] = {}
-    for name, types in ANSWERS.items():
+    for name, types in ANSWERS_OF_COMMANDS.items():
         kinds.setdefault(types, []).append(name)
     for name, *others in kinds.values():
         schema = answer_schema(name)

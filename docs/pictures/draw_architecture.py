@@ -1,9 +1,10 @@
-"""Draw the folders of the package on levels, with arrows for imports.
+"""Draw the wings of the package, and the folders of each wing, on levels with arrows for imports.
 
-    python docs/pictures/draw_architecture.py [PICTURE.png]
+    python docs/pictures/draw_architecture.py [FOLDER]
 
-A folder is one level above the highest folder that it imports from. The sources are read with ``ast``, not imported. Arrows that
-follow from a longer path are counted, but not drawn. The numbers of folders, imports, levels and cycles are printed.
+A box is one level above the highest box that it imports from. The sources are read with ``ast``, not imported. The picture of the
+wings has all arrows between them; those of each wing omit arrows that follow from a longer path. The numbers of boxes, arrows,
+levels and cycles are printed.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import ast
 import sys
 import textwrap
+from collections.abc import Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -20,76 +22,79 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE.parent.parent / "explicitfe"
 
-# Description of each folder; the script fails if a folder has none.
-FOLDERS = {
-    "compiled": "compiler options, vectors, arrays, threads; no mechanics",
-    "host": "operating system: signals, files, memory",
-    "acoustics": "sound in tubes: losses, formants",
-    "mesh": "hexahedral meshes: generation, numbering, quality",
-    "bones": "rigid surfaces: triangles, signed distance, motion",
-    "materials": "material laws: one file per law",
-    "elements": "elements and hourglass control",
-    "effects": "effects that an elastic model lacks: one file per effect",
-    "forces": "nodal forces: one file per force",
-    "scenario": "scenario files: reading and validation",
-    "results": "result files and typed reports",
-    "measure": "measures: shape, speed, contact, airway, formants",
-    "model": "models from scenarios: tongue, specimen, own mesh",
-    "view": "pictures, terminal tables, HTML reports",
-    "solve": "time integration, equilibria, single points",
-    "measured": "datasets: reading, validation, SI units",
-    "run": "commands on scenarios: run, check, bench",
-    "predict": "response of a tissue in a measured test",
-    "identify": "constants that fit a dataset",
-    "close_loop": "effects that a dataset shows and the model lacks",
-    "blind": "reliability of close-loop on hidden effects",
-    "sweep": "parameter sweeps: designs, workers, tables",
-    "verify": "validation claims and their references",
-    "api": "Python functions for the commands",
-}
-# Entry points above all folders.
-TOP = ("__init__", "__main__", "cli")
-BASE = "errors"  # imported by nearly all folders; not drawn
-
+# Wing -> its description, colour, and the descriptions of its folders; the script fails if one is missing.
+WINGS: dict[str, tuple[str, str, dict[str, str]]] = {
+    "platform": ("compiled kernels, operating system, errors", "#eeeeee", {
+        "errors": "errors and progress",
+        "compiled": "compiler options, vectors, arrays, threads",
+        "host": "files, signals, memory, worker processes",
+    }),
+    "fem": ("finite elements: a library of its own", "#dbe7f3", {
+        "mesh": "hexahedral meshes: generation, order, quality",
+        "bones": "rigid surfaces: signed distance, motion",
+        "materials": "material laws: one file per law",
+        "elements": "elements and hourglass control",
+        "effects": "what an elastic law lacks: one file per effect",
+        "inputs": "checked numbers and tables, extensions",
+        "forces": "nodal forces: one file per force",
+        "model": "the model: mesh, law, supports, loads",
+        "solve": "time integration, equilibria, points, sections",
+    }),
+    "results": ("result files, measures, sound, documents", "#f5dfdc", {
+        "documents": "typed answers of commands",
+        "files": "result files: writing and reading",
+        "measure": "shape, speed, contact, airway, formants",
+        "acoustics": "sound in tubes",
+    }),
+    "simulate": ("scenarios, anatomy, runs, sweeps", "#fbeed3", {
+        "scenario": "scenario files: tables and reading",
+        "anatomy": "tongue, specimen, own mesh, surgery",
+        "run": "run, check and resume a scenario",
+        "sweep": "parameter sweeps: designs, workers, tables",
+    }),
+    "inverse": ("measured data, constants, missing effects", "#e3efdc", {
+        "measured": "datasets: reading, validation, SI units",
+        "predict": "response of a tissue in a measured test",
+        "identify": "constants that fit a dataset",
+        "close_loop": "effects that data show and the model lacks",
+    }),
+    "app": ("command line, Python functions, pictures, pages", "#ece3f2", {
+        "view": "pictures, terminal tables, pages",
+        "api": "Python functions of the commands",
+        "tools": "doctor, lists, new scenario, speed",
+        "verify": "validation claims and their references",
+        "cli": "the command line",
+    }),
+}  # fmt: skip
 WIDTH, HEIGHT, GAP, RISE = 2.75, 1.0, 0.3, 1.65  # of a box, between boxes, from level to level
 LANE = 0.1  # width of an arrow that passes a level
-MECHANICS, TEXT, STUDY, DRAWN = "#dbe7f3", "#fbeed3", "#e3efdc", "#f5dfdc"
-SUBJECTS = dict.fromkeys(FOLDERS, MECHANICS)
-SUBJECTS |= dict.fromkeys(("scenario", "model", "run", "host", "sweep", "api"), TEXT)
-SUBJECTS |= dict.fromkeys(("measured", "predict", "identify", "close_loop", "blind", "verify"), STUDY)
-SUBJECTS |= dict.fromkeys(("results", "measure", "view", "acoustics"), DRAWN)
 LINE = "#5a6570"
-LEGEND = """Arrows show imports. Arrows that follow from longer paths are omitted. errors.py is below all folders.
-Blue: mechanics. Yellow: scenarios and runs. Green: measured data and validation. Red: results, measures, sound."""
-
 Place = str | tuple[str, int]  # a folder, or the bend of the arrows to a folder where they pass a level
 
 
-def folder_of(path: Path) -> str:
-    """The folder of a module, or its own name if it is in the top folder of the package."""
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return parts[0]
-
-
-def imported_folders(path: Path) -> set[str]:
-    """Folders that a module imports from, also inside functions."""
+def imports_of(path: Path) -> set[tuple[str, ...]]:
+    """Parts of the names in the package that a module imports, also inside functions."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return {name.split(".")[1] for name in names if name.startswith("explicitfe.")}
+    return {tuple(name.split(".")[1:]) for name in names if name.startswith("explicitfe.")}
 
 
-def read_graph() -> dict[str, set[str]]:
-    """Folder -> the folders that it imports from."""
-    modules = sorted(PACKAGE.rglob("*.py"))
-    folders = {folder_of(path) for path in modules if path.parent != PACKAGE} - set(TOP)
-    graph: dict[str, set[str]] = {folder: set() for folder in sorted(folders)}
-    for path in modules:
-        if folder_of(path) in folders:
-            graph[folder_of(path)] |= (imported_folders(path) & folders) - {folder_of(path)}
+def read_graph(wing: str | None = None) -> dict[str, set[str]]:
+    """Wing -> the wings that it imports from; or folder of a wing -> the folders of this wing that it imports from."""
+    depth = 0 if wing is None else 1
+    graph: dict[str, set[str]] = {name: set() for name in (WINGS if wing is None else WINGS[wing][2])}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        own = path.relative_to(PACKAGE).with_suffix("").parts
+        if len(own) < 2 or (wing is not None and own[0] != wing) or own[depth] == "__init__":
+            continue
+        if own[depth] not in graph:
+            sys.exit(f"{'/'.join(own[: depth + 1])} has no description in {Path(__file__).name}")
+        targets = {parts[depth] for parts in imports_of(path) if len(parts) > depth and (wing is None or parts[0] == wing)}
+        graph[own[depth]] |= (targets & graph.keys()) - {own[depth]}
     return graph
 
 
@@ -132,7 +137,7 @@ class Layout:
 
     def __init__(self, levels: dict[str, int], arrows: list[tuple[str, str]]) -> None:
         self.rows: list[list[Place]] = [[] for _ in range(max(levels.values()) + 1)]
-        for folder in FOLDERS:
+        for folder in levels:
             self.rows[levels[folder]].append(folder)
         self.paths: list[list[Place]] = []
         lanes: dict[tuple[str, int], Place] = {}
@@ -197,22 +202,24 @@ class Layout:
         return x
 
 
-def draw(graph: dict[str, set[str]], path: Path) -> None:
-    """Draw the picture and write it to a file."""
+def draw(
+    graph: dict[str, set[str]], arrows: list[tuple[str, str]], words: Mapping[str, str], colours: Mapping[str, str], path: Path
+) -> None:
+    """Draw a picture and write it to a file."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import FancyBboxPatch
 
     levels = floors_of(graph)
-    layout = Layout(levels, drawn_arrows(graph))
+    layout = Layout(levels, arrows)
     x = layout.x
     top = RISE * len(layout.rows) - 0.4
     left = min(x[place] - 0.5 * width_of(place) for place in x) - GAP
     right = max(x[place] + 0.5 * width_of(place) for place in x) + GAP
-    figure = Figure(figsize=(right - left, top + 1.9), dpi=100)
+    figure = Figure(figsize=(right - left, top + 0.5), dpi=100)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axes.set(xlim=(left, right), ylim=(-0.85, top + 1.05))
+    axes.set(xlim=(left, right), ylim=(-0.25, top + 0.25))
     axes.set_axis_off()
 
     def box(centre: float, bottom: float, width: float, height: float, title: str, words: str, colour: str) -> None:
@@ -259,30 +266,27 @@ def draw(graph: dict[str, set[str]], path: Path) -> None:
             zorder=2,
         )
     for folder in graph:
-        box(x[folder], RISE * levels[folder], WIDTH, HEIGHT, folder, FOLDERS[folder], SUBJECTS[folder])
-    words = "command line, `python -m explicitfe` and `import explicitfe`: import all folders"
-    middle = 0.5 * (left + right)
-    box(middle, top + 0.15, right - left - 2.0 * GAP, 0.75, "cli    __main__    __init__", words, "#f2f2f2")
-    axes.text(middle, -0.2, LEGEND, ha="center", va="top", fontsize=11, color=LINE, linespacing=1.4)
+        box(x[folder], RISE * levels[folder], WIDTH, HEIGHT, folder, words[folder], colours[folder])
     figure.savefig(path)
 
 
 def main() -> None:
-    graph = read_graph()
-    unknown = set(graph) ^ set(FOLDERS)
-    if unknown:
-        sys.exit(f"FOLDERS must list exactly the folders of the package; these differ: {', '.join(sorted(unknown))}")
-    try:
-        levels = floors_of(graph)
-    except CycleError as error:
-        sys.exit(f"cyclic imports: {' -> '.join(error.args[1])}")
-    total = sum(len(others) for others in graph.values())
-    print(f"{len(graph)} folders, {total} arrows between folders ({len(drawn_arrows(graph))} drawn), ", end="")
-    print(f"{max(levels.values()) + 1} levels, 0 cycles")
-    for level in range(max(levels.values()), -1, -1):
-        print(f"  {level:2d}  {', '.join(folder for folder in FOLDERS if levels[folder] == level)}")
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE / "architecture.png"
-    draw(graph, path)
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else HERE
+    for wing in (None, *WINGS):
+        graph = read_graph(wing)
+        try:
+            levels = floors_of(graph)
+        except CycleError as error:
+            sys.exit(f"cyclic imports: {' -> '.join(error.args[1])}")
+        count = sum(len(others) for others in graph.values())
+        print(f"{wing or 'wings'}: {len(graph)} boxes, {count} arrows, {max(levels.values()) + 1} levels, 0 cycles")
+        if wing is None:
+            arrows = [(name, other) for name, others in graph.items() for other in sorted(others)]
+            words, colours = ({name: entry[k] for name, entry in WINGS.items()} for k in (0, 1))
+        else:
+            arrows, words = drawn_arrows(graph), WINGS[wing][2]
+            colours = dict.fromkeys(graph, WINGS[wing][1])
+        draw(graph, arrows, words, colours, target / f"architecture{'' if wing is None else f'-{wing}'}.png")
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from explicitfe.app.view.bones import fill_bones, keep_to_tongue
-from explicitfe.app.view.palette import AT_REST, BONE, BONE_EDGE, COLOURS, CONSTRICTION, new_figure, plain, save
+from explicitfe.app.view.palette import BONE, BONE_EDGE, COLOURS, CONSTRICTION, GREY, new_figure, plain, save
 from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.mesh.triangles import surface_triangles
 from explicitfe.results.files import Result, open_result
@@ -60,7 +60,7 @@ def draw_side(axes: Any, result: Result, step: int, measures: Measures) -> None:
     fill_bones(axes, result, step, np.zeros(3), np.array([0.0, 1.0, 0.0]), X, label=None)
     cut = midsagittal(mesh)
     rest_line, now_line = 1e3 * cut.outline(mesh.points), 1e3 * cut.outline(mesh.points + u)
-    axes.plot(rest_line[:, X], rest_line[:, Z], color=AT_REST, lw=1.5, label="tongue at rest")
+    axes.plot(rest_line[:, X], rest_line[:, Z], color=GREY, lw=1.5, label="tongue at rest")
     axes.plot(now_line[:, X], now_line[:, Z], color=NOW, lw=2.2, label=f"tongue at {measures.time_ms:.0f} ms")
 
     palate = result.placed_bones(step)[PALATE]
@@ -96,7 +96,7 @@ def draw_side(axes: Any, result: Result, step: int, measures: Measures) -> None:
     )
 
     loop = max(cut.loops, key=len)
-    for points, colour in ((mesh.points, AT_REST), (mesh.points + u, NOW)):
+    for points, colour in ((mesh.points, GREY), (mesh.points + u, NOW)):
         axes.plot(*(1e3 * summit(cut.at(points)[loop][:, [X, Z]])), "^", color=colour, ms=10, mec="white", zorder=9)
     top = 1e3 * summit(cut.at(mesh.points + u)[loop][:, [X, Z]])
     highest = measures.highest
@@ -200,7 +200,7 @@ def draw_groove(axes: Any, result: Result, step: int, measures: Measures) -> Non
     at_rest, now = 1e3 * cut.at(mesh.points)[loop], 1e3 * cut.at(mesh.points + result.displacement(step))[loop]
     plain(axes)
     axes.set_aspect("equal", adjustable="datalim")
-    for outline, colour, label in ((at_rest, AT_REST, "at rest"), (now, NOW, f"at {measures.time_ms:.0f} ms")):
+    for outline, colour, label in ((at_rest, GREY, "at rest"), (now, NOW, f"at {measures.time_ms:.0f} ms")):
         closed = np.concatenate([outline, outline[:1]])
         axes.plot(closed[:, Y], closed[:, Z], color=colour, lw=2.0, label=label)
     top = now[midline(at_rest)[-1]]

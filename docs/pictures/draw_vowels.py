@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.app.view.bones import fill_bones
-from explicitfe.app.view.palette import AT_REST, COLOURS, new_figure, plain, save
+from explicitfe.app.view.palette import COLOURS, GREY, new_figure, plain, save
 from explicitfe.results.files import open_result
 from explicitfe.results.measure.airway import airway_table, surroundings
 from explicitfe.results.measure.formants import airway_of
@@ -40,7 +40,7 @@ def main() -> None:
                 fill_bones(side, result, 0, np.array([0.0, around.middle, 0.0]), np.array([0.0, 1.0, 0.0]), X, label=None)
                 side.plot(*(1e3 * around.line.T), color="black", lw=1.2)
                 rest = 1e3 * cut.outline(result.mesh.points)
-                side.plot(rest[:, X], rest[:, Z], color=AT_REST, lw=1.2, ls="--", label="at rest")
+                side.plot(rest[:, X], rest[:, Z], color=GREY, lw=1.2, ls="--", label="at rest")
             outline = 1e3 * cut.outline(result.mesh.points + result.displacement(step))
             side.plot(outline[:, X], outline[:, Z], color=COLOURS[number], lw=1.8, label=f"[{vowel}]")
             first, second = (formant.frequency_hz for formant in airway_of(result, step).formants[:2])

@@ -17,7 +17,7 @@ from identify_cases import write_homogeneous
 from jsonschema import ValidationError
 from support import ROOT
 
-from explicitfe.app.cli.answers import ANSWERS, answer_schema
+from explicitfe.app.cli.answers import ANSWERS_OF_COMMANDS, answer_schema
 from explicitfe.app.cli.app import COMMANDS, GROUPS
 from explicitfe.app.tools import speed
 from explicitfe.app.tools.lists import LISTS
@@ -40,7 +40,7 @@ def answered(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> 
     return check_answer("-".join(words[:2]) if words[0] == "new" else words[0], capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("name", [*ANSWERS, "failure"])
+@pytest.mark.parametrize("name", [*ANSWERS_OF_COMMANDS, "failure"])
 def test_the_files_are_what_the_code_makes(name: str) -> None:
     """Written anew by: explicitfe schema --answer NAME > docs/json/NAME.schema.json"""
     text = (SCHEMAS / f"{name}.schema.json").read_text(encoding="utf-8")
@@ -50,7 +50,7 @@ def test_the_files_are_what_the_code_makes(name: str) -> None:
 def test_every_command_that_answers_has_a_schema() -> None:
     names = {name for panel in COMMANDS.values() for name in panel} - {"schema"}
     names |= {f"{group}-{name}" for panel in GROUPS.values() for group, (_, commands) in panel.items() for name in commands}
-    assert set(ANSWERS) == names
+    assert set(ANSWERS_OF_COMMANDS) == names
     assert {path.name for path in SCHEMAS.iterdir()} == {f"{name}.schema.json" for name in (*names, "failure")}
 
 

@@ -16,8 +16,8 @@ from explicitfe.inverse.close_loop.specimens.first_constants import (
     DEPTH_SHARES,
     LARGEST_SIZE_RATIO,
     RAMP_C10_PA,
-    SIZES,
     STIFFER_FACTOR,
+    TRIED_SIZES,
     Baseline,
     first_constants,
 )
@@ -34,7 +34,7 @@ FORCE_SD_N, DISPLACEMENT_SD_MM = 0.002, 0.01
 NUMERICS = Numerics(refinement=0.3, density=0.5, tolerance=5e-4)
 ELASTIC = Tissue(constants={EVERY: Constants(C10_Pa=RAMP_C10_PA)}, numerics=NUMERICS)
 DEPTHS_m = np.linspace(0.0, 0.018, 400)
-GRID_STEP = LARGEST_SIZE_RATIO ** (1.0 / (SIZES - 1))
+GRID_STEP = LARGEST_SIZE_RATIO ** (1.0 / (TRIED_SIZES - 1))
 
 
 def curve(force_N: np.ndarray, displacement_m: np.ndarray, control: str = "force", shape: str = "bonded-disc") -> Curve:

@@ -13,7 +13,7 @@ from explicitfe.inverse.close_loop.thresholds import THRESHOLDS, entries, markdo
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.results.documents.loop_report import LoopReport
 
-PAGE = ROOT / "docs" / "reference" / "close-loop.md"
+PAGE = ROOT / "docs" / "reference" / "close-loop-thresholds.md"
 
 
 def test_the_page_prints_the_table():

@@ -114,7 +114,7 @@ class ListOfEffects(TypedDict):
 
 
 # Command, with hyphens for spaces -> the types that its answer can have.
-ANSWERS: dict[str, tuple[Any, ...]] = {
+ANSWERS_OF_COMMANDS: dict[str, tuple[Any, ...]] = {
     "run": (TransientSummary, IndentationSummary),
     "sweep": (SweepSummary, SweepMembers),
     "resume": (TransientSummary, IndentationSummary),
@@ -155,9 +155,9 @@ def answer_schema(name: str) -> dict[str, JsonValue]:
     ------
     InputError : there is no such command, or it has no ``--json``.
     """
-    if name not in ANSWERS and name != "failure":
-        raise InputError(f'there is no answer "{name}"; {nearest(name, [*ANSWERS, "failure"])}')
-    kinds = (FailureAnswer,) if name == "failure" else (*ANSWERS[name], FailureAnswer)
+    if name not in ANSWERS_OF_COMMANDS and name != "failure":
+        raise InputError(f'there is no answer "{name}"; {nearest(name, [*ANSWERS_OF_COMMANDS, "failure"])}')
+    kinds = (FailureAnswer,) if name == "failure" else (*ANSWERS_OF_COMMANDS[name], FailureAnswer)
     schema = TypeAdapter(reduce(or_, kinds)).json_schema(schema_generator=_PlainSchema)
     if name != "failure":  # an answer beside which something went wrong says so as well
         schema["properties"] = {"failure": {"$ref": "#/$defs/CommandFailure"}}

@@ -47,7 +47,7 @@ def _size(words: str) -> typer.models.OptionInfo:
 
 # Options of one kind of test only.
 OF_TRAJECTORIES = ("mapping", "scenario", "unit", "rate_hz", "noise_mm", "interval_s")
-COLUMNS = ("time", "displacement", "force", "stretch", "stress", "shear_strain", "shear_stress")
+COLUMN_OPTIONS = ("time", "displacement", "force", "stretch", "stress", "shear_strain", "shear_stress")
 OF_SPECIMENS = ("tool", "diameter_mm", "height_mm", "size_mm", "force_sd_N", "rate", "contact_force_N")
 
 
@@ -145,9 +145,9 @@ def new_dataset(
     Example: [bold]explicitfe new dataset coils.csv --test trajectory --map tip=TT --map dorsum=TD --scenario vowel-i[/bold]
     """
     _check_words(options)
-    columns = {name.replace("_", "-"): getattr(options, name) for name in COLUMNS}
+    columns = {name.replace("_", "-"): getattr(options, name) for name in COLUMN_OPTIONS}
     if options.test == TESTS[-1]:
-        _refuse(options, (*COLUMNS, *OF_SPECIMENS), "is not for --test trajectory")
+        _refuse(options, (*COLUMN_OPTIONS, *OF_SPECIMENS), "is not for --test trajectory")
         with following(console, f"reading {', '.join(map(str, files))}"):
             from explicitfe.inverse.measured.coils import parse_interval, parse_mapping, read_coils
             from explicitfe.inverse.measured.new_dataset import usual_folder

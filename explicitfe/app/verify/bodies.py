@@ -35,7 +35,7 @@ PUNCH_UNCERTAINTY_MM = np.array([0.002, 0.004, 0.006, 0.010, 0.012, 0.016, 0.027
 DISC_MM = np.array([0.929, 1.747, 2.458, 3.079, 3.619, 4.131, 4.562, 4.945])
 DISC_UNCERTAINTY_MM = np.array([0.001, 0.001, 0.003, 0.008, 0.009, 0.035, 0.038, 0.036])
 # Time steps as shares of the stable step, for the order of the time integration.
-STEP_SHARES, REFERENCE_STEP_SHARE, STEPS = (1 / 8, 1 / 16, 1 / 32), 1 / 256, 16
+STEP_SHARES, REFERENCE_STEP_SHARE, RESUMED_STEPS = (1 / 8, 1 / 16, 1 / 32), 1 / 256, 16
 # Duration of the gesture that is interrupted at half time [s].
 GESTURE_S = 0.04
 
@@ -93,7 +93,7 @@ def order_in_time(_: Workshop) -> ClaimFigure:
     nodes = mesh.node_sets["x1"]
     force = np.tile(np.array([0.01, 0.0, 0.02]) / len(nodes), (len(nodes), 1))
     limit_s = Simulation(Model(mesh, MATERIAL, held)).stable_bound()[0]
-    duration_s = STEPS * limit_s
+    duration_s = RESUMED_STEPS * limit_s
     load = NodalLoad("end", nodes, force, Profile.step(0.0, 0.5 * duration_s))
 
     def end(share: float) -> np.ndarray:

@@ -15,8 +15,8 @@ from explicitfe.fem.mesh.box import box
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.simulation import Simulation
 
-C10_PA, C20_PA, POISSON = 191.5, 90.6, 0.4999
-BULK_PA = 4.0 * C10_PA * (1.0 + POISSON) / (3.0 * (1.0 - 2.0 * POISSON))
+C10_PA, C20_PA, POISSON_RATIO = 191.5, 90.6, 0.4999
+BULK_PA = 4.0 * C10_PA * (1.0 + POISSON_RATIO) / (3.0 * (1.0 - 2.0 * POISSON_RATIO))
 EDGE_M = 0.01
 CURVES = {
     "tension": np.linspace(1.05, 2.0, 5),
@@ -86,7 +86,7 @@ def stretched(test: str, value: float) -> np.ndarray:
 def of_the_element(F: np.ndarray) -> np.ndarray:
     """First Piola-Kirchhoff stress (3, 3) Pa of one cube: the forces on its faces at x, y, z = edge, over their area."""
     mesh = box((1, 1, 1), 3 * [EDGE_M])
-    material = Yeoh(C10_Pa=C10_PA, C20_Pa=C20_PA, poisson=POISSON)
+    material = Yeoh(C10_Pa=C10_PA, C20_Pa=C20_PA, poisson=POISSON_RATIO)
     body = Simulation(Model(mesh, material, np.zeros(mesh.points.shape, dtype=bool)))
     force = body.internal_force(mesh.points @ (F - np.eye(3)).T)
     return np.column_stack([force[mesh.node_sets[f"{axis}1"]].sum(axis=0) for axis in "xyz"]) / EDGE_M**2

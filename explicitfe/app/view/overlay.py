@@ -12,7 +12,7 @@ import numpy as np
 from explicitfe.app.view.bones import SMALLEST_BONE_MOTION_M, bone_loops, fill_bones, keep_to_tongue
 from explicitfe.app.view.files import new_files, writing
 from explicitfe.app.view.heading import common_stem, heading_of_several, labels_of
-from explicitfe.app.view.palette import AT_REST, COLOURS, FORMATS, LINE_STYLES, plain, save
+from explicitfe.app.view.palette import COLOURS, FORMATS, GREY, LINE_STYLES, plain, save
 from explicitfe.app.view.several import check_count, same_kind
 from explicitfe.app.view.times import milliseconds
 from explicitfe.platform.errors import InputError, Progress, nearest, silent
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 # Kind of analysis -> name of the picture that is overlaid.
 OVERLAYS = {"transient": "contour", "relaxation": "curve"}
-PANELS_IN_A_ROW = 2
+OVERLAYS_IN_A_ROW = 2
 ROW_HEIGHT_IN = 4.6
 
 
@@ -87,7 +87,7 @@ def draw_overlay(
 def contours_figure(results: Sequence[Result], times_s: Sequence[float] | None = None) -> Figure:
     """The midsagittal contours of results of runs in time; one panel per time, see :func:`draw_overlay`."""
     moments = [common_steps(results, time_s) for time_s in (sorted(set(times_s)) if times_s else [None])]
-    columns = min(PANELS_IN_A_ROW, len(moments))
+    columns = min(OVERLAYS_IN_A_ROW, len(moments))
     rows = -(-len(moments) // columns)
     # A single panel is as high as that of one result.
     height_in = (7.0 if len(moments) == 1 else ROW_HEIGHT_IN * rows) + 0.6
@@ -134,7 +134,7 @@ def _draw_contours(axes: Axes, results: Sequence[Result], time_s: float, steps: 
         cut = midsagittal(result.mesh)
         at_rest = 1e3 * cut.outline(result.mesh.points)
         if not any(np.array_equal(at_rest, other, equal_nan=True) for other in drawn_at_rest):
-            axes.plot(at_rest[:, X], at_rest[:, Z], color=AT_REST, lw=1.2, label=None if drawn_at_rest else "at rest", zorder=1.5)
+            axes.plot(at_rest[:, X], at_rest[:, Z], color=GREY, lw=1.2, label=None if drawn_at_rest else "at rest", zorder=1.5)
             drawn_at_rest.append(at_rest)
         line = 1e3 * cut.outline(result.mesh.points + result.displacement(step))
         axes.plot(line[:, X], line[:, Z], style, color=colour, lw=2.2, label=label, zorder=3 + number)

@@ -12,7 +12,7 @@ from explicitfe.app.view.palette import COLOURS, GRID, plain
 from explicitfe.app.view.times import DRAWN_TIMES, milliseconds
 from explicitfe.results.files import Result
 from explicitfe.results.measure.document import ContactCourse, PalatogramPattern
-from explicitfe.results.measure.electrodes import COLUMNS, ROWS
+from explicitfe.results.measure.electrodes import ELECTRODE_COLUMNS, ELECTRODE_ROWS
 from explicitfe.results.measure.palatogram import ContactHistory, contact_history
 
 if TYPE_CHECKING:
@@ -73,8 +73,8 @@ def _draw_pattern(axes: Axes, pattern: PalatogramPattern) -> None:
             corner = (column - HALF_SQUARE, row - HALF_SQUARE)
             square = Rectangle(corner, 2 * HALF_SQUARE, 2 * HALF_SQUARE, fc=TOUCHED if on else FREE, ec="0.6", lw=0.6)
             axes.add_patch(square)
-    axes.set_xlim(-0.7, COLUMNS - 0.3)
-    axes.set_ylim(ROWS - 0.3, -0.7)
+    axes.set_xlim(-0.7, ELECTRODE_COLUMNS - 0.3)
+    axes.set_ylim(ELECTRODE_ROWS - 0.3, -0.7)
     axes.set_aspect("equal")
     axes.set_xticks([])
     axes.set_yticks([])
@@ -84,7 +84,9 @@ def _draw_pattern(axes: Axes, pattern: PalatogramPattern) -> None:
 def _name_sides(axes: Axes, history: ContactHistory) -> None:
     """Name the sides of a pattern and the rows, with how far these lie behind the edge of the incisors."""
     axes.set_yticks(
-        range(ROWS), [f"{row + 1}   {1e3 * place:.0f} mm" for row, place in enumerate(history.at.row_places)], fontsize=8
+        range(ELECTRODE_ROWS),
+        [f"{row + 1}   {1e3 * place:.0f} mm" for row, place in enumerate(history.at.row_places)],
+        fontsize=8,
     )
     axes.tick_params(length=0)
     axes.set_ylabel("row, and its distance behind the incisors", fontsize=9)

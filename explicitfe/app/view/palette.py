@@ -31,7 +31,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "bl
 # A model before and after effects were added to it; style.css of the report says the same.
 BEFORE, AFTER = COLOURS[1], COLOURS[0]
 LINE_STYLES = ("-", "--", ":", "-.")
-AT_REST, HELD, GRID = "0.55", "black", "0.88"
+GREY, HELD, GRID = "0.55", "black", "0.88"
 BONE, BONE_EDGE, CONSTRICTION = "#EFE6D2", "#8C7B5A", COLOURS[1]
 # A muscle fibre without tension, and with all the force of its muscle.
 FIBRE_AT_REST, FIBRE_PULLING = "#C9C9C9", "#D1003F"

@@ -10,7 +10,7 @@ import numpy as np
 
 from explicitfe.app.view.files import new_files
 from explicitfe.app.view.heading import result_figure
-from explicitfe.app.view.palette import AT_REST, COLOURS, FORMATS, plain, save
+from explicitfe.app.view.palette import COLOURS, FORMATS, GREY, plain, save
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.extras import require
 from explicitfe.results.files import Result, open_result
@@ -69,7 +69,7 @@ def recording_figure(
     cut = midsagittal(result.mesh)
     if cut.loops:
         outline = MM_PER_M * cut.outline(result.mesh.points)
-        plane.plot(outline[:, X], outline[:, Z], color=AT_REST, lw=1.2, label="tongue at rest")
+        plane.plot(outline[:, X], outline[:, Z], color=GREY, lw=1.2, label="tongue at rest")
     for k, (name, label) in enumerate(zip(model, labels, strict=True)):
         colour, start = COLOURS[k % len(COLOURS)], MM_PER_M * model[name][0]
         for paths, style, shown in ((model, "-", label), (recorded, "--", None)):

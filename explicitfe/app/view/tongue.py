@@ -12,7 +12,7 @@ import numpy as np
 
 from explicitfe.app.view.bones import fill_bones, keep_to_tongue, mark_constriction
 from explicitfe.app.view.heading import result_figure
-from explicitfe.app.view.palette import AT_REST, HELD, plain, sequence
+from explicitfe.app.view.palette import GREY, HELD, plain, sequence
 from explicitfe.app.view.times import drawn_steps, milliseconds
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.results.files import Result
@@ -105,7 +105,7 @@ def coronal_figure(result: Result, step: int, steps: Sequence[int] | None = None
     middle_points = midline(at_rest)
 
     _side_view(where, "box")
-    for points, outline, colour in ((mesh.points, at_rest, AT_REST), (now, at_end, sequence(1)[0])):
+    for points, outline, colour in ((mesh.points, at_rest, GREY), (now, at_end, sequence(1)[0])):
         line, inside = 1e3 * side.outline(points), 1e3 * outline[middle_points]
         where.plot(line[:, X], line[:, Z], color=colour, lw=0.8)
         where.plot(inside[:, X], inside[:, Z], color=colour, lw=2.5, solid_capstyle="round")
@@ -151,7 +151,7 @@ def _outlines(axes: Axes, result: Result, steps: Sequence[int], cut: PlaneCut, a
     """Draw a section at rest and at several steps, the last of them thick; ``across`` is the axis drawn to the right."""
     reference = 1e3 * cut.outline(result.mesh.points)
     axes.fill(*_polygon(reference, across, Z), color="0.94", zorder=0)
-    axes.plot(reference[:, across], reference[:, Z], color=AT_REST, lw=2.0, label="at rest")
+    axes.plot(reference[:, across], reference[:, Z], color=GREY, lw=2.0, label="at rest")
     labels = milliseconds(result.times[list(steps)], result.times[steps[-1]]) if steps else []
     for number, colour, label in zip(steps, sequence(len(steps)), labels, strict=True):
         line = 1e3 * cut.outline(result.mesh.points + result.displacement(number))

@@ -21,7 +21,7 @@ Mode = Literal["uniaxial", "biaxial", "shear"]
 # Share of D that the pressure carries, and the exponent of the free stretch: free = a^exponent at constant volume.
 FREE_SIDES = {"uniaxial": (1.0 / 3.0, -0.5), "biaxial": (2.0 / 3.0, -2.0)}
 COMPLEX_STEP = 1e-30
-MOST_ITERATIONS = 50
+MOST_STRETCH_ITERATIONS = 50
 CONVERGED_CHANGE = 1e-14  # of J
 
 
@@ -40,7 +40,7 @@ def nominal_stress(law: Law, mode: Mode, imposed: np.ndarray) -> np.ndarray:
     share, _ = FREE_SIDES[mode]
     K = bulk_modulus(law.shear_modulus_Pa, law.poisson)
     J = np.ones_like(imposed)
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MOST_STRETCH_ITERATIONS):
         # The slope may come from real parts: it decides only how fast the iteration converges.
         a = imposed.real * J.real ** (-1.0 / 3.0)
         D_slope = stress_difference(law, mode, a + 1j * COMPLEX_STEP).imag / COMPLEX_STEP

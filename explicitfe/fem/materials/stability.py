@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from explicitfe.fem.materials.law import Law
 
 STRETCHES_IN_USE = (0.5, 2.0)  # principal stretches for which constants are checked where nothing else is known
-POINTS = 201
+STRETCHES_CHECKED = 201
 COMPLEX_STEP = 1e-30
 
 
@@ -47,7 +47,7 @@ def loss_of_stability(law: Law, stretches: tuple[float, float] = STRETCHES_IN_US
     }
     losses = []
     for load, (kind, begin, end) in ranges.items():
-        stretch = np.linspace(begin, end, POINTS)
+        stretch = np.linspace(begin, end, STRETCHES_CHECKED)
         kirchhoff, nominal = _tangents(law, kind, stretch)
         lost = ~((kirchhoff > 0.0) & (nominal > 0.0))
         if lost.any():

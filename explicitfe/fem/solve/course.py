@@ -42,7 +42,7 @@ scan: Any = None
 NO_LOOKS, AUTOMATIC_STEP, UNDAMPED_STEP, FIXED_STEP, LIMIT_ALONE = range(5)  # what ``looking`` can be
 # There are no more turns once the square of the highest frequency rises by less than this share in one; but it may pause for some
 # turns before it rises on, and so at the start of a run all turns are made.
-SETTLED_SHARE, NEVER_SETTLED = -1.0, -1.0
+NOT_SETTLED, NEVER_SETTLED = -1.0, -1.0
 
 
 def course(state, part, looks, looker, shared, actions, samples, instant, span, ledgers):
@@ -89,7 +89,7 @@ def course(state, part, looks, looker, shared, actions, samples, instant, span, 
                 if sought:
                     barrier = -smallest(looks.sums, part, MAXIMUM, -part.blocks.corner[STIFFEST])
                     nearest = part.blocks.corner[CORNER]  # a look evaluates forces beside the present state
-                    settled = NEVER_SETTLED if looking == LIMIT_ALONE else SETTLED_SHARE
+                    settled = NEVER_SETTLED if looking == LIMIT_ALONE else NOT_SETTLED
                     highest = highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length)
                     limit = limit_of(highest, contact_frequency)
                     note_limit(watch, limit)

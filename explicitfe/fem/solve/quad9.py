@@ -25,9 +25,9 @@ from explicitfe.platform.compiled.simd import WIDTH, load_many, splat, store
 respond: Any = None
 answers_at: Any = None
 LAW_CONSTANTS = 1
-NODES, POINTS, DOFS, LINEAR = 9, 9, 18, 3
+NODES, QUAD_POINTS, DOFS, LINEAR = 9, 9, 18, 3
 # What a Gauss point answers: five stresses and a pressure. It depends on the five entries of F, and on the factor of F.
-OWN_PRESSURE, ANSWERS = 5, 6
+OWN_PRESSURE, QUAD_ANSWERS = 5, 6
 SCALE, UNSHIFTED = 5, 6
 # Where the entries stand in a tensor of three dimensions, row by row: r, around the axis, z.
 RR, RZ, ZR, ZZ, AROUND = 0, 2, 6, 8, 4
@@ -77,15 +77,15 @@ class QuadWork(NamedTuple):
 
 def work_for(points: int, blocks: int) -> QuadWork:
     """Work arrays for so many Gauss points in so many blocks of lanes."""
-    shapes = ((points, 5), (points, 2), (blocks, 9, WIDTH), (UNSHIFTED + 1, points, ANSWERS))
-    return QuadWork(*map(np.zeros, (*shapes, (ANSWERS, DOFS), (LINEAR, DOFS))))
+    shapes = ((points, 5), (points, 2), (blocks, 9, WIDTH), (UNSHIFTED + 1, points, QUAD_ANSWERS))
+    return QuadWork(*map(np.zeros, (*shapes, (QUAD_ANSWERS, DOFS), (LINEAR, DOFS))))
 
 
 @leaf
 def deform(u, quads, work):
     """Deformation gradients of all points, J and (theta / J)^(1/3); False where J is not positive."""
     for e in range(len(quads.nodes)):
-        for q in range(POINTS):
+        for q in range(QUAD_POINTS):
             rr, rz, zr, zz, around = 1.0, 0.0, 0.0, 1.0, 1.0
             for a in range(NODES):
                 node = quads.nodes[e, a]
@@ -96,20 +96,20 @@ def deform(u, quads, work):
                 zr += dr * uz
                 zz += dz * uz
                 around += over_r * ur
-            p = POINTS * e + q
+            p = QUAD_POINTS * e + q
             J = around * (rr * zz - rz * zr)
             if not (J > 0.0 and around > 0.0):
                 return False
             work.gradients[p, 0], work.gradients[p, 1], work.gradients[p, 2] = rr, rz, zr
             work.gradients[p, 3], work.gradients[p, 4] = zz, around
             work.volumes[p, 0] = J
-        for q in range(POINTS):
+        for q in range(QUAD_POINTS):
             theta = 0.0
-            for other in range(POINTS):
-                theta += quads.project[e, q, other] * work.volumes[POINTS * e + other, 0]
+            for other in range(QUAD_POINTS):
+                theta += quads.project[e, q, other] * work.volumes[QUAD_POINTS * e + other, 0]
             if not theta > 0.0:
                 return False
-            p = POINTS * e + q
+            p = QUAD_POINTS * e + q
             work.volumes[p, 1] = (theta / work.volumes[p, 0]) ** (1.0 / 3.0)
     return True
 
@@ -142,7 +142,7 @@ def answers_of(pressures, column, step, quads, blocks, work):
         for k in range(9):
             store(work.states, (block * 9 + k) * WIDTH, P[k])
     for p in range(points):
-        block, lane, q = p // WIDTH, p % WIDTH, p % POINTS
+        block, lane, q = p // WIDTH, p % WIDTH, p % QUAD_POINTS
         rr = work.gradients[p, 0] + (step if column == 0 else 0.0)
         rz = work.gradients[p, 1] + (step if column == 1 else 0.0)
         zr = work.gradients[p, 2] + (step if column == 2 else 0.0)
@@ -157,7 +157,7 @@ def answers_of(pressures, column, step, quads, blocks, work):
         own = (Prr * rr + Prz * rz + Pzr * zr + Pzz * zz + Pt * around) / (3.0 * around * plane * cube)
         pressure = -own * cube
         for k in range(LINEAR):
-            pressure += quads.linear[q, k] * pressures[p // POINTS, k]
+            pressure += quads.linear[q, k] * pressures[p // QUAD_POINTS, k]
         work.answers[column, p, 0] = Prr + pressure * around * zz
         work.answers[column, p, 1] = Prz - pressure * around * zr
         work.answers[column, p, 2] = Pzr - pressure * around * rz
@@ -174,8 +174,8 @@ def gather(bulk, quads, work, forces, growth):
             forces[e, k] = 0.0
         for k in range(LINEAR):
             growth[e, k] = 0.0
-        for q in range(POINTS):
-            w, answer = quads.weights[e, q], work.answers[UNSHIFTED, POINTS * e + q]
+        for q in range(QUAD_POINTS):
+            w, answer = quads.weights[e, q], work.answers[UNSHIFTED, QUAD_POINTS * e + q]
             for k in range(LINEAR):
                 growth[e, k] += w * quads.linear[q, k] * answer[OWN_PRESSURE] / bulk
             for a in range(NODES):
@@ -226,8 +226,8 @@ def stiffness_of(u, pressures, step, bulk, quads, blocks, work, forces, growth, 
             for k in range(LINEAR):
                 spread[e, m, k] = coupling[e, m, k] = 0.0
         # The coefficients of theta change by the pressures' work on the displacements.
-        for q in range(POINTS):
-            F = work.gradients[POINTS * e + q]
+        for q in range(QUAD_POINTS):
+            F = work.gradients[QUAD_POINTS * e + q]
             plane = F[0] * F[3] - F[1] * F[2]
             for a in range(NODES):
                 dr, dz, over_r = quads.slopes[e, q, a, 0], quads.slopes[e, q, a, 1], quads.slopes[e, q, a, 2]
@@ -242,13 +242,13 @@ def stiffness_of(u, pressures, step, bulk, quads, blocks, work, forces, growth, 
                 thetas[k, m] = 0.0
                 for other in range(LINEAR):
                     thetas[k, m] += quads.inverse[e, k, other] * spread[e, m, other]
-        for q in range(POINTS):
-            p = POINTS * e + q
+        for q in range(QUAD_POINTS):
+            p = QUAD_POINTS * e + q
             F, w, J, s = work.gradients[p], quads.weights[e, q] / step, work.volumes[p, 0], work.volumes[p, 1]
             plane = F[0] * F[3] - F[1] * F[2]
             of_J, of_theta = -s / (3.0 * J), 1.0 / (3.0 * J * s * s)  # derivatives of the factor s
             slopes = quads.slopes[e, q]
-            for i in range(ANSWERS):
+            for i in range(QUAD_ANSWERS):
                 now = work.answers[UNSHIFTED, p, i]
                 of_s = w * (work.answers[SCALE, p, i] - now)
                 rr = w * (work.answers[0, p, i] - now) + of_s * of_J * F[4] * F[3]
@@ -292,20 +292,20 @@ def along_a_line(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 GAUSS, GAUSS_WEIGHT = np.polynomial.legendre.leggauss(3)
 # Shape functions (point, node) at the Gauss points.
-SHAPE = np.einsum("qi,sj->qsij", along_a_line(GAUSS)[0], along_a_line(GAUSS)[0]).reshape(POINTS, NODES)
+SHAPE = np.einsum("qi,sj->qsij", along_a_line(GAUSS)[0], along_a_line(GAUSS)[0]).reshape(QUAD_POINTS, NODES)
 
 
 def quads_of(nodes: np.ndarray, corners: np.ndarray) -> Quads:
     """Rectangles with nodes (m, 9), and corners (m, 2, 2): lowest r, z and largest r, z [m]."""
     value, slope = along_a_line(GAUSS)
-    along_r = np.einsum("qi,sj->qsij", slope, value).reshape(POINTS, NODES)
-    along_z = np.einsum("qi,sj->qsij", value, slope).reshape(POINTS, NODES)
+    along_r = np.einsum("qi,sj->qsij", slope, value).reshape(QUAD_POINTS, NODES)
+    along_z = np.einsum("qi,sj->qsij", value, slope).reshape(QUAD_POINTS, NODES)
     half = 0.5 * (corners[:, 1] - corners[:, 0])
     at_r, at_z = np.repeat(GAUSS, 3), np.tile(GAUSS, 3)
     r = corners[:, :, 0].mean(axis=1)[:, None] + half[:, :1] * at_r
     slopes = np.stack([along_r / half[:, 0, None, None], along_z / half[:, 1, None, None], SHAPE / r[:, :, None]], axis=3)
     weights = 2.0 * np.pi * r * np.outer(GAUSS_WEIGHT, GAUSS_WEIGHT).ravel() * np.prod(half, axis=1)[:, None]
-    linear = np.stack([np.ones(POINTS), at_r, at_z], axis=1)
+    linear = np.stack([np.ones(QUAD_POINTS), at_r, at_z], axis=1)
     mass = np.einsum("qk,mq,ql->mkl", linear, weights, linear)
     inverse = np.linalg.inv(mass)
     project = np.einsum("qk,mkl,ol,mo->mqo", linear, inverse, linear, weights)

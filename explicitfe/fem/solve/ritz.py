@@ -30,7 +30,7 @@ MOST_TURNS = 60
 # A share is found to this accuracy, or the force to this part of the largest one that is imposed.
 SHARE_TOLERANCE, FORCE_TOLERANCE = 1e-10, 1e-7
 # The derivative of a root is taken no nearer to zero than at this share.
-SMALLEST_SHARE = 1e-3
+SMALLEST_RITZ_SHARE = 1e-3
 # The first step to either side, as a share.
 FIRST_STEP = 0.02
 NEAR_TURNS = 3
@@ -50,7 +50,7 @@ def slope_of(share: float, power: float) -> float:
     """Its derivative."""
     if power == np.floor(power):
         return power * share ** (power - 1.0)
-    return power * max(abs(share), SMALLEST_SHARE) ** (power - 1.0)
+    return power * max(abs(share), SMALLEST_RITZ_SHARE) ** (power - 1.0)
 
 
 def follow(imposed, kind, ends, powers, modes, volumes, numbers, blocks, states, columns, answers):

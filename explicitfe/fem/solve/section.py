@@ -15,9 +15,9 @@ from explicitfe.fem.solve import quad9
 # elements at the edge leave steps in the depth where they pass it: 2.1 micrometres (root mean square, flat tool of 14 mm to
 # 0.8 N) with 0.33 of the rounding and 0.6 with 0.18, and Newton's method needs fewer steps. Elements smaller than the last of
 # these shares of the radius are stretched so much at a nearly sharp edge that it needs many times the steps, or fails.
-EDGE_CELL_SHARE_OF_ROUNDING, EDGE_CELL_SHARE_OF_BALL, EDGE_CELL_SHARE_OF_DISC, SIDE_CELL_SHARE = 0.18, 0.08, 0.0075, 0.2
+SECTION_CELL_SHARE_OF_ROUNDING, SECTION_CELL_SHARE_OF_BALL, SECTION_CELL_SHARE_OF_DISC, SIDE_CELL_SHARE = 0.18, 0.08, 0.0075, 0.2
 EDGE_CELL_SHARE_OF_RADIUS = 0.012
-LARGEST_CELL_SHARE, CELL_GROWTH_RATIO = 0.2, 1.6
+LARGEST_SECTION_CELL_SHARE, CELL_RATIO = 0.2, 1.6
 # The fine zone of a flat tool begins at this share of its radius. Tissue slides outwards under a frictionless tool and is
 # stretched where it passes the edge: at 5.6 mm under a radius of 14 mm the tissue at the edge came from 0.85 of the radius, and
 # elements that were not refined there left steps of 20 to 80 micrometres in the depth. They are below 10 with this share.
@@ -75,7 +75,7 @@ class RevolvedSection:
         corners = self.points[nodes][:, [0, 8]]
         self.quads = quad9.quads_of(nodes, corners)
         self.at = np.einsum("qa,mai->mqi", quad9.SHAPE, self.points[nodes]).reshape(-1, 2)
-        self.spread = np.repeat(corners[:, 1, 1] - corners[:, 0, 1], quad9.POINTS)
+        self.spread = np.repeat(corners[:, 1, 1] - corners[:, 0, 1], quad9.QUAD_POINTS)
         self._number(specimen, tool, base_gives_way)
         self.surface = self._edges(self._reached(specimen, tool))
         self.base = self._edges(self.points[:, 1] < TINY_M)
@@ -137,16 +137,16 @@ def lines(specimen: SpecimenTable, tool: ToolTable, fineness: float) -> tuple[np
     """Lines r and z [m] between the elements: fine at the tool's edge and at the surface."""
     radius, height = 1e-3 * specimen.smallest_radius_mm, 1e-3 * specimen.thickness_mm
     reach = 0.0 if tool.radius_mm is None else 1e-3 * tool.radius_mm
-    largest = LARGEST_CELL_SHARE * min(radius, height) / fineness
+    largest = LARGEST_SECTION_CELL_SHARE * min(radius, height) / fineness
     breaks: list[float] = []
     if tool.shape == "flat-cylinder":
-        size = max(EDGE_CELL_SHARE_OF_ROUNDING * 1e-3 * tool.rounding_mm, EDGE_CELL_SHARE_OF_RADIUS * reach) / fineness
+        size = max(SECTION_CELL_SHARE_OF_ROUNDING * 1e-3 * tool.rounding_mm, EDGE_CELL_SHARE_OF_RADIUS * reach) / fineness
         zones = [(FINE_SECTION_START_SHARE * reach, reach + 0.5 * size, size)]
     elif tool.shape == "sphere":
-        size = EDGE_CELL_SHARE_OF_BALL * reach / fineness
+        size = SECTION_CELL_SHARE_OF_BALL * reach / fineness
         zones = [(0.0, reach, size)]
     elif tool.shape == "bonded-disc":
-        size = EDGE_CELL_SHARE_OF_DISC * reach / fineness
+        size = SECTION_CELL_SHARE_OF_DISC * reach / fineness
         zones, breaks = [(reach - size, reach + size, size)], [reach]
     else:
         size = SIDE_CELL_SHARE * largest
@@ -157,7 +157,7 @@ def lines(specimen: SpecimenTable, tool: ToolTable, fineness: float) -> tuple[np
     size, largest = min(size, largest), max(size, largest)
     top = min(size, 0.5 * layer) if layer > 0.0 else size
     zones = [zone for zone in zones if zone[0] < radius]
-    r_lines = stations(radius, zones, largest_m=largest, growth=CELL_GROWTH_RATIO, breaks_m=breaks)
+    r_lines = stations(radius, zones, largest_m=largest, growth=CELL_RATIO, breaks_m=breaks)
     z_breaks = [height - layer] if layer > 0.0 else []
-    z_lines = stations(height, [(height - top, height, top)], largest_m=largest, growth=CELL_GROWTH_RATIO, breaks_m=z_breaks)
+    z_lines = stations(height, [(height - top, height, top)], largest_m=largest, growth=CELL_RATIO, breaks_m=z_breaks)
     return r_lines, z_lines

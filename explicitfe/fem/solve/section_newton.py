@@ -18,7 +18,7 @@ DIFFERENCE_STEP = 1e-6
 # Convergence tolerance of the Newton step, relative to the displacement of the tool. The displacement counts as at least this
 # share of the height.
 TOLERANCE_SHARE, LEAST_WAY_SHARE = 1e-6, 1e-2
-MOST_ITERATIONS, MOST_CUTS = 12, 4
+MOST_NEWTON_ITERATIONS, MOST_CUTS = 12, 4
 # A step with old derivatives is kept unless the next one would be longer by this ratio. Share of a step that leaves a kink.
 WILD_RATIO, NUDGE = 2.0, 0.05
 # Where a part of the body snaps: resistance over the shear modulus times the height, at least; number of steps; no step
@@ -27,7 +27,7 @@ LEAST_RESISTANCE, MOST_CREEP_STEPS, CREEP_SHARE = 1e-5, 80, 0.2
 # A factorization is used again as long as each step is smaller than the last by this ratio.
 GOOD_RATIO = 0.2
 # No step moves a node further than this share of the height.
-LONGEST_STEP_SHARE = 0.1
+LONGEST_NEWTON_STEP_SHARE = 0.1
 # Derivatives are symmetric up to this share of the largest one: differences of gradients err by some 1e-6.
 ASYMMETRY_SHARE = 2e-5
 TINY = 1e-300
@@ -97,11 +97,11 @@ class SectionNewton:
                 return False
             step, size = self.step_of(main, rows, weights, goal)
         factor = 1.0
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MOST_NEWTON_ITERATIONS):
             self.iterations += 1
             if not np.isfinite(size):
                 return False
-            factor = min(1.0, 4.0 * factor, LONGEST_STEP_SHARE * self.section.height / max(size, TINY))
+            factor = min(1.0, 4.0 * factor, LONGEST_NEWTON_STEP_SHARE * self.section.height / max(size, TINY))
             before = main.u, main.depth, main.pressures
             for _ in range(1 if self._factors_are_old else MOST_CUTS):
                 self.move_by(main, before, factor, step)

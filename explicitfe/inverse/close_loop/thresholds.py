@@ -1,7 +1,7 @@
 """The numbers that decide a verdict, each with its unit and the experiment or the reason that fixed it.
 
-They are stored in ``report.json``, and docs/reference/close-loop.md prints them. Numbers that only steer a computation, such as
-steps of derivatives, stay beside the code that uses them.
+They are stored in ``report.json``; docs/reference/close-loop-thresholds.md prints them. Numbers that only steer a computation,
+such as steps of derivatives, stay beside the code that uses them.
 """
 
 from __future__ import annotations
@@ -98,6 +98,6 @@ def entries() -> list[tuple[str, float, str, str]]:
 
 
 def markdown_table() -> str:
-    """The table of docs/reference/close-loop.md."""
+    """The table of docs/reference/close-loop-thresholds.md."""
     rows = [f"| `{name}` | {value:.3g} | {unit} | {reason} |" for name, value, unit, reason in entries()]
     return "\n".join(["| threshold | value | unit | reason |", "|---|---|---|---|", *rows]) + "\n"

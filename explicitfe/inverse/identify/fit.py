@@ -25,13 +25,13 @@ DERIVATIVE_STEP_SHARE = 1e-4  # Derivatives are central differences over this sh
 # The fit is repeated at most so often: weights count errors of the imposed column by the model's slope, which the fit changes.
 MOST_PASSES = 4
 # The weights are final when a pass moves no modulus by more than this share of the first one.
-SETTLED_SHARE = 1e-7
+SETTLED_STEP_SHARE = 1e-7
 # No row is exact: at zero force, where the slope is zero, a row would have infinite weight. Its noise is at least this share
 # of the median.
 LEAST_ROW_NOISE_SHARE = 1e-3
 # Laws with more constants than this are fitted to a weaker tolerance from several starts, and have no profile intervals.
 FEW_CONSTANTS = 3
-TOLERANCE, TOLERANCE_OF_MANY = 1e-12, 1e-9
+FIT_TOLERANCE, TOLERANCE_OF_MANY = 1e-12, 1e-9
 STARTS_OF_MANY = 2
 MOST_EVALUATIONS = 200
 # A modulus below this share of the shear modulus may belong at its bound 0.
@@ -233,7 +233,7 @@ class Problem:
             constants[free] = np.clip(unit * z, self._lower[free], self._upper[free])
             return constants
 
-        tolerance = TOLERANCE if len(full) <= FEW_CONSTANTS else TOLERANCE_OF_MANY
+        tolerance = FIT_TOLERANCE if len(full) <= FEW_CONSTANTS else TOLERANCE_OF_MANY
         solution = least_squares(
             lambda z: self.residual(at(z)),
             np.clip(full[free] / unit, low + 1e-9, high - 1e-9),
@@ -319,7 +319,7 @@ def least_squares_fit(
         problem = Problem(observed, sds, law)
         before, best = best, min((problem.solve(first) for first in starts), key=problem.chi2)
         starts = [best]
-        if np.abs(best - before).max() < SETTLED_SHARE * best[0]:
+        if np.abs(best - before).max() < SETTLED_STEP_SHARE * best[0]:
             break
     problem = Problem(observed, sds, law)
     count = sum(len(o.measured) for o in observed)

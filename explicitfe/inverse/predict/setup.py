@@ -46,7 +46,7 @@ class ToolKeys(TypedDict, total=False):
 
 
 # Constants of the laws of elements, in the order in which a fit has them.
-LAW_CONSTANTS = {"yeoh": ("C10_Pa", "C20_Pa", "C30_Pa"), "neo-hooke": ("C10_Pa",), "mooney-rivlin": ("C10_Pa", "C01_Pa")}
+CONSTANTS_OF_LAW = {"yeoh": ("C10_Pa", "C20_Pa", "C30_Pa"), "neo-hooke": ("C10_Pa",), "mooney-rivlin": ("C10_Pa", "C01_Pa")}
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Setup:
     ----------
     specimen, tool : keys and values of the scenario's tables, without the material.
     poisson, density_kg_m3 : of the tissue.
-    law : of the tissue, a key of ``LAW_CONSTANTS``.
+    law : of the tissue, a key of ``CONSTANTS_OF_LAW``.
     assumed : what is supposed because the dataset does not state it, in words.
     """
 
@@ -82,7 +82,7 @@ class Setup:
 
     def material(self, *constants: float) -> dict[str, str | float]:
         """The table of the tissue in a scenario."""
-        named = dict(zip(LAW_CONSTANTS[self.law], constants, strict=False))
+        named = dict(zip(CONSTANTS_OF_LAW[self.law], constants, strict=False))
         return {"law": self.law, **named, "poisson": self.poisson, "density_kg_m3": self.density_kg_m3}
 
     @property

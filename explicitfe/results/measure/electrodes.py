@@ -24,7 +24,7 @@ from explicitfe.results.measure.tract import (
     section_plane,
 )
 
-ROWS, COLUMNS = 8, 8
+ELECTRODE_ROWS, ELECTRODE_COLUMNS = 8, 8
 FIRST_ROW_COLUMNS = slice(1, 7)
 # The first row lies this far behind the edge of the incisors, along the midline: on the gum behind the crown, where the underside
 # of the built-in palate becomes flat.
@@ -106,7 +106,7 @@ def electrodes(line: MidlineCurve, palate: np.ndarray, plane: float, hard_palate
     if any(points is None for points in rows):
         return None
     grid = np.stack([points for points in rows if points is not None])
-    exists = np.ones((ROWS, COLUMNS), dtype=bool)
+    exists = np.ones((ELECTRODE_ROWS, ELECTRODE_COLUMNS), dtype=bool)
     exists[0] = False
     exists[0, FIRST_ROW_COLUMNS] = True
     row, column = np.nonzero(exists)
@@ -125,7 +125,7 @@ def _row(line: MidlineCurve, palate: np.ndarray, plane: float, place: float) -> 
     point = point + np.array([0.0, plane, 0.0])
     cut = plane_segments(palate, point, normal)
     lines = np.stack([cut[:, :, Y] - plane, (cut - point) @ down], axis=-1)
-    half = COLUMNS // 2
+    half = ELECTRODE_COLUMNS // 2
     across = []
     for side in (-1.0, 1.0):
         outwards, depth = _underside(lines * np.array([side, 1.0]))

@@ -15,7 +15,7 @@ from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.mesh.triangles import corners_of
 from explicitfe.results.files import Recorded
 from explicitfe.results.measure.document import ContactCourse, Palatogram, PalatogramPattern
-from explicitfe.results.measure.electrodes import COLUMNS, ROWS, Electrodes, electrodes
+from explicitfe.results.measure.electrodes import ELECTRODE_COLUMNS, ELECTRODE_ROWS, Electrodes, electrodes
 from explicitfe.results.measure.sections import middle
 from explicitfe.results.measure.tract import PALATE, TOUCHING_GAP_M, palate_midline
 
@@ -28,7 +28,7 @@ ANTERIORITY_WEIGHTS = np.array([4921.0, 729.0, 81.0, 9.0, 1.0])
 CENTRALITY_WEIGHTS = np.array([1.0, 17.0, 289.0, 4913.0])
 DORSAL_ROWS = slice(5, 8)
 # Weights of the rows in the centre of gravity (Hardcastle, Gibbon and Nicolaidis 1991).
-GRAVITY_WEIGHTS = np.arange(ROWS, 0, -1) - 0.5
+GRAVITY_WEIGHTS = np.arange(ELECTRODE_ROWS, 0, -1) - 0.5
 
 Grid = list[list[Any]]
 
@@ -168,9 +168,9 @@ def palatogram(result: Recorded, step: int) -> Palatogram | None:
 
 def pattern(at: Electrodes, on: np.ndarray, time_s: float) -> PalatogramPattern:
     """A pattern with its indices, from which electrodes are on (62,)."""
-    touched = np.zeros((ROWS, COLUMNS), dtype=bool)
+    touched = np.zeros((ELECTRODE_ROWS, ELECTRODE_COLUMNS), dtype=bool)
     touched[at.row, at.column] = on
-    exists = np.zeros((ROWS, COLUMNS), dtype=bool)
+    exists = np.zeros((ELECTRODE_ROWS, ELECTRODE_COLUMNS), dtype=bool)
     exists[at.row, at.column] = True
     return PalatogramPattern(
         time_ms=1e3 * float(time_s),
@@ -196,7 +196,7 @@ def anteriority(touched: np.ndarray) -> float:
 def centrality(touched: np.ndarray) -> float:
     """How near to the midline the contact reaches, 0 to 1: Recasens and Pallares (2001), J. Phonetics 29:283."""
     columns = touched.sum(axis=0)
-    half = COLUMNS // 2
+    half = ELECTRODE_COLUMNS // 2
     pairs = (columns[:half] + columns[: half - 1 : -1]) / np.array([14.0, 16.0, 16.0, 16.0])
     return float(np.log1p(CENTRALITY_WEIGHTS @ pairs) / np.log1p(CENTRALITY_WEIGHTS.sum()))
 
@@ -226,7 +226,7 @@ def _durations(times: np.ndarray, on: np.ndarray) -> np.ndarray:
 
 def _grid(at: Electrodes, values: list[Any]) -> Grid:
     """Values of the electrodes in their eight rows of eight; None where there is none."""
-    grid: Grid = [[None] * COLUMNS for _ in range(ROWS)]
+    grid: Grid = [[None] * ELECTRODE_COLUMNS for _ in range(ELECTRODE_ROWS)]
     for row, column, value in zip(at.row, at.column, values, strict=True):
         grid[row][column] = value
     return grid

@@ -50,7 +50,7 @@ _FEWEST_AND_MOST_SAMPLES = (4, 12)
 _LOOKS_PER_ELEMENT = 4.0
 
 # Areas, and numbers of samples, that differ by less are the same.
-_ROUNDING_SHARE = 1e-9
+_CUT_TOLERANCE = 1e-9
 
 # The nearest triangles of a wound are looked for among so many whose centres are nearest.
 _NEAREST_TRIANGLES_TRIED = 16
@@ -249,7 +249,7 @@ def _scar_shares(mesh: HexMesh, native: np.ndarray, wound: np.ndarray, scar: Sca
         size = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
         near = np.flatnonzero(native & (tree.query(corners.mean(axis=1))[0] <= reach + size))
         longest = np.ptp(corners[near], axis=1).max(initial=0.0)
-        count = int(np.clip(np.ceil(_SAMPLES_PER_THICKNESS * longest / thickness - _ROUNDING_SHARE), *_FEWEST_AND_MOST_SAMPLES))
+        count = int(np.clip(np.ceil(_SAMPLES_PER_THICKNESS * longest / thickness - _CUT_TOLERANCE), *_FEWEST_AND_MOST_SAMPLES))
         at = (2.0 * np.arange(count) + 1.0) / count - 1.0
         natural = np.stack(np.meshgrid(at, at, at, indexing="ij"), axis=-1).reshape(-1, 3)
         for element in near:
@@ -354,7 +354,7 @@ def surgery_report(
     areas = {tie.name: 1e6 * tie.areas_m2.sum() for tie in after.attachments}
     for tie in intact.attachments:
         area = 1e6 * tie.areas_m2.sum()
-        if areas.get(tie.name, 0.0) < area * (1.0 - _ROUNDING_SHARE):
+        if areas.get(tie.name, 0.0) < area * (1.0 - _CUT_TOLERANCE):
             notes.append(f"{areas.get(tie.name, 0.0):.0f} of {area:.0f} mm2 of the attachment {tie.name} remain.")
     return {
         "removed_elements": int((~surgery.kept).sum()),

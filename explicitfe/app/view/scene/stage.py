@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import pyvista
 
 # Where words stand, as shares of the picture's width and height from its lower left corner, and how large they are there.
-LEFT_SHARE, TITLE_SHARE, LINE_SHARE = 0.02, 0.945, 0.042
-LETTER_SHARE, TITLE_LETTER_SHARE = 0.021, 0.027
+LEFT_SHARE, TITLE_SHARE, LINE_WIDTH_SHARE = 0.02, 0.945, 0.042
+TEXT_SHARE, TITLE_LETTER_SHARE = 0.021, 0.027
 SCALE_TITLE_PLACE = (0.345, 0.096)
 # Room that the scene leaves free above and below it, and on either side.
 FREE_MARGINS = (0.13, 0.15, 0.03)
@@ -78,11 +78,11 @@ class Stage:
         variant = variant_of(result)
         if variant:
             line = textwrap.shorten(variant, LINE_CHARACTERS, placeholder=" …")
-            self._words(line, (LEFT_SHARE, TITLE_SHARE - LINE_SHARE), LETTER_SHARE, "#404040")
-        below = TITLE_SHARE - LINE_SHARE * (2 if variant else 1)
-        self._time = self._words(" ", (LEFT_SHARE, below), LETTER_SHARE, "black")
+            self._words(line, (LEFT_SHARE, TITLE_SHARE - LINE_WIDTH_SHARE), TEXT_SHARE, "#404040")
+        below = TITLE_SHARE - LINE_WIDTH_SHARE * (2 if variant else 1)
+        self._time = self._words(" ", (LEFT_SHARE, below), TEXT_SHARE, "black")
         self._muscles = {
-            number: self._words(pull_in_words(muscle), (LEFT_SHARE, 0.02 + LINE_SHARE * line), LETTER_SHARE, WORDS_AT_REST)
+            number: self._words(pull_in_words(muscle), (LEFT_SHARE, 0.02 + LINE_WIDTH_SHARE * line), TEXT_SHARE, WORDS_AT_REST)
             for line, (number, muscle) in enumerate(reversed([*enumerate(muscles_of(result))][:MOST_MUSCLES_NAMED]))
         }
         self._add_scale()
@@ -105,7 +105,7 @@ class Stage:
 
     def add_keys(self, text: str) -> None:
         """Write the keys below the scene."""
-        self._words(text, (0.34, 0.005), 0.7 * LETTER_SHARE, WORDS_AT_REST)
+        self._words(text, (0.34, 0.005), 0.7 * TEXT_SHARE, WORDS_AT_REST)
 
     def _words(
         self,
@@ -130,7 +130,7 @@ class Stage:
         field = self.scene.field
         if field is None:
             return
-        self._words(field.label, SCALE_TITLE_PLACE, LETTER_SHARE, "black")
+        self._words(field.label, SCALE_TITLE_PLACE, TEXT_SHARE, "black")
         bar = self.plotter.add_scalar_bar(
             title="",
             n_labels=5,
@@ -139,7 +139,7 @@ class Stage:
             position_y=0.02,
             width=0.42,
             height=0.075,
-            label_font_size=round(LETTER_SHARE * self._height_px),
+            label_font_size=round(TEXT_SHARE * self._height_px),
             color="black",
             unconstrained_font_size=True,
             mapper=self.scene.body_mapper,
@@ -159,7 +159,7 @@ class Stage:
             y_color="#555555",
             z_color="#555555",
             label_color="black",
-            label_size=round(1.1 * LETTER_SHARE * self._height_px),
+            label_size=round(1.1 * TEXT_SHARE * self._height_px),
             label_position=LABEL_PLACE,
             shaft_radius=0.04,
             tip_radius=0.14,

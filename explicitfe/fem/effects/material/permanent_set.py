@@ -22,7 +22,7 @@ from explicitfe.platform.compiled.simd import maximum
 
 AT = MEMORY = 0
 # An I1_bar - 3 below which no network forms: a strain of 2e-5.
-AT_REST = 1e-9
+SMALLEST_STRETCH_AT_REST = 1e-9
 
 
 class PermanentSet(MaterialEffect):
@@ -68,7 +68,7 @@ def set_back(F, square, inverse_C, blocks, block):
     C = right_cauchy_green(F)
     before = remembered(blocks, block, MEMORY)
     largest = maximum(before, square * (C[0] + C[1] + C[2]) - 3.0)
-    ratio = before / (largest + AT_REST)
+    ratio = before / (largest + SMALLEST_STRETCH_AT_REST)
     kept = ratio * ratio
     kept = kept * kept
     grown, stretch = 1.0 - kept, 1.0 / square

@@ -28,9 +28,9 @@ RAMP_C10_PA = 200.0
 # Ratios of C20 to C10 that are tried.
 C20_RATIOS = (0.0, 0.05, 0.2, 0.5, 1.0)
 # Where a force is imposed, C10 is sought between the smallest one that carries it and this multiple of it.
-LARGEST_SIZE_RATIO, SIZES = 100.0, 200
+LARGEST_SIZE_RATIO, TRIED_SIZES = 100.0, 200
 # Every second row of a usual ramp does to begin with, with a cubic between them that is read at so many places.
-ROWS_STRIDE, PLACES = 2, 129
+ROWS_STRIDE, TRIED_PLACES = 2, 129
 # A ramp that does not reach the largest measured depth is repeated to these shares of it. Where the force is imposed, a stiffer
 # body carries it at a smaller depth.
 DEPTH_SHARES = (1.0, 0.5, 0.25)
@@ -141,7 +141,7 @@ def _best_size(responses: Sequence[_Response]) -> tuple[float, float]:
         return sum(float(np.sum((r.at(size) - r.measured) ** 2) / max(r.measured @ r.measured, 1e-300)) for r in responses)
 
     if inverted:
-        sizes = max(inverted) * np.geomspace(1.0, LARGEST_SIZE_RATIO, SIZES)
+        sizes = max(inverted) * np.geomspace(1.0, LARGEST_SIZE_RATIO, TRIED_SIZES)
         return min((error(size), float(size)) for size in sizes)
     weights = [1.0 / max(float(r.measured @ r.measured), 1e-300) for r in responses]
     top = sum(w * float(r.at(1.0) @ r.measured) for w, r in zip(weights, responses, strict=True))
@@ -177,8 +177,10 @@ def _ramps(curves: Sequence[Curve], texts: Mapping[float, str], baseline: Baseli
         for key, ramp, run in zip(todo, ramps, runs, strict=True):
             if not isinstance(run, str):
                 last = int(np.argmax(run[0])) + 1  # a force above the largest one is not carried
-                depth_m = np.linspace(0.0, ramp.displacement_m[last - 1], PLACES)
-                force_N = PchipInterpolator(ramp.displacement_m[:last], run[0][:last])(depth_m) if last > 1 else np.zeros(PLACES)
+                depth_m = np.linspace(0.0, ramp.displacement_m[last - 1], TRIED_PLACES)
+                force_N = (
+                    PchipInterpolator(ramp.displacement_m[:last], run[0][:last])(depth_m) if last > 1 else np.zeros(TRIED_PLACES)
+                )
                 done[key] = depth_m, np.maximum.accumulate(force_N)
             else:
                 done.setdefault(key, run)

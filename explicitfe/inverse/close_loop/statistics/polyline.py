@@ -19,7 +19,7 @@ BOUNDARY_SDS = 4.0
 # Iterations of Levenberg and Marquardt, and the decrease of chi2 below which they end.
 MOST_STEPS_OF_CORNERS = 30
 SMALLEST_DECREASE = 1e-3
-SMALLEST_DAMPING, LARGEST_DAMPING = 1e-9, 1e4
+SMALLEST_DAMPING, LARGEST_POLYLINE_DAMPING = 1e-9, 1e4
 # A pivot of knots that no row determines, as a share of the largest one.
 SMALLEST_PIVOT = 1e-10
 # Two corners are no closer than this share of the smallest distance of two rows.
@@ -194,7 +194,7 @@ def refine(time_s: np.ndarray, y: np.ndarray, corners: np.ndarray) -> tuple[floa
         new_chi2 = float(((y - new_fitted) ** 2).sum())
         if not new_chi2 <= chi2:
             damping *= 10.0
-            if damping > LARGEST_DAMPING:
+            if damping > LARGEST_POLYLINE_DAMPING:
                 break
             continue
         decrease, chi2 = chi2 - new_chi2, new_chi2

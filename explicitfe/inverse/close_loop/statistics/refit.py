@@ -24,7 +24,7 @@ ENOUGH_CHI2, ENOUGH_CHI2_SHARE = 0.02, 1e-5
 COSTLY_ENOUGH_CHI2, COSTLY_ENOUGH_CHI2_SHARE = 0.5, 3e-3
 # A search that ended otherwise has still converged if a further step would gain less than this share of chi2.
 STALLED_CHI2_SHARE, ROUGH_STALLED_CHI2_SHARE = 1e-2, 1e-1
-MOST_STEPS, MOST_STEPS_WITH_SLOPES, ROUGH_MOST_STEPS = 40, 12, 8
+MOST_REFIT_STEPS, MOST_STEPS_WITH_SLOPES, ROUGH_MOST_STEPS = 40, 12, 8
 # A search of costly answers ends after so many steps in a row that led nowhere: the answers are too rough to go on.
 COSTLY_VAIN_STEPS = 3
 # So often derivatives are taken again where answers are rough; elsewhere they may be at every step.
@@ -227,10 +227,10 @@ def _descend(
     high = np.array([p.high for p in model.parameters])
     r = covariance.at(answer).whiten(y - answer)
     damping, converged = FIRST_DAMPING, False
-    renewals = MOST_STEPS if exact else ROUGH_NEW_DERIVATIVES
+    renewals = MOST_REFIT_STEPS if exact else ROUGH_NEW_DERIVATIVES
     vain = 0
     included = system.has_slopes(position.model)
-    most = MOST_STEPS_WITH_SLOPES if included else MOST_STEPS
+    most = MOST_STEPS_WITH_SLOPES if included else MOST_REFIT_STEPS
     for _ in range(most if exact else ROUGH_MOST_STEPS):
         if limit.reached():
             break

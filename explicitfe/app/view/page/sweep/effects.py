@@ -15,7 +15,7 @@ from explicitfe.results.documents.sweep_to_draw import SweepColumn
 MOST_VALUES_NOT_BINNED = 12
 MOST_BINS_OF_A_FACTOR, FEWEST_BINS_OF_A_FACTOR, MEMBERS_PER_BIN = 12, 3, 8
 # Number of factors whose effects are drawn for each measure, the strongest first.
-MOST_FACTORS_DRAWN = 8
+MOST_FACTORS_ON_PAGE = 8
 MEAN_COLOUR, BAR_COLOUR = 0, 0
 
 
@@ -75,8 +75,8 @@ def effects_on(measure: SweepColumn, factors: Sequence[SweepColumn], *, with_sha
     with_shares : whether the titles say which share of the variance follows each factor.
     """
     effects = [effect for factor in factors if (effect := main_effect(factor, measure)) is not None]
-    if len(effects) > MOST_FACTORS_DRAWN:
-        strongest = sorted(effects, key=lambda effect: -np.nan_to_num(effect.share))[:MOST_FACTORS_DRAWN]
+    if len(effects) > MOST_FACTORS_ON_PAGE:
+        strongest = sorted(effects, key=lambda effect: -np.nan_to_num(effect.share))[:MOST_FACTORS_ON_PAGE]
         effects = [effect for effect in effects if effect in strongest]
     if not effects:
         return None

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.app.view.page.frame import page_text
-from explicitfe.app.view.page.sweep.effects import MOST_FACTORS_DRAWN, EffectsOnMeasure, effects_on, shares_of
+from explicitfe.app.view.page.sweep.effects import MOST_FACTORS_ON_PAGE, EffectsOnMeasure, effects_on, shares_of
 from explicitfe.app.view.page.sweep.scatter import scatter_of
 from explicitfe.app.view.page.tables import PageTable, table
 from explicitfe.app.view.page.words import bare, count, finite, number, plural
@@ -97,7 +97,7 @@ def sweep_page(sweep: SweepToDraw) -> tuple[str, int]:
         if len(sweep.factors) == 1
         else [],
         shares=_shares(sweep),
-        factors_left_out=max(0, len(sweep.factors) - MOST_FACTORS_DRAWN),
+        factors_left_out=max(0, len(sweep.factors) - MOST_FACTORS_ON_PAGE),
         indices=[_indices(one) for one in sweep.indices],
         has_shares=any(not one.unit for one in sweep.indices)
         and any("total" in f.values for o in sweep.indices for f in o.factors),

@@ -10,7 +10,7 @@ import numpy as np
 
 from explicitfe.app.view.files import new_files, writing
 from explicitfe.app.view.page.sweep.effects import MainEffect, main_effect, share_in_words
-from explicitfe.app.view.palette import AT_REST, BONE_EDGE, COLOURS, FORMATS, WIDTH_IN, new_figure, plain, save
+from explicitfe.app.view.palette import BONE_EDGE, COLOURS, FORMATS, GREY, WIDTH_IN, new_figure, plain, save
 from explicitfe.platform.errors import InputError, Progress, nearest, shortened, silent
 from explicitfe.platform.host.extras import require
 from explicitfe.results.documents.drawn import DrawnPictures
@@ -230,7 +230,7 @@ def _bars(panel: Axes, of_measure: MeasureIndices) -> None:
 
 def _surroundings(panel: Axes, at_rest: np.ndarray, palate: np.ndarray) -> None:
     if len(at_rest):
-        panel.plot(*_closed(at_rest).T, "--", color=AT_REST, lw=0.8)
+        panel.plot(*_closed(at_rest).T, "--", color=GREY, lw=0.8)
     if len(palate):
         panel.plot(*palate.T, color=BONE_EDGE, lw=2.0)
 

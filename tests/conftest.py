@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parent
-for folder in (HERE, HERE.parent / "benchmarks", HERE.parent):
+for folder in (HERE, HERE.parent / "studies" / "benchmarks", HERE.parent):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 

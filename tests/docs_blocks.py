@@ -5,7 +5,7 @@ Markup of a page:
 - a paragraph that ends with a file name and a colon, such as "`bar.toml`:", names the file that the next block holds;
 - ``<!-- not run: REASON -->`` on the line before a block: it is read and not run. In tutorials, how-to and start pages the reason
   must be one of :data:`ALLOWED_REASONS`;
-- ``<!-- slow page: SECONDS -->`` anywhere: the tests only read its blocks, ``benchmarks/doc_blocks.py`` runs them;
+- ``<!-- slow page: SECONDS -->`` anywhere: the tests only read its blocks, ``studies/benchmarks/doc_blocks.py`` runs them;
 - a ``text`` block after a ``bash`` or ``python`` block of the same section is compared with its output on stdout, see
   :func:`check_output`.
 

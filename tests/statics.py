@@ -1,5 +1,5 @@
 """Static solutions and vibration modes of structured blocks, with matrices from finite differences of the internal force; and
-the beams, panels and blocks that tests and benchmarks/elements.py share."""
+the beams, panels and blocks that tests and studies/benchmarks/elements.py share."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def face_weights(points: np.ndarray, nodes: np.ndarray, along: Sequence[int]) ->
     return weights / weights.sum()
 
 
-# ---- problems that tests and benchmarks/elements.py share ----
+# ---- problems that tests and studies/benchmarks/elements.py share ----
 
 HEIGHT_m = 0.02  # of beams
 PANEL_LOAD_N = 0.008  # on the panel's end face, 4 mm wide
@@ -268,7 +268,7 @@ def panel_tip(element: str, n: int, steps: int = 8) -> tuple[float, list[float]]
     return float(np.sum(force * u) / PANEL_LOAD_N), residuals
 
 
-# ---- runs in time that tests and benchmarks/elements.py share ----
+# ---- runs in time that tests and studies/benchmarks/elements.py share ----
 
 MOTIONS = ("twist", "compress", "shear", "stretch")
 COURSE_s = 0.4  # of a block to its extreme and back, eased in and out

@@ -1,7 +1,7 @@
 """A small blind set through the whole loop: data made with other numerics, with no effect or one effect hidden in them.
 
 The verdicts are compared with the sealed truth. Seven cases prove no rate; they show that the chain works and that no verdict
-is confidently wrong here. The study with its rates is benchmarks/blind_study.py. It is a slow test: it takes about 20 s on two
+is confidently wrong here. The study with its rates is studies/benchmarks/blind_study.py. It is slow: about 20 s on two
 cores, and longer where kernels have to be compiled first.
 """
 

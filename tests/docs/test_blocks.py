@@ -1,6 +1,6 @@
 """Code blocks of the documentation: files are valid, commands and options exist, blocks run and print what the page shows.
 
-Pages marked as slow are run by ``benchmarks/doc_blocks.py``; here only their commands are checked.
+Pages marked as slow are run by ``studies/benchmarks/doc_blocks.py``; here only their commands are checked.
 """
 
 from __future__ import annotations

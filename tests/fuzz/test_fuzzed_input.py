@@ -1,4 +1,4 @@
-"""Spoilt input of every kind, a short and fixed choice; the long run is benchmarks/fuzz.py (docs/explanation/robustness.md)."""
+"""Spoilt input of every kind, a short and fixed choice; the long run is studies/benchmarks/fuzz.py."""
 
 from __future__ import annotations
 

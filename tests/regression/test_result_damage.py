@@ -24,7 +24,7 @@ needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="each reading is
 @needs_fork
 @pytest.mark.parametrize("kind", ["finished", "killed"])
 def test_a_damaged_file_is_a_sentence_or_a_right_answer(tmp_path, kind):
-    """The long study of the same is benchmarks/damaged_files.py."""
+    """The long study of the same is studies/benchmarks/damaged_files.py."""
     with start(tmp_path / "a.vtkhdf") as run:
         for step in range(3):
             add(run, step)

@@ -17,7 +17,7 @@ from explicitfe.platform.errors import MachineError
 from explicitfe.platform.host import files
 from explicitfe.results.files import FINISHED, ResultWriter, open_result
 
-EVERY = 47  # questions to the disk are tried; all of them in benchmarks/full_disk.py
+EVERY = 47  # questions to the disk are tried; all of them in studies/benchmarks/full_disk.py
 
 
 @pytest.mark.parametrize("torn", [False, True])

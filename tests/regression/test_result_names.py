@@ -177,7 +177,7 @@ with open_result({str(run.running_path)!r}) as result:
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="each attempt is a process of its own")
 def test_many_processes_in_one_folder(tmp_path):
-    """The long study of the same is benchmarks/abused_folder.py."""
+    """The long study of the same is studies/benchmarks/abused_folder.py."""
     counts: Counter[tuple[str, str]] = Counter()
     for seed in range(18, 28):  # who comes first is the machine's choice: on until runs were replaced and killed
         (tmp_path / str(seed)).mkdir()

@@ -1,7 +1,7 @@
 """Beams bend as they should with few elements through the thickness, up to Poisson's ratio 0.4999.
 
 Tip deflection of a square beam, L / H = 3, clamped, sheared at its end, linearised; against the converged solution, the common
-limit of hex8 and hex8-full (docs/studies/elements.md, `python benchmarks/elements.py --only bending`; known to 0.02 %).
+limit of hex8 and hex8-full (docs/studies/elements.md, `python studies/benchmarks/elements.py --only bending`; known to 0.02 %).
 
 Where the bounds come from. Exactly bending elements would still miss what happens at the clamped edges, where the stress is
 singular: with cubes 9 % at two elements through the thickness and, the order there being 1.2, 9 x 2^-1.2 = 4 % at four; elements

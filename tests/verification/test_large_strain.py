@@ -1,7 +1,7 @@
 """Large strain: blocks twisted, compressed, sheared and stretched and let back, and a tapered panel, against converged solutions.
 
-The converged values are the common limits of hex8 and hex8-full (docs/studies/elements.md, `python benchmarks/elements.py --only
-blocks panel`).
+The converged values are the common limits of hex8 and hex8-full (docs/studies/elements.md,
+`python studies/benchmarks/elements.py --only blocks panel`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The step against an independent statement of it: benchmarks/peer_cpp.cpp, the elements written by hand in C++."""
+"""The step against an independent statement of it: studies/benchmarks/peer_cpp.cpp, the elements written by hand in C++."""
 
 from __future__ import annotations
 

@@ -83,11 +83,8 @@ def _draw_pattern(axes: Axes, pattern: PalatogramPattern) -> None:
 
 def _name_sides(axes: Axes, history: ContactHistory) -> None:
     """Name the sides of a pattern and the rows, with how far these lie behind the edge of the incisors."""
-    axes.set_yticks(
-        range(ELECTRODE_ROWS),
-        [f"{row + 1}   {1e3 * place:.0f} mm" for row, place in enumerate(history.at.row_places)],
-        fontsize=8,
-    )
+    labels = [f"{row + 1}   {1e3 * place:.0f} mm" for row, place in enumerate(history.at.row_places)]
+    axes.set_yticks(range(ELECTRODE_ROWS), labels, fontsize=8)
     axes.tick_params(length=0)
     axes.set_ylabel("row, and its distance behind the incisors", fontsize=9)
     axes.set_xlabel("left  ←   speaker   →  right\n(top: behind the incisors; bottom: end of the hard palate)", fontsize=9)

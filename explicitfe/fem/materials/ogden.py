@@ -4,7 +4,7 @@ l1, l2, l3 are the isochoric principal stretches (Ogden 1972). The convention is
 sum of the mu_i. Constants of the original convention, W = sum of m_i / alpha_i (...), convert by mu_i = m_i alpha_i / 2.
 
 The law is available for homogeneous tests only: in hex8 a step with one term costs 2.5 times a Yeoh step
-(benchmarks/ogden_step.py), and elements offer only laws that cost at most twice as much.
+(studies/benchmarks/ogden_step.py), and elements offer only laws that cost at most twice as much.
 """
 
 from __future__ import annotations

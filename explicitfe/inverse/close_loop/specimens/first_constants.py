@@ -178,9 +178,9 @@ def _ramps(curves: Sequence[Curve], texts: Mapping[float, str], baseline: Baseli
             if not isinstance(run, str):
                 last = int(np.argmax(run[0])) + 1  # a force above the largest one is not carried
                 depth_m = np.linspace(0.0, ramp.displacement_m[last - 1], TRIED_PLACES)
-                force_N = (
-                    PchipInterpolator(ramp.displacement_m[:last], run[0][:last])(depth_m) if last > 1 else np.zeros(TRIED_PLACES)
-                )
+                force_N = np.zeros(TRIED_PLACES)
+                if last > 1:
+                    force_N = PchipInterpolator(ramp.displacement_m[:last], run[0][:last])(depth_m)
                 done[key] = depth_m, np.maximum.accumulate(force_N)
             else:
                 done.setdefault(key, run)

@@ -1,0 +1,228 @@
+"""Settled postures of the built-in tongue, a quarter of a second each: for studies/benchmarks/posture_search.py.
+
+    mouth = Mouth("coarse")
+    settled = mouth.settle(Posture({"GGp": 2.0}, opening_mm=3.0))
+
+Living tissue, muscles as stress, ties by area, palate, jaw, the hyoid bone on its springs. What postures share is built once: the
+mesh, the distances of the bones, and the stress of each muscle for 1 N.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from explicitfe.fem.bones.surface import TriangleSurface
+from explicitfe.fem.mesh.self_contact import self_penetration
+from explicitfe.fem.mesh.validity import certify
+from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
+from explicitfe.fem.model.model import Model
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Ledger, Transient
+from explicitfe.platform.errors import RunError
+from explicitfe.results.measure.contact import MIDLINE_BAND_M
+from explicitfe.results.measure.motion import has_settled
+from explicitfe.results.measure.sections import PlaneCut, X, Y, Z, midsagittal
+from explicitfe.results.measure.shape import summit
+from explicitfe.results.measure.tract import palate_midline
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.anatomy.bones import bones_of, jaw_motion
+from explicitfe.simulate.anatomy.tongue import assemble
+from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
+from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, TransientScenario
+
+ALWAYS = Profile.constant()
+SAMPLE_EVERY_S = 0.02  # for the energy balance
+# Regions along the midline of the palate, mm behind the edge of the upper incisors: behind the teeth, the hard palate, and the
+# soft palate, whose front end is put where the palate begins to fall (x = 103 mm): a choice.
+REGIONS_MM = {"teeth": (0.0, 22.0), "hard palate": (22.0, 60.0), "soft palate": (60.0, 88.0)}
+# The root is measured between these heights, mm: from above the hyoid bone up to where the velum hangs at rest.
+ROOT_MM = (75.0, 100.0)
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Forces of muscles, N, both sides together, and how far the jaw opens, mm; both rise within ``rise_ms``, then hold."""
+
+    forces_N: Mapping[str, float] = field(default_factory=dict)
+    opening_mm: float = 0.0
+    rise_ms: float = 50.0
+    duration_ms: float = 200.0
+
+
+@dataclass(frozen=True)
+class Settled:
+    """What a posture came to.
+
+    Attributes
+    ----------
+    status : "finished", or why the run could not go on.
+    displacement : (n, 3) m at the end.
+    settled, balance_error, hourglass_share, folded, through_itself : as ``explicitfe run`` tells them.
+    gap_mm : region of ``REGIONS_MM`` -> smallest midsagittal distance of tongue and palate there.
+    narrowest_mm : where along the palate the tongue comes nearest.
+    highest_mm : (2,) of the top of the midsagittal outline, forward of and above that at rest.
+    tip_mm : (2,) the way of the tip, forward and up.
+    root_back_mm : how far the root has come back at most.
+    left, right : whether the left and the right third of the palate are touched.
+    midline_free : whether no node within 3 mm of the midsagittal plane touches the palate.
+    peak_kPa : highest pressure on the palate.
+    """
+
+    status: str
+    displacement: np.ndarray
+    settled: bool
+    balance_error: float
+    hourglass_share: float
+    folded: int
+    through_itself: int
+    gap_mm: dict[str, float]
+    narrowest_mm: float
+    highest_mm: tuple[float, float]
+    tip_mm: tuple[float, float]
+    root_back_mm: float
+    left: bool
+    right: bool
+    midline_free: bool
+    peak_kPa: float
+
+    @property
+    def sound(self) -> bool:
+        """Whether a posture can be measured: the run has ended, stands still, and has no folded element."""
+        return self.status == "finished" and self.settled and self.folded == 0 and self.balance_error < 1e-3
+
+
+class Mouth:
+    """The built-in tongue at a resolution.
+
+    Parameters
+    ----------
+    resolution : "coarse", "medium" or "fine".
+    """
+
+    def __init__(self, resolution: str = "coarse") -> None:
+        self.scenario = TransientScenario(
+            title="Posture",
+            model=ModelTable(
+                name="tongue",
+                resolution=resolution,
+                material="buchaillard-2009",
+                damping=Damping(alpha_per_s=40.0, beta_s=0.03),
+                attachment="area",
+            ),
+            bone=[BoneTable(name="palate"), BoneTable(name="jaw")],
+            hyoid=HyoidTable(),
+            analysis=AnalysisTable(duration_ms=200.0),
+        )
+        folder = Path(__file__).parent
+        bare, anatomy, *_ = assemble(self.scenario.model_copy(update={"bone": []}), folder)
+        self.base: Model = replace(bare, bones=bones_of(self.scenario, bare.mesh, folder))
+        self.mesh = anatomy.mesh
+        self.maxima_N = {name: muscle.max_force_N for name, muscle in anatomy.muscles.items()}
+        self._stresses = {name: fibre_stress(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
+        self._outside = {name: outside_pull(muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
+        self._outline: PlaneCut = midsagittal(self.mesh)
+        self._loop = max(self._outline.loops, key=len)
+
+    @cached_property
+    def palate(self) -> TriangleSurface:
+        return catalogue.bones("tongue")["palate"].surface
+
+    @cached_property
+    def midline(self) -> np.ndarray:
+        """Places along the palate, mm, and its points x, z in m: (k, 3)."""
+        line = palate_midline(self.palate.points[self.palate.triangles], 0.0)
+        assert line is not None
+        places = np.arange(0.0, 1e3 * line.length[-1], 0.5)
+        return np.column_stack([places, line.at(1e-3 * places)])
+
+    def model(self, posture: Posture) -> Model:
+        """The physics of a posture."""
+        course = Profile.step(0.0, np.inf, 1e-3 * posture.rise_ms)
+        jaw = JawTable(opening_mm=posture.opening_mm, rise_ms=posture.rise_ms)
+        motion = jaw_motion(self.scenario.model_copy(update={"jaw": jaw})) if posture.opening_mm else None
+        pulling = [(name, force_N) for name, force_N in posture.forces_N.items() if force_N > 0.0]
+        outside = [(self._outside[name], force_N) for name, force_N in pulling]
+        return replace(
+            self.base,
+            stresses=tuple(
+                replace(self._stresses[name], stress_Pa=force_N * self._stresses[name].stress_Pa, profile=course)
+                for name, force_N in pulling
+            ),
+            pulls=tuple(
+                replace(pull, tension_N=tuple(force_N * tension for tension in pull.tension_N), profile=course)
+                for pull, force_N in outside
+                if pull is not None
+            ),
+            bones=tuple(replace(bone, motion=motion) if bone.name == "jaw" else bone for bone in self.base.bones),
+            attachments=tuple(replace(tie, motion=motion) if tie.name == "jaw" else tie for tie in self.base.attachments),
+        )
+
+    def settle(self, posture: Posture) -> Settled:
+        """Run a posture to its end, and measure it."""
+        model, duration_s = self.model(posture), 1e-3 * posture.duration_ms
+        transient = Transient(Simulation(model, threads=1), duration_s)
+        ledger, status = Ledger(), "finished"
+        try:
+            for sample in transient.samples(SAMPLE_EVERY_S):
+                ledger.add(sample)
+        except RunError:
+            assert transient.status is not None
+            status = transient.status.state
+        u, speed = sample.displacement, np.linalg.norm(sample.velocity, axis=1)
+        pressure = sample.contact_pressure[[bone.name for bone in model.bones].index("palate")]
+        touching = (self.mesh.points + u)[pressure > 0.0]
+        half = 1.0 / 3.0 * np.abs(self.palate.points[:, Y]).max()
+        rest, now = (self._outline.at(points)[self._loop][:, [X, Z]] for points in (self.mesh.points, self.mesh.points + u))
+        places, gaps = self.midline[:, 0], 1e3 * distances(self.midline[:, 1:], now)
+        tip = 1e3 * self.mesh.at(self.mesh.named_points["tip"], u)[0]
+        top = 1e3 * (summit(now) - summit(rest))
+        return Settled(
+            status=status,
+            displacement=u,
+            settled=has_settled(float(speed.max()), float(np.linalg.norm(u, axis=1).max())),
+            balance_error=ledger.balance_error,
+            hourglass_share=ledger.hourglass_share,
+            folded=certify(self.mesh.points + u, self.mesh.hexes).folded_count,
+            through_itself=self_penetration(self.mesh, u).count,
+            gap_mm={name: float(gaps[(places >= low) & (places < high)].min()) for name, (low, high) in REGIONS_MM.items()},
+            narrowest_mm=float(places[gaps.argmin()]),
+            highest_mm=(-float(top[0]), float(top[1])),
+            tip_mm=(-float(tip[X]), float(tip[Z])),
+            root_back_mm=1e3 * root_back(rest, now),
+            left=bool(np.any(touching[:, Y] < -half)),
+            right=bool(np.any(touching[:, Y] > half)),
+            midline_free=not np.any(np.abs(touching[:, Y]) < MIDLINE_BAND_M),
+            peak_kPa=1e-3 * float(pressure.max(initial=0.0)),
+        )
+
+
+def distances(points: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """Distance (k,) of points (k, 2) from a closed outline (m, 2), 0 for those inside of it."""
+    from matplotlib.path import Path as Outline
+
+    start, along = outline, np.roll(outline, -1, axis=0) - outline
+    offset = points[:, None] - start
+    share = np.clip(np.einsum("kmi,mi->km", offset, along) / np.einsum("mi,mi->m", along, along), 0.0, 1.0)
+    distance = np.linalg.norm(offset - share[:, :, None] * along, axis=2).min(axis=1)
+    return np.where(Outline(outline).contains_points(points), 0.0, distance)
+
+
+def root_back(rest: np.ndarray, now: np.ndarray) -> float:
+    """How far the rear of an outline (m, 2), m, has come back between the heights of the root, at most."""
+    heights = 1e-3 * np.arange(*ROOT_MM, 1.0)
+
+    def rear(outline: np.ndarray) -> np.ndarray:
+        (x, z), (next_x, next_z) = outline.T, np.roll(outline, -1, axis=0).T
+        low, high = np.minimum(z, next_z), np.maximum(z, next_z)
+        crossed = (low[None] <= heights[:, None]) & (heights[:, None] <= high[None]) & (high > low)[None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = x + (heights[:, None] - z) / (next_z - z) * (next_x - x)
+        return np.max(np.where(crossed, at, -np.inf), axis=1)
+
+    return float(np.max(rear(now) - rear(rest)))

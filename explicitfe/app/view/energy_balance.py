@@ -28,7 +28,7 @@ class BalanceTerm:
 
 
 # The solver balances exactly these terms against the external work, see explicitfe.fem.solve.transient.balance.
-TERMS = (
+BALANCE_TERMS = (
     BalanceTerm("internal_energy", "strain energy", 0),
     BalanceTerm("barrier_energy", "barrier against inversion", 5),
     BalanceTerm("hourglass_energy", "hourglass control", 1),
@@ -84,7 +84,7 @@ def energy_balance(result: Result) -> EnergyBalance | None:
     names, time = set(result.history_names), result.history("time")
     if len(time) < 2 or not {"external_work", "balance_error"} <= names:
         return None
-    every = [(term, result.history(term.column)) for term in TERMS if term.column in names]
+    every = [(term, result.history(term.column)) for term in BALANCE_TERMS if term.column in names]
     start = float(sum(energy[0] for _, energy in every))
     work = result.history("external_work") - float(result.history("external_work")[0]) + start
     return EnergyBalance(time, work, start != 0.0, [(term, energy) for term, energy in every if np.any(energy)])

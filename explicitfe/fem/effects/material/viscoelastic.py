@@ -32,7 +32,7 @@ from explicitfe.platform.compiled.jit import Template
 from explicitfe.platform.compiled.simd import WIDTH, exp, load, log
 
 AT = MEMORY = 0
-TERM_COUNT = 1
+TERMS = 1
 # An increment that is no longer than this share of a relaxation time relaxes nothing: (1 - e^-x) / x is 1 to the last digit.
 SMALLEST_INCREMENT_TAU = 1e-300
 NONLINEAR = 0  # 1 where the branches stiffen with strain in their own way, see nonlinear_relaxation.py
@@ -55,11 +55,11 @@ class PronySeries(MaterialEffect):
 
     @property
     def memory(self) -> int:
-        return 6 + 6 * self.shape["TERM_COUNT"]
+        return 6 + 6 * self.shape["TERMS"]
 
     @property
     def shape(self) -> Mapping[str, int]:
-        return {"TERM_COUNT": len(self.series[0])}
+        return {"TERMS": len(self.series[0])}
 
     @classmethod
     def leaves(cls) -> Mapping[str, Template]:
@@ -142,7 +142,7 @@ def from_damping(law: Law, beta_s: float, tau_s: float) -> tuple[Law, Viscoelast
 
 def note_invariant(I1_bar, blocks, block):
     """Nothing is added to the slope or the energy; the leaf that relaxes reads I1_bar."""
-    remember(blocks, block, MEMORY + 6 + 6 * TERM_COUNT, I1_bar)
+    remember(blocks, block, MEMORY + 6 + 6 * TERMS, I1_bar)
     return 0.0 * I1_bar, 0.0 * I1_bar
 
 
@@ -155,11 +155,11 @@ def relax(S, blocks, block):
     left = number(blocks, block, AT)
     T = times(left, S)
     if NONLINEAR:
-        I1_bar = load(blocks.new, (block * blocks.new.shape[1] + MEMORY + 6 + 6 * TERM_COUNT) * WIDTH)
-        S = times(exp(number(blocks, block, AT + 1 + 3 * TERM_COUNT) * log(I1_bar * (1.0 / 3.0))), S)
+        I1_bar = load(blocks.new, (block * blocks.new.shape[1] + MEMORY + 6 + 6 * TERMS) * WIDTH)
+        S = times(exp(number(blocks, block, AT + 1 + 3 * TERMS) * log(I1_bar * (1.0 / 3.0))), S)
     change = minus(S, remembered_tensor(blocks, block, MEMORY))
     remember_tensor(blocks, block, MEMORY, S)
-    for term in range(TERM_COUNT):
+    for term in range(TERMS):
         gain, decay = number(blocks, block, AT + 1 + 3 * term), number(blocks, block, AT + 2 + 3 * term)
         T = plus(T, renew(blocks, block, MEMORY + 6 + 6 * term, decay, gain, change))
     return T, left
@@ -171,7 +171,7 @@ def branch_energy(C, modulus, blocks, block):
     G is the ``modulus`` [Pa] of a sudden small shear from here.
     """
     energy = 0.0 * modulus
-    for term in range(TERM_COUNT):
+    for term in range(TERMS):
         square = squared_size(remembered_tensor(blocks, block, MEMORY + 6 + 6 * term), C)
         energy = energy + square / (4.0 * modulus * number(blocks, block, AT + 3 + 3 * term) + 1e-200)
     return number(blocks, block, AT), energy

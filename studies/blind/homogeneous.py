@@ -8,7 +8,8 @@ import numpy as np
 
 from studies.blind.case import UNSTATED_NOISE_SHARE, Case, CaseRequest, NoiseStatement
 from studies.blind.closed_forms import Bench
-from studies.blind.draws import LARGEST_STRENGTHS, draw_constants, draw_noise, signed_strength, strength
+from studies.blind.draws import draw_constants, draw_noise
+from studies.blind.effect_draws import HOMOGENEOUS, Scales, draw_effect, third_constant_Pa
 from studies.blind.grid import Parameters
 from studies.blind.homogeneous_case import CaseReadings, draw_group, homogeneous_case, specimen_of
 from studies.blind.identifiable import COARSE_INCREMENTS_PER_ROW, CaseSizes, Separation, case_sizes, separation
@@ -47,7 +48,11 @@ def draw(rng: np.random.Generator, request: CaseRequest) -> Case:
     C10, C20 = draw_constants(rng)
     bench = Bench(protocol.plan, protocol.mode, POISSON_RATIO)
     size = case_sizes(bench, C10, C20, bench.values(C10, C20))
-    effects = {} if request.kind == "control" else {name: _effect(rng, name, bench, size, C10, C20) for name in request.subjects}
+    effects = (
+        {}
+        if request.kind == "control"
+        else {name: draw_effect(rng, name, HOMOGENEOUS, _scales(bench, size, C10, C20)) for name in request.subjects}
+    )
     whole = bench.values(C10, C20, effects, COARSE_INCREMENTS_PER_ROW if "power-law" in effects else None)
     noise = draw_noise(rng, request, float(np.abs(whole).max()))
     measured = noise.add_to(rng, bench.curves(whole))
@@ -87,41 +92,22 @@ def _distances(
 # ---- effects, from weak to strong ----
 
 
-def _effect(rng: np.random.Generator, name: str, bench: Bench, size: CaseSizes, C10_Pa: float, C20_Pa: float) -> Parameters:
-    """Parameters of an effect as a model file states them."""
+def _scales(bench: Bench, size: CaseSizes, C10_Pa: float, C20_Pa: float) -> Scales:
     ways = np.concatenate([curve.imposed / curve.height_m for curve in bench.plan])
     strain = float(np.abs(ways - 1.0).max()) if bench.mode == "uniaxial" else float(np.abs(ways).max())
     stretch = 1.0 + strain if bench.mode == "uniaxial" and ways.max() > 1.0 else 1.0 - strain
     x = strain**2 if bench.mode == "shear" else stretch**2 + 2.0 / stretch - 3.0
-    F, depth, span, W = size.force_N, size.depth_mm, size.longest_s, size.energy_Pa
-    most = LARGEST_STRENGTHS.get(name, np.inf)
-    if name == "viscoelastic":
-        return {"g": [strength(rng, 0.02, 0.6)], "tau_s": [strength(rng, 0.01 * span, 0.5 * span)]}
-    if name == "softening":
-        return {"inverse_r": strength(rng, 0.03, 0.7), "m_Pa": strength(rng, 0.05 * W, 0.5 * W)}
-    if name == "third-yeoh":
-        whole = (C10_Pa + 2.0 * C20_Pa * x) / (3.0 * x**2)  # as much as the slope of the energy without it
-        return {"C30_Pa": strength(rng, 0.02 * whole, whole, most)}
-    if name == "fibres":
-        return {"k1_Pa": strength(rng, 0.02 * C10_Pa, 5.0 * C10_Pa, most), "k2": strength(rng, 0.3, 3.0)}
-    if name == "cycle-drift":
-        return {"per_cycle": signed_strength(rng, 0.003, 0.1)}
-    if name == "contact-offset":
-        return {"offset_mm": signed_strength(rng, 0.005 * depth, 0.15 * depth, most)}
-    if name == "compliance":
-        return {"compliance_mm_N": strength(rng, 0.005 * depth / F, 0.3 * depth / F, most)}
-    if name == "force-offset":
-        return {"offset_N": signed_strength(rng, 0.005 * F, 0.2 * F, most)}
-    if name == "force-drift":
-        return {"rate_N_s": signed_strength(rng, 0.005 * F / span, 0.2 * F / span, most)}
-    if name == "power-law":
-        t0 = strength(rng, 3e-4 * span, 0.02 * span)
-        return {"share": strength(rng, 0.3, 0.9), "exponent": strength(rng, 0.15, 0.35), "t0_s": t0}
-    if name == "threshold":
-        E = (2.0 if bench.mode == "shear" else 6.0) * C10_Pa
-        return {"strain": round(float(rng.uniform(0.3, 0.7) * strain), 4), "modulus_Pa": strength(rng, 0.5 * E, 6.0 * E)}
-    assert name == "stick-slip"
-    reach = 1e-3 * depth if bench.mode == "platen" else strain
-    whole = float(np.abs(bench.values(C10_Pa, C20_Pa)).max())
-    length, drag = strength(rng, 0.08 * reach, 0.25 * reach), strength(rng, 0.02 * whole, 0.12 * whole)
-    return {"way": length, "drag": drag, "seed": int(rng.integers(1 << 31))}
+    return Scales(
+        span_s=size.longest_s,
+        depth_mm=size.depth_mm,
+        force_N=size.force_N,
+        energy_Pa=size.energy_Pa,
+        strain=strain,
+        modulus_Pa=C10_Pa,
+        third_Pa=third_constant_Pa(C10_Pa, C20_Pa, x),
+        flexibility_mm_N=size.depth_mm / size.force_N,
+        rate_N_s=size.force_N / size.longest_s,
+        stress=float(np.abs(bench.values(C10_Pa, C20_Pa)).max()),
+        way=1e-3 * size.depth_mm if bench.mode == "platen" else strain,
+        tangent_Pa=(2.0 if bench.mode == "shear" else 6.0) * C10_Pa,
+    )

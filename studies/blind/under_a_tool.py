@@ -6,16 +6,8 @@ import numpy as np
 
 from explicitfe.platform.errors import RunError
 from studies.blind.case import UNSTATED_NOISE_SHARE, Case, CaseCurve, CaseRequest, NoiseStatement, Table
-from studies.blind.draws import (
-    C10_RANGE_PA,
-    CORRELATED_NOISE_SHARE,
-    LARGEST_C20_OVER_C10,
-    LARGEST_STRENGTHS,
-    ROW_CORRELATION_RANGE,
-    signed_strength,
-    strength,
-)
-from studies.blind.grid import Parameters
+from studies.blind.draws import C10_RANGE_PA, CORRELATED_NOISE_SHARE, LARGEST_C20_OVER_C10, ROW_CORRELATION_RANGE
+from studies.blind.effect_draws import UNDER_A_TOOL, Scales, draw_effect, third_constant_Pa
 from studies.blind.noise import Noise
 from studies.blind.simulated import DATA_MESH, DENSITY_KG_M3, SCREENING_MESH, SimulatedTest, simulate
 from studies.blind.tool_protocols import EFFECTS_SHOWN, ToolProtocol, draw_tool_protocol
@@ -52,7 +44,7 @@ def _draw(rng: np.random.Generator, request: CaseRequest) -> Case:
     effects = (
         {}
         if request.kind == "control"
-        else {request.subjects[0]: _effect(rng, request.subjects[0], protocol, screened, C10, C20)}
+        else {request.subjects[0]: draw_effect(rng, request.subjects[0], UNDER_A_TOOL, _scales(protocol, screened, C10, C20))}
     )
     whole = simulate(protocol.curves, (C10, C20), effects, DATA_MESH)
     largest = float(np.abs(np.concatenate(whole)).max())
@@ -129,44 +121,21 @@ def _tables(
 # ---- effects ----
 
 
-def _effect(
-    rng: np.random.Generator, name: str, protocol: ToolProtocol, screened: np.ndarray, C10_Pa: float, C20_Pa: float
-) -> Parameters:
-    """Parameters of an effect, from weak to strong."""
+def _scales(protocol: ToolProtocol, screened: np.ndarray, C10_Pa: float, C20_Pa: float) -> Scales:
     span = max(float(curve.rows[-1]) for curve in protocol.curves)
     force, depth = largest_force_and_depth(protocol, screened)
-    G, x = 2.0 * C10_Pa, TYPICAL_I1_MINUS_3
     height = max(curve.specimen["height_mm"] for curve in protocol.curves)
-    most = LARGEST_STRENGTHS.get(name, np.inf)
-    if name == "viscoelastic":
-        return {"g": [strength(rng, 0.05, 0.5)], "tau_s": [strength(rng, 0.02 * span, 0.5 * span)]}
-    if name == "softening":
-        return {"inverse_r": strength(rng, 0.1, 0.7), "m_Pa": strength(rng, 0.02 * x * C10_Pa, 0.3 * x * C10_Pa)}
-    if name == "friction":
-        return {"coefficient": strength(rng, 0.05, 1.0)}
-    if name == "third-yeoh":
-        whole = (C10_Pa + 2.0 * C20_Pa * x) / (3.0 * x**2)
-        return {"C30_Pa": strength(rng, 0.05 * whole, whole, most)}
-    if name == "compressible":
-        return {"poisson": 0.5 * (1.0 - strength(rng, 0.01, 0.3))}
-    if name == "layer":
-        return {"thickness_mm": strength(rng, 0.5, 4.0), "ratio": strength(rng, 1.3, 6.0) ** float(rng.choice([-1.0, 1.0]))}
-    if name == "stiffness-gradient":
-        return {"g": signed_strength(rng, 0.05, 0.7)}
-    if name == "base-slip":
-        return {"compliance_mm_kPa": strength(rng, 50.0 * height / G, 5e3 * height / G, most)}
-    if name == "adhesion":
-        return {"stress_Pa": strength(rng, 0.02 * G, 0.4 * G, most)}
-    if name == "contact-offset":
-        return {"offset_mm": signed_strength(rng, 0.01 * depth, 0.15 * depth, most)}
-    if name == "compliance":
-        return {"compliance_mm_N": strength(rng, 0.005 * depth / force, 0.2 * depth / force, most)}
-    if name == "force-offset":
-        return {"offset_N": signed_strength(rng, 0.005 * force, 0.2 * force, most)}
-    if name == "force-drift":
-        return {"rate_N_s": signed_strength(rng, 0.01 * force / span, 0.2 * force / span, most)}
-    assert name == "gravity"
-    return {"acceleration_m_s2": 9.81}
+    return Scales(
+        span_s=span,
+        depth_mm=depth,
+        force_N=force,
+        energy_Pa=TYPICAL_I1_MINUS_3 * C10_Pa,
+        shear_Pa=2.0 * C10_Pa,
+        third_Pa=third_constant_Pa(C10_Pa, C20_Pa, TYPICAL_I1_MINUS_3),
+        flexibility_mm_N=depth / force,
+        rate_N_s=force / span,
+        slip_mm_kPa=height / (2.0 * C10_Pa),
+    )
 
 
 # ---- separations, all as differences of runs on one coarse mesh ----

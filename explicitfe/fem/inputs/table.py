@@ -65,7 +65,7 @@ def validated(table: type[AnyTable], data: Mapping[str, object]) -> AnyTable:
 
     Raises
     ------
-    ValidationError : ``explain`` of ``scenario/sentences.py`` makes a sentence of it.
+    ValidationError : ``explain`` of ``fem/inputs/sentences.py`` makes a sentence of it.
     """
     return table.model_validate_json(json.dumps(data), strict=True)
 

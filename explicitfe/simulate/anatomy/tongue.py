@@ -170,7 +170,7 @@ def tongue_model(
     material : a name of ``explicitfe list materials``, or the constants of a law, such as ``Yeoh(...)``.
     resolution : of the mesh: "coarse" (960 elements), "medium" or "fine".
     distribution : how the force acts: as active "stress" in the tissue around the fibres, or as a tension between the "ends" of
-        each fibre, constant "along" it, or in proportion to the "volume" of tissue around it (model/muscles.py).
+        each fibre, constant "along" it, or in proportion to the "volume" of tissue around it (simulate/anatomy/muscles.py).
     direction : of a tension: that of the fibre at rest ("reference") or "following" its deformation.
     attachment : how bones hold the tongue: "nodes" are fixed, or patches are tied by springs in proportion to their "area".
     bones : bones that the tongue may touch: "palate", "jaw".

@@ -23,7 +23,7 @@ from explicitfe.inverse.close_loop.specimens.first_constants import (
 )
 from explicitfe.inverse.close_loop.specimens.simulator import Simulator
 from explicitfe.inverse.close_loop.specimens.specimens import Specimens
-from explicitfe.inverse.measured.curve import Curve, Dataset, programme_of
+from explicitfe.inverse.measured.curve import Curve, SpecimenDataset, programme_of
 from explicitfe.inverse.measured.tables import MeasuredNoise
 from explicitfe.inverse.predict.correction import Job, Run
 from explicitfe.inverse.predict.predict import predict_test
@@ -174,7 +174,9 @@ def test_a_force_history_of_a_glued_disc_can_be_computed_where_the_fit_begins(hi
     noisy_N[-1] = -0.35 * FORCE_SD_N
     displacement = answer.values + 1e-3 * DISPLACEMENT_SD_MM * rng.standard_normal(61)
     measured = replace(one, columns={"displacement_m": displacement, "force_N": noisy_N})
-    dataset = Dataset("made", "made", "indentation", "", "", "", Path("made"), (measured,))
+    dataset = SpecimenDataset(
+        name="made", title="made", test="indentation", source="", license="", notes="", path=Path("made"), curves=(measured,)
+    )
     system = Specimens(dataset, (measured,), Simulator(1), NUMERICS)
     assert system.failing() == {}
     (answers,) = system.answers([system.start()])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from explicitfe import close_loop
 from explicitfe.inverse.close_loop.specimens.groups import grouping_of
-from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.curve import SpecimenDataset
 from explicitfe.inverse.measured.read import read_dataset
 
 pytestmark = pytest.mark.slow
@@ -19,7 +20,7 @@ C10, C20, NOISE_PA = 900.0, 300.0, 2.0
 
 def dataset(
     folder: Path, stiffness: dict[str, float], tests: list[tuple[float, float]], seed: int = 0, scatter: float = 0.0
-) -> Dataset:
+) -> SpecimenDataset:
     """Ramps of an incompressible Yeoh tissue: spot -> its factor; a test is a strain and a rate. The closed form is exact."""
     rng = np.random.default_rng(seed)
     text = 'format = "explicitfe-dataset/1"\nname = "spots"\ntitle = "Spots"\ntest = "compression"\n[specimen]\nshape = "point"\n'
@@ -63,7 +64,7 @@ def test_a_difference_that_may_be_the_tests_is_none_of_the_specimens(tmp_path):
     other = tmp_path / "other"
     other.mkdir()
     more = dataset(other, {"b": 2.0}, [(0.3, 0.1)])
-    both = Dataset(**{**vars(data), "curves": (*data.curves, *more.curves)})
+    both = replace(data, curves=(*data.curves, *more.curves))
     assert grouping_of(both) is None
 
 

@@ -234,7 +234,7 @@ def test_an_indentation_is_refused(tmp_path: Path) -> None:
     [
         ("time_s,T1,T2", "no column is a coordinate of a sensor; name them SENSOR_AXIS_UNIT"),
         ("time_s,T1_x_mm,T1_x_mm", 'two columns are called "T1_x"'),
-        ("time_s,T1_x,T1_z", 'the unit of "T1_x" is not known; give --unit mm or --unit m'),
+        ("time_s,T1_x,T1_z", 'the unit of "T1_x" is not known; give `unit` mm or `unit` m'),
         ("time_s,T1_x (N),T1_z (N)", '"N" of "T1_x" is no unit of length'),
         ("row,T1_x_mm,T1_z_mm", "there is no time column; name one time_s, or give the sampling rate with `rate_hz`"),
         ("time,T1_x_mm,T1_z_mm", 'the unit of "time" is not known; name the column time_s or time_ms'),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from html import escape
 
 from explicitfe.app.api.source import Source, path_of
-from explicitfe.app.view.page.run.write import report_text
 from explicitfe.platform.errors import InputError
 from explicitfe.results.files import Result
 from explicitfe.results.files.reader import open_result as open_file
@@ -19,6 +18,8 @@ class NotebookResult(Result):
 
     def _repr_html_(self) -> str | None:
         """The report page in a frame; None, and so the plain text, if the result has no step that can be drawn."""
+        from explicitfe.app.view.page.run.write import report_text  # a run without a notebook does not wait for pages
+
         try:
             page = report_text([self])
         except InputError:

@@ -206,3 +206,11 @@ def test_the_command_starts_without_numpy():
     code = "import sys, explicitfe.app.cli.execute; print('numpy' in sys.modules, 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == ["False", "False"]
+
+
+def test_the_finite_elements_load_nothing_else():
+    """``explicitfe.fem`` is a library of its own: its solvers load no other wing but ``platform``."""
+    code = "import sys, explicitfe.fem.solve.transient, explicitfe.fem.solve.equilibrium, explicitfe.fem.inputs.specimen\n"
+    code += "print(*sorted({name.split('.')[1] for name in sys.modules if name.startswith('explicitfe.')}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.split() == ["fem", "platform"]

@@ -71,11 +71,6 @@ def a_number(line: str) -> float:
     return number
 
 
-def a_number_or_nothing(line: str) -> float | None:
-    """An answer that is a number above 0, or an empty line."""
-    return a_number(line) if line else None
-
-
 def yes_or_no(line: str) -> bool:
     """An answer that is yes or no."""
     return one_of(("yes", "no"))(line) == "yes"

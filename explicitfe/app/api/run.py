@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,11 +9,11 @@ from explicitfe.app.api.open_result import NotebookResult, open_result
 from explicitfe.app.api.source import folder_of, path_of
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.platform.errors import InputError, Progress, shortened, silent
-from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.results.files import FINISHED
 from explicitfe.simulate.run.resume import resume as resume_run
 from explicitfe.simulate.run.run import run as run_scenario
 from explicitfe.simulate.run.save import save as save_run
+from explicitfe.simulate.scenario.read import setting_texts
 
 
 class RunResult(dict[str, object]):
@@ -90,7 +89,7 @@ def run(
     """
     if name is not None and not isinstance(name, str):
         raise InputError(f"run: name must be a text, not {shortened(repr(name))}.")
-    folder, texts = folder_of(out, "run: out"), _settings(settings)
+    folder, texts = folder_of(out, "run: out"), setting_texts(settings)
     return RunResult(
         run_scenario(scenario, folder, name=name, settings=texts, overwrite=overwrite, resume=resume, progress=progress)
     )
@@ -162,16 +161,3 @@ def resume(result: Path | str, *, overwrite: bool = False, threads: int | None =
     """
     path = result if isinstance(result, Path | str) else path_of(result)
     return RunResult(resume_run(path, overwrite=overwrite, threads=threads, progress=progress))
-
-
-def _settings(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
-    """Settings as ``key=value`` texts."""
-    if isinstance(settings, Mapping):
-        try:
-            json.dumps(settings, allow_nan=False)  # refuses what no scenario can hold
-            return [f"{key}={toml_value(value)}" for key, value in settings.items()]
-        except (TypeError, ValueError):
-            raise InputError(f"run: settings need finite numbers, texts or lists, not {shortened(repr(settings))}.") from None
-    if isinstance(settings, list | tuple) and all(isinstance(text, str) for text in settings):
-        return list(settings)
-    raise InputError(f'run: settings must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')

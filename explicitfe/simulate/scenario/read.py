@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from explicitfe.fem.inputs.table import validated
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.platform.host.plain import MOST_LEVELS, check_plain
 from explicitfe.platform.host.text import json_of, text_of, toml_of
+from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.simulate.scenario.indentation import IndentationScenario
 from explicitfe.simulate.scenario.transient import TransientScenario
 
@@ -35,6 +37,24 @@ _OTHER_FILES = {
     "explicitfe-protocol/1": "a test protocol; use it with `explicitfe design-test`",
     "explicitfe-model/1": "a tissue model; use it with `explicitfe run SCENARIO --tissue` or `explicitfe predict --model`",
 }
+
+
+def setting_texts(settings: Sequence[str] | Mapping[str, object]) -> list[str]:
+    """Settings as ``key=value`` texts, from such texts or from a dictionary.
+
+    Raises
+    ------
+    InputError : they are neither, or a value is not one that a scenario can hold.
+    """
+    if isinstance(settings, Mapping):
+        try:
+            json.dumps(settings, allow_nan=False)  # refuses what no scenario can hold
+        except (TypeError, ValueError):
+            raise InputError(f"`settings` need finite numbers, texts or lists, not {shortened(repr(settings))}.") from None
+        return [f"{key}={toml_value(value)}" for key, value in settings.items()]
+    if isinstance(settings, list | tuple) and all(isinstance(text, str) for text in settings):
+        return list(settings)
+    raise InputError(f'`settings` must be a dictionary or a list of "key=value" texts, not {shortened(repr(settings))}.')
 
 
 def read_transient(path: Path, settings: Sequence[str] = ()) -> TransientScenario:

@@ -21,6 +21,7 @@ from explicitfe.platform.host.shipped import scenario_file
 from explicitfe.results.documents.sweep_summary import ListedMember, SweepMembers, SweepSummary
 from explicitfe.results.files import FINISHED
 from explicitfe.results.files.folder import remove_unfinished, whole_file
+from explicitfe.simulate.scenario.read import setting_texts
 from explicitfe.simulate.sweep import members as designs
 from explicitfe.simulate.sweep.definition import RESULTS_FOLDER, ROWS_FOLDER, Definition, begin, define
 from explicitfe.simulate.sweep.engine import Bundles, Cluster, Engine, Processes, UserExecutor
@@ -214,7 +215,7 @@ def sweep(
     morris: int | None = None,
     table: Path | str | None = None,
     seed: int = 0,
-    settings: Sequence[str] = (),
+    settings: Sequence[str] | Mapping[str, object] = (),
     measures: Sequence[str | Measuring] = USUAL_PARTS,
     keep: str = "none",
     retry: bool = False,
@@ -242,7 +243,7 @@ def sweep(
     morris : N of a design for elementary effects with N x (factors + 1) runs.
     table : CSV file of samples with one column per key and one row per run.
     seed : of the random numbers.
-    settings : ``key=value`` pairs for all runs.
+    settings : ``key=value`` texts or a dictionary, for all runs.
     measures : names of ``PARTS`` in ``rows.py``, and functions of a result and a step that return a dict of numbers. A function
         must be defined in a module, so that workers can import it.
     keep, retry, only : see :class:`Sweep`.
@@ -282,7 +283,7 @@ def sweep(
             members = designs.grid(factors)
     definition = define(
         path,
-        tuple(settings),
+        tuple(setting_texts(settings)),
         members,
         design=design,
         factors=factors,

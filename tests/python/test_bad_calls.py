@@ -180,6 +180,11 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "tongue with an unknown distribution": (lambda: fe.tongue_model({"GGp": 1.0}, distribution="even"), "distribution"),
     "tongue with one bone": (lambda: fe.tongue_model({"GGp": 1.0}, bones="palate"), "bones"),
     # solvers
+    "save of a model": (lambda: fe.save(model(), "x", duration_s=1.0), "simulation"),
+    "save of no time": (lambda: fe.save(fe.Simulation(model()), "x", duration_s=0.0), "duration_s"),
+    "save of negative steps": (lambda: fe.save(fe.Simulation(model()), "x", duration_s=1.0, step_s=-1.0), "step_s"),
+    "save in no path": (lambda: fe.save(fe.Simulation(model()), 3, duration_s=1.0), "path"),
+    "bone of flat points": (lambda: fe.Bone.of_surface("b", np.zeros((4, 2)), np.zeros((1, 3), int), MESH), "points_m"),
     "simulation of a mesh": (lambda: fe.Simulation(MESH), "model"),
     "simulation with a short displacement": (lambda: fe.Simulation(model(), displacement=np.zeros((N - 1, 3))), "displacement"),
     "simulation with an infinite velocity": (lambda: fe.Simulation(model(), velocity=np.full((N, 3), INF)), "velocity"),

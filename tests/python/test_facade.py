@@ -115,6 +115,37 @@ def test_a_plotter_and_an_image(ended, folder):
     assert path == folder / "vowel-i-midsagittal.png" and path.read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_model_built_in_python_is_stored_as_a_scenario_is(tmp_path):
+    """The result holds what the samples of the same simulation show; its motion is measured; it is not replaced or resumed."""
+    mesh = fe.box(cells=(6, 2, 2), size_m=(0.03, 0.01, 0.01))
+    law, end = fe.Yeoh(C10_Pa=1037.0, C20_Pa=486.0), mesh.node_sets["x1"]
+    beam = fe.Model(mesh, law, held=mesh.held("x0"), loads=(fe.face_load(mesh, "x1", (0.0, 0.0, -1e-4)),), alpha_per_s=40.0)
+    ended = fe.save(fe.Simulation(beam), tmp_path / "new" / "beam", duration_s=0.02, every_s=0.005, title="A beam")
+    assert ended.finished and ended.path == tmp_path / "new" / "beam.vtkhdf" and ended["title"] == "A beam"
+    shown = list(fe.Transient(fe.Simulation(beam), duration_s=0.02).samples(every_s=0.005))
+    with fe.open_result(ended) as result:
+        assert result.times.tolist() == [sample.time_s for sample in shown]
+        assert np.array_equal(result.displacement(-1), shown[-1].displacement)
+        assert result.displacement(-1)[end, 2].mean() < -1e-5
+    assert fe.measure(ended).body.largest_displacement_mm > 0.01
+    with pytest.raises(fe.InputError, match="`overwrite`"):
+        fe.save(fe.Simulation(beam), ended.path, duration_s=0.02)
+    with pytest.raises(fe.InputError, match="advanced already"):
+        simulation = fe.Simulation(beam)
+        simulation.advance(1, 1e-6)
+        fe.save(simulation, tmp_path / "late", duration_s=0.02)
+
+
+def test_a_probe_of_a_sample():
+    model = fe.tongue_model({"SL": 0.5}, resolution="coarse")
+    *_, sample = fe.Transient(fe.Simulation(model), duration_s=0.01).samples(every_s=0.01)
+    assert (
+        np.allclose(sample.probe("tip"), model.mesh.at(model.probes["tip"], sample.displacement)[0]) and sample.probe("tip").any()
+    )
+    with pytest.raises(fe.InputError, match='no named point "tipp"; did you mean "tip"'):
+        sample.probe("tipp")
+
+
 WRONG = {
     "no such result": (lambda: fe.measure("vowel-x"), "vowel-x"),
     "a number": (lambda: fe.open_result(3), "result"),

@@ -29,6 +29,15 @@ def test_values_of_a_factor():
     )
 
 
+def test_factors_of_a_dictionary():
+    """Arrays and lists mean the same as their texts."""
+    given = {FORCE: np.linspace(0.0, 4.0, 9), "model.resolution": ["coarse", "medium"], "model.cells": [[8, 4, 4], (10, 6, 6)]}
+    assert factors_of(given) == factors_of([f"{FORCE}=0:4:9", "model.resolution=coarse,medium", "model.cells=[8,4,4],[10,6,6]"])
+    for levels in ("1,2", 1.0):
+        with pytest.raises(InputError, match=f"`vary` {FORCE}: give a list or an array of values"):
+            factors_of({FORCE: levels})
+
+
 def test_words_and_numbers_of_other_programs():
     assert factor_of(f"{FORCE}=.5,1.,1E3").levels == (0.5, 1.0, 1000.0)
     assert factor_of("model.resolution=coarse,2020-01-02").levels == ("coarse", "2020-01-02")  # no key is a date

@@ -192,6 +192,6 @@ CLAIMS = (
         fails="Scatter between whole tests can resemble a drift. 9 % of single effects are missed or ambiguous. An effect that "
         "is not in the list can be reported as a similar one.",
         figure=data.sealed_cases,
-        seconds=120.0,
+        seconds=230.0,
     ),
 )

@@ -84,7 +84,7 @@ def imports_of(path: Path) -> set[tuple[str, ...]]:
 
 
 def read_graph(wing: str | None = None) -> dict[str, set[str]]:
-    """Wing -> the wings that it imports from; or folder of a wing -> the folders of this wing that it imports from."""
+    """Imports between wings; or, for one wing, imports between its folders."""
     depth = 0 if wing is None else 1
     graph: dict[str, set[str]] = {name: set() for name in (WINGS if wing is None else WINGS[wing][2])}
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -73,6 +73,10 @@ _PLACES = {
     "NodalLoad": "explicitfe.fem.model.model",
     "face_load": "explicitfe.fem.model.face_load",
     "gravity_load": "explicitfe.fem.model.gravity",
+    "AttachedMass": "explicitfe.fem.model.attached",
+    "FollowerLoad": "explicitfe.fem.model.attached",
+    "HangingWeight": "explicitfe.fem.model.attached",
+    "AirDrag": "explicitfe.fem.model.attached",
     "Profile": "explicitfe.fem.model.profile",
     # solvers
     "Simulation": "explicitfe.fem.solve.simulation",
@@ -122,6 +126,10 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.fem.materials.yeoh import Yeoh as Yeoh
     from explicitfe.fem.mesh.box import box as box
     from explicitfe.fem.mesh.hexmesh import HexMesh as HexMesh
+    from explicitfe.fem.model.attached import AirDrag as AirDrag
+    from explicitfe.fem.model.attached import AttachedMass as AttachedMass
+    from explicitfe.fem.model.attached import FollowerLoad as FollowerLoad
+    from explicitfe.fem.model.attached import HangingWeight as HangingWeight
     from explicitfe.fem.model.face_load import face_load as face_load
     from explicitfe.fem.model.gravity import gravity_load as gravity_load
     from explicitfe.fem.model.model import Bone as Bone

@@ -45,6 +45,9 @@ def add_ties(force, u, ties, placement, instant):
             y += k * ties.moved[column, 1]
             z += k * ties.moved[column, 2]
         node, bone = ties.node[row], ties.bone[row]
+        X, Y, Z = ties.normal[bone, 0], ties.normal[bone, 1], ties.normal[bone, 2]
+        along = ties.excess[bone] * (x * X + y * Y + z * Z)
+        x, y, z = x + along * X, y + along * Y, z + along * Z
         force[node, 0] -= x
         force[node, 1] -= y
         force[node, 2] -= z

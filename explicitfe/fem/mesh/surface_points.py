@@ -84,3 +84,42 @@ def surface_areas(mesh: HexMesh) -> np.ndarray:
     x = mesh.points[corners]
     areas = 0.5 * np.linalg.norm(np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]), axis=1)
     return np.bincount(corners.ravel(), np.repeat(areas / 4.0, 4), mesh.node_count)
+
+
+def surface_normals(mesh: HexMesh, points: MaterialPoints) -> np.ndarray:
+    """Outward unit normals (k, 3) at points on the surface: that of the face of its element on which a point lies."""
+    axis = np.argmax(np.abs(points.natural), axis=1)
+    row = np.arange(len(axis))
+    side = np.sign(points.natural[row, axis])
+    tangents = np.einsum("pai,pac->pci", mesh.points[mesh.hexes[points.element]], shape_gradients(points.natural))
+    normal = np.cross(tangents[row, (axis + 1) % 3], tangents[row, (axis + 2) % 3]) * side[:, None]
+    return np.asarray(normal / np.linalg.norm(normal, axis=1)[:, None])
+
+
+@kept(8)
+def projected_areas(mesh: HexMesh) -> np.ndarray:
+    """Area of the silhouette that belongs to each node along x, y and z, (n, 3) m^2: half of the absolute areas around it.
+
+    The areas of all nodes of a convex body add up to its silhouette.
+    """
+    element, face = free_faces(mesh.hexes)
+    corners = mesh.hexes[element[:, None], FACES[face]]
+    x = mesh.points[corners]
+    areas = 0.5 * np.abs(0.5 * np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]))
+    nodes = corners.ravel()
+    return np.stack([np.bincount(nodes, np.repeat(areas[:, k] / 4.0, 4), mesh.node_count) for k in range(3)], axis=1)
+
+
+def outline(mesh: HexMesh) -> np.ndarray:
+    """Edges (e, 2, 3) m of the surface at which two faces meet at more than 30 degrees, for simple drawings of a body."""
+    element, face = free_faces(mesh.hexes)
+    corners = mesh.hexes[element[:, None], FACES[face]]
+    x = mesh.points[corners]
+    normal = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    order = np.lexsort(edges.T)
+    pairs, owner = edges[order], np.repeat(np.arange(len(corners)), 4)[order]
+    twin = np.flatnonzero((pairs[1:] == pairs[:-1]).all(axis=1))
+    sharp = np.sum(normal[owner[twin]] * normal[owner[twin + 1]], axis=1) < np.cos(np.radians(30.0))
+    return np.asarray(mesh.points[pairs[twin[sharp]]])

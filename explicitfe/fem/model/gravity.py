@@ -12,13 +12,18 @@ from explicitfe.fem.inputs.bounds import bounds_of
 from explicitfe.fem.materials import Law
 from explicitfe.fem.mesh.checked_arrays import check_range
 from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.model.attached import AttachedMass
 from explicitfe.fem.model.model import Inclusion, NodalLoad
 from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError, shortened
 
 
 def gravity_load(
-    mesh: HexMesh, material: Law, acceleration_m_s2: Sequence[float], inclusions: Sequence[Inclusion] = ()
+    mesh: HexMesh,
+    material: Law,
+    acceleration_m_s2: Sequence[float],
+    inclusions: Sequence[Inclusion] = (),
+    masses: Sequence[AttachedMass] = (),
 ) -> NodalLoad:
     """Weight of a body: the lumped mass of every node times an acceleration, constant in time.
 
@@ -28,6 +33,7 @@ def gravity_load(
     material : its constants, with the density.
     acceleration_m_s2 : (3,) acceleration along x, y and z, m/s^2, such as (0.0, 0.0, -9.81).
     inclusions : elements of other tissues, with their own density.
+    masses : masses that are fixed to nodes.
 
     Returns
     -------
@@ -42,11 +48,19 @@ def gravity_load(
     if not isinstance(material, Law):
         raise InputError(f"gravity_load: material must hold the constants of a law, not {shortened(repr(material))}.")
     acceleration = vector("gravity_load: acceleration_m_s2", acceleration_m_s2, bounds_of("acceleration_m_s2").largest)
+    for part in inclusions:
+        check_range("gravity_load: inclusions", part.elements, mesh.element_count, "element")
+    mass = nodal_mass(mesh, material, inclusions)
+    for extra in masses:
+        np.add.at(mass, extra.nodes, extra.mass_kg)
+    force = mass[:, None] * np.array(acceleration)
+    return NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant())
+
+
+def nodal_mass(mesh: HexMesh, material: Law, inclusions: Sequence[Inclusion] = ()) -> np.ndarray:
+    """Lumped mass of the tissue at each node, (n,) kg."""
     volumes = hex8.geometry(mesh.points[mesh.hexes])[:, hex8.VOLUME]
     density = np.full(mesh.element_count, material.density_kg_m3)
     for part in inclusions:
-        check_range("gravity_load: inclusions", part.elements, mesh.element_count, "element")
         density[part.elements] = part.material.density_kg_m3
-    mass = hex8.lumped_mass(mesh.hexes, volumes * density, mesh.node_count)
-    force = mass[:, None] * np.array(acceleration)
-    return NodalLoad("gravity", np.arange(mesh.node_count), force, Profile.constant())
+    return hex8.lumped_mass(mesh.hexes, volumes * density, mesh.node_count)

@@ -18,6 +18,7 @@ from explicitfe.fem.inputs.limits import ElementName, NotNegative
 from explicitfe.fem.materials import Law
 from explicitfe.fem.mesh.checked_arrays import check_range, index_array, mask_array, number_array
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
+from explicitfe.fem.model.attached import AirDrag, AttachedMass, FollowerLoad, HangingWeight
 from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.compiled.arrays import Springs
 from explicitfe.platform.errors import InputError, shortened
@@ -173,6 +174,8 @@ class Attachment:
     points : (k) material points on the surface.
     areas_m2 : (k,) their tributary areas, m^2.
     stiffness_Pa_m : of the springs, force per area and length, Pa/m.
+    normal_stiffness_Pa_m : along the normal of the patch, Pa/m; the same as along the patch if left out. A bone that springs
+        support needs equal ones.
     bone_stiffness_N_m : of the springs that support the bone, which then moves without rotation, N/m; inf: the bone is fixed.
     motion : rigid motion of the bone over time.
     """
@@ -183,6 +186,7 @@ class Attachment:
     stiffness_Pa_m: float
     bone_stiffness_N_m: float = np.inf
     motion: RigidMotion | None = None
+    normal_stiffness_Pa_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -283,6 +287,10 @@ class Model:
     barrier : whether an energy barrier keeps the corners of elements from inverting in a run in time (elements/barrier.py).
     inclusions : elements of other tissues, each in one inclusion at most.
     fibres : for each muscle the lines of its fibres, for pictures.
+    masses : masses that are fixed to nodes, in addition to that of the tissue.
+    followers : forces on nodes that turn with the body.
+    weights : weights that hang from the body on strings.
+    air : drag of the air on the free surface; none if left out.
 
     Raises
     ------
@@ -311,6 +319,10 @@ class Model:
     barrier: bool = True
     inclusions: tuple[Inclusion, ...] = ()
     fibres: tuple[tuple[MaterialPoints, ...], ...] = ()
+    masses: tuple[AttachedMass, ...] = ()
+    followers: tuple[FollowerLoad, ...] = ()
+    weights: tuple[HangingWeight, ...] = ()
+    air: AirDrag | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, HexMesh):
@@ -328,11 +340,18 @@ class Model:
             self._check_stiffness(bounds_of("stiffness").smallest)
         kinds: tuple[tuple[str, type], ...] = (
             ("loads", NodalLoad), ("pulls", FibrePull), ("stresses", FibreStress), ("bones", Bone), ("attachments", Attachment),
-            ("inclusions", Inclusion), ("effects", MaterialEffect),
+            ("inclusions", Inclusion), ("effects", MaterialEffect), ("masses", AttachedMass), ("followers", FollowerLoad),
+            ("weights", HangingWeight),
         )  # fmt: skip
         for name, kind in kinds:
             object.__setattr__(self, name, _tuple_of(f"Model: {name}", getattr(self, name), kind))
-        for name, kind in (("motion", PrescribedMotion), ("tool", Tool), ("sector", RotationalSymmetry), ("support", Springs)):
+        for name, kind in (
+            ("motion", PrescribedMotion),
+            ("tool", Tool),
+            ("sector", RotationalSymmetry),
+            ("support", Springs),
+            ("air", AirDrag),
+        ):
             if not isinstance(getattr(self, name), kind | None):
                 raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")
         self._check_nodes_and_elements()
@@ -348,8 +367,9 @@ class Model:
     def _check_nodes_and_elements(self) -> None:
         """Refuse loads, muscles and probes on nodes or elements that the mesh does not have."""
         nodes, elements = self.mesh.node_count, self.mesh.element_count
-        for number, load in enumerate(self.loads):
-            check_range(f"Model: loads[{number}]", load.nodes, nodes, "node")
+        for name in ("loads", "masses", "followers", "weights"):
+            for number, part in enumerate(getattr(self, name)):
+                check_range(f"Model: {name}[{number}]", part.nodes, nodes, "node")
         if self.motion is not None:
             check_range("Model: motion", index_array("Model: motion", self.motion.nodes, nodes, "node"), nodes, "node")
         for number, stress in enumerate(self.stresses):

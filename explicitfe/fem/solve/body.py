@@ -118,6 +118,8 @@ class Body:
             guard["barrier"][:, : barrier.WHOLE] *= (
                 self.guarded and model.barrier
             )  # no reach, so no suspect; no modulus, so no energy
+        for extra in model.masses:
+            np.add.at(mass, self._place[extra.nodes], extra.mass_kg)
         derived = count > DERIVED_ABOVE_ELEMENTS and hasattr(treatment, "of_shape")
         hourglass = treatment.constants(corners, geometry)
         self.blocks = Blocks(

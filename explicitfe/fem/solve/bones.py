@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix, csr_matrix
 from explicitfe.fem.bones.motion import RigidMotion
 from explicitfe.fem.forces.bone import CONTACT_STIFFNESS_PA_M
 from explicitfe.fem.mesh.hexmesh import HexMesh, shape_functions
-from explicitfe.fem.mesh.surface_points import surface_areas
+from explicitfe.fem.mesh.surface_points import surface_areas, surface_normals
 from explicitfe.fem.model.model import Attachment, Bone
 from explicitfe.platform.compiled.arrays import PLACEMENT, ROTATION, SHIFT, SPEED, SPIN, Bones, Ties
 from explicitfe.platform.host.kept import kept
@@ -87,11 +87,27 @@ def ties_of(attachments: Sequence[Attachment], mesh: HexMesh, place: np.ndarray)
         stiffness=np.concatenate([*stiffness, np.zeros(0)]).astype(float),
         row_sum=np.concatenate([*row_sum, np.zeros(0)]),
         total=np.array([values.sum() for values in stiffness], dtype=float),
+        normal=np.array([_normal_of(mesh, attachment) for attachment in attachments]).reshape(-1, 3),
+        excess=np.array([_excess_of(attachment) for attachment in attachments], dtype=float),
         bone_stiffness=np.array([attachment.bone_stiffness_N_m for attachment in attachments], dtype=float),
         shift=np.zeros((len(attachments), 3)),
         moved=np.zeros((len(nodes), 3)),
         moves=np.array([attachment.motion is not None for attachment in attachments], dtype=np.int64),
     )
+
+
+def _excess_of(attachment: Attachment) -> float:
+    """Stiffness along the normal of a patch over that along the patch, less 1."""
+    normal = attachment.normal_stiffness_Pa_m
+    return 0.0 if normal is None else normal / attachment.stiffness_Pa_m - 1.0
+
+
+def _normal_of(mesh: HexMesh, attachment: Attachment) -> np.ndarray:
+    """Mean unit normal (3,) of a patch; zero where its springs are the same in all directions."""
+    if attachment.normal_stiffness_Pa_m is None:
+        return np.zeros(3)
+    normal = attachment.areas_m2 @ surface_normals(mesh, attachment.points)
+    return np.asarray(normal / np.linalg.norm(normal))
 
 
 @kept(16)

@@ -6,11 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from explicitfe.fem.forces.turning import axes_of
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
+from explicitfe.fem.mesh.surface_points import projected_areas
+from explicitfe.fem.model.attached import FollowerLoad
+from explicitfe.fem.model.gravity import nodal_mass
 from explicitfe.fem.model.model import FibrePull, Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve.bones import placements
-from explicitfe.platform.compiled.arrays import DeadLoads, FollowerFibres, Motion
+from explicitfe.platform.compiled.arrays import Actions, Bones, DeadLoads, FollowerFibres, Motion, Ties
+from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
 
 
 class Loads:
@@ -23,7 +28,9 @@ class Loads:
 
     Attributes
     ----------
-    dead, fibres : dead loads and follower fibres at activation 1, each with the row of its profile in the activation table.
+    dead, fibres, turning, weights : dead loads, follower fibres, follower forces and hanging weights at activation 1, each with
+        the row of its profile in the activation table.
+    drag : of the air, and damping beside attached masses.
     """
 
     def __init__(self, model: Model, place: np.ndarray) -> None:
@@ -32,15 +39,55 @@ class Loads:
         self._profiles: list[Profile] = []
         self.dead = self._dead_loads(model.loads)
         self.fibres = self._follower_fibres(model.pulls, model.mesh)
+        self.turning = self._turning_loads(model.followers, model.mesh)
+        self.weights = self._hanging_weights(model)
+        self.drag = self._drag(model)
         self._muscles = [stress.profile for stress in model.stresses]
         self._bones = [bone.motion for bone in model.bones]
         self._holders = [attachment.motion for attachment in model.attachments]
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Node rows on which these loads may act."""
+        return np.concatenate([self.dead.node, self.fibres.nodes.ravel(), self.turning.node, self.weights.node, self.drag.node])
 
     @property
     def edges_s(self) -> np.ndarray:
         """Times at which some load jumps or bends: they are put on step boundaries."""
         courses = [*self._profiles, *self._muscles, *self._bones, *self._holders]
         return np.unique(np.concatenate([course.edges_s for course in courses if course is not None] or [np.zeros(0)]))
+
+    def start(self, time_s: float, dt_s: float) -> None:
+        """Half-step start of the hanging weights, which are at rest with slack or tight strings; see ``Simulation.start``."""
+        weights = self.weights
+        weights.state[:, 0] = 0.0
+        scale = self.activation(np.array([time_s]), dt_s)[weights.profile, 0]
+        weights.state[:, 1] = -0.5 * dt_s * scale * weights.weight / weights.mass
+
+    def actions(self, instants: np.ndarray, tolerance_s: float, bones: Bones, ties: Ties, planned: np.ndarray) -> Actions:
+        """What acts on the body at instants (k,) s.
+
+        Parameters
+        ----------
+        tolerance_s : an instant that is within a millionth of it from an edge of a profile is taken to be on it.
+        bones, ties, planned : as for :class:`Actions`.
+        """
+        bone_placement, tie_placement = self.bones(instants)
+        return Actions(
+            dead=self.dead,
+            fibres=self.fibres,
+            turning=self.turning,
+            weights=self.weights,
+            drag=self.drag,
+            activation=self.activation(instants, tolerance_s),
+            muscles=self.muscles(instants, tolerance_s),
+            bones=bones,
+            bone_placement=bone_placement,
+            ties=ties,
+            tie_placement=tie_placement,
+            motion=self.motion(instants),
+            planned=planned,
+        )
 
     def activation(self, instants: np.ndarray, dt_s: float) -> np.ndarray:
         """Scale of each profile at instants (k,) s, (profiles, k).
@@ -93,6 +140,59 @@ class Loads:
             tension=np.concatenate([np.append(t, 0.0) for _, t, _ in chains] or [np.zeros(0)]),
             profile=np.array([p for _, _, p in chains], dtype=np.int64),
         )
+
+    def _turning_loads(self, loads: Sequence[FollowerLoad], mesh: HexMesh) -> TurningLoads:
+        nodes = np.concatenate([np.zeros(0, dtype=np.int64), *(load.nodes for load in loads)])
+        forces = np.concatenate([np.zeros((0, 3)), *(load.force_N for load in loads)])
+        element = np.zeros(mesh.node_count, dtype=np.int64)
+        element[mesh.hexes] = np.arange(mesh.element_count)[:, None]
+        corners = mesh.hexes[element[nodes]]
+        position = np.ascontiguousarray(mesh.points[corners])
+        axes = [np.reshape(axes_of(np.arange(8), one, np.zeros((8, 3))), (3, 3)) for one in position]
+        local = [axis @ force for axis, force in zip(axes, forces, strict=True)]
+        return TurningLoads(
+            node=self._place[nodes],
+            corners=np.ascontiguousarray(self._place[corners]),
+            position=position,
+            force=np.array(local, dtype=float).reshape(-1, 3),
+            profile=np.array([self._row_of(load.profile) for load in loads for _ in load.nodes], dtype=np.int64),
+        )
+
+    def _hanging_weights(self, model: Model) -> Weights:
+        weights = model.weights
+        mass = np.array([one.mass_kg for one in weights], dtype=float)
+        g = np.array([one.gravity_m_s2 for one in weights], dtype=float).reshape(-1, 3)
+        size = np.linalg.norm(g, axis=1)
+        stiffness = mass * size / np.array([one.stretch_m for one in weights], dtype=float)
+        # The damping of a string is half critical for the nodes that it pulls: no rattling, and no shorter step.
+        tissue = nodal_mass(model.mesh, model.material, model.inclusions)
+        held_mass = np.array([one.share @ tissue[one.nodes] / max(one.share @ one.share, 1e-300) for one in weights], dtype=float)
+        return Weights(
+            start=np.concatenate([[0], np.cumsum([len(one.nodes) for one in weights])]).astype(np.int64),
+            node=self._place[np.concatenate([np.zeros(0, dtype=np.int64), *(one.nodes for one in weights)])],
+            share=np.concatenate([np.zeros(0), *(one.share for one in weights)]),
+            down=g / np.maximum(size, 1e-300)[:, None],
+            mass=mass,
+            weight=mass * size,
+            slack=np.array([one.slack_m for one in weights], dtype=float),
+            stiffness=stiffness,
+            damping=np.sqrt(stiffness * held_mass),
+            profile=np.array([self._row_of(one.profile) for one in weights], dtype=np.int64),
+            state=np.zeros((len(weights), 2)),
+        )
+
+    def _drag(self, model: Model) -> Drag:
+        """Drag of the air, and mass-proportional damping where masses are attached: it acts on the tissue and not on them."""
+        count = model.mesh.node_count
+        linear, quadratic = np.zeros((count, 3)), np.zeros((count, 3))
+        if model.air is not None:
+            areas = projected_areas(model.mesh)
+            linear += model.air.linear_Pa_s_m * areas
+            quadratic += model.air.quadratic_kg_m3 * areas
+        if model.masses:
+            linear += model.alpha_per_s * nodal_mass(model.mesh, model.material, model.inclusions)[:, None]
+        nodes = np.flatnonzero(linear.any(axis=1) | quadratic.any(axis=1))
+        return Drag(self._place[nodes], np.ascontiguousarray(linear[nodes]), np.ascontiguousarray(quadratic[nodes]))
 
     def _row_of(self, profile: Profile) -> int:
         """Row of a profile in the activation table; equal profiles share one."""

@@ -28,7 +28,6 @@ from explicitfe.platform.compiled.arrays import (
     LIMIT,
     SMALLEST_CORNER,
     SMALLEST_J,
-    Actions,
     Blocks,
     BoneRecord,
     Looker,
@@ -45,6 +44,7 @@ from explicitfe.platform.errors import InputError
 _UNRECORDED = BoneRecord(np.zeros((0, 0)), np.zeros((0, 0)))
 _NOTHING = np.zeros(0, dtype=np.int64)  # no instants: asks for no samples
 SHORTEST_INCREMENT_S = 1e-12  # that the instants of a state before the first step are apart
+LONG_HOLD_S = 1e9  # after which a material that is held is relaxed
 MANY_ELEMENTS = 32768  # more are not all looked at to name the one that limits the step
 
 
@@ -82,6 +82,8 @@ class Simulation(Body):
             threads = count_like("Simulation: threads", threads, ThreadCount, "threads")
         super().__init__(model, displacement=displacement, velocity=velocity)
         self.loads = Loads(model, self._place)
+        # Beside attached masses the damping of the tissue is a force on its own mass; see ``Loads``.
+        self.alpha_per_s = 0.0 if model.masses else float(model.alpha_per_s)
         held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
         self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
         self.ties = ties_of(model.attachments, model.mesh, self._place)
@@ -98,7 +100,7 @@ class Simulation(Body):
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         running = self.blocks._replace(new=self.blocks.old)
         share = 1 if model.motion else threads or usual_threads(len(self.hexes))
-        loaded = np.concatenate([self.loads.dead.node, self.loads.fibres.nodes.ravel(), self.ties.node])
+        loaded = np.concatenate([self.loads.rows, self.ties.node])
         self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         self._looks = looks_of(self.nodes, len(self.parts))
@@ -106,6 +108,8 @@ class Simulation(Body):
         self._difference_m = 1e-6 * float(np.cbrt(self.volumes.min()))  # over which a force is differenced
         self._now = self.recording(1)
         self._activate()
+        if displacement is not None and any(effect.remembers for effect in model.effects):
+            self._remember_as_held()
 
     # ---- the stable step ----
 
@@ -211,14 +215,15 @@ class Simulation(Body):
         self.dt_s = dt_s
         self.snapshot()  # fills the forces at time 0
         resting = self._now.arrays.rows[1]
-        acceleration = self.nodes.inverse_mass * (resting + self._external) - self.model.alpha_per_s * v
+        acceleration = self.nodes.inverse_mass * (resting + self._external) - self.alpha_per_s * v
         acceleration[self.nodes.inverse_mass == 0.0] = 0.0
         # The trapezoidal sums begin at t_0: take off the half of a step that would lead to it.
         before = v - 0.5 * dt_s * acceleration
+        self.loads.start(self.time_s, dt_s)
         self._ledgers[:] = 0.0
         self._ledgers[:, SMALLEST_J], self._ledgers[:, SMALLEST_CORNER] = smallest, nearest
         self._ledgers[0, EXTERNAL_WORK] = -0.5 * dt_s * np.sum(self._external * before)
-        self._ledgers[0, DAMPING_LOSS] = -0.5 * dt_s * self.model.alpha_per_s * np.sum(self.nodes.mass * v * before)
+        self._ledgers[0, DAMPING_LOSS] = -0.5 * dt_s * self.alpha_per_s * np.sum(self.nodes.mass * v * before)
         v[:] = before
 
     def advance(self, steps: int, dt_s: float) -> bool:
@@ -345,6 +350,7 @@ class Simulation(Body):
             "lengths": _shared(np.array([part.blocks.last_length for part in self.parts]), threads),
             "times": np.array([self.time_s, self.dt_s, self._origin_s]),
             "steps": np.array([self.steps, self._index], dtype=np.int64),
+            "weights": self.loads.weights.state.copy(),
         }
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
@@ -360,6 +366,7 @@ class Simulation(Body):
         self._ledgers[:] = _shared(state["ledgers"], len(self.parts))
         self._ledgers[:, SMALLEST_J:] = state["ledgers"][:, SMALLEST_J:].min(axis=0)
         self.blocks.old[:] = state["memory"]
+        self.loads.weights.state[:] = state.get("weights", self.loads.weights.state)  # older files have none
         self.time_s, self.dt_s, self._origin_s = (float(x) for x in state["times"])
         self.steps, self._index = (int(x) for x in state["steps"])
         self._activate()
@@ -373,6 +380,12 @@ class Simulation(Body):
             looker.watch[:] = watch
 
     # ---- inside ----
+
+    def _remember_as_held(self) -> None:
+        """Let the material remember its initial state as if it had been held for a long time: all relaxation is over."""
+        self.set_increment(LONG_HOLD_S)
+        self._evaluate([part.blocks for part in self.parts])
+        self.set_increment(0.0)
 
     def _activate(self) -> None:
         """Give the muscles that pull by a stress their activation of the present time."""
@@ -404,21 +417,8 @@ class Simulation(Body):
     ) -> int:
         """Let each part have its thread; give the number of steps done. ``times`` are those of all instants, and one more."""
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
-        tolerance_s = max(dt_s, SHORTEST_INCREMENT_S)
-        bone_placement, tie_placement = self.loads.bones(times)
-        actions = Actions(
-            dead=self.loads.dead,
-            fibres=self.loads.fibres,
-            activation=self.loads.activation(times, tolerance_s),
-            muscles=self.loads.muscles(times, tolerance_s),
-            bones=self.bones,
-            bone_placement=bone_placement,
-            ties=self.ties,
-            tie_placement=tie_placement,
-            motion=self.loads.motion(times),
-            planned=self._planned,
-        )
-        shared = Shared(self.blocks, self.nodes, self._external, float(self.model.alpha_per_s), _UNRECORDED)
+        actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self._planned)
+        shared = Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
         span = Span(
             dt_before=float(self.dt_s),
             dt=float(dt_s),

@@ -16,8 +16,11 @@ from typing import Any
 from explicitfe.fem.forces.bone import rest_on_bones
 from explicitfe.fem.forces.contraction import contraction_work
 from explicitfe.fem.forces.dead import add_dead_loads
+from explicitfe.fem.forces.drag import add_drag
 from explicitfe.fem.forces.follower import add_follower_fibres
 from explicitfe.fem.forces.ties import add_ties
+from explicitfe.fem.forces.turning import add_turning_loads
+from explicitfe.fem.forces.weights import add_weights, move_weights
 from explicitfe.fem.solve.boundary import correct, drive, place
 from explicitfe.platform.compiled.arrays import (
     CONTACT_LOSS,
@@ -84,6 +87,10 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         if part.number == 0:
             add_dead_loads(external, actions.dead, actions.activation, step)
             add_follower_fibres(external, u, actions.fibres, actions.activation, step)
+            add_turning_loads(external, u, actions.turning, actions.activation, step)
+            add_drag(external, v, actions.drag)
+            add_weights(external, u, v, actions.weights)
+            move_weights(u, v, actions.weights, actions.activation, step, h, dt)
             add_ties(external, u, actions.ties, actions.tie_placement, step)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
         wait(part.gate, part.parts)
@@ -173,6 +180,9 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
     external[:] = 0.0
     add_dead_loads(external, actions.dead, actions.activation, instant)
     add_follower_fibres(external, u, actions.fibres, actions.activation, instant)
+    add_turning_loads(external, u, actions.turning, actions.activation, instant)
+    add_drag(external, v, actions.drag)
+    add_weights(external, u, v, actions.weights)
     tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
     for at in range(0, u.size, WIDTH):
         store(resting, at, load(force, at))

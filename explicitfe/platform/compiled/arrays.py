@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import DTypeLike
 
+from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
 from explicitfe.platform.compiled.simd import ROW, WIDTH
 
 # Entries of ``Blocks.corner``: the smallest volume ratio of a corner, relative to that at which the barrier begins, and the
@@ -240,6 +241,8 @@ class Ties(NamedTuple):
     stiffness: np.ndarray  # integral of stiffness times both shape functions over the patch [N/m], (entries,)
     row_sum: np.ndarray  # sum of the entries of each row [N/m], (k,)
     total: np.ndarray  # sum of the stiffness of each bone's entries [N/m], (bones,)
+    normal: np.ndarray  # unit normal of each patch, (bones, 3)
+    excess: np.ndarray  # stiffness along the normal over that along the patch, less 1, (bones,)
     bone_stiffness: np.ndarray  # of the springs that hold the bone itself [N/m], inf where it is fixed, (bones,)
     shift: np.ndarray  # how far each bone has given way: work array [m], (bones, 3)
     moved: np.ndarray  # displacement of each tied node relative to its bone: work array [m], (k, 3)
@@ -254,6 +257,9 @@ class Actions(NamedTuple):
 
     dead: DeadLoads
     fibres: FollowerFibres
+    turning: TurningLoads
+    weights: Weights
+    drag: Drag
     activation: np.ndarray  # scale of each load, (profiles, instants)
     muscles: np.ndarray  # activation of the muscles that pull by a stress along their fibres, (instants, M)
     bones: Bones

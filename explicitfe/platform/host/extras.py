@@ -7,7 +7,7 @@ from typing import Literal
 
 from explicitfe.platform.errors import InputError
 
-Extra = Literal["view", "plots", "parquet", "pandas", "sensitivity", "cluster"]
+Extra = Literal["view", "plots", "parquet", "pandas", "sensitivity", "cluster", "c3d"]
 
 # The extra of pyproject.toml -> the package that stands for it.
 PACKAGES: dict[Extra, str] = {
@@ -17,6 +17,7 @@ PACKAGES: dict[Extra, str] = {
     "pandas": "pandas",
     "sensitivity": "SALib",
     "cluster": "distributed",
+    "c3d": "c3d",
 }
 
 

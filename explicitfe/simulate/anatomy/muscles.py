@@ -23,8 +23,8 @@ from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle
 from explicitfe.fem.mesh.quality import volumes
 from explicitfe.fem.model.model import FibrePull, NodalLoad
-from explicitfe.fem.model.profile import Profile
 from explicitfe.platform.errors import InputError
+from explicitfe.simulate.scenario.profile import profile_of
 from explicitfe.simulate.scenario.transient import MuscleTable
 
 
@@ -74,14 +74,6 @@ def activation_stiffness(mesh: HexMesh, muscles: Mapping[str, Muscle], tables: S
             )
         share[muscle.elements] += table.force_N / muscle.max_force_N
     return 1.0 + (STIFFEST_FACTOR - 1.0) * np.minimum(1.0, share)
-
-
-def profile_of(table: MuscleTable) -> Profile:
-    if table.profile == "table":
-        time_ms, scale = np.array(table.table, dtype=float).T
-        return Profile(1e-3 * time_ms, scale)
-    end_s = np.inf if table.end_ms is None else 1e-3 * table.end_ms
-    return Profile.step(1e-3 * table.start_ms, end_s, 1e-3 * table.rise_ms)
 
 
 def _ends(points: MaterialPoints) -> MaterialPoints:

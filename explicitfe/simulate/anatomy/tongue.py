@@ -13,7 +13,9 @@ from explicitfe.fem.effects.material.viscoelastic import from_damping
 from explicitfe.fem.inputs.argument import number_like
 from explicitfe.fem.inputs.limits import NotNegative
 from explicitfe.fem.materials import Law
+from explicitfe.fem.mesh.box import box
 from explicitfe.fem.mesh.hexmesh import MaterialPoints
+from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.fem.model.gravity import gravity_load
 from explicitfe.fem.model.model import FibrePull, FibreStress, Model, NodalLoad
@@ -23,19 +25,38 @@ from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.anatomy import Anatomy
 from explicitfe.simulate.anatomy.bones import attachments, bones_of, check_anchors
 from explicitfe.simulate.anatomy.effects import check_effects
-from explicitfe.simulate.anatomy.muscles import activation_stiffness, directed, line_pull, profile_of
+from explicitfe.simulate.anatomy.loads import scale_anatomy, with_loads, with_release
+from explicitfe.simulate.anatomy.muscles import activation_stiffness, directed, line_pull
 from explicitfe.simulate.anatomy.own_mesh import read_model_file
 from explicitfe.simulate.anatomy.surgery import operated, surgery_of, surgery_report
 from explicitfe.simulate.scenario.bones import BoneTable
+from explicitfe.simulate.scenario.profile import profile_of
 from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 
 def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
     """The anatomy that a ``[model]`` table asks for; paths are relative to ``folder``."""
+    if table.box_mm is not None:
+        return _box(table)
     if table.file is not None:
-        return read_model_file(folder / table.file)
+        anatomy = read_model_file(folder / table.file)
+        return anatomy if table.scale == (1.0, 1.0, 1.0) else scale_anatomy(anatomy, table.scale)
     assert table.name is not None  # the schema has checked that one of the two is given
     return catalogue.built_in(table.name, table.resolution, table.cells)
+
+
+def _box(table: ModelTable) -> Anatomy:
+    """A box with a corner at the origin; its faces are node sets, and their centres named points."""
+    assert table.box_mm is not None and table.cells is not None  # the schema has checked that both are given
+    size_m = 1e-3 * np.array(table.box_mm) * np.array(table.scale)
+    mesh = box(table.cells, tuple(size_m))
+    centres = {}
+    for axis, letter in enumerate("xyz"):
+        for side in (0, 1):
+            place = 0.5 * size_m
+            place[axis] = side * size_m[axis]
+            centres[f"{letter}{side}"] = locate_in_mesh(mesh, place)
+    return Anatomy(name="box", mesh=replace(mesh, named_points=centres), muscles={}, fixed=("x0",))
 
 
 class Assembly(NamedTuple):
@@ -46,11 +67,13 @@ class Assembly(NamedTuple):
     model : what is computed.
     anatomy : the intact body that it was built from.
     surgery : what was taken from it; None where nothing was.
+    displacement : (n, 3) m at time 0, of a body that is held until its release; None at rest.
     """
 
     model: Model
     anatomy: Anatomy
     surgery: SurgeryReport | None = None
+    displacement: np.ndarray | None = None
 
 
 def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
@@ -66,7 +89,8 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
     material = catalogue.material(table.material)
 
     held = np.zeros((mesh.node_count, 3), dtype=bool)
-    fixed = anatomy.fixed if table.fixed is None else tuple(table.fixed)
+    supported = {support.name for support in scenario.support}
+    fixed = tuple(name for name in (anatomy.fixed if table.fixed is None else table.fixed) if name not in supported)
     for name in fixed:
         if name not in mesh.node_sets:
             raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}')
@@ -128,8 +152,9 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         report = surgery_report(surgery, intact, model, cut)
     if model.held.all():
         raise InputError("model.fixed fixes every node of the mesh, so nothing can move; remove a set from it.")
+    model = with_loads(model, scenario)
     if any(table.gravity_m_s2):
-        weight = gravity_load(model.mesh, material, table.gravity_m_s2, model.inclusions)
+        weight = gravity_load(model.mesh, material, table.gravity_m_s2, model.inclusions, model.masses)
         model = replace(model, loads=(*model.loads, weight))
     effects = scenario.effects.chosen
     if table.damping.beta_s > 0.0:
@@ -147,7 +172,8 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
                 "and activation-lag."
             )
         model = effect.apply(model)
-    return Assembly(model, anatomy, report)
+    model, displacement = with_release(model, scenario.release)
+    return Assembly(model, anatomy, report, displacement)
 
 
 def tongue_model(

@@ -105,8 +105,8 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
     @classmethod
     def prepare(cls, path: Path, scenario: TransientScenario, text: str) -> Self:
         """Build the model of a tongue, or of a mesh of one's own, with its muscles."""
-        model, anatomy, surgery = assemble(scenario, path.parent)
-        simulation = Simulation(model, threads=scenario.analysis.threads)
+        model, anatomy, surgery, displacement = assemble(scenario, path.parent)
+        simulation = Simulation(model, displacement=displacement, threads=scenario.analysis.threads)
         notes = () if surgery is None else tuple(surgery["notes"])
         return cls(path, scenario, text, model, anatomy.name, simulation, notes, surgery=surgery)
 

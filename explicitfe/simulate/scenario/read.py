@@ -113,8 +113,9 @@ def json_schema() -> dict[str, object]:
 _ALTERNATIVES = {
     "model.cells": ("resolution",),
     "model.resolution": ("cells",),
-    "model.name": ("file",),
-    "model.file": ("name", "resolution", "cells"),
+    "model.name": ("file", "box_mm", "scale"),
+    "model.file": ("name", "resolution", "cells", "box_mm"),
+    "model.box_mm": ("name", "file", "resolution"),
     "model.size_mm": ("radius_mm", "height_mm"),
     "model.radius_mm": ("size_mm",),
     "model.height_mm": ("size_mm",),

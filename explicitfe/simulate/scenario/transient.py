@@ -8,20 +8,12 @@ from pydantic import Field, model_validator
 
 from explicitfe.fem.inputs.limits import ElementName
 from explicitfe.fem.inputs.material import Material
-from explicitfe.fem.inputs.table import (
-    MOST_ROWS_OF_A_COURSE,
-    MOST_TABLES_OF_A_KIND,
-    Cells,
-    Name,
-    Pair,
-    Table,
-    Threads,
-    Title,
-    Vector,
-)
+from explicitfe.fem.inputs.table import MOST_TABLES_OF_A_KIND, Cells, Name, Size, Table, Threads, Title, Vector
 from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.simulate.scenario.effects_table import EffectsTable
 from explicitfe.simulate.scenario.lips import LipsTable
+from explicitfe.simulate.scenario.loads import AirTable, LoadTable, ReleaseTable, SupportTable
+from explicitfe.simulate.scenario.profile import ProfileTable
 from explicitfe.simulate.scenario.surgery import GraftTable, ResectionTable, ScarTable
 
 # The fields that a transient run can store.
@@ -49,6 +41,8 @@ class ModelTable(Table):
 
     name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
     file: str | None = Field(default=None, description="model file of your own mesh, relative to this file")
+    box_mm: Size | None = Field(default=None, description="lengths of a box with a corner at the origin; cells is then required")
+    scale: Vector = Field(default=(1.0, 1.0, 1.0), description="factors of the lengths of a box or a model file along x, y and z")
     resolution: str | None = Field(default=None, description="coarse | medium | fine; medium by default")
     cells: Cells | None = Field(
         default=None, description="numbers of elements along the tongue, through its thickness and across it"
@@ -77,8 +71,12 @@ class ModelTable(Table):
 
     @model_validator(mode="after")
     def _one_source(self) -> ModelTable:
-        if (self.name is None) == (self.file is None):
-            raise ValueError("give either name (a built-in model) or file (a model file), and not both")
+        if sum(source is not None for source in (self.name, self.file, self.box_mm)) != 1:
+            raise ValueError("give either name (a built-in model), file (a model file) or box_mm (the lengths of a box)")
+        if self.box_mm is not None and (self.cells is None or not min(self.box_mm) > 0.0):
+            raise ValueError("box_mm needs three lengths above 0, and cells, such as cells = [13, 4, 4]")
+        if not min(self.scale) > 0.0 or (self.name is not None and self.scale != (1.0, 1.0, 1.0)):
+            raise ValueError("scale needs three factors above 0, and is for box_mm and file only")
         if self.resolution is not None and self.cells is not None:
             raise ValueError("give either resolution or cells, not both")
         if self.fixed is not None and len(set(self.fixed)) < len(self.fixed):
@@ -88,20 +86,11 @@ class ModelTable(Table):
         return self
 
 
-class MuscleTable(Table):
+class MuscleTable(ProfileTable):
     """One muscle's pull."""
 
     name: Name = Field(description="see 'explicitfe list muscles'")
     force_N: float = Field(ge=0.0, description="force summed over all fibres of the sides named [N]")
-    profile: Literal["step", "ramp", "table"] = Field(
-        default="step", description="course in time: at once, rising evenly within rise_ms, or along the pairs of table"
-    )
-    start_ms: float = Field(default=0.0, ge=0.0, description="time at which a step or a ramp begins [ms]")
-    rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
-    end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; none by default")
-    table: list[Pair] = Field(
-        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, scale] pairs, linear in between"
-    )
     distribution: Literal["stress", "ends", "along", "volume"] = Field(
         default="ends", description="an active stress along the fibres in the tissue around them, or forces on nodes"
     )
@@ -115,24 +104,11 @@ class MuscleTable(Table):
     )
 
     @model_validator(mode="after")
-    def _profile_is_whole(self) -> MuscleTable:
-        if self.end_ms is not None and self.end_ms <= self.start_ms + self.rise_ms:
-            raise ValueError("end_ms must come after start_ms + rise_ms")
-        if (self.profile == "ramp") != (self.rise_ms > 0.0):
-            raise ValueError('profile = "ramp" and rise_ms above 0 go together')
-        if (self.profile == "table") != bool(self.table):
-            raise ValueError('profile = "table" and a table of [time_ms, scale] pairs go together')
+    def _distribution_fits(self) -> MuscleTable:
         if self.force_length and self.distribution != "stress":
             raise ValueError('force_length goes with distribution = "stress" only')
         if self.direction == "following" and self.distribution == "stress":
             raise ValueError('direction does not go with distribution = "stress": a stress along fibres follows them anyway')
-        if self.profile == "table" and (self.start_ms > 0.0 or self.end_ms is not None):
-            raise ValueError('start_ms and end_ms do not go with profile = "table": put the times into the table')
-        times = [time for time, _ in self.table]
-        if times != sorted(times) or any(time < 0.0 for time in times):
-            raise ValueError("the times of table must not be negative and must not decrease")
-        if any(scale < 0.0 for _, scale in self.table):
-            raise ValueError("the scales of table must not be negative: a muscle cannot push")
         return self
 
 
@@ -162,6 +138,14 @@ class TransientScenario(Table):
     question: str = Field(default="", description="question that the run answers")
     expect: str = Field(default="", description="expected result, with numbers")
     model: ModelTable
+    load: list[LoadTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="forces on nodes, and masses that are fixed to them or hang"
+    )
+    support: list[SupportTable] = Field(
+        default=[], max_length=MOST_TABLES_OF_A_KIND, description="elastic foundations in place of fixed nodes"
+    )
+    release: ReleaseTable | None = Field(default=None, description="how the body is held before it moves")
+    air: AirTable | None = Field(default=None, description="drag of the air")
     muscle: list[MuscleTable] = Field(
         default=[],
         max_length=MOST_TABLES_OF_A_KIND,

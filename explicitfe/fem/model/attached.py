@@ -1,0 +1,149 @@
+"""What is fixed to a body or acts on it from outside: masses, follower forces, hanging weights, and the air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from explicitfe.fem.inputs.argument import number_from_zero, vector
+from explicitfe.fem.inputs.bounds import bounds_of
+from explicitfe.fem.mesh.checked_arrays import index_array, number_array
+from explicitfe.fem.model.profile import Profile
+from explicitfe.platform.errors import InputError
+
+# The string of a hanging weight stretches by this much under it [m]: the string is practically inextensible.
+STRING_STRETCH_M = 5e-5
+
+
+@dataclass(frozen=True)
+class AttachedMass:
+    """Masses that are rigidly fixed to nodes and move with them; mass-proportional damping of the tissue does not act on them.
+
+    Parameters
+    ----------
+    name : for messages.
+    nodes : (k,) node numbers. Masses on a node that occurs several times add up.
+    mass_kg : (k,) kg. Gravity acts on them where :func:`gravity_load` is given them.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, or a negative mass.
+    """
+
+    name: str
+    nodes: np.ndarray
+    mass_kg: np.ndarray
+
+    def __post_init__(self) -> None:
+        nodes, mass_kg = _per_node("AttachedMass", "mass_kg", self.nodes, self.mass_kg)
+        if mass_kg.min(initial=0.0) < 0.0:
+            raise InputError(f"AttachedMass: mass_kg = {mass_kg.min():g} is not possible; a mass must be 0 or more.")
+        object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "mass_kg", mass_kg)
+
+
+@dataclass(frozen=True)
+class FollowerLoad:
+    """Forces on nodes that turn with the body.
+
+    Each force turns with the axes of an element at its node (forces/turning.py).
+
+    Parameters
+    ----------
+    name : for messages.
+    nodes : (k,) node numbers.
+    force_N : (k, 3) forces in the reference state at profile value 1, N.
+    profile : activation profile; constant if left out.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, or a number out of range.
+    """
+
+    name: str
+    nodes: np.ndarray
+    force_N: np.ndarray
+    profile: Profile = field(default_factory=Profile.constant)
+
+    def __post_init__(self) -> None:
+        nodes = index_array("FollowerLoad: nodes", self.nodes, None, "node")
+        force_N = number_array("FollowerLoad: force_N", self.force_N, ("k", 3), largest=bounds_of("force_N").largest)
+        if len(force_N) != len(nodes):
+            raise InputError(f"FollowerLoad: force_N has {len(force_N)} rows and nodes {len(nodes)} entries; give one for each.")
+        object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "force_N", force_N)
+
+
+@dataclass(frozen=True)
+class HangingWeight:
+    """A weight on a practically inextensible string, fixed to nodes; it moves along gravity only.
+
+    Parameters
+    ----------
+    name : for messages.
+    nodes, share : (k,) node numbers, and the shares of the string's pull that they get; the shares add up to 1.
+    mass_kg : kg.
+    gravity_m_s2 : (3,) acceleration of gravity, m/s^2; not zero.
+    slack_m : distance that the weight falls before it pulls on a body at rest, m.
+    stretch_m : how far its own weight stretches the string, m; the string is practically inextensible if left out.
+    profile : of the weight, such as a step where it is let go later than the body.
+
+    Raises
+    ------
+    InputError : an array of another shape or type, a mass of 0, or no gravity.
+    """
+
+    name: str
+    nodes: np.ndarray
+    share: np.ndarray
+    mass_kg: float
+    gravity_m_s2: np.ndarray
+    slack_m: float = 0.0
+    stretch_m: float = STRING_STRETCH_M
+    profile: Profile = field(default_factory=Profile.constant)
+
+    def __post_init__(self) -> None:
+        nodes, share = _per_node("HangingWeight", "share", self.nodes, self.share)
+        gravity = vector("HangingWeight: gravity_m_s2", self.gravity_m_s2, bounds_of("acceleration_m_s2").largest)
+        if not any(gravity):
+            raise InputError("HangingWeight: gravity_m_s2 is zero, so strings have no direction; give the acceleration.")
+        if not number_from_zero("HangingWeight: mass_kg", self.mass_kg) > 0.0:
+            raise InputError("HangingWeight: mass_kg must be above 0.")
+        number_from_zero("HangingWeight: slack_m", self.slack_m)
+        if not number_from_zero("HangingWeight: stretch_m", self.stretch_m) >= STRING_STRETCH_M:
+            raise InputError(f"HangingWeight: stretch_m must be {STRING_STRETCH_M:g} or more; a stiffer string cuts the step.")
+        object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "share", share)
+        object.__setattr__(self, "gravity_m_s2", np.array(gravity, dtype=float))
+
+
+@dataclass(frozen=True)
+class AirDrag:
+    """Drag of the air on the whole free surface (forces/drag.py).
+
+    Parameters
+    ----------
+    linear_Pa_s_m : pressure over velocity on the projected area, Pa s/m.
+    quadratic_kg_m3 : pressure over squared velocity, kg/m^3: density of the air times half the drag coefficient.
+
+    Raises
+    ------
+    InputError : a negative number.
+    """
+
+    linear_Pa_s_m: float = 0.0
+    quadratic_kg_m3: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("linear_Pa_s_m", "quadratic_kg_m3"):
+            number_from_zero(f"AirDrag: {name}", getattr(self, name))
+
+
+def _per_node(kind: str, name: str, nodes: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Node numbers and one number for each."""
+    nodes = index_array(f"{kind}: nodes", nodes, None, "node")
+    numbers = number_array(f"{kind}: {name}", values, ("k",))
+    if len(numbers) != len(nodes):
+        raise InputError(f"{kind}: {name} has {len(numbers)} entries and nodes {len(nodes)}; give one for each.")
+    return nodes, numbers

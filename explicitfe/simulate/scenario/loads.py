@@ -1,0 +1,77 @@
+"""The tables of a scenario for what acts on a body from outside: loads, elastic supports, a release, the air."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from explicitfe.fem.inputs.table import Name, Table, Vector
+from explicitfe.simulate.scenario.profile import ProfileTable
+
+
+class LoadTable(ProfileTable):
+    """A force on nodes, or a mass that is fixed to them or hangs from them."""
+
+    nodes: list[Name] = Field(
+        default=[],
+        description='node sets; the load acts on the nodes that are in all of them: ["x1", "z1"] is the upper edge of an end',
+    )
+    at_mm: Vector | None = Field(default=None, description="a point of the body instead of node sets [mm]")
+    force_N: Vector | None = Field(default=None, description="resultant force, constant in direction or following [N]")
+    follows: bool = Field(default=False, description="whether the force turns with the body")
+    mass_g: float = Field(default=0.0, ge=0.0, description="mass, with its inertia and its weight under model.gravity_m_s2 [g]")
+    string_slack_mm: float | None = Field(
+        default=None, ge=0.0, description="the mass hangs on a string with this slack [mm]; it is rigidly fixed by default"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_load(self) -> LoadTable:
+        if bool(self.nodes) == (self.at_mm is not None):
+            raise ValueError('give either nodes, such as ["x1"], or at_mm, and not both')
+        if self.force_N is None and self.mass_g == 0.0:
+            raise ValueError("give force_N or mass_g")
+        if self.follows and self.force_N is None:
+            raise ValueError("follows goes with force_N: a mass does not follow")
+        if self.string_slack_mm is not None and self.mass_g == 0.0:
+            raise ValueError("string_slack_mm goes with mass_g")
+        if self.mass_g > 0.0 and self.string_slack_mm is None and self.is_late:
+            raise ValueError("a mass that is rigidly fixed is there from the start; remove its times, or give string_slack_mm")
+        return self
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the load does not act fully from time 0 on."""
+        return self.start_ms > 0.0 or self.end_ms is not None or self.profile != "step"
+
+
+class SupportTable(Table):
+    """An elastic foundation that holds a patch of the surface in place of rigidly fixed nodes."""
+
+    name: Name = Field(description="node set of the patch")
+    normal_kPa_per_mm: float = Field(gt=0.0, description="pressure over displacement along the normal of the patch [kPa/mm]")
+    tangential_kPa_per_mm: float = Field(gt=0.0, description="shear stress over displacement along the patch [kPa/mm]")
+
+
+class ReleaseTable(Table):
+    """A body that is held before it moves freely."""
+
+    hold: list[Name] = Field(
+        default=[],
+        description="node sets that are held until the release; by default the whole body is held as it is meshed",
+    )
+    shift_mm: Vector = Field(default=(0.0, 0.0, 0.0), description="displacement of the held node sets [mm]")
+    at_ms: float = Field(default=0.0, ge=0.0, description="time at which the release begins [ms]")
+    over_ms: float = Field(default=0.0, ge=0.0, description="time in which the holding forces fall to zero [ms]")
+
+    @model_validator(mode="after")
+    def _shifts_what_it_holds(self) -> ReleaseTable:
+        if any(self.shift_mm) and not self.hold:
+            raise ValueError('shift_mm needs hold, the node sets that are displaced, such as hold = ["x1"]')
+        return self
+
+
+class AirTable(Table):
+    """Drag of the air on the free surface."""
+
+    linear_Pa_s_m: float = Field(default=0.0, ge=0.0, description="pressure over velocity on the projected area [Pa s/m]")
+    drag_coefficient: float = Field(default=0.0, ge=0.0, description="quadratic drag; about 1 to 2 for a bluff body")
+    density_kg_m3: float = Field(default=1.2, gt=0.0, description="density of the air [kg/m^3]")

@@ -1,0 +1,51 @@
+"""The keys that say when a muscle or a load acts."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Pair, Table
+from explicitfe.fem.model.profile import Profile
+
+
+class ProfileTable(Table):
+    """A table with a profile in time: at once, a ramp, or a table of times and factors."""
+
+    profile: Literal["step", "ramp", "table"] = Field(
+        default="step", description="course in time: at once, rising evenly within rise_ms, or along the pairs of table"
+    )
+    start_ms: float = Field(default=0.0, ge=0.0, description="time at which a step or a ramp begins [ms]")
+    rise_ms: float = Field(default=0.0, ge=0.0, description="time in which a ramp rises [ms]")
+    end_ms: float | None = Field(default=None, description="time at which the pull ends [ms]; none by default")
+    table: list[Pair] = Field(
+        default=[], max_length=MOST_ROWS_OF_A_COURSE, description="[time_ms, scale] pairs, linear in between"
+    )
+
+    @model_validator(mode="after")
+    def _profile_is_whole(self) -> ProfileTable:
+        if self.end_ms is not None and self.end_ms <= self.start_ms + self.rise_ms:
+            raise ValueError("end_ms must come after start_ms + rise_ms")
+        if (self.profile == "ramp") != (self.rise_ms > 0.0):
+            raise ValueError('profile = "ramp" and rise_ms above 0 go together')
+        if (self.profile == "table") != bool(self.table):
+            raise ValueError('profile = "table" and a table of [time_ms, scale] pairs go together')
+        if self.profile == "table" and (self.start_ms > 0.0 or self.end_ms is not None):
+            raise ValueError('start_ms and end_ms do not go with profile = "table": put the times into the table')
+        times = [time for time, _ in self.table]
+        if times != sorted(times) or any(time < 0.0 for time in times):
+            raise ValueError("the times of table must not be negative and must not decrease")
+        if any(scale < 0.0 for _, scale in self.table):
+            raise ValueError("the scales of table must not be negative: a muscle cannot push")
+        return self
+
+
+def profile_of(table: ProfileTable) -> Profile:
+    """The profile that the keys of a table describe."""
+    if table.profile == "table":
+        time_ms, scale = np.array(table.table, dtype=float).T
+        return Profile(1e-3 * time_ms, scale)
+    end_s = np.inf if table.end_ms is None else 1e-3 * table.end_ms
+    return Profile.step(1e-3 * table.start_ms, end_s, 1e-3 * table.rise_ms)

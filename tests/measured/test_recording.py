@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from support import ROOT
 
 from explicitfe.fem.mesh.box import box
-from explicitfe.inverse.measured.coils import read_coils
+from explicitfe.inverse.measured.coils import read_coils, read_trace
 from explicitfe.inverse.measured.compare_recording import compare_recording
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.platform.errors import InputError
@@ -263,7 +263,8 @@ def test_a_trajectory_dataset_from_a_recording(
     assert any("converted to the axes of the model" in note for note in answer["notes"])
     dataset = read_dataset("speaker")
     (curve,) = dataset.curves
-    assert dataset.sensors == {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "back"}
+    points = {name: sensor.point for name, sensor in dataset.sensors.items()}
+    assert points == {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "back"}
     assert dataset.registration is not None and dataset.registration.rotation == "fit"
     assert curve.noise.displacement_sd_mm == 0.2 and curve.time_s[[0, -1]].tolist() == [0.0, 0.2]
     assert dataset.scenario is not None
@@ -324,7 +325,116 @@ def test_a_recording_without_times_or_scenario(tmp_path: Path, monkeypatch: pyte
     assert dataset.scenario is None and dataset.registration is None
 
 
+def test_sensors_near_a_line_are_not_turned_upside_down(result: Path, tmp_path: Path) -> None:
+    """Coils in a slight hollow where the points of the model are arched: a free rotation of 180° about their line fits better."""
+    times_s = np.arange(0.0, 0.1001, 0.002)
+    hollow = {"T1": (0.0, 0.001, 0.0), "T2": (0.02, 0.0, 0.009), "T3": (0.04, 0.0, 0.02)}
+    positions = {sensor: np.array(place) + motion(times_s, "tip") for sensor, place in hollow.items()}
+    mapping = {"tip": "T1", "front": "T2", "dorsum": "T3"}
+    lines = ["time_s," + ",".join(f"{sensor}_{axis}_mm" for sensor in hollow for axis in ("front", "left", "up"))]
+    for k, time_s in enumerate(times_s):
+        row = [value for place in positions.values() for value in 1e3 * place[k] * [-1.0, -1.0, 1.0]]
+        lines.append(",".join(f"{value:.9g}" for value in (time_s, *row)))
+    (tmp_path / "named.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    free, _ = compare_recording(result, write_csv(tmp_path / "xyz.csv", times_s, positions), mapping)
+    assert free.registration.rotation_deg > 150.0
+    named, _ = compare_recording(result, tmp_path / "named.csv", mapping)
+    assert named.registration.rotation[1] == [0.0, 1.0, 0.0] and named.registration.rotation_deg < 20.0
+    assert named.registration.what.startswith("rotation about the lateral axis and translation")
+    assert any("a free rotation would contradict the directions" in sentence for sentence in named.warnings)
+    coils = read_coils(
+        write_csv(tmp_path / "turned.csv", times_s, {k: v * [-1.0, -1.0, 1.0] for k, v in positions.items()}),
+        axes="front,left,up",
+    )
+    assert compare_recording(result, coils, mapping)[0].rms_mm == pytest.approx(named.rms_mm)
+    for words in ("front,left", "front,back,up", "x,y,z"):
+        with pytest.raises(InputError, match=f"`axes` {words}: give the directions of x, y and z, such as"):
+            read_coils(tmp_path / "turned.csv", axes=words)
+    with pytest.raises(InputError, match="`axes` is for recordings with x, y and z; omit it"):
+        read_coils(tmp_path / "named.csv", axes="front,left,up")
+    planar, _ = compare_recording(result, write_csv(tmp_path / "xz.csv", times_s, positions, axes="xz"), mapping)
+    assert planar.registration.rotation[2][2] > 0.9
+
+
+def test_a_planar_recording_may_point_forward(result: Path, tmp_path: Path) -> None:
+    """x grows to the front instead of the back: the recording is turned about the vertical axis, not upside down."""
+    times_s, positions = places()
+    forward = {name: place * [-1.0, 1.0, 1.0] for name, place in positions.items() if name != "T4"}
+    mapping = {point: sensor for point, sensor in MAPPING.items() if sensor != "T4"}
+    comparison, _ = compare_recording(result, write_csv(tmp_path / "a.csv", times_s, forward, axes="xz"), mapping)
+    assert comparison.rms_mm < 1e-6
+    np.testing.assert_allclose(comparison.registration.rotation, np.diag([-1.0, -1.0, 1.0]), atol=1e-9)
+
+
+def test_doubtful_intervals_are_named(result: Path, tmp_path: Path) -> None:
+    """No rest in the reference interval, and no movement in the compared one."""
+    times_s, positions = places()
+    coils = read_coils(write_csv(tmp_path / "a.csv", times_s, positions))
+    moving, _ = compare_recording(result, coils, MAPPING, reference_s=(0.03, 0.06))
+    assert any(sentence.startswith("the sensors move by 3.") and "`reference_s`" in sentence for sentence in moving.warnings)
+    still = replace(coils, positions={name: np.repeat(place[:1], len(times_s), axis=0) for name, place in positions.items()})
+    resting, _ = compare_recording(result, still, MAPPING)
+    assert [sentence for sentence in resting.warnings if "in the compared interval the sensors vary by 0.00 mm rms" in sentence]
+    assert compare_recording(result, coils, MAPPING)[0].warnings == []
+
+
+def test_a_palate_trace_is_drawn(
+    result: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_csv(Path("coils.csv"), *places())
+    Path("palate.csv").write_text("x_mm,z_mm\n0,25\n20,30\n40,\n30,29\n", encoding="utf-8")
+    trace, axes = read_trace(Path("palate.csv"))
+    assert axes == "cartesian" and trace.tolist() == [[0.0, 0.0, 0.025], [0.02, 0.0, 0.03], [0.03, 0.0, 0.029]]
+    words = ["compare", str(result), "coils.csv", "--map", "tip=T1", "--map", "front=T2", "--map", "side=T4"]
+    assert command([*words, "--palate", "palate.csv", "--picture", "paths.svg"]) == 0
+    assert "recorded palate" in Path("paths.svg").read_text(encoding="utf-8")
+    assert command([*words, "--palate", "palate.csv"]) == 2
+    assert "--palate needs a picture to draw the trace in; add --picture" in capsys.readouterr().err
+    Path("palate.csv").write_text("front_mm,up_mm\n0,25\n20,30\n30,29\n", encoding="utf-8")
+    assert command([*words, "--palate", "palate.csv", "--picture", "other.svg"]) == 2
+    assert "the trace has directions and the recording x, y, z; use one frame." in capsys.readouterr().err
+    assert command([*words, "--palate", "coils.csv", "--picture", "other.svg"]) == 2
+    assert "a trace has one sensor, and this table has T1, T2, T3, T4" in capsys.readouterr().err
+    assert command(["compare", str(result), "palate.csv", "--map", "tip=T1"]) == 2
+    assert "A trace of the palate is drawn by `compare --palate`." in " ".join(capsys.readouterr().err.split())
+
+
 MEASURED = SHARED_DATA / "measured"
+MANDARIN = "tongue-ema-mandarin/utterance-{}.csv"
+RECORDINGS = {
+    **{MANDARIN.format(n): {"tip": "TT", "blade": "TBL", "front": "TM", "dorsum": "TB"} for n in ("041", "043", "049", "137")},
+    "tongue-ema-palate-sound/sentence.csv": {"blade": "TT", "front": "TB", "dorsum": "TD"},
+}
+
+
+@pytest.fixture(scope="module")
+def vowel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A result on the coarse tongue, shorter than the bundled scenario."""
+    folder = tmp_path_factory.mktemp("vowel")
+    settings = ["--set", "model.resolution=coarse", "--set", "analysis.duration_ms=100"]
+    assert command(["run", "vowel-i", *settings, "--out", str(folder)]) == 0
+    return folder / "vowel-i.vtkhdf"
+
+
+@pytest.mark.parametrize("file", RECORDINGS)
+@needs(MEASURED / "tongue-ema-palate-sound")
+@needs(MEASURED / "tongue-ema-mandarin")
+def test_real_recordings_are_compared_and_drawn(
+    file: str, vowel: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Up remains up, and paths and palate are drawn; the sizes are those of a tongue."""
+    words = [f"--map={point}={sensor}" for point, sensor in RECORDINGS[file].items()]
+    if "palate-sound" in file:
+        words += ["--palate", str(MEASURED / "tongue-ema-palate-sound/palate-trace.csv"), "--reference-s", "0:0.1"]
+    picture = tmp_path / "paths.png"
+    words += ["--offset-s", "fit", "--picture", str(picture), "--json"]
+    assert command(["compare", str(vowel), str(MEASURED / file), *words]) == 0
+    answer = check_answer("compare", capsys.readouterr().out)
+    assert answer["rms_mm"] < 6.0 and answer["centred_rms_mm"] < 2.0 and answer["rows"] >= 5
+    assert answer["registration"]["rotation"][2][2] > 0.9
+    assert all((point["right"] is None) == ("mandarin" in file) for point in answer["points"].values())
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 
 from explicitfe.app.cli.ending import CommandFailure, FailureKind, command_failure
+from explicitfe.app.cli.help import with_flags
 from explicitfe.app.cli.streams import Screen, stderr, stdout
 from explicitfe.app.view.json_text import json_text
 
@@ -49,7 +50,7 @@ def print_answer(
     else:
         Screen(stdout).print(table(), crop=False)  # names of files are longer than a line of a terminal
         for sentence in notes:
-            print_note(sentence)
+            print_note(with_flags(sentence))
     if failed is not None:
         print_failure(failed)
         raise typer.Exit(failed["exit_code"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 import typer
 
@@ -17,10 +17,29 @@ from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.result_files import find_result
 from explicitfe.platform.host.shipped import export_file
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from explicitfe.inverse.measured.coils import Coils
+    from explicitfe.inverse.measured.compare_recording import Tracks
+    from explicitfe.results.measure.recording import RecordingComparison
+
 REGISTRATIONS = ("rest", "movement", "none")
 # Options that only recordings have.
-OF_RECORDINGS = ("mapping", "register", "reference_s", "offset_s", "head", "unit", "rate_hz", "picture", "overwrite")
-RECORDING_SUFFIXES = (".csv", ".txt", ".tsv")
+OF_RECORDINGS = (
+    "mapping",
+    "register",
+    "reference_s",
+    "offset_s",
+    "head",
+    "unit",
+    "rate_hz",
+    "axes",
+    "picture",
+    "palate",
+    "overwrite",
+)
+RECORDING_SUFFIXES = (".csv", ".txt", ".tsv", ".c3d")
 
 
 @dataclass(frozen=True)
@@ -74,15 +93,33 @@ class CompareOptions:
     ] = None
     unit: Annotated[
         str | None,
-        typer.Option("--unit", help="Unit of columns that name none, such as mm or m.", show_default=False),
+        typer.Option("--unit", help="Unit of columns that name none, or of a C3D file, such as mm or m.", show_default=False),
     ] = None
     rate_hz: Annotated[
         float | None,
         typer.Option("--rate-hz", metavar="HZ", help="Sampling rate of a recording without a time column.", show_default=False),
     ] = None
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            "--axes",
+            metavar="X,Y,Z",
+            help="Directions of x, y and z of a recording with these axes, such as front,left,up.",
+            show_default=False,
+        ),
+    ] = None
     picture: Annotated[
         Path | None,
         typer.Option("--picture", metavar="FILE", help="Draw the paths (.png, .pdf or .svg).", show_default=False),
+    ] = None
+    palate: Annotated[
+        Path | None,
+        typer.Option(
+            "--palate",
+            metavar="FILE",
+            help="Draw a trace of the speaker's palate (.csv; axes as in the recording) in the picture.",
+            show_default=False,
+        ),
     ] = None
     overwrite: OverwriteFilesOption = False
     as_json: JsonOption = False
@@ -93,7 +130,9 @@ def compare(
     result: ResultArgument,
     other: Annotated[
         Path,
-        typer.Argument(help="Result to compare with it, or a recording of sensors (.csv, .txt, .tsv).", show_default=False),
+        typer.Argument(
+            help=f"Result to compare with it, or a recording of sensors ({', '.join(RECORDING_SUFFIXES)}).", show_default=False
+        ),
     ],
     options: CompareOptions,
 ) -> None:
@@ -109,7 +148,7 @@ def compare(
     given = [name for name in OF_RECORDINGS if getattr(options, name)]
     if other.suffix.lower() not in RECORDING_SUFFIXES:
         if given:
-            raise InputError(f"`{given[0]}` is for a recording (.csv, .txt, .tsv), and {other} is none; omit it.")
+            raise InputError(f"`{given[0]}` is for a recording ({', '.join(RECORDING_SUFFIXES)}), and {other} is none; omit it.")
         _compare_results(result, find_result(other), options.tolerance, options.as_json)
         return
     if options.tolerance is not None:
@@ -118,13 +157,14 @@ def compare(
         raise InputError("--map is missing; map at least one point of the model to a sensor, such as --map tip=T1.")
     if options.register not in (None, *REGISTRATIONS):
         raise InputError(f'--register "{options.register}" is not possible; {nearest(options.register, REGISTRATIONS)}')
+    if options.palate is not None and options.picture is None:
+        raise InputError("--palate needs a picture to draw the trace in; add --picture, such as --picture paths.png.")
     with following(console, f"reading {result}, {other}"):
-        from explicitfe.app.view.recording import draw_recording
         from explicitfe.app.view.terminal.recording import recording_tables
         from explicitfe.inverse.measured.coils import parse_interval, parse_mapping, read_coils
         from explicitfe.inverse.measured.compare_recording import compare_recording
 
-        coils = read_coils(export_file(other), unit=options.unit, rate_hz=options.rate_hz)
+        coils = read_coils(export_file(other), unit=options.unit, rate_hz=options.rate_hz, axes=options.axes)
         comparison, tracks = compare_recording(
             result,
             coils,
@@ -135,10 +175,41 @@ def compare(
             head=options.head or (),
         )
         if options.picture is not None:
-            labels = [f"{point} ({compared.sensor})" for point, compared in comparison.points.items()]
-            draw_recording(result, options.picture, tracks.time_s, tracks.model, tracks.recorded, labels, options.overwrite)
+            _draw(result, options.picture, comparison, tracks, _palate(options, coils, comparison), options.overwrite)
             comparison = comparison.model_copy(update={"picture": str(options.picture)})
     print_answer(comparison.document, options.as_json, lambda: recording_tables(comparison), comparison.warnings)
+
+
+def _draw(
+    result: Path, file: Path, comparison: RecordingComparison, tracks: Tracks, palate: np.ndarray | None, overwrite: bool
+) -> None:
+    """Draw the compared paths."""
+    from explicitfe.app.view.recording import RecordingPicture, draw_recording
+
+    labels = [f"{point} ({compared.sensor})" for point, compared in comparison.points.items()]
+    distance = f"rms {comparison.rms_mm:.2f} mm, centred {comparison.centred_rms_mm:.2f} mm"
+    what = f"Recording {Path(comparison.recording).name} from {comparison.offset_s:.3f} s ({distance})"
+    draw_recording(result, file, RecordingPicture(tracks.time_s, tracks.model, tracks.recorded, labels, what, palate), overwrite)
+
+
+def _palate(options: CompareOptions, coils: Coils, comparison: RecordingComparison) -> np.ndarray | None:
+    """Trace of the palate (k, 3) m in the frame of the model; None if none is given."""
+    import numpy as np
+
+    from explicitfe.inverse.measured.coils import parse_axes, read_trace
+
+    if options.palate is None:
+        return None
+    places, axes = read_trace(options.palate, unit=options.unit)
+    if options.axes is not None and axes == "cartesian":
+        places, axes = places @ parse_axes(options.axes), "anatomical"
+    if axes != coils.axes:
+        named = {"anatomical": "directions", "cartesian": "x, y, z"}
+        raise InputError(
+            f"--palate {options.palate}: the trace has {named[axes]} and the recording {named[coils.axes]}; use one frame."
+        )
+    registration = comparison.registration
+    return places @ np.array(registration.rotation).T + 1e-3 * np.array(registration.translation_mm)
 
 
 def _compare_results(a: Path, b: Path, tolerance: float | None, as_json: bool) -> None:

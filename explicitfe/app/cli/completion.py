@@ -52,7 +52,7 @@ def complete_protocol(incomplete: str) -> list[str]:
 
 def complete_table(incomplete: str) -> list[str]:
     """Tables of testing machines."""
-    return _fitting(incomplete, shipped.exports(), (".csv", ".txt", ".tsv"))
+    return _fitting(incomplete, shipped.exports(), (".csv", ".txt", ".tsv", ".c3d"))
 
 
 def complete_result(incomplete: str) -> list[str]:

@@ -46,7 +46,7 @@ def _size(words: str) -> typer.models.OptionInfo:
 
 
 # Options of one kind of test only.
-OF_TRAJECTORIES = ("mapping", "scenario", "unit", "rate_hz", "noise_mm", "interval_s")
+OF_TRAJECTORIES = ("mapping", "scenario", "unit", "rate_hz", "axes", "noise_mm", "interval_s")
 COLUMN_OPTIONS = ("time", "displacement", "force", "stretch", "stress", "shear_strain", "shear_stress")
 OF_SPECIMENS = ("tool", "diameter_mm", "height_mm", "size_mm", "force_sd_N", "rate", "contact_force_N")
 
@@ -104,11 +104,15 @@ class NewDatasetOptions:
             "--scenario", metavar="SCENARIO", help="Trajectory: scenario to compare with.", autocompletion=complete_scenario
         ),
     ] = None
-    unit: Annotated[str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, such as mm or m.")] = (
+    unit: Annotated[str | None, typer.Option("--unit", help="Trajectory: unit of columns that name none, or of C3D files.")] = (
         None
     )
     rate_hz: Annotated[
         float | None, typer.Option("--rate-hz", metavar="HZ", help="Trajectory: sampling rate, if there is no time column.")
+    ] = None
+    axes: Annotated[
+        str | None,
+        typer.Option("--axes", metavar="X,Y,Z", help="Trajectory: directions of x, y and z, such as front,left,up."),
     ] = None
     noise_mm: Annotated[
         float | None, typer.Option("--noise-mm", metavar="MM", help="Trajectory: standard deviation of a coordinate.")
@@ -128,7 +132,8 @@ def new_dataset(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Tables (.csv, .txt), one per test. Bundled examples: gel-slow.csv gel-medium.csv gel-fast.csv ema-vowel-i.csv",
+            help="Tables (.csv, .txt) or recordings of motion capture (.c3d), one per test. Bundled examples: gel-slow.csv "
+            "gel-medium.csv gel-fast.csv ema-vowel-i.csv",
             show_default=False,
             autocompletion=complete_table,
         ),
@@ -165,11 +170,16 @@ def new_dataset(
                 source=options.source,
                 license=options.license_,
             )
-            recordings = [read_coils(export_file(file), unit=options.unit, rate_hz=options.rate_hz) for file in files]
+            recordings = [
+                read_coils(export_file(file), unit=options.unit, rate_hz=options.rate_hz, axes=options.axes) for file in files
+            ]
             dataset = write_new_trajectory(folder, recordings, trajectories)
         _print(dataset, options.as_json)
         return
     _refuse(options, OF_TRAJECTORIES, "is for --test trajectory only")
+    for file in files:
+        if file.suffix.lower() == ".c3d":
+            raise InputError(f"{file}: a C3D file has positions of markers; add --test trajectory.")
     with following(console, f"reading {', '.join(map(str, files))}"):
         from explicitfe.inverse.measured.export import read_export
         from explicitfe.inverse.measured.new_dataset import TestDescription, quantities_of, usual_folder, write_new_dataset

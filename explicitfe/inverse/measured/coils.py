@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from explicitfe.inverse.measured.c3d_file import read_c3d
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.export import Export, ExportColumn, read_export
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS
@@ -23,8 +24,13 @@ ANATOMICAL_AXES = {
     "up": (2, 1.0), "down": (2, -1.0),
 }  # fmt: skip
 CARTESIAN_AXES = {"x": (0, 1.0), "y": (1, 1.0), "z": (2, 1.0)}
-_COORDINATE = re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{'|'.join((*ANATOMICAL_AXES, *CARTESIAN_AXES))})", re.IGNORECASE)
+AXES = ANATOMICAL_AXES | CARTESIAN_AXES
+_COORDINATE = re.compile(rf"(?P<sensor>.+?)[_ .:-](?P<axis>{'|'.join(AXES)})", re.IGNORECASE)
 M_PER_MM = 1e-3  # lengths in QUANTITIES are in mm
+C3D_SUFFIX = ".c3d"
+
+
+AxesKind = Literal["anatomical", "cartesian"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +49,7 @@ class Coils:
     path: Path
     time_s: np.ndarray
     positions: dict[str, np.ndarray]
-    axes: Literal["anatomical", "cartesian"]
+    axes: AxesKind
     planar: bool
     notes: list[str] = field(default_factory=list)
 
@@ -84,17 +90,18 @@ class Coils:
         return self.positions[name]
 
 
-def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = None) -> Coils:
-    """Read a recording.
+def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = None, axes: str | None = None) -> Coils:
+    """Read a recording from a text table or a C3D file (suffix .c3d, see :func:`explicitfe.inverse.measured.c3d_file.read_c3d`).
 
-    Columns are ``SENSOR_AXIS`` with the unit in the name, such as ``T1_x_mm`` or ``TT_up (m)``. The axis is x, y or z, or a
-    direction: forward, front, back, left, right, up, down. A time column is named ``time_s``, ``time_ms`` or similar. Other
+    Columns of a table are ``SENSOR_AXIS`` with the unit in the name, such as ``T1_x_mm`` or ``TT_up (m)``. The axis is x, y or z,
+    or a direction: forward, front, back, left, right, up, down. A time column is named ``time_s``, ``time_ms`` or similar. Other
     columns are ignored.
 
     Parameters
     ----------
-    unit : of coordinates whose columns do not name one: "mm", "cm", "m", "µm" or "in".
-    rate_hz : sampling rate of a recording without a time column.
+    unit : of coordinates whose columns do not name one: "mm", "cm", "m", "µm" or "in"; in a C3D file it replaces the stated unit.
+    rate_hz : sampling rate of a recording without a time column; in a C3D file it replaces the stated rate.
+    axes : directions of x, y and z in a recording with these axes, such as "front,left,up".
 
     Raises
     ------
@@ -102,16 +109,24 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     """
     if rate_hz is not None and not 0.0 < rate_hz < np.inf:
         raise InputError(f"`rate_hz` {rate_hz:g} is not possible; give the sampling rate, a number above 0.")
+    if path.suffix.lower() == C3D_SUFFIX:
+        markers = read_c3d(path, unit=unit, rate_hz=rate_hz)
+        positions = {name: M_PER_MM * place for name, place in markers.positions_mm.items()}
+        coils = Coils(path, markers.time_s, positions, "cartesian", planar=False, notes=markers.notes)
+    else:
+        coils = _read_table(path, unit, rate_hz)
+    return coils if axes is None else _in_directions(coils, axes)
+
+
+def _read_table(path: Path, unit: str | None, rate_hz: float | None) -> Coils:
+    """Read a recording from a text table."""
     export = read_export(path)
     notes: list[str] = []
     sensors, ignored = _sensors(export)
     time_s, time = _time(export, [column for column in ignored if column.name], rate_hz)
     if extra := [column.name for column in ignored if column is not time]:
         notes.append(f"{path}: columns that are no coordinates are ignored: {_listed(extra)}.")
-    kinds = {axis in ANATOMICAL_AXES for axes in sensors.values() for axis in axes}
-    if len(kinds) > 1:
-        raise InputError(f"{path}: some columns have the axes x, y, z and others directions such as up; use one of the two.")
-    anatomical = kinds.pop()
+    axes_named = _axes_named(path, (axis for axes in sensors.values() for axis in axes))
     positions, planar = {}, set()
     for name, columns in sensors.items():
         places = {axis: _metres(export, column, unit) for axis, column in columns.items()}
@@ -124,7 +139,55 @@ def read_coils(path: Path, *, unit: str | None = None, rate_hz: float | None = N
     if not later.all():
         notes.append(f"{path}: {(~later).sum()} rows whose time does not increase are omitted.")
     positions = {name: place[later] for name, place in positions.items()}
-    return Coils(path, time_s[later], positions, "anatomical" if anatomical else "cartesian", planar.pop(), notes)
+    return Coils(path, time_s[later], positions, axes_named, planar.pop(), notes)
+
+
+def _in_directions(coils: Coils, axes: str) -> Coils:
+    """Convert a recording with x, y, z to the axes of the model."""
+    if coils.axes == "anatomical" or coils.planar:
+        raise InputError(f"{coils.path}: `axes` is for recordings with x, y and z; omit it.")
+    turn = parse_axes(axes)
+    return replace(coils, axes="anatomical", positions={name: place @ turn for name, place in coils.positions.items()})
+
+
+def parse_axes(words: str) -> np.ndarray:
+    """Parse the directions of x, y and z, such as ``front,left,up``: M (3, 3), so that x_model = x M.
+
+    Raises
+    ------
+    InputError : these are not three directions along different axes.
+    """
+    names = [word.strip().lower() for word in words.split(",")]
+    turn = np.zeros((3, 3))
+    if len(names) == 3 and set(names) <= set(ANATOMICAL_AXES):
+        for row, name in enumerate(names):
+            number, sign = ANATOMICAL_AXES[name]
+            turn[row, number] = sign
+    if abs(np.linalg.det(turn)) < 0.5:
+        raise InputError(f"`axes` {shortened(words)}: give the directions of x, y and z, such as `axes` front,left,up.")
+    return turn
+
+
+def read_trace(path: Path, *, unit: str | None = None) -> tuple[np.ndarray, AxesKind]:
+    """Read the points of a trace, such as the midline of the palate: positions (k, 3) m, and what the axes are (see Coils).
+
+    The columns are axes with the unit, such as ``front_mm`` and ``up_mm``, or those of one sensor. A missing lateral coordinate
+    is 0. Rows with a missing value are omitted.
+
+    Raises
+    ------
+    InputError : the file cannot be read, axes or units are missing or wrong, or there are several sensors.
+    """
+    export = read_export(path)
+    columns = {column.name.lower(): column for column in export.columns if column.name.lower() in AXES}
+    if not columns:
+        sensors, _ = _sensors(export)
+        if len(sensors) > 1:
+            raise InputError(f"{path}: a trace has one sensor, and this table has {_listed([*sensors])}; give the trace alone.")
+        (columns,) = sensors.values()
+    axes = _axes_named(path, columns)
+    places = _positions(path, path.stem, {axis: _metres(export, column, unit) for axis, column in columns.items()}, [])
+    return places[np.isfinite(places).all(axis=1)], axes
 
 
 def parse_mapping(words: Sequence[str]) -> dict[str, str]:
@@ -162,6 +225,14 @@ def parse_interval(words: str, option: str) -> tuple[float, float]:
     return start_s, end_s
 
 
+def _axes_named(path: Path, axes: Iterable[str]) -> AxesKind:
+    """Whether axes are directions or x, y, z."""
+    kinds = {axis in ANATOMICAL_AXES for axis in axes}
+    if len(kinds) > 1:
+        raise InputError(f"{path}: some columns have the axes x, y, z and others directions such as up; use one of the two.")
+    return "anatomical" if kinds.pop() else "cartesian"
+
+
 def _sensors(export: Export) -> tuple[dict[str, dict[str, ExportColumn]], list[ExportColumn]]:
     """Sensor -> axis -> column, and the columns that are no coordinates."""
     sensors: dict[str, dict[str, ExportColumn]] = {}
@@ -177,10 +248,11 @@ def _sensors(export: Export) -> tuple[dict[str, dict[str, ExportColumn]], list[E
             raise InputError(f'{export.path}: two columns are called "{shortened(column.name)}"; give each sensor its own name.')
         axes[axis] = column
     if not sensors:
+        bare = any(column.name.lower() in AXES for column in export.columns)
         names = ", ".join(shortened(column.name) for column in export.columns)
         raise InputError(
             f"{export.path}: no column is a coordinate of a sensor; name them SENSOR_AXIS_UNIT, such as T1_x_mm or TT_up_mm. "
-            f"Columns: {names}."
+            f"Columns: {names}.{' A trace of the palate is drawn by `compare --palate`.' if bare else ''}"
         )
     return sensors, others
 
@@ -192,14 +264,14 @@ def _positions(path: Path, name: str, places: dict[str, np.ndarray], notes: list
         note = f"{path}: the sensors have x and y only; x is taken as horizontal and y as vertical in the midsagittal plane."
         notes += [note] if note not in notes else []
     positions = np.zeros((len(next(iter(places.values()))), 3))
-    axes = {(ANATOMICAL_AXES | CARTESIAN_AXES)[axis][0] for axis in places}
+    axes = {AXES[axis][0] for axis in places}
     if len(axes) < len(places) or not axes >= {0, 2}:
         raise InputError(
             f'{path}: sensor "{shortened(name)}" has the axes {", ".join(places)}; give x, y, z, or x and z, or directions '
             f"such as forward, right, up."
         )
     for axis, values in places.items():
-        number, sign = (ANATOMICAL_AXES | CARTESIAN_AXES)[axis]
+        number, sign = AXES[axis]
         positions[:, number] = sign * values
     return positions
 

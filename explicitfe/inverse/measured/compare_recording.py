@@ -14,7 +14,15 @@ from scipy.spatial.transform import Rotation
 
 from explicitfe.inverse.measured.coils import Coils, read_coils
 from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS
-from explicitfe.inverse.measured.registration import Registration, determine_a_rotation, procrustes, rotation_between
+from explicitfe.inverse.measured.registration import (
+    Registration,
+    are_nearly_on_a_line,
+    determine_a_rotation,
+    procrustes,
+    procrustes_in_plane,
+    rotation_between,
+    turns_over,
+)
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import export_file
@@ -27,11 +35,14 @@ from explicitfe.results.measure.sections import X, Y, Z
 # Without --reference-s a speaker is taken to rest for this time from the start of the comparison.
 REST_S = 0.02
 # A fitted offset keeps at least this share of the shorter of the two records in the comparison.
-LEAST_OVERLAP_SHARE = 0.5
+LEAST_OVERLAP_SHARE = 0.9
 # Offsets are searched in steps of the sampling interval, but of at least this length, and at most this many.
 SMALLEST_OFFSET_STEP_S, MOST_OFFSETS = 2e-3, 5000
 MM_PER_M, MS_PER_S = 1e3, 1e3
 MIDSAGITTAL = np.array([1.0, 0.0, 1.0])  # planar recordings have no lateral coordinate
+# In the reference interval the sensors move by less than this; coordinates of an articulograph have errors of 0.3 to 0.5 mm.
+RESTING_M = 5e-4
+LEAST_MOVEMENT_SHARE = 0.2  # of the recording relative to that of the model
 STILL_M = 1e-9  # a coordinate that changes by less does not move
 SAME_TIME_S = 1e-9
 
@@ -118,11 +129,9 @@ def compare_recording(
     best = _best_offset(coils.path, align, steady.time_s, times_s) if fitted else align(_start_of(steady, offset_s))
     movement = best.recorded - best.recorded.mean(axis=0)
     model_movement = best.model - best.model.mean(axis=0)
-    sentence, can_rotate = _registration_sentence(register, reference_s, recorded)
-    warnings = list(steady.notes)
-    if register != "none" and not can_rotate:
-        warnings.append("registration by translation only: a rotation needs three sensors that do not lie on a line.")
     table = best.registration
+    sentence = _registration_sentence(register, reference_s, recorded, table)
+    warnings = [*steady.notes, *_doubts(steady, recorded, best, register, reference_s)]
     comparison = RecordingComparison(
         result=described,
         recording=str(coils.path),
@@ -199,9 +208,63 @@ def _align(
         target, seen = rest_m, recorded[_reference_rows(coils, start_s, end_s)].mean(axis=0)
     else:
         target, seen = model.reshape(-1, 3), compared.reshape(-1, 3)
-    registration = procrustes(_fitted_parts(recorded), target, seen)
+    registration = _fit_registration(coils, _fitted_parts(recorded), target, seen)
     residual_m = _rms(registration.to_model(seen) - target)
     return _Aligned(shift_s, now_s, model, registration.to_model(compared), registration, residual_m)
+
+
+def _fit_registration(coils: Coils, table: RegistrationTable, target: np.ndarray, seen: np.ndarray) -> Registration:
+    """Fit the registration, with a rotation about the lateral axis only if a free one contradicts the axes of the recording."""
+    free = procrustes(table, target, seen)
+    if table.rotation != "fit" or not (coils.planar or turns_over(free, coils.axes, coils.planar)):
+        return free
+    directions = [False] if coils.axes == "anatomical" else [False, True]
+    fits = [procrustes_in_plane(target, seen, reversed_x) for reversed_x in directions]
+    upright = [fit for fit in fits if not turns_over(fit, "cartesian", planar=True)] or fits
+    return min(upright, key=lambda fit: _rms(fit.to_model(seen) - target))
+
+
+def _doubts(
+    coils: Coils, recorded: np.ndarray, best: _Aligned, register: RegisterBy, reference_s: tuple[float, float] | None
+) -> list[str]:
+    """Sentences on what makes the registration or the comparison doubtful."""
+    doubts = []
+    where = recorded.mean(axis=0)
+    if register != "none":
+        if not determine_a_rotation(where):
+            doubts.append("registration by translation only: a rotation needs three sensors that do not lie on a line.")
+        elif best.registration.is_planar and not coils.planar:
+            doubts.append(
+                "the sensors lie nearly on a line, and a free rotation would contradict the directions that the recording names; "
+                "the rotation is about the lateral axis only."
+            )
+        elif not best.registration.is_planar and coils.axes == "cartesian" and are_nearly_on_a_line(where):
+            doubts.append(
+                "the sensors lie nearly on a line: the rotation about it is uncertain; name the directions with `axes`."
+            )
+    if register == "rest":
+        start_s, end_s = reference_s or (best.shift_s, best.shift_s + REST_S)
+        rows = _reference_rows(coils, start_s, end_s)
+        moved_m = _trend(coils.time_s[rows], recorded[rows].mean(axis=1))
+        if moved_m > RESTING_M:
+            doubts.append(
+                f"the sensors move by {MM_PER_M * moved_m:.1f} mm from {start_s:.4g} to {end_s:.4g} s, where the speaker is "
+                f"taken to rest; give another `reference_s`, or `register` movement."
+            )
+    movement_m, model_m = (_rms(places - places.mean(axis=0)) for places in (best.recorded, best.model))
+    if movement_m < LEAST_MOVEMENT_SHARE * model_m:
+        doubts.append(
+            f"in the compared interval the sensors vary by {MM_PER_M * movement_m:.2f} mm rms and the model by "
+            f"{MM_PER_M * model_m:.2f} mm; select a movement of the recording with `offset_s`, a time or fit."
+        )
+    return doubts
+
+
+def _trend(time_s: np.ndarray, path: np.ndarray) -> float:
+    """Length in m of the linear trend of a path (k, 3) over its duration; it is affected by noise less than the end points."""
+    if len(time_s) < SMALLEST_CURVE_ROWS:
+        return 0.0
+    return float(np.linalg.norm(np.polyfit(time_s - time_s[0], path, 1)[0]) * np.ptp(time_s))
 
 
 def _rows_between(time_s: np.ndarray, start_s: float, end_s: float) -> slice:
@@ -268,18 +331,19 @@ def _without_head_motion(coils: Coils, head: Sequence[str], reference_s: tuple[f
 
 
 def _registration_sentence(
-    register: RegisterBy, reference_s: tuple[float, float] | None, recorded: np.ndarray
-) -> tuple[str, bool]:
-    """What the registration was fitted to, and whether it includes a rotation."""
-    can_rotate = determine_a_rotation(recorded.mean(axis=0))
-    parts = "rotation and translation" if can_rotate else "translation"
+    register: RegisterBy, reference_s: tuple[float, float] | None, recorded: np.ndarray, fitted: Registration
+) -> str:
+    """What was fitted, and to what."""
+    parts = "translation"
+    if determine_a_rotation(recorded.mean(axis=0)):
+        parts = f"rotation {'about the lateral axis ' if fitted.is_planar else ''}and translation"
     interval = f"{reference_s[0]:g} to {reference_s[1]:g} s" if reference_s else f"first {MS_PER_S * REST_S:g} ms"
     sentences = {
         "rest": f"{parts} fitted to the positions at rest (recording: {interval}; model: first sample)",
         "movement": f"{parts} fitted to all compared positions",
         "none": "none: the recording is in the frame of the model",
     }
-    return sentences[register], can_rotate
+    return sentences[register]
 
 
 def _sensor(sensor: str, time_s: np.ndarray, model: np.ndarray, recorded: np.ndarray, planar: bool) -> ComparedSensor:

@@ -55,6 +55,24 @@ _SAME_PROGRAMME_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
+class Sensor:
+    """Where a sensor sits on the model.
+
+    Attributes
+    ----------
+    point : named point of the model; "" for a marker.
+    at_m : (3,) position of the centre of a marker at rest, in the frame of the model, m; None for a named point.
+    fixed : whether it sits on what holds the body, and so does not move.
+    place_sd_m : likely error of ``at_m`` along each axis, m.
+    """
+
+    point: str = ""
+    at_m: np.ndarray | None = None
+    fixed: bool = False
+    place_sd_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Curve:
     """One measured curve, in SI.
 
@@ -66,7 +84,8 @@ class Curve:
         specimen too for a trajectory.
     time_s (k,) : 0 in the first row, strictly increasing [s].
     columns : name in SI -> (k,), see :data:`COLUMNS`; empty for a trajectory.
-    sensors : name -> positions (k, 3) [m]; a trajectory only.
+    sensors : name -> positions (k, 3) [m], NaN where a value is missing; a trajectory only.
+    start_s : time at which the motion begins; None: to be seen in the rows and fitted; a trajectory only.
     """
 
     id: str
@@ -82,6 +101,7 @@ class Curve:
     time_s: np.ndarray
     columns: dict[str, np.ndarray] = field(default_factory=dict)
     sensors: dict[str, np.ndarray] = field(default_factory=dict)
+    start_s: float | None = 0.0
 
     @property
     def defect(self) -> str | None:
@@ -174,12 +194,15 @@ class TrajectoryDataset(Dataset):
     Parameters
     ----------
     scenario : the model to compare with; without it the dataset has data only.
-    sensors : sensor -> named point of the model.
+    sensors : name -> where it sits on the model.
+    registration : from the frame of the sensors to that of the model, unless markers give it.
+    fit : constants of the scenario that are fitted from the start, by the names of their effects.
     """
 
     scenario: Path | None = None
-    sensors: dict[str, str] = field(default_factory=dict)
+    sensors: dict[str, Sensor] = field(default_factory=dict)
     registration: RegistrationTable | None = None
+    fit: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -86,6 +86,11 @@ class DatasetToml:
         return block[0][0] if block and _HEADER.match(block[0][1]) else None
 
 
+def _with_nan(row: str) -> str:
+    """A row of a trajectory, in which an empty cell is a missing value."""
+    return ",".join(cell if cell.strip() else "nan" for cell in row.split(","))
+
+
 def lines_of(text: str) -> list[str]:
     """Lines of a text, whatever ends them on the system that wrote it."""
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -155,8 +160,10 @@ class CurveCsv:
             sentence = f"the curve has {len(rows)} rows, and at most {LARGEST_CURVE_ROWS} are allowed"
             raise InputError(f"{self.path}: {sentence}; keep one row in {every}.")
         try:
-            numbers = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
-            if numbers.shape[1] == len(names) and np.isfinite(numbers).all():
+            gaps = self.kind not in COLUMNS
+            numbers = np.loadtxt(map(_with_nan, rows) if gaps else rows, delimiter=",", comments=None, ndmin=2)
+            known = np.isfinite(numbers) | (np.isnan(numbers) & np.array([gaps and name != TIME for name in names]))
+            if numbers.shape[1] == len(names) and known.all():
                 return numbers
             reason = "the cells are not finite numbers"
         except ValueError as error:
@@ -166,6 +173,8 @@ class CurveCsv:
             if len(cells) != len(names):
                 raise self.fault(row, f"{len(cells)} cells, but {len(names)} columns; each row needs a number in each column.")
             for cell, name in zip(cells, names, strict=True):
+                if not cell and self.kind not in COLUMNS and name != TIME:
+                    continue
                 if not _CELL.fullmatch(cell) or not math.isfinite(float(cell)):
                     raise self.fault(
                         row, f'{shortened(name)} = "{shortened(cell)}" is not a finite number; correct it or omit the row.'

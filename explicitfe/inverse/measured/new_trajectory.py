@@ -12,7 +12,8 @@ import numpy as np
 from explicitfe.inverse.measured.coils import Coils
 from explicitfe.inverse.measured.curve import TIME
 from explicitfe.inverse.measured.new_dataset import NewDataset, check_free, check_written, curve_names, plain_name, thinned
-from explicitfe.inverse.measured.registration import determine_a_rotation
+from explicitfe.inverse.measured.registration import determine_a_rotation, procrustes, turns_over
+from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import DATASET_FILE, scenario_file, scenarios
 from explicitfe.platform.host.toml_text import toml_value
@@ -65,10 +66,13 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
     scenario = None if description.scenario is None else scenario_file(description.scenario)
     if scenario is None and description.mapping:
         raise InputError("`mapping` needs a scenario whose points are mapped; add `scenario`, such as `scenario` vowel-i.")
+    turns = False
     if scenario is not None:
         notes += _check_scenario(scenario, description, recordings)
+        turns = _fits_rotation(scenario, description, recordings[0], notes)
     ids = curve_names([coils.path for coils in recordings])
     tables = {ids[coils.path]: _table(coils, description, notes) for coils in recordings}
+    origins = {ids[coils.path]: _origin(coils, description) for coils in recordings}
     bundled = scenario is not None and scenario in scenarios().values()
     with whole_folder(out) as folder:
         relative = None
@@ -76,7 +80,7 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
             relative = SCENARIO_FILE if bundled else Path(os.path.relpath(scenario.resolve(), out.resolve())).as_posix()
             if bundled:
                 (folder / SCENARIO_FILE).write_bytes(scenario.read_bytes())
-        text = _toml(plain_name(out.resolve().name), list(tables), recordings[0], relative, description)
+        text = _toml(plain_name(out.resolve().name), origins, turns, relative, description)
         (folder / DATASET_FILE).write_text(text, encoding="utf-8")
         for name, (head, rows) in tables.items():
             lines = [",".join(head), *(",".join(f"{number:.9g}" for number in row) for row in rows)]
@@ -125,6 +129,43 @@ def _check_scenario(path: Path, description: TrajectoryDescription, recordings: 
     return notes
 
 
+def _fits_rotation(path: Path, description: TrajectoryDescription, coils: Coils, notes: list[str]) -> bool:
+    """Whether the mean positions of the mapped sensors determine a rotation that keeps the directions of the recording."""
+    points = anatomy_of(read_transient(path).model, path.parent).mesh.named_points
+    where = np.stack([np.nanmean(coils.sensor(sensor), axis=0) for sensor in description.mapping.values()])
+    if not determine_a_rotation(where):
+        return False
+    undeformed = np.concatenate([points[point].position for point in description.mapping])
+    if coils.planar:
+        undeformed = undeformed * [1.0, 0.0, 1.0]
+    fitted = procrustes(RegistrationTable(rotation="fit", translation="fit"), undeformed, where)
+    if turns_over(fitted, coils.axes, coils.planar):
+        notes.append(
+            f"a fitted rotation would turn the recording by {fitted.turn_deg:.0f}°, because the sensors lie nearly on a line; "
+            f'only the translation is fitted. To fit the rotation too, add rotation = "fit" to [registration].'
+        )
+        return False
+    return True
+
+
+def _origin(coils: Coils, description: TrajectoryDescription) -> list[str]:
+    """Comments on a recording: file, sampling rate, sensors, and rows with missing values."""
+    start_s, end_s = description.interval_s or (-np.inf, np.inf)
+    inside = (coils.time_s >= start_s) & (coils.time_s <= end_s)
+    missing = {name: int((~np.isfinite(place[inside]).all(axis=1)).sum()) for name, place in coils.positions.items()}
+    rate_hz = 1.0 / float(np.median(np.diff(coils.time_s)))
+    lines = [
+        f"Source: {coils.path.name}, {rate_hz:.5g} Hz, {len(coils.time_s)} rows, {int(inside.sum())} of them selected.",
+        f"Sensors in the source: {', '.join(coils.positions)}.",
+    ]
+    if any(missing.values()):
+        counts = ", ".join(f"{name} {count}" for name, count in missing.items() if count)
+        lines.append(f"Selected rows with missing values: {counts}. Rows without a value of a mapped sensor are omitted.")
+    else:
+        lines.append("Selected rows with missing values: none.")
+    return ["# " + "".join(letter if letter.isprintable() else " " for letter in line) for line in lines]
+
+
 def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -> tuple[list[str], np.ndarray]:
     """Column names and rows of a recording: mapped sensors, and others without a missing value."""
     start_s, end_s = description.interval_s or (-np.inf, np.inf)
@@ -151,8 +192,10 @@ def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -
     return head, thinned(coils.path, np.column_stack(columns) + 0.0, notes)  # no -0
 
 
-def _toml(name: str, ids: Sequence[str], first: Coils, scenario: str | None, description: TrajectoryDescription) -> str:
-    """The text of dataset.toml."""
+def _toml(
+    name: str, origins: Mapping[str, Sequence[str]], turns: bool, scenario: str | None, description: TrajectoryDescription
+) -> str:
+    """The text of dataset.toml; ``origins`` has the comments on each curve."""
     lines = ["# All keys: explicitfe schema dataset. Validate this folder with: explicitfe check FOLDER"]
     head = {
         "format": "explicitfe-dataset/1",
@@ -167,13 +210,11 @@ def _toml(name: str, ids: Sequence[str], first: Coils, scenario: str | None, des
     for point, sensor in description.mapping.items():
         lines += ["", "[[sensor]]", f"name = {toml_value(sensor)}", f"model_point = {toml_value(point)}"]
     if scenario is not None:
-        places = np.stack([first.positions[sensor] for sensor in description.mapping.values()], axis=1)
-        turns = determine_a_rotation(np.nanmean(places, axis=0))
         lines += ["", "[registration]", *(['rotation = "fit"'] if turns else []), 'translation = "fit"']
     if description.noise_mm is not None:
         lines += ["", "[noise]", f"displacement_sd_mm = {toml_value(description.noise_mm)}"]
-    for curve in ids:
-        lines += ["", "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
-        if description.one_speaker and len(ids) > 1:
+    for curve, comments in origins.items():
+        lines += ["", *comments, "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
+        if description.one_speaker and len(origins) > 1:
             lines.append('group = "speaker"')
     return "\n".join(lines) + "\n"

@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 from typing_extensions import TypedDict
 
@@ -17,13 +18,14 @@ from explicitfe.inverse.measured.curve import (
     Curve,
     Dataset,
     Kind,
+    Sensor,
     SpecimenDataset,
     TrajectoryDataset,
     check_constants,
     check_sides,
 )
-from explicitfe.inverse.measured.files import CurveCsv, DatasetToml
-from explicitfe.inverse.measured.tables import SHAPE_KEYS, DatasetFile, MergedTables, RawTable, TestKind
+from explicitfe.inverse.measured.files import SMALLEST_CURVE_ROWS, CurveCsv, DatasetToml
+from explicitfe.inverse.measured.tables import SHAPE_KEYS, DatasetFile, MergedTables, RawTable, SensorTable, TestKind
 from explicitfe.inverse.measured.units import check_noise, check_units
 from explicitfe.platform.errors import InputError, nearest
 from explicitfe.platform.host.shipped import DATASET_FILE, dataset_folder
@@ -54,6 +56,9 @@ def read_dataset(path: Path | str) -> Dataset:
     check_constants(curves, str(source.path))
     check_sides(curves, str(source.path))
     return KINDS[table.test].dataset(table, source.path, curves)
+
+
+FEWEST_MARKERS = 3  # that determine a rotation
 
 
 class DatasetHead(TypedDict):
@@ -104,9 +109,15 @@ def _trajectories(table: DatasetFile, path: Path, curves: tuple[Curve, ...]) -> 
         **_head(table, path),
         curves=curves,
         scenario=None if table.scenario is None else path.parent / table.scenario,
-        sensors={sensor.name: sensor.model_point for sensor in table.sensor},
+        sensors={sensor.name: _sensor(sensor) for sensor in table.sensor},
         registration=table.registration,
+        fit=tuple(table.fit),
     )
+
+
+def _sensor(table: SensorTable) -> Sensor:
+    at_m = None if table.at_mm is None else 1e-3 * np.array(table.at_mm)
+    return Sensor(table.model_point or "", at_m, table.fixed, 0.0 if at_m is None else 1e-3 * table.place_sd_mm)
 
 
 def _check_trajectories(table: DatasetFile, source: DatasetToml) -> None:
@@ -116,19 +127,40 @@ def _check_trajectories(table: DatasetFile, source: DatasetToml) -> None:
         for name in ("specimen", "tool"):
             if getattr(owner, name):
                 raise source.fault((*keys, name), f"a trajectory has no [{name}]; remove it.")
-    for name in ("sensor", "registration"):
+    for name in ("sensor", "registration", "fit"):
         if table.scenario is None and getattr(table, name):
             raise source.fault((name,), f"[{name}] needs a scenario to compare with; add the key scenario.")
+    _check_markers(table, source)
     if table.scenario is not None and not (source.path.parent / table.scenario).is_file():
         raise source.fault(
             ("scenario",), f'the scenario "{table.scenario}" is missing; put it into the folder of {source.path.name}.'
         )
 
 
+def _check_markers(table: DatasetFile, source: DatasetToml) -> None:
+    """Refuse markers beside named points, and too few of them to place the body."""
+    markers = [number for number, sensor in enumerate(table.sensor) if sensor.at_mm is not None]
+    if not markers:
+        return
+    if len(markers) < len(table.sensor):
+        raise source.fault(("sensor", markers[0]), "some sensors have at_mm, others model_point; use one of the two for all.")
+    if table.registration is not None:
+        raise source.fault(("registration",), "[registration] does not go with at_mm, which gives it; remove it.")
+    if len(markers) < FEWEST_MARKERS or all(table.sensor[k].fixed for k in markers):
+        raise source.fault(
+            ("sensor",),
+            f"at least {FEWEST_MARKERS} markers, one of which moves, are needed to place the body; add [[sensor]] tables.",
+        )
+
+
 def _check_specimens(table: DatasetFile, source: DatasetToml) -> None:
-    for name in ("scenario", "sensor", "registration"):
+    for name in ("scenario", "sensor", "registration", "fit"):
         if getattr(table, name):
             raise source.fault((name,), f'{name} is for test = "trajectory" only; remove it.')
+    for number, curve in enumerate(table.curve):
+        for name in ("start_s", "until_s"):
+            if name in curve.model_fields_set:
+                raise source.fault(("curve", number, name), f'{name} is for test = "trajectory" only; remove it.')
     if table.specimen is None and not all(curve.specimen for curve in table.curve):
         raise source.fault(("test",), '[specimen] is missing; add it, shape = "point" if the size is unknown.')
     tooled = [table.tool is not None or bool(curve.tool) for curve in table.curve]
@@ -183,6 +215,11 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
     csv = CurveCsv(source.path.parent / entry.file, kind, [sensor.name for sensor in table.sensor])
     check_units(csv, setup)
     check_noise(csv, setup, table, number, source)
+    time_s, used = csv.data[TIME], slice(None)
+    if entry.until_s is not None:
+        used = slice(int(np.searchsorted(time_s, entry.until_s, side="right")))
+    if len(time_s[used]) < SMALLEST_CURVE_ROWS:
+        raise source.fault(("curve", number, "until_s"), f"fewer than {SMALLEST_CURVE_ROWS} rows are left; increase until_s.")
     si = {name: factor * csv.data[column] for column, (name, factor) in COLUMNS.get(kind, {}).items()}
     return Curve(
         id=entry.id,
@@ -195,9 +232,10 @@ def _curve(table: DatasetFile, number: int, source: DatasetToml) -> Curve:
         tool=setup.tool,
         noise=setup.noise,
         conditions=entry.conditions,
-        time_s=csv.data[TIME],
+        time_s=time_s[used],
         columns=si,
-        sensors={name: 1e-3 * position for name, position in csv.sensors().items()},
+        sensors={name: 1e-3 * position[used] for name, position in csv.sensors().items()},
+        start_s=None if entry.start_s == "fit" else entry.start_s,
     )
 
 

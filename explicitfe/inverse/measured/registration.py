@@ -7,9 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from explicitfe.inverse.measured.tables import RegistrationTable
+from explicitfe.results.measure.sections import X, Y, Z
 
 # Points within this share of their extent from a line do not determine a rotation about it.
 LINE_SHARE = 1e-3
+NARROW_SHARE = 0.1  # within this share the rotation is determined poorly
+# A recording in named directions is turned relative to the model by no more than this. A larger rotation is one about the line on
+# which the points nearly lie.
+LARGEST_TURN_DEG = 45.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +39,16 @@ class Registration:
     def to_model(self, positions: np.ndarray) -> np.ndarray:
         """Transform positions (..., 3) m from the sensor frame to the model frame."""
         return self.scale * positions @ self.rotation.T + self.translation
+
+    @property
+    def turn_deg(self) -> float:
+        """Angle of the rotation in degrees."""
+        return float(np.degrees(np.arccos(np.clip((np.trace(self.rotation) - 1.0) / 2.0, -1.0, 1.0))))
+
+    @property
+    def is_planar(self) -> bool:
+        """Whether the rotation maps the midsagittal plane to itself."""
+        return bool(abs(self.rotation[Y, Y]) == 1.0)
 
     @property
     def table(self) -> RegistrationTable:
@@ -65,12 +80,50 @@ def procrustes(table: RegistrationTable, model: np.ndarray, seen: np.ndarray) ->
     return Registration(rotation, centre - scale * rotation @ place, scale)
 
 
+def procrustes_in_plane(model: np.ndarray, seen: np.ndarray, reversed_x: bool = False) -> Registration:
+    """Fit a translation and a rotation about the lateral axis (y) to paired points.
+
+    Parameters
+    ----------
+    model, seen : (k, 3) m; the same points in the model frame and in the sensor frame.
+    reversed_x : whether the x axis of the sensors points forward; they are then turned by 180° about the vertical axis first.
+    """
+    half_turn = np.diag([-1.0, -1.0, 1.0]) if reversed_x else np.eye(3)
+    a, b = model - model.mean(axis=0), (seen - seen.mean(axis=0)) @ half_turn
+    sine, cosine = np.sum(a[:, X] * b[:, Z] - a[:, Z] * b[:, X]), np.sum(a[:, X] * b[:, X] + a[:, Z] * b[:, Z])
+    rotation = np.eye(3)
+    rotation[np.ix_([X, Z], [X, Z])] = np.array([[cosine, sine], [-sine, cosine]]) / (np.hypot(sine, cosine) or 1.0)
+    rotation = rotation @ half_turn
+    return Registration(rotation, model.mean(axis=0) - rotation @ seen.mean(axis=0))
+
+
+def turns_over(fitted: Registration, axes: str, planar: bool) -> bool:
+    """Whether a fitted rotation contradicts the axes that a recording names.
+
+    The squared distances of points that lie nearly on a line may be smallest if the recording is turned upside down about this
+    line. In named directions up remains up; so it does in a planar recording, whose second axis is vertical.
+
+    Parameters
+    ----------
+    axes, planar : as in :class:`explicitfe.inverse.measured.coils.Coils`.
+    """
+    if axes == "anatomical":
+        return fitted.turn_deg > LARGEST_TURN_DEG
+    return planar and bool(fitted.rotation[Z, Z] < 0.0)
+
+
 def rotation_between(from_: np.ndarray, to: np.ndarray) -> np.ndarray:
     """Proper rotations (..., 3, 3) that bring points (..., k, 3) nearest to others, both about the origin (Kabsch 1976)."""
     u, _, vt = np.linalg.svd(np.swapaxes(to, -1, -2) @ from_)
     u[..., -1] *= np.linalg.det(u @ vt)[..., None]
     rotation: np.ndarray = u @ vt
     return rotation
+
+
+def are_nearly_on_a_line(points: np.ndarray) -> bool:
+    """Whether points (k, 3) are so near a line that a rotation about this line is determined poorly."""
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extents[1] < NARROW_SHARE * extents[0])
 
 
 def determine_a_rotation(points: np.ndarray) -> bool:

@@ -172,10 +172,25 @@ class MeasuredNoise(Table):
 
 
 class SensorTable(Table):
-    """A sensor of a trajectory, and the point of the model that it is mapped to."""
+    """A sensor of a trajectory, and where it sits on the model."""
 
     name: str = Field(min_length=1, description="as in the columns of the CSV: NAME_x_mm, NAME_y_mm, NAME_z_mm")
-    model_point: str = Field(min_length=1, description="named point of the model of the scenario")
+    model_point: str | None = Field(default=None, min_length=1, description="named point of the model of the scenario")
+    at_mm: Vector | None = Field(
+        default=None,
+        description="position of the centre of a marker at rest, in the frame of the model [mm]; it stands off the nearest point "
+        "of the body and turns with it",
+    )
+    fixed: bool = Field(default=False, description="whether it sits on what holds the body, and so does not move; needs at_mm")
+    place_sd_mm: float = Field(default=1.0, ge=0.0, description="likely error of at_mm along each axis [mm]")
+
+    @model_validator(mode="after")
+    def _has_a_place(self) -> SensorTable:
+        if (self.model_point is None) == (self.at_mm is None):
+            raise ValueError("give either model_point, a named point of the model, or at_mm, the position of a marker at rest")
+        if self.at_mm is None and (self.fixed or "place_sd_mm" in self.model_fields_set):
+            raise ValueError("fixed and place_sd_mm go with at_mm")
+        return self
 
 
 def _fit_or(check: Callable[[object], object]) -> BeforeValidator:
@@ -226,6 +241,12 @@ class CurveTable(Table):
     file: Name = Field(description="its CSV, in the folder of the dataset")
     constants: Name = Field(default="all", description="curves with the same name share their material constants")
     group: Name | None = Field(default=None, description="curves of one specimen or site have the same group; default: the id")
+    start_s: float | Literal["fit"] = Field(
+        default=0.0,
+        description='time in the file at which the motion of the scenario begins; "fit": seen in the rows, and fitted within two '
+        "sampling intervals",
+    )
+    until_s: float | None = Field(default=None, gt=0.0, description="time in the file after which rows are not used")
     split: Split | None = Field(default=None, description="fit, or holdout: predicted, not fitted; default: chosen by a rule")
     specimen: RawTable = Field(default={}, description="keys that differ from those of [specimen]")
     tool: RawTable = Field(default={}, description="keys that differ from those of [tool]")
@@ -278,6 +299,10 @@ class DatasetFile(Table):
     scenario: str | None = Field(default=None, min_length=1, description="scenario of a trajectory, relative to this file")
     sensor: list[SensorTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND)
     registration: RegistrationTable | None = None
+    fit: list[Name] = Field(
+        default=[],
+        description='constants that are always fitted, by the name of their effect, such as ["stiffness"]',
+    )
     specimen: RawTable | None = Field(default=None, description="the specimen; required except for a trajectory")
     tool: RawTable | None = Field(default=None, description="the tool; without it the CSV has stretch and stress")
     noise: RawTable = Field(default={}, description="known standard deviations; others are estimated")

@@ -9,6 +9,7 @@ import numpy as np
 from explicitfe.inverse.measured.curve import COLUMNS, NOISE, TIME
 from explicitfe.inverse.measured.files import CurveCsv, DatasetToml
 from explicitfe.inverse.measured.tables import DatasetFile, MeasuredSpecimen, MeasuredTool, MergedTables
+from explicitfe.platform.errors import InputError
 
 # All limits are wide: a curve that is merely unusual must pass.
 _STRETCH_LIMITS = (0.05, 10.0)
@@ -34,7 +35,11 @@ def check_units(csv: CurveCsv, setup: MergedTables) -> None:
     elif sensors := csv.sensors():
         low, high = _COORDINATE_LIMITS_MM
         coordinates = np.column_stack(list(sensors.values()))
-        largest = np.abs(coordinates).max(axis=1)
+        missing = np.isnan(coordinates).all(axis=0)
+        if missing.any():
+            sensor = list(sensors)[int(missing.argmax()) // 3]
+            raise InputError(f'{csv.path}: sensor "{sensor}" has no value in any row; remove its columns.')
+        largest = np.nan_to_num(np.abs(coordinates)).max(axis=1)
         row = int(largest.argmax())
         if not low <= largest[row] <= high:
             raise csv.fault(row, f"the largest coordinate is {largest[row]:.3g} mm, too {_extent(largest[row], low)}; give mm.")

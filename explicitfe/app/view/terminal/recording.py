@@ -35,7 +35,8 @@ def recording_tables(comparison: RecordingComparison) -> Group:
     )
     table.add_column("point", no_wrap=True)
     table.add_column("sensor", no_wrap=True)
-    for column in ("rms\n(mm)", "centred\n(mm)", "forward\n(mm, r)", "up\n(mm, r)", "right\n(mm, r)"):
+    planar = all(point.right is None for point in comparison.points.values())
+    for column in ("rms\n(mm)", "centred\n(mm)", "forward\n(mm, r)", "up\n(mm, r)", *(() if planar else ("right\n(mm, r)",))):
         table.add_column(column, justify="right")
     for name, point in comparison.points.items():
         table.add_row(escape(name), escape(point.sensor), *_cells(point))
@@ -56,7 +57,8 @@ def _cells(point: ComparedSensor) -> Iterator[str]:
     yield f"{point.rms_mm:.2f}"
     yield f"{point.centred_rms_mm:.2f}"
     for axis in (point.forward, point.up, point.right):
-        yield "not recorded" if axis is None else _axis(axis)
+        if axis is not None:
+            yield _axis(axis)
 
 
 def _axis(axis: ComparedAxis) -> str:

@@ -24,12 +24,14 @@ from scipy.spatial.transform import Rotation
 from explicitfe.inverse.close_loop.search import compare
 from explicitfe.inverse.close_loop.statistics.intervals import intervals
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis
-from explicitfe.inverse.close_loop.trajectories.levers import levers_of, total_force_N
-from explicitfe.inverse.close_loop.trajectories.runs import displacements_of
+from explicitfe.inverse.close_loop.trajectories.lever import Experiment
+from explicitfe.inverse.close_loop.trajectories.levers import levers_of
+from explicitfe.inverse.close_loop.trajectories.runs import Sites, motion_of
 from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude
-from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.curve import Dataset, TrajectoryDataset
 from explicitfe.inverse.measured.read import read_dataset
+from explicitfe.simulate.anatomy.tongue import anatomy_of
 from explicitfe.simulate.run.prepare import prepare
 from explicitfe.simulate.scenario.read import read_scenario
 from explicitfe.simulate.scenario.transient import TransientScenario
@@ -144,7 +146,14 @@ def _displacements(duration_ms: float, mesh: str, settings: tuple[str, ...], tim
         path.write_text(SCENARIO.format(duration_ms=duration_ms, mesh=mesh), encoding="utf-8")
         body = prepare(path).model.mesh
         at_rest = np.concatenate([body.named_points[point].position for point in SENSORS.values()])
-        return displacements_of(path, settings, at_rest, times_s)[0]
+        return motion_of(path, settings, Sites.at(at_rest), times_s).displacement
+
+
+def experiment(scenario: TransientScenario, scenarios: Sequence[TransientScenario], path: Path) -> Experiment:
+    """What levers depend on, of a scenario without recordings."""
+    head = dict.fromkeys(("name", "title", "source", "license", "notes"), "")
+    empty = TrajectoryDataset(**head, test="trajectory", path=path, curves=())
+    return Experiment(scenario, anatomy_of(scenario.model, path.parent), empty, scenarios)
 
 
 def settings_of(hidden: tuple[str, float] | None, folder: Path) -> Mapping[str, Sequence[str]]:
@@ -158,7 +167,7 @@ def settings_of(hidden: tuple[str, float] | None, folder: Path) -> Mapping[str, 
         scenario, _ = read_scenario(path, own)
         assert isinstance(scenario, TransientScenario)
         scenarios[name] = scenario
-    lever = levers_of(scenario, ["MH"], totals_N=[total_force_N(one) for one in scenarios.values()])[hidden[0]]
+    lever = levers_of(experiment(scenario, list(scenarios.values()), path))[hidden[0]]
     (parameter,) = lever.sought
     return {name: lever.settings(scenario, {parameter: hidden[1]}) for name, scenario in scenarios.items()}
 

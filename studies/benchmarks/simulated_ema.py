@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.inverse.close_loop.trajectories.runs import displacements_of
+from explicitfe.inverse.close_loop.trajectories.runs import Sites, motion_of
 from explicitfe.platform.host.shipped import scenarios
 from explicitfe.simulate.run.prepare import prepare
 
@@ -49,7 +49,7 @@ def write_dataset(folder: Path) -> None:
     random = np.random.default_rng(SEED)
     for name, settings in GESTURES.items():
         lag = f"effects.activation-lag.tau_ms={LAG_MS}"
-        model = places + displacements_of(scenario, (*NUMERICS, *settings, lag), places, times_s)[0]
+        model = places + motion_of(scenario, (*NUMERICS, *settings, lag), Sites.at(places), times_s).displacement
         seen = (model - SHIFT_M) @ TURN
         coils = {coil: seen[:, k] for k, coil in enumerate(COILS)}
         _write(folder / f"{name}.csv", times_s, _with_noise(coils, random), {"x": (0, 1.0), "y": (1, 1.0), "z": (2, 1.0)})
@@ -62,7 +62,7 @@ def write_export(file: Path) -> None:
     times_s = np.arange(0.0, EXPORT_S + 1e-9, 1.0 / EXPORT_RATE_HZ)
     moving = times_s >= REST_S
     model = np.repeat(places[None], len(times_s), axis=0)
-    model[moving] += displacements_of(scenario, EXPORT_SPEAKER, places, times_s[moving] - times_s[moving][0])[0]
+    model[moving] += motion_of(scenario, EXPORT_SPEAKER, Sites.at(places), times_s[moving] - times_s[moving][0]).displacement
     phase = np.sin(2.0 * np.pi * times_s / HEAD_PERIOD_S)
     turns = Rotation.from_rotvec(np.radians(HEAD_TURN_DEG) * phase[:, None] * np.array([0.0, 1.0, 0.0])).as_matrix()
     shifts = HEAD_SHIFT_M * phase[:, None] * np.array([1.0, 0.0, 1.0])

@@ -26,10 +26,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.stats import beta as beta_distribution
+from sensor_study import experiment
 
 from explicitfe.app.api.inverse import close_loop
 from explicitfe.inverse.close_loop.trajectories.levers import levers_of
-from explicitfe.inverse.close_loop.trajectories.runs import displacements_of
+from explicitfe.inverse.close_loop.trajectories.runs import Sites, motion_of
 from explicitfe.inverse.measured.registration import procrustes
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import RunError
@@ -147,7 +148,9 @@ def added(path: Path, own: Sequence[str], hidden: str, strength: float) -> list[
         return []
     scenario, _ = read_scenario(path, own)
     assert isinstance(scenario, TransientScenario)
-    lever = levers_of(scenario, ["GGh"], totals_N=(1.0, 2.0))[hidden]
+    # forces that differ between gestures, so that a share of them is a lever of its own
+    weaker = scenario.model_copy(update={"muscle": scenario.muscle[:1]})
+    lever = levers_of(experiment(scenario, [scenario, weaker], path))[hidden]
     (parameter,) = lever.sought
     return lever.settings(scenario, {parameter: strength})
 
@@ -156,7 +159,7 @@ def sensors(path: Path, settings: Sequence[str]) -> np.ndarray:
     """Places (k, s, 3) m of the sensors, which sit on the points of the scenario's own mesh."""
     mesh = prepare(path).model.mesh
     at_rest = np.concatenate([mesh.named_points[point].position for point in SENSORS.values()])
-    return at_rest + displacements_of(path, settings, at_rest, times_s())[0]
+    return at_rest + motion_of(path, settings, Sites.at(at_rest), times_s()).displacement
 
 
 def visible_mm(path: Path, gestures: dict[str, tuple[str, ...]], hidden: str, strength: float) -> float:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from explicitfe.inverse.close_loop.trajectories.levers import Lever, levers_of, mean_profile
+from explicitfe.inverse.close_loop.trajectories.lever import Experiment, Lever
+from explicitfe.inverse.close_loop.trajectories.levers import levers_of, mean_profile
+from explicitfe.inverse.measured.curve import TrajectoryDataset
 from explicitfe.inverse.measured.registration import Registration
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError
-from explicitfe.simulate.anatomy.muscles import profile_of
+from explicitfe.simulate.anatomy import catalogue
+from explicitfe.simulate.scenario.profile import profile_of
 from explicitfe.simulate.scenario.read import read_scenario
 from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
@@ -34,7 +38,8 @@ fibres = [1, 2]
 [analysis]
 duration_ms = 50.0
 """
-MUSCLES = ["GGp", "GGh", "MH", "SL", "STY"]
+TONGUE = catalogue.built_in("tongue", "coarse")
+ANATOMY = replace(TONGUE, muscles={name: TONGUE.muscles[name] for name in ("GGp", "GGh", "MH", "SL", "STY")})
 JAW = 'bone=[{name="jaw", friction=0.1, shift_mm=[1.0, 0.0, -2.0]}]'
 
 
@@ -51,8 +56,25 @@ def with_settings(path: Path, *settings: str) -> TransientScenario:
     return scenario
 
 
-def levers(path: Path, *settings: str, totals_N: Sequence[float] = ()) -> dict[str, Lever]:
-    return levers_of(with_settings(path, *settings), MUSCLES, totals_N=totals_N)
+def levers(
+    path: Path, *settings: str, totals_N: Sequence[float] = (), registration: RegistrationTable | None = None
+) -> dict[str, Lever]:
+    """Levers of a tongue with some muscles, in curves with these total forces."""
+    scenario = with_settings(path, *settings)
+    total_N = sum(muscle.force_N for muscle in scenario.muscle)
+    curves = [
+        scenario.model_copy(
+            update={"muscle": [m.model_copy(update={"force_N": m.force_N * t / total_N}) for m in scenario.muscle]}
+        )
+        for t in totals_N
+    ]
+    return levers_of(Experiment(scenario, ANATOMY, dataset_of(path, registration), curves or [scenario]))
+
+
+def dataset_of(path: Path, registration: RegistrationTable | None = None) -> TrajectoryDataset:
+    """A dataset without curves."""
+    head = {key: "" for key in ("name", "title", "source", "license", "notes")}
+    return TrajectoryDataset(**head, test="trajectory", path=path, curves=(), registration=registration)
 
 
 def test_every_cause_has_its_forms(path: Path) -> None:
@@ -63,7 +85,8 @@ def test_every_cause_has_its_forms(path: Path) -> None:
     single = ["activation-lag", "gravity", "force-scale", "force-length", "stiffness", "rest-shape", "registration"]
     single += ["force-GGp", "force-SL"]
     several = {
-        "damping": ["damping", "viscosity"],
+        "damping": ["damping"],
+        "viscoelastic": ["viscosity"],
         **{f"{b}-contact": [f"{b}-contact", f"{b}-contact-shifted", f"{b}-contact-rough"] for b in ("jaw", "palate")},
         **{f"missing-{name}": [f"missing-{name}", f"missing-{name}-share"] for name in ("GGh", "MH", "STY")},
     }
@@ -151,7 +174,7 @@ def test_readings_move_the_model() -> None:
     points, centre = random.standard_normal((5, 3)), np.array([0.08, 0.0, 0.09])
     before = Registration(Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix(), np.array([0.01, 0.02, 0.03]), 1.1)
     scenario = TransientScenario.model_validate({"title": "x", "model": {"name": "tongue"}, "analysis": {"duration_ms": 1.0}})
-    own = levers_of(scenario, [], RegistrationTable())
+    own = levers_of(Experiment(scenario, ANATOMY, dataset_of(Path()), [scenario]))
     motion, size = own["registration"].reading, own["rest-shape"].reading
     assert motion is not None and size is not None
     turn = Rotation.from_rotvec([0.0, np.radians(5.0), 0.0]).as_matrix()
@@ -170,8 +193,8 @@ def test_what_these_scenarios_cannot_have(path: Path) -> None:
     assert levers(path, "muscle=[]")["missing-GGh"].reason
     assert levers(path, 'muscle=[{name="SL", force_N=1.0}]')["force-SL"].reason
     fitted = RegistrationTable(rotation="fit", translation="fit")
-    assert levers_of(with_settings(path), MUSCLES, fitted)["registration"].reason
-    turned = levers_of(with_settings(path), MUSCLES, RegistrationTable(translation="fit"))["registration"]
+    assert levers(path, registration=fitted)["registration"].reason
+    turned = levers(path, registration=RegistrationTable(translation="fit"))["registration"]
     assert list(turned.sought) == ["turn_deg"]
 
 

@@ -28,6 +28,8 @@ class Known:
     series = (Series(),)
     base = BASE
 
+    fast_everywhere = False
+
     def has_sketch(self, effect: str) -> bool:
         return effect == "slow"
 

@@ -20,7 +20,7 @@ from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits, Ti
 from explicitfe.inverse.close_loop.trajectories.close import close_trajectories
 from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
 from explicitfe.inverse.close_loop.verdict import Outcome, conclude
-from explicitfe.inverse.measured.curve import Dataset
+from explicitfe.inverse.measured.curve import Dataset, Sensor
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.platform.errors import InputError, silent
 from explicitfe.results.files.reader import open_result
@@ -138,10 +138,10 @@ def test_a_written_scenario_gives_the_answers_again(lagging: Dataset, tmp_path: 
             # samples of every millisecond: the rows, of every 5 ms, are among them
             rows = [int(np.searchsorted(result.times, t - 1e-9)) for t in curve.time_s]
             late = (curve.time_s - result.times[rows])[:, None]
-            for number, (sensor, point) in enumerate(lagging.sensors.items()):
-                u = result.history(f"probe_{point}_displacement")
-                v = result.history(f"probe_{point}_velocity")
-                placed = system.registration(model).to_sensors(system.undeformed[number] + u[rows] + late * v[rows])
+            for number, (sensor, place) in enumerate(lagging.sensors.items()):
+                u = result.history(f"probe_{place.point}_displacement")
+                v = result.history(f"probe_{place.point}_velocity")
+                placed = system.registration(model).to_sensors(system.runs.sites.position[number] + u[rows] + late * v[rows])
                 for one, y in zip(system.series, answer, strict=True):
                     if one.id.startswith(f"{curve.id} {sensor} "):
                         axis = "xyz".index(one.id[-1])
@@ -184,7 +184,7 @@ def test_answers_are_smooth_in_every_strength(lagging: Dataset) -> None:
 def test_what_cannot_be_compared_is_refused(lagging: Dataset, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nose"):
         dataset = read_dataset(lagging.path)
-        dataset.sensors["TT"] = "nose"
+        dataset.sensors["TT"] = Sensor("nose")
         trajectory_system(dataset, dataset.curves)
     with pytest.raises(InputError, match="missing-HM"):
         trajectory_system(lagging, lagging.curves, only=("missing-HM",))

@@ -208,7 +208,7 @@ def write_loop(target: Path, documents: LoopDocuments) -> None:
     with whole_folder(target, summary=SUMMARY) as folder:
         names, warnings = [SUMMARY, *documents.files], list(report.warnings)
         with drawing(warnings):
-            names += loop_page.write(folder, report, documents.curves)
+            names += loop_page.write(folder, report, documents.curves, documents.markers)
         report.warnings = warnings
         report.files = [str(target / name) for name in names]
         _fill(folder, SUMMARY, report, documents.files)

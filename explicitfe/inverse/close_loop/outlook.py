@@ -11,7 +11,7 @@ from explicitfe.fem.effects import EFFECTS
 from explicitfe.inverse.close_loop.specimens.features import features_of
 from explicitfe.inverse.close_loop.specimens.series import peers_of, series_of
 from explicitfe.inverse.close_loop.split import Split, split
-from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, SpecimenDataset, TrajectoryDataset, sd_of
+from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, Sensor, SpecimenDataset, TrajectoryDataset, sd_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
 from explicitfe.results.documents.dataset_check import CheckedCurve, ColumnRange, DatasetCheckReport, HiddenEffect
@@ -51,7 +51,7 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
         "specimens": _distinct([c.specimen.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.specimen]),
         "tools": _distinct([c.tool.model_dump(exclude_none=True, mode="json") for c in dataset.curves if c.tool]),
         "scenario": None if scenario is None else str(scenario),
-        "sensors": sensors,
+        "sensors": {name: _place_of(sensor) for name, sensor in sensors.items()},
         "rule": sides.rule,
         "curves": [_checked(curve, sides) for curve in dataset.curves],
         "can_show": [name for name in EFFECTS if specimens and name not in names],
@@ -62,6 +62,14 @@ def check_dataset(path: Path | str) -> DatasetCheckReport:
 
 def _features(curves: Sequence[Curve]) -> set[str]:
     return features_of(curves, [series_of(curve, curve.id, peers_of(curve, curves)) for curve in curves])
+
+
+def _place_of(sensor: Sensor) -> str:
+    """Where a sensor sits, in words."""
+    if sensor.at_m is None:
+        return sensor.point
+    x, y, z = 1e3 * sensor.at_m
+    return f"{'fixed at' if sensor.fixed else 'marker at'} ({x:g}, {y:g}, {z:g}) mm"
 
 
 def _distinct(tables: Sequence[dict[str, object]]) -> list[dict[str, object]]:
@@ -75,8 +83,10 @@ def _checked(curve: Curve, sides: Split) -> CheckedCurve:
         unit, factor = PRINTED_UNITS.get(name, ("1", 1.0))
         columns.append({"column": name, "unit": unit, "least": factor * values.min(), "largest": factor * values.max()})
     for name, places in curve.sensors.items():
-        moved = _MILLIMETRES_PER_METRE * np.linalg.norm(places - places[0], axis=1)
-        columns.append({"column": f"{name} from its first position", "unit": "mm", "least": 0.0, "largest": moved.max()})
+        first = places[int(np.argmax(np.isfinite(places).all(axis=1)))]
+        moved = _MILLIMETRES_PER_METRE * np.linalg.norm(places - first, axis=1)
+        largest = float(np.nanmax(moved))
+        columns.append({"column": f"{name} from its first position", "unit": "mm", "least": 0.0, "largest": largest})
     noise = _stated_noise(curve)
     return {
         "id": curve.id,

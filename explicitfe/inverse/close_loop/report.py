@@ -35,8 +35,9 @@ from explicitfe.results.documents.loop_report import (
     ReportedNoise,
     ReportedSplit,
     ReportedThreshold,
-    Side,
 )
+from explicitfe.results.documents.motion_report import MovingMarkers
+from explicitfe.results.documents.report_part import Side
 from explicitfe.results.documents.verdict_text import sentence
 
 SUMMARY = "report.json"
@@ -64,11 +65,13 @@ class LoopDocuments:
     ----------
     report : the document.
     curves : of its pictures.
+    markers : of its moving picture, for recordings of markers.
     files : name -> text of the models before and after.
     """
 
     report: LoopReport
     curves: list[ReportCurve] = field(default_factory=list)
+    markers: list[MovingMarkers] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
 
 

@@ -37,13 +37,11 @@ from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.platform.errors import RunError
 
 FURTHER_TERMS = 2  # A cause may use several terms: two more in a set than it has causes.
-# Hypotheses from which larger ones are built.
-MOST_PARENTS = 6
-# Shares of the search at which its stages begin.
-SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9
-
+MOST_PARENTS = 6  # Hypotheses from which larger ones are built.
+SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9  # Shares of the search at which its stages begin.
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
+MOST_FITS_BESIDE_FAST_ANSWERS = {1: 3, 2: 3, 3: 3}  # the simulator confirms the best of the estimated hypotheses
 
 
 def compare(
@@ -192,7 +190,8 @@ class _Comparing:
     def _fit_plausible(self, terms: int | None) -> int:
         """Fit the screened hypotheses that may matter, the most probable first; the number of those that were fitted."""
         costly = self.system.costly(self.fitted[()].model)
-        most = (MOST_FITS_ON_A_MESH if costly else MOST_FITS)[min(terms or 3, 3)]
+        on_a_mesh = MOST_FITS_BESIDE_FAST_ANSWERS if self.system.fast_everywhere else MOST_FITS_ON_A_MESH
+        most = (on_a_mesh if costly else MOST_FITS)[min(terms or 3, 3)]
         count = 0
         if self.sketch is not None and terms == 1:
             for entry, _ in [one for key, one in self.screened.items() if len(key) == 1 and self._is_sketchable(key)]:
@@ -229,7 +228,8 @@ class _Comparing:
         """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
         self.sketched.add(entry.key)
         try:
-            fit = refit(sketch, entry.model, self.covariance)
+            trials = {name: candidate.trials for name, (candidate, _) in self.table.items()}
+            fit = refit(sketch, sketch.best_start(entry.model, trials, self.covariance), self.covariance)
         except RunError:
             return
         one = self._entry(fit, self.system, self.covariance)

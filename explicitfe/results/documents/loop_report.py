@@ -7,40 +7,21 @@ that were set are written.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeVar
+from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import ConfigDict
 
 from explicitfe.results.documents.document import Document
+from explicitfe.results.documents.motion_report import MarkerMotion, ReportedRepeats
+from explicitfe.results.documents.report_part import Entries, PartOf, ReportPart, Side, TableOf, TextOf
 
 Verdict = Literal["failed", "no-missing-effect", "limited-by-numerics", "unexplained", "ambiguous", "effect-found"]
 Remainder = Literal["at-floor", "form", "unexplained", "ambiguous"]
-Side = Literal["fit", "holdout"]
 Decision = Literal["present", "undecided", "absent", "not-testable"]
 ScatterSource = Literal["stated", "repeats", "unknown"]
-
-
-def _without_nulls(value: object) -> object:
-    """A list or a table without its null entries; an empty table where there is none."""
-    if isinstance(value, Mapping):
-        return {key: entry for key, entry in value.items() if entry is not None}
-    return [entry for entry in value if entry is not None] if isinstance(value, list | tuple) else value
-
-
-T = TypeVar("T")
-_Entries = Annotated[list[T], BeforeValidator(lambda value: [] if value is None else _without_nulls(value))]
-_Table = Annotated[dict[str, T], BeforeValidator(lambda value: {} if value is None else _without_nulls(value))]
-_Part = Annotated[T, BeforeValidator(lambda value: {} if value is None else value)]
-_Text = Annotated[str, BeforeValidator(lambda value: "" if value is None else value)]
-
-
-class ReportPart(BaseModel):
-    """A table of the report."""
-
-    model_config = ConfigDict(extra="allow")
 
 
 class Estimate(ReportPart):
@@ -55,10 +36,10 @@ class Estimate(ReportPart):
     model_config = ConfigDict(extra="forbid")  # a table with other keys holds an estimate for each group of constants
 
     value: float | None = None
-    ci95: _Entries[float] = []
+    ci95: Entries[float] = []
 
 
-Parameters = _Table[Estimate | _Table[Estimate | float] | float]
+Parameters = TableOf[Estimate | TableOf[Estimate | float] | float]
 
 
 def estimates(parameters: Parameters) -> dict[tuple[str, str], Estimate]:
@@ -120,8 +101,8 @@ class ReportedGroups(ReportPart):
 
     by: str | None = None
     p: float | None = None
-    text: _Text = ""
-    constants: _Table[GroupedConstant] = {}
+    text: TextOf = ""
+    constants: TableOf[GroupedConstant] = {}
 
 
 class ReportedTerm(ReportPart):
@@ -144,9 +125,9 @@ class DiscoveredLawReport(ReportPart):
     file : the model with it.
     """
 
-    text: _Text = ""
-    terms: _Entries[ReportedTerm] = []
-    instead_of: _Entries[str] = []
+    text: TextOf = ""
+    terms: Entries[ReportedTerm] = []
+    instead_of: Entries[str] = []
     cv_nrmse: float | None = None
     cv_nrmse_before: float | None = None
     error_fit: float | None = None
@@ -159,14 +140,14 @@ class ErrorsOfModel(ReportPart):
 
     fit: MeanError | None = None
     holdout: MeanError | None = None
-    curves: _Table[CurveError] = {}
+    curves: TableOf[CurveError] = {}
 
 
 class ReportedModel(ReportPart):
     """A model of the report: the baseline, or the final one."""
 
     parameters: Parameters = {}
-    error: _Part[ErrorsOfModel] = ErrorsOfModel()
+    error: PartOf[ErrorsOfModel] = ErrorsOfModel()
 
 
 class ReportedSplit(ReportPart):
@@ -178,10 +159,10 @@ class ReportedSplit(ReportPart):
     rule : how the choice was made, in words.
     """
 
-    fit: _Entries[str] = []
-    holdout: _Entries[str] = []
-    left_out: _Table[str] = {}
-    rule: _Text = ""
+    fit: Entries[str] = []
+    holdout: Entries[str] = []
+    left_out: TableOf[str] = {}
+    rule: TextOf = ""
 
 
 class ReportedNoise(ReportPart):
@@ -220,12 +201,12 @@ class NoiseAndFloors(ReportPart):
     text : more in words.
     """
 
-    rows: _Entries[ReportedNoise] = []
+    rows: Entries[ReportedNoise] = []
     scale_sd: float | None = None
     offset_sd: float | None = None
     scatter_source: ScatterSource | None = None
-    numerical: _Entries[NumericalFloor] = []
-    text: _Text = ""
+    numerical: Entries[NumericalFloor] = []
+    text: TextOf = ""
 
 
 class ReportedHypothesis(ReportPart):
@@ -242,15 +223,15 @@ class ReportedHypothesis(ReportPart):
     reason : why it could not be computed.
     """
 
-    causes: _Entries[str] = []
-    effects: _Entries[str] = []
+    causes: Entries[str] = []
+    effects: Entries[str] = []
     probability: float | None = None
     fitted: bool | None = None
     chi2: float | None = None
     decrease: float | None = None
     bound: float | None = None
     parameters: Parameters = {}
-    reason: _Text = ""
+    reason: TextOf = ""
 
 
 class ReportedCause(ReportPart):
@@ -267,14 +248,14 @@ class ReportedCause(ReportPart):
     reason : why it is not testable.
     """
 
-    title: _Text = ""
+    title: TextOf = ""
     decision: Decision | None = None
     probability: float | None = None
-    forms: _Table[float] = {}
+    forms: TableOf[float] = {}
     parameter: str | None = None
     detectable: float | None = None
     detectable_share: float | None = None
-    reason: _Text = ""
+    reason: TextOf = ""
 
 
 class ReportedLackOfFit(ReportPart):
@@ -301,16 +282,16 @@ class NextExperiment(ReportPart):
     """
 
     protocol: str | None = None
-    separates: _Entries[str] = []
+    separates: Entries[str] = []
     separation: float | None = None
     information_bits: float | None = None
     minutes: float | None = None
     repeats: int | None = None
     imposed: str | None = None
-    programme: _Entries[list[float]] = []
+    programme: Entries[list[float]] = []
     specimen: dict[str, object] | None = None
     tool: dict[str, object] | None = None
-    conditions: _Table[object] = {}
+    conditions: TableOf[object] = {}
 
 
 class AssumedValue(ReportPart):
@@ -325,7 +306,7 @@ class AssumedValue(ReportPart):
     value: float | str | None = None
     verdict: Verdict | None = None
     message: str | None = None
-    effects: _Entries[str] = []
+    effects: Entries[str] = []
     parameters: Parameters = {}
     error_fit: float | None = None
 
@@ -334,7 +315,7 @@ class ReportedThreshold(ReportPart):
     """A number that decided something here, with its unit or the share of what it is."""
 
     value: float | None = None
-    unit: _Text = ""
+    unit: TextOf = ""
 
 
 class LoopReport(Document, ReportPart):
@@ -366,6 +347,7 @@ class LoopReport(Document, ReportPart):
     ambiguous_with : causes that are undecided.
     next_experiment, proposed_tests : the test that would settle best what is open, and it with the next best.
     sensitivity_to_assumed : assumed quantity -> what follows from other values of it.
+    motion : of each curve and marker that moves, for recordings of markers; ``repeats`` where a test was repeated.
     thresholds : name -> a number that decides a verdict.
     files : what was written.
     """
@@ -373,41 +355,43 @@ class LoopReport(Document, ReportPart):
     dataset: str | None = None
     title: str | None = None
     unit: str | None = None
-    split: _Part[ReportedSplit] = ReportedSplit()
-    provenance: _Table[object] = {}
+    split: PartOf[ReportedSplit] = ReportedSplit()
+    provenance: TableOf[object] = {}
     verdict: Verdict | None = None
     remainder: Remainder | None = None
-    remainder_where: _Text = ""
-    sentence: _Text = ""
-    message: _Text = ""
-    effects: _Entries[str] = []
-    effect_titles: _Table[str] = {}
-    undetermined: _Table[str] = {}
-    strength_undetermined: _Entries[str] = []
-    nearest: _Entries[str] = []
+    remainder_where: TextOf = ""
+    sentence: TextOf = ""
+    message: TextOf = ""
+    effects: Entries[str] = []
+    effect_titles: TableOf[str] = {}
+    undetermined: TableOf[str] = {}
+    strength_undetermined: Entries[str] = []
+    nearest: Entries[str] = []
     n_eff: float | None = None
-    noise: _Part[NoiseAndFloors] = NoiseAndFloors()
+    noise: PartOf[NoiseAndFloors] = NoiseAndFloors()
     groups: ReportedGroups | None = None
-    baseline: _Part[ReportedModel] = ReportedModel()
-    final: _Part[ReportedModel] = ReportedModel()
+    baseline: PartOf[ReportedModel] = ReportedModel()
+    final: PartOf[ReportedModel] = ReportedModel()
     discovered_law: DiscoveredLawReport | None = None
-    causes: _Table[ReportedCause] = {}
-    hypotheses: _Entries[ReportedHypothesis] = []
+    causes: TableOf[ReportedCause] = {}
+    hypotheses: Entries[ReportedHypothesis] = []
     compared: int | None = None
     fitted: int | None = None
     lack_of_fit: ReportedLackOfFit | None = None
     discrepancy: float | None = None
-    posterior: _Table[float] = {}
+    posterior: TableOf[float] = {}
     something_else: float | None = None
     sure: float | None = None
-    ambiguous_with: _Entries[str] = []
-    credible: _Entries[str] = []
+    ambiguous_with: Entries[str] = []
+    credible: Entries[str] = []
     next_experiment: NextExperiment | None = None
-    proposed_tests: _Entries[NextExperiment] = []
-    sensitivity_to_assumed: _Table[_Entries[AssumedValue]] = {}
-    warnings: _Entries[str] = []
-    thresholds: _Table[ReportedThreshold] = {}
-    files: _Entries[str] = []
+    proposed_tests: Entries[NextExperiment] = []
+    sensitivity_to_assumed: TableOf[Entries[AssumedValue]] = {}
+    motion: Entries[MarkerMotion] = []
+    repeats: ReportedRepeats | None = None
+    warnings: Entries[str] = []
+    thresholds: TableOf[ReportedThreshold] = {}
+    files: Entries[str] = []
 
 
 Column = np.ndarray | Sequence[float | None] | None

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from explicitfe.app.view.files import writing
+from explicitfe.app.view.gif import gif_bytes
 from explicitfe.app.view.scene.scene import Look, share_scenes
 from explicitfe.app.view.scene.stage import FREE_MARGINS, Stage
 from explicitfe.results.files import Result, open_result
@@ -19,9 +20,6 @@ from explicitfe.results.measure.steps import common_steps
 
 FRAMES_PER_S = 20
 HOLD_S = 1.0  # duration of the last frame before a film repeats
-# Colours of a GIF, and rounds in which they are fitted to the frames.
-PALETTE_COLOURS, PALETTE_ROUNDS = 255, 2
-PALETTE_FROM_FRAMES, PALETTE_EVERY = 6, 3  # number of frames, and of their pixels every third, that determine the palette
 MP4_QUALITY = 8.0  # 0 to 10
 
 
@@ -78,7 +76,7 @@ def make_film(
             if kind == "png":
                 whole_file(path, _png(frames[-1]))
             elif kind == "gif":
-                whole_file(path, _gif(frames, frame_s))
+                whole_file(path, gif_bytes(frames, [*[frame_s] * (len(frames) - 1), HOLD_S]))
             else:
                 _write_mp4(path, frames, frame_s)
     progress(1.0)
@@ -110,20 +108,6 @@ def _png(frame: np.ndarray) -> bytes:
 
     buffer = io.BytesIO()
     Image.fromarray(frame).save(buffer, format="PNG", optimize=True)
-    return buffer.getvalue()
-
-
-def _gif(frames: Sequence[np.ndarray], frame_s: float) -> bytes:
-    """All frames with the same palette, so that pixels that do not change need no space."""
-    from PIL import Image
-
-    some = np.linspace(0, len(frames) - 1, min(len(frames), PALETTE_FROM_FRAMES)).round().astype(int)
-    samples = Image.fromarray(np.concatenate([frames[number][::PALETTE_EVERY, ::PALETTE_EVERY] for number in some]))
-    palette = samples.quantize(PALETTE_COLOURS, method=Image.Quantize.MEDIANCUT, kmeans=PALETTE_ROUNDS)
-    few = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    durations = [round(1e3 * frame_s)] * (len(few) - 1) + [round(1e3 * HOLD_S)]
-    buffer = io.BytesIO()
-    few[0].save(buffer, format="GIF", save_all=True, append_images=few[1:], duration=durations, loop=0, optimize=True, disposal=1)
     return buffer.getvalue()
 
 

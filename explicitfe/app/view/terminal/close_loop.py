@@ -6,8 +6,9 @@ from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from explicitfe.app.view.page.close_loop.motion_tables import motion_errors
 from explicitfe.app.view.page.close_loop.reading import has_changed
-from explicitfe.app.view.page.words import how_sure, percent, with_interval, worth_of
+from explicitfe.app.view.page.words import how_sure, number, percent, with_interval, worth_of
 from explicitfe.app.view.terminal.files import file_lines
 from explicitfe.app.view.terminal.rows import pairs
 from explicitfe.results.documents.loop_report import LoopReport, estimates
@@ -45,6 +46,8 @@ def loop_tables(report: LoopReport) -> Group:
         end.add_row("measure next", escape(": ".join(filter(None, (test.protocol, worth_of(test, report))))))
     if end.row_count:
         tables.append(end)
+    if report.motion:
+        tables.append(_motion_errors(report))
     return Group(*tables, file_lines([("file", path) for path in report.files]))
 
 
@@ -63,4 +66,18 @@ def _causes(report: LoopReport) -> Table:
     untested = len(report.causes) - len(tested)
     notes = [f"{more} more absent" if more else "", f"{untested} not testable with these data" if untested else ""]
     table.caption = "; ".join(filter(None, notes)) or None
+    return table
+
+
+def _motion_errors(report: LoopReport) -> Table:
+    """The errors of curves with markers, next to the scatter of repeats."""
+    changed = has_changed(report)
+    table = Table(title="rms distance of the markers (mm)", title_justify="left")
+    table.add_column("curve", overflow="fold")
+    for column in (*(("before", "after") if changed else ("model",)), "two repeats"):
+        table.add_column(column, justify="right")
+    for row in motion_errors(report):
+        errors = (row.before, row.after) if changed else (row.before,)
+        name = f"{row.curve}, held out" if row.held_out else row.curve
+        table.add_row(escape(name), *(number(x) for x in (*errors, row.repeats)))
     return table

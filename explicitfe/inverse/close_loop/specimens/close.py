@@ -176,7 +176,7 @@ class _SpecimenLoop:
         files = {BASELINE_FILE: self._tissue_text(before, "baseline"), MODEL_FILE: self._tissue_text(after, outcome.verdict)}
         files |= add_discovered_law(report, self.system, self.sides.holdout, after)
         self._enter("predict", 1.0, 1.0)
-        return LoopDocuments(report, curves, files)
+        return LoopDocuments(report, curves, files=files)
 
     def _leave_out_what_fails(self) -> None:
         """Leave out the curves that the simulator cannot follow, with the reason."""

@@ -226,6 +226,8 @@ class Specimens:
         ]
         return self._answers([self.tissue(m) for m in models], self.curves, beside)
 
+    fast_everywhere = False
+
     def has_sketch(self, effect: str) -> bool:
         """Whether a reduced specimen has an effect: one of the material that leaves its volume as it is, or of the reading."""
         kind = EFFECTS[effect]

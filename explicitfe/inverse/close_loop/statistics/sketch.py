@@ -6,19 +6,22 @@ difference there is added. The polynomial holds for other constants too, where a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, islice, product
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from explicitfe.inverse.close_loop.statistics.covariance import stack
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, System
 
 # Degree of the ratio of full to fast answers, which changes slowly with the depth.
 FACTOR_DEGREE = 3
+# Combinations of trials from which a fit may begin.
+MOST_STARTS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +101,28 @@ class Sketch:
         slopes = np.full((sum(map(len, answer)), len(finite)), np.nan)
         slopes[:, finite] = derivatives(self, fast, stack(answer))
         return slopes
+
+    def best_start(
+        self, model: Hypothesis, trials: Mapping[str, Sequence[tuple[float, ...]]], covariance: Covariance
+    ) -> Hypothesis:
+        """Of a model and all trials of its terms the one whose answers are nearest to the data.
+
+        Only where fast answers follow all effects: elsewhere the model is as near as they can tell.
+
+        Parameters
+        ----------
+        trials : effect -> the values of its parameters that are tried.
+        """
+        if not self.system.fast_everywhere:
+            return model
+        place = len(model.base)
+        starts, parameters = [model], model.parameters[place:]
+        for values in islice(product(*(trials[term.effect] for term in model.terms)), MOST_STARTS):
+            chosen = [p.sought.coordinate(v) for p, v in zip(parameters, chain(*values), strict=True)]
+            starts.append(model.at(np.append(model.x[:place], chosen)))
+        target = measured_rows(self.series)
+        answers = [None if y is None else covariance.whiten(target - stack(y)) for y in self.answers(starts)]
+        return starts[int(np.argmin([np.inf if left is None else float(left @ left) for left in answers]))]
 
     def of_terms(self, model: Hypothesis) -> np.ndarray:
         """What the terms of a model change (n,) SI."""

@@ -243,6 +243,10 @@ class System(Answering, Protocol):
         """Name -> change (n,) SI of all rows by one standard deviation of an error that many rows share, such as that of the
         estimated loading protocol."""
 
+    @property
+    def fast_everywhere(self) -> bool:
+        """Whether fast answers follow all effects so far that the simulator need only confirm the best hypotheses."""
+
     def has_sketch(self, effect: str) -> bool:
         """Whether :meth:`sketched` can answer with an effect."""
 

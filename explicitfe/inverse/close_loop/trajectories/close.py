@@ -20,11 +20,18 @@ from explicitfe.inverse.close_loop.split import Split
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
 from explicitfe.inverse.close_loop.statistics.system import Answer
 from explicitfe.inverse.close_loop.statistics.time_limit import SearchLimits
-from explicitfe.inverse.close_loop.trajectories.trajectories import Trajectories, trajectory_system
+from explicitfe.inverse.close_loop.trajectories.levers import title_of
+from explicitfe.inverse.close_loop.trajectories.markers import remarks
+from explicitfe.inverse.close_loop.trajectories.paths import moving_markers
+from explicitfe.inverse.close_loop.trajectories.trajectories import AXIS_NAMES, Trajectories, trajectory_system
+from explicitfe.inverse.close_loop.trajectories.vibration import features_of
 from explicitfe.inverse.close_loop.verdict import conclude
 from explicitfe.inverse.measured.curve import TrajectoryDataset
+from explicitfe.platform.compiled.threads import cores
 from explicitfe.platform.errors import InputError, Progress, RunError, Share
-from explicitfe.results.documents.loop_report import CurveError, LoopReport, ReportCurve, Side
+from explicitfe.results.documents.loop_report import CurveError, LoopReport, ReportCurve
+from explicitfe.results.documents.motion_report import MarkerMotion, MovingMarkers, ReportedRepeats
+from explicitfe.results.documents.report_part import Side
 from explicitfe.results.files import provenance
 
 MM_PER_M = 1e3
@@ -46,7 +53,7 @@ def close_trajectories(
     """
     if dataset.scenario is None:
         raise InputError(f"{dataset.path}: the dataset has no scenario to compare with; add the key scenario.")
-    system = trajectory_system(dataset, sides.fit, limits.processes or 1, only=tuple(effects))
+    system = trajectory_system(dataset, sides.fit, limits.processes or cores(), only=tuple(effects))
     progress("trace", 0.0)
     report = _new_report(dataset, sides, system.considered, limits.max_effects)
     try:
@@ -64,6 +71,7 @@ def close_trajectories(
         add_outcome(report, outcome)
         progress("predict", 0.0)
         curves = _add_errors(report, system, sides, before, after)
+        markers = _add_motion(report, system, sides, before, after) if system.placed else []
     except RunError as error:
         report = _new_report(dataset, sides, system.considered, limits.max_effects)
         add_failure(report, str(error))
@@ -71,12 +79,12 @@ def close_trajectories(
     finally:
         system.runs.close()
     progress("predict", 1.0)
-    report.effect_titles |= {name: system.levers[name].title.partition(" [")[0] for name in report.effect_titles}
+    report.effect_titles |= {name: title_of(name, system.levers) for name in report.effect_titles}
     report.next_experiment = None
     report.sensitivity_to_assumed = {}
-    report.warnings = [*limit_warning(comparison), *_warnings(sides, before, after)]
+    report.warnings = [*limit_warning(comparison), *_of_markers(system, sides), *_warnings(sides, before, after)]
     files = {SCENARIO_FILE: system.scenario_text(after.model), BASELINE_FILE: system.scenario_text(before.model)}
-    return LoopDocuments(report, curves, files)
+    return LoopDocuments(report, curves, markers, files)
 
 
 def _new_report(dataset: TrajectoryDataset, sides: Split, effects: Sequence[str], max_effects: int) -> LoopReport:
@@ -103,6 +111,43 @@ def _add_errors(report: LoopReport, system: Trajectories, sides: Split, before: 
     for model, answer in ((report.baseline, first), (report.final, final)):
         model.error = errors_of_model({name: _error_of(name, side, every, answer, noise) for name, side in split.items()})
     return [_drawn(name, side, every, first, final, noise) for name, side in split.items()]
+
+
+def _add_motion(report: LoopReport, system: Trajectories, sides: Split, before: BestFit, after: BestFit) -> list[MovingMarkers]:
+    """Put the features of the motion of each marker into the report, and return the motions for its moving picture."""
+    every = system.for_curves((*sides.fit, *sides.holdout))
+    moved, tables = [], []
+    for curve in every.curves:
+        split: Side = "fit" if curve in sides.fit else "holdout"
+        one = moving_markers(every, curve, split, before.model, after.model)
+        moved.append(one)
+        for number, name in enumerate(one.names):
+            axis = int(np.argmax(np.nanmax(one.measured[:, number], axis=0) - np.nanmin(one.measured[:, number], axis=0)))
+            sides_of = {key: getattr(one, key)[:, number] for key in ("measured", "before", "after")}
+            tables.append(
+                MarkerMotion(
+                    curve=curve.id,
+                    marker=name,
+                    axis=AXIS_NAMES[axis],
+                    **{key: features_of(one.time_s, y[:, axis]) for key, y in sides_of.items()},
+                    rms_before=_rms_distance(sides_of["before"], sides_of["measured"]),
+                    rms_after=_rms_distance(sides_of["after"], sides_of["measured"]),
+                )
+            )
+    report.motion = tables
+    spread = system.repeats
+    if spread is not None:
+        # two repeats differ by the root of two times the scatter of one, along each axis
+        factor = np.sqrt(2.0) * float(np.linalg.norm(spread.share))
+        largest = {m.curve: float(np.nanmax(np.linalg.norm(m.measured, axis=2))) for m in moved}
+        report.repeats = ReportedRepeats(pairs=spread.pairs, rms={name: factor * size for name, size in largest.items()})
+    return moved
+
+
+def _rms_distance(y: np.ndarray, measured: np.ndarray) -> float | None:
+    """Rms distance of two paths (k, 3); None where they have no row in common."""
+    square = np.sum((y - measured) ** 2, axis=1)
+    return float(np.sqrt(np.nanmean(square))) if np.isfinite(square).any() else None
 
 
 def _error_of(name: str, side: Side, every: Trajectories, answer: Answer, noise: dict[str, float]) -> CurveError:
@@ -140,6 +185,22 @@ def _drawn(name: str, side: Side, every: Trajectories, first: Answer, final: Ans
         after=MM_PER_M * after,
         sd=np.full(len(most.measured), _floor_mm(name, every, noise)),
     )
+
+
+def _of_markers(system: Trajectories, sides: Split) -> list[str]:
+    """What is wrong with the recordings of markers, and what is fitted in those that are held out."""
+    notes = [
+        note
+        for c in (*sides.fit, *sides.holdout)
+        if system.placed
+        for note in remarks(c, system.placed[c.id], system.dataset.sensors)
+    ]
+    free = [c.id for c in sides.holdout if c.start_s is None]
+    if free:
+        notes.append(
+            f"the start of the motion of {' and '.join(free)} is taken where it fits best; nothing else is fitted there."
+        )
+    return notes
 
 
 def _warnings(sides: Split, before: BestFit, after: BestFit) -> list[str]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,20 +11,44 @@ from scipy.spatial.transform import Rotation
 from explicitfe.fem.effects import EFFECTS
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.fem.effects.material.viscoelastic import from_damping
-from explicitfe.fem.materials import Law
 from explicitfe.fem.model.profile import Profile
+from explicitfe.inverse.close_loop.trajectories.causes import (
+    added_mass,
+    air_drag,
+    camera_lag,
+    clamp_compliance,
+    dimension,
+    gravity_direction,
+    nonlinear_law,
+    release,
+    stand_off,
+    viscoelastic,
+)
+from explicitfe.inverse.close_loop.trajectories.lever import Experiment, Lever, Values, around, material_times
 from explicitfe.inverse.measured.registration import Registration
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.effects import check_effects
-from explicitfe.simulate.anatomy.muscles import profile_of
+from explicitfe.simulate.scenario.profile import profile_of
 from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
-Values = Mapping[str, float]
-Settings = Callable[[TransientScenario, Values], list[str]]
-Reading = Callable[[Registration, np.ndarray, Values], Registration]
+# Titles of causes that have no form of the same name.
+CAUSE_TITLES = {"dimension": "error of a dimension", "gravity-direction": "direction of gravity"}
+# One file each.
+CAUSE_MODULES = (
+    added_mass,
+    air_drag,
+    camera_lag,
+    clamp_compliance,
+    dimension,
+    gravity_direction,
+    nonlinear_law,
+    release,
+    stand_off,
+    viscoelastic,
+)
 
 # Search ranges: of the values on each side of no effect the middle one is tried, which is a run for each curve, and the largest
 # one is the largest plausible strength. Common factor, lengths, damping [1/s, s], weight [m/s^2], share of force.
@@ -47,52 +71,26 @@ HEAD_SHIFT_MM, HEAD_TURN_DEG = Sought((-2.0, 2.0), -50.0, 50.0), Sought((-2.0, 2
 MISSING, SHARE, FORCE = "missing-", "-share", "force-"
 
 
-@dataclass(frozen=True)
-class Lever:
-    """A quantity of a scenario that may be wrong: one term of a form of a cause.
-
-    Attributes
-    ----------
-    cause : the cause of which it is a form, by the name of its usual form.
-    title : description.
-    sought : search range of each parameter in this scenario, in the unit of its name.
-    settings : ``key=value`` pairs that set the parameters in a scenario; a reading has none.
-    reading : for a quantity that only changes how positions are read, and so costs no run: the registration with it, from the
-        one without it, the centre (3,) m of the sensors at rest, and the values.
-    reason : why the lever does not apply to this scenario; "" if it does.
-    """
-
-    cause: str
-    title: str
-    sought: Mapping[str, Sought]
-    settings: Settings = lambda scenario, values: []
-    reading: Reading | None = None
-    reason: str = ""
-
-
-def levers_of(
-    scenario: TransientScenario,
-    muscles: Iterable[str],
-    registration: RegistrationTable | None = None,
-    totals_N: Sequence[float] = (),
-) -> dict[str, Lever]:
-    """All levers of a scenario by name; levers of the same cause are forms of it, the usual form first.
-
-    Parameters
-    ----------
-    scenario : the scenario as its file states it.
-    muscles : names of the muscles of its model.
-    registration : which parts of the registration the dataset fits.
-    totals_N : force of all muscles in each curve; that of the scenario if left out.
-    """
-    totals = list(totals_N) or [total_force_N(scenario)]
+def levers_of(test: Experiment) -> dict[str, Lever]:
+    """All levers of a test by name; levers of the same cause are forms of it, the usual form first."""
+    scenario, registration = test.scenario, test.dataset.registration or RegistrationTable()
+    totals = [total_force_N(one) for one in test.scenarios] or [total_force_N(scenario)]
     pulls = "" if max(totals) > 0.0 else "no muscle of the scenario is active"
     levers = _of_loads(scenario, pulls) | _of_tissue(scenario)
     for bone in _bones(scenario):
         levers |= _of_bone(bone, scenario)
-    for name in muscles:
+    for name in test.anatomy.muscles:
         levers |= _of_muscle(name, scenario, totals, pulls)
-    return levers | {"registration": _registration(registration or RegistrationTable())}
+    for cause in CAUSE_MODULES:
+        levers |= cause.levers(test)
+    # markers at rest give the registration
+    return levers if test.markers else levers | {"registration": _registration(registration)}
+
+
+def title_of(name: str, levers: Mapping[str, Lever]) -> str:
+    """Title of a lever, or of a cause whose forms have other names, without units."""
+    title = CAUSE_TITLES.get(name) or levers[name].title
+    return title.partition(" [")[0]
 
 
 def total_force_N(scenario: TransientScenario) -> float:
@@ -145,13 +143,13 @@ def _of_tissue(scenario: TransientScenario) -> dict[str, Lever]:
         "damping": Lever(
             "damping",
             "mass-proportional damping [1/s]",
-            {"alpha_per_s": _about(DAMPING, damping.alpha_per_s)},
+            {"alpha_per_s": around(DAMPING, damping.alpha_per_s)},
             lambda scenario, v: [f"model.damping.alpha_per_s={v['alpha_per_s']!r}"],
         ),
         "viscosity": Lever(
-            "damping",
+            "viscoelastic",
             "stiffness-proportional damping [s]",
-            {"beta_s": _about(VISCOSITY, damping.beta_s)},
+            {"beta_s": around(VISCOSITY, damping.beta_s)},
             lambda scenario, v: [f"model.damping.beta_s={v['beta_s']!r}"],
             reason=_no_viscosity(scenario),
         ),
@@ -159,7 +157,7 @@ def _of_tissue(scenario: TransientScenario) -> dict[str, Lever]:
             "stiffness",
             "common factor of the moduli of the material",
             {"factor": FACTOR},
-            lambda scenario, v: [f"model.material={_changed(scenario.model.material, v['factor'])}"],
+            lambda scenario, v: [f"model.material={material_times(scenario.model.material, v['factor'])}"],
         ),
         "graft-stiffness": Lever(
             "graft-stiffness",
@@ -169,7 +167,12 @@ def _of_tissue(scenario: TransientScenario) -> dict[str, Lever]:
             reason="" if scenario.graft else "the scenario has no [[graft]]",
         ),
         "rest-shape": Lever(
-            "rest-shape", "common factor of all lengths of the tongue and its bones", {"factor": SIZE}, _resized, _resized_reading
+            "rest-shape",
+            "common factor of all lengths of the tongue and its bones",
+            {"factor": SIZE},
+            _resized,
+            _resized_reading,
+            reason="" if scenario.model.name is not None else "a box or a mesh file has dimension-x, -y and -z",
         ),
     }
 
@@ -198,7 +201,7 @@ def _of_bone(name: str, scenario: TransientScenario) -> dict[str, Lever]:
 
     if number:
         cause, shifts = f"{name}-shift", {"shift_z_mm": BONE_UP_MM, "shift_x_mm": BONE_SIDEWAYS_MM}
-        friction = {"friction": _about(FRICTION, scenario.bone[number - 1].friction)}
+        friction = {"friction": around(FRICTION, scenario.bone[number - 1].friction)}
         return {
             cause: Lever(cause, f"shift of the {name} along z and x [mm]", shifts, move),
             f"{name}-friction": Lever(f"{name}-friction", f"coefficient of friction of the {name}", friction, rub),
@@ -272,18 +275,12 @@ def _resized(scenario: TransientScenario, v: Values) -> list[str]:
     """
     s = v["factor"]
     g = [float(x) / s for x in scenario.model.gravity_m_s2]
-    settings = [f"model.material={_changed(scenario.model.material, density_factor=s**2)}", f"model.gravity_m_s2={g}"]
+    settings = [f"model.material={material_times(scenario.model.material, density_factor=s**2)}", f"model.gravity_m_s2={g}"]
     settings += _forces(scenario, s**-2)
     for number, graft in enumerate(scenario.graft, 1):
         if graft.material is not None:
-            settings.append(f"graft.{number}.material={_changed(graft.material, density_factor=s**2)}")
+            settings.append(f"graft.{number}.material={material_times(graft.material, density_factor=s**2)}")
     return settings
-
-
-def _about(sought: Sought, now: float) -> Sought:
-    """Strengths about the one that the scenario has: none at all, and larger ones by what would be tried without it."""
-    more = tuple(now + v for v in sought.values)
-    return replace(sought, values=(0.0, *more) if now > 0.0 else more, high=now + sought.high, none=now)
 
 
 def _no_viscosity(scenario: TransientScenario) -> str:
@@ -324,13 +321,6 @@ def _falling(scenario: TransientScenario, v: Values) -> list[str]:
     return settings
 
 
-def _changed(material: str | Law, factor: float = 1.0, density_factor: float = 1.0) -> str:
-    """A material with its moduli and its density multiplied, as a setting has it."""
-    law = catalogue.material(material)
-    table = law.model_dump(exclude_defaults=True) | {"density_kg_m3": density_factor * law.density_kg_m3}
-    return toml_value({key: factor * v if key.endswith("_Pa") else v for key, v in table.items() if key != "source"})
-
-
 def _grafts(scenario: TransientScenario, factor: float) -> list[str]:
     """All grafts with their moduli multiplied."""
     settings = []
@@ -339,7 +329,7 @@ def _grafts(scenario: TransientScenario, factor: float) -> list[str]:
             assert graft.stiffness_ratio is not None  # the schema has checked that one of the two is given
             settings.append(f"graft.{number}.stiffness_ratio={factor * graft.stiffness_ratio!r}")
         else:
-            settings.append(f"graft.{number}.material={_changed(graft.material, factor)}")
+            settings.append(f"graft.{number}.material={material_times(graft.material, factor)}")
     return settings
 
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_gradients
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.solve.transient import Transient
+from explicitfe.inverse.close_loop.trajectories.emulator import Emulator
 from explicitfe.inverse.measured.curve import Curve
 from explicitfe.platform.errors import InputError, RunError
 from explicitfe.platform.host import stopping
@@ -26,24 +30,53 @@ CHECK_CELLS_FACTOR = 1.5
 
 Settings = tuple[str, ...]  # what --set takes
 Job = tuple[Settings, tuple[float, ...]]  # settings of the scenario, and times [s]
-Run = tuple[np.ndarray, float] | str  # displacements (k, s, 3) m and smallest step [s], or why they cannot be computed
 
 
-def displacements_of(
-    path: Path, settings: Sequence[str], places: np.ndarray, times_s: Sequence[float]
-) -> tuple[np.ndarray, float]:
-    """Displacements of places of the body at times.
+@dataclass(frozen=True, eq=False)
+class Sites:
+    """Where sensors sit on a body.
+
+    Attributes
+    ----------
+    position : (s, 3) m, of material points in the undeformed body of the scenario as its file states it.
+    stand_off : (s, 3) m, from there to the centre of each sensor.
+    """
+
+    position: np.ndarray
+    stand_off: np.ndarray
+
+    @classmethod
+    def at(cls, position: np.ndarray) -> Sites:
+        """Sensors on material points (s, 3) m."""
+        return cls(position, np.zeros_like(position))
+
+
+class SensorMotion(NamedTuple):
+    """What a run tells of the sensors.
+
+    Attributes
+    ----------
+    displacement : (k, s, 3) m, of the material points.
+    rotation : (k, s, 3, 3) of the body there; (k, 0, 3, 3) where no sensor stands off.
+    smallest_step_s : smallest step taken.
+    """
+
+    displacement: np.ndarray
+    rotation: np.ndarray
+    smallest_step_s: float
+
+
+Run = SensorMotion | str  # or why it cannot be computed
+
+
+def motion_of(path: Path, settings: Sequence[str], sites: Sites, times_s: Sequence[float]) -> SensorMotion:
+    """SensorMotion of the sensors' sites at times.
 
     Parameters
     ----------
     path, settings : the scenario.
-    places : (s, 3) m, in the undeformed body.
     times_s : (k,) rising. A state between two instants is extrapolated from the later one by its velocity, which errs by less
         than half a squared step times the acceleration.
-
-    Returns
-    -------
-    (k, s, 3) m, and the smallest step taken [s].
 
     Raises
     ------
@@ -57,24 +90,45 @@ def displacements_of(
             f"{path}: analysis.duration_ms = {analysis.duration_ms:g} ends before the data do, at {1e3 * times_s[-1]:g} ms."
         )
     mesh = prepared.model.mesh
-    points = locate_in_mesh(mesh, places)
+    stands_off = bool(sites.stand_off.any())
+    scale = np.array(prepared.scenario.model.scale) / np.array(scenario_with(path, ()).model.scale)
+    points = locate_in_mesh(mesh, sites.position * scale, *([np.inf] if stands_off else []))
     step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
     transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
-    displacements = np.empty((len(times_s), *places.shape))
+    displacements = np.empty((len(times_s), *sites.position.shape))
+    rotations = np.empty((len(times_s), len(sites.position) if stands_off else 0, 3, 3))
+    gradients = _reference_gradients(mesh, points) if stands_off else np.zeros((0, 8, 3))
     for row, time_s in enumerate(times_s):
         status = transient.advance_to(time_s)
         stopping.check()
         if status:
             raise RunError(status.message)
         now = simulation.snapshot()
-        displacements[row] = mesh.at(points, now.displacement + (time_s - now.time_s) * now.velocity)
-    return displacements, transient.smallest_dt_s
+        field = now.displacement + (time_s - now.time_s) * now.velocity
+        displacements[row] = mesh.at(points, field)
+        if stands_off:
+            F = np.eye(3) + np.einsum("sai,sac->sic", field[mesh.hexes[points.element]], gradients)
+            rotations[row] = rotation_of(F)
+    return SensorMotion(displacements, rotations, transient.smallest_dt_s)
 
 
-def _run_job(path: Path, places: np.ndarray, job: Job) -> Run:
+def _reference_gradients(mesh: HexMesh, points: MaterialPoints) -> np.ndarray:
+    """Gradients (s, 8, 3) [1/m] of the shape functions at material points in the undeformed body."""
+    natural = shape_gradients(points.natural)
+    jacobian = np.einsum("sai,sac->sic", mesh.points[mesh.hexes[points.element]], natural)
+    return np.asarray(np.einsum("sac,sci->sai", natural, np.linalg.inv(jacobian)))
+
+
+def rotation_of(F: np.ndarray) -> np.ndarray:
+    """Rotations (..., 3, 3) of deformation gradients, F = R U (polar decomposition)."""
+    u, _, vt = np.linalg.svd(F)
+    return np.asarray(u @ vt)
+
+
+def _run_job(path: Path, sites: Sites, job: Job) -> Run:
     try:
         with announcing(f"runs of {path.name}"):
-            return displacements_of(path, job[0], places, job[1])
+            return motion_of(path, job[0], sites, job[1])
     except (RunError, InputError) as error:
         return str(error)
 
@@ -84,15 +138,16 @@ class Runs:
 
     Parameters
     ----------
-    places : (s, 3) m, of the sensors in the undeformed body.
+    sites : where the sensors sit.
     processes : at most so many.
     """
 
-    def __init__(self, path: Path, places: np.ndarray, processes: int = 1) -> None:
+    def __init__(self, path: Path, sites: Sites, processes: int = 1) -> None:
         self.path = path
-        self.places = places
+        self.sites = sites
         self.processes = processes
         self._kept: dict[Job, Run] = {}
+        self.emulator: Emulator | None = None  # fast answers, once the candidates have been screened
         self._pool: WorkerPool | None = None
 
     @property
@@ -107,24 +162,24 @@ class Runs:
             self._pool = None
 
     def of(self, jobs: Iterable[Job]) -> list[Run]:
-        """Displacements (k, s, 3) m and smallest step [s] of each job, or why it cannot be computed."""
+        """SensorMotion of the sites in each job, or why it cannot be computed."""
         jobs = list(jobs)
         todo = list(dict.fromkeys(job for job in jobs if job not in self._kept))
         # The first run is done here: it compiles the kernels, which the other processes then load.
         if todo and not self._kept:
-            self._kept[todo[0]] = _run_job(self.path, self.places, todo[0])
+            self._kept[todo[0]] = _run_job(self.path, self.sites, todo[0])
             del todo[0]
         if self.processes > 1 and len(todo) > 1:
             try:
                 self._pool = self._pool or WorkerPool(self.processes)
-                work = self._pool.map(_run_job, [self.path] * len(todo), [self.places] * len(todo), todo)
+                work = self._pool.map(_run_job, [self.path] * len(todo), [self.sites] * len(todo), todo)
                 self._kept |= dict(zip(todo, work, strict=True))
             except BrokenProcessPool:  # a script that is read from standard input can start no process
                 stopping.check()
                 self._pool, self.processes = None, 1
         for job in todo:
             if job not in self._kept:
-                self._kept[job] = _run_job(self.path, self.places, job)
+                self._kept[job] = _run_job(self.path, self.sites, job)
         return [self._kept[job] for job in jobs]
 
 
@@ -146,6 +201,8 @@ def settings_of(curve: Curve) -> Settings:
 def finer_setting(scenario: TransientScenario) -> str:
     """The setting of the next finer mesh; "" where there is none."""
     table = scenario.model
+    if table.box_mm is not None and table.cells is not None:
+        return f"model.cells={[round(CHECK_CELLS_FACTOR * n) for n in table.cells]}"
     if table.name is None:
         return ""
     named = catalogue.contour(table.name).resolutions

@@ -6,7 +6,7 @@ Every candidate is a few ``--set`` settings of the scenario, so what is found ca
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,33 +14,28 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from explicitfe.fem.effects.effect import Sought
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.inverse.close_loop.statistics.covariance import outside, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, row_noise
 from explicitfe.inverse.close_loop.statistics.refit import derivatives
-from explicitfe.inverse.close_loop.statistics.system import (
-    Answer,
-    Candidate,
-    Hypothesis,
-    Parameter,
-    Scales,
-    Series,
-    Term,
-    candidate,
-)
-from explicitfe.inverse.close_loop.trajectories.levers import Lever, levers_of, total_force_N
-from explicitfe.inverse.close_loop.trajectories.runs import Job, Runs, Settings, finer_setting, scenario_with, settings_of
+from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Term, candidate
+from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
+from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
+from explicitfe.inverse.close_loop.trajectories.lever import Experiment
+from explicitfe.inverse.close_loop.trajectories.levers import levers_of
+from explicitfe.inverse.close_loop.trajectories.markers import START_INTERVALS, place_on_model
+from explicitfe.inverse.close_loop.trajectories.paths import answers_with_errors_of_place
+from explicitfe.inverse.close_loop.trajectories.recordings import AXIS_NAMES, Recordings, registration_table
+from explicitfe.inverse.close_loop.trajectories.runs import Runs, Settings, Sites, finer_setting, scenario_with, settings_of
 from explicitfe.inverse.measured.curve import Curve, TrajectoryDataset
 from explicitfe.inverse.measured.registration import Registration, procrustes
-from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError, RunError, nearest
 from explicitfe.platform.host.toml_text import toml_value
 from explicitfe.simulate.anatomy import catalogue
-from explicitfe.simulate.anatomy.muscles import profile_of
 from explicitfe.simulate.anatomy.tongue import anatomy_of
 from explicitfe.simulate.scenario.read import read_scenario, read_transient
-from explicitfe.simulate.scenario.transient import TransientScenario
 
-AXIS_NAMES = "xyz"
 ANOTHER_ELEMENT, MESH, SMALLER_STEPS = "another element", "the mesh", "smaller steps"
 # Displacements of linear hexahedra converge with this power of the element size: the change from 480 to 1280 elements is to be
 # multiplied by 1.8 to reach 10 240, and was by 1.5 and 1.7 in two gestures.
@@ -53,65 +48,59 @@ CHECK_STEP_SHARE = 0.5
 TURN_STEP_RAD, SHIFT_STEP_MM, LARGEST_SHIFT_MM = 0.05, 1.0, 500.0
 # The scale may change by these factors.
 SCALE_BOUND_FACTORS = (0.5, 2.0)
+# Correlation of rows that follow each other in the difference between repeats, where no test was repeated.
+UNREPEATED_CORRELATION = 0.8
+# A marker stands off the body by no more than this share of the body's largest extent.
+LARGEST_STAND_OFF_SHARE = 0.2
 OTHER_ELEMENT = {"hex8": "hex8-stiffness", "hex8-stiffness": "hex8", "hex8-full": "hex8"}
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectories:
-    """Fitted curves of a trajectory dataset as a :class:`explicitfe.inverse.close_loop.statistics.system.System`.
-
-    Parameters
-    ----------
-    dataset, curves : ``conditions.settings`` of a curve are settings of its scenario, such as another force of a muscle.
-    first : the registration to begin with; the dataset says which parts of it are fitted.
-    undeformed : (s, 3) m; where the sensors' points of the model are before anything pulls.
-    runs : shared by all that ask.
-    levers : what may be wrong in the scenario, by name.
-    only : candidates that are considered; the usual ones if empty.
-    placement_mm : likely error of where each sensor sits, constant in time, along each axis.
-    """
-
-    dataset: TrajectoryDataset
-    curves: tuple[Curve, ...]
-    first: Registration
-    undeformed: np.ndarray
-    runs: Runs
-    levers: Mapping[str, Lever]
-    only: tuple[str, ...] = ()
-    placement_mm: float = 0.0
+class Trajectories(Recordings):
+    """Fitted curves of a trajectory dataset as a :class:`explicitfe.inverse.close_loop.statistics.system.System`."""
 
     @cached_property
     def rows(self) -> list[RowNoise]:
         """Noise of the rows of each series: what is stated, and errors of the numerics that the checks do not foresee.
 
-        A tongue starts too fast for few rows to tell its start from noise, so no noise is estimated where one is stated.
+        A tongue starts too fast for few rows to tell its start from noise, so no noise is estimated where one is stated. Markers
+        show their noise at rest. Where a test was repeated, its repeats show how far an exact model would be from each of them.
         """
-        rows = row_noise(self.series)
         more = self._unforeseen() + SMALLEST_NOISE_M
+        if self.placed:
+            return self._rows_of_markers(more)
+        rows = row_noise(self.series)
         stated = [row.sd if one.noise_sd is None else one.noise_sd for one, row in zip(self.series, rows, strict=True)]
         return [
             RowNoise(np.full(len(one.measured), np.hypot(sd, more)), 0.0, one.noise_sd is not None)
             for one, sd in zip(self.series, stated, strict=True)
         ]
 
+    def _rows_of_markers(self, more: float) -> list[RowNoise]:
+        spread = self.repeats
+        noise = []
+        for one, (curve, sensor, axis) in zip(self.series, self._columns, strict=True):
+            own = one.noise_sd or 0.0
+            farthest = float(np.nanmax(np.linalg.norm(self.placed[curve.id].displacement(curve, sensor), axis=1)))
+            if spread is None:
+                shared = np.sqrt(len(self.moving)) * THRESHOLDS.unknown_noise_share * farthest
+                sd = float(np.hypot(own + more, shared))
+                noise.append(RowNoise(np.full(len(one.measured), sd), UNREPEATED_CORRELATION, False))
+                continue
+            # Errors that the markers share count once for all of them, not once for each.
+            shared = np.sqrt(1.0 + (len(self.moving) - 1) * spread.common[axis])
+            sd = float(np.hypot(own + more, shared * spread.share[axis] * farthest))
+            noise.append(RowNoise(np.full(len(one.measured), sd), float(spread.correlation[axis]), False))
+        return noise
+
     def for_curves(self, curves: Iterable[Curve]) -> Trajectories:
         """The same models, asked for other curves."""
         return replace(self, curves=tuple(curves))
 
-    @property
-    def scenario(self) -> TransientScenario:
-        """The scenario as its file has it."""
-        return scenario_with(self.runs.path, ())
-
-    @cached_property
-    def series(self) -> list[Series]:
-        """One for each curve, sensor and axis that was measured: coordinates from the first row on."""
-        return [self._series(curve, sensor, axis) for curve, sensor, axis in self._columns]
-
     @cached_property
     def base(self) -> tuple[Parameter, ...]:
-        """The parts of the registration that are fitted: rotation vector, translation and scale, see :class:`Registration`."""
-        table = _registration_table(self.dataset)
+        """What is always fitted: parts of the registration, starts of the motion, and constants of the scenario."""
+        table = registration_table(self.dataset)
         parameters = []
         if table.rotation == "fit":
             for axis, start in zip(AXIS_NAMES, Rotation.from_matrix(self.first.rotation).as_rotvec(), strict=True):
@@ -126,6 +115,15 @@ class Trajectories:
             s = self.first.scale
             low, high = SCALE_BOUND_FACTORS
             parameters.append(Parameter("scale", Sought((s,), low * s, high * s, kind="log", none=s), s))
+        for curve in self.curves:
+            if curve.start_s is None:
+                one = self.placed[curve.id]
+                doubt = START_INTERVALS * one.interval_s
+                start = Sought((one.start_s + one.interval_s,), one.start_s - doubt, one.start_s + doubt, none=one.start_s)
+                parameters.append(Parameter("start_s", start, one.start_s, group=curve.id))
+        for name in self.dataset.fit:
+            for key, sought in self.levers[name].sought.items():
+                parameters.append(Parameter(f"{name}.{key}", sought, sought.none))
         return tuple(parameters)
 
     def has_slopes(self, model: Hypothesis) -> bool:
@@ -133,32 +131,20 @@ class Trajectories:
         return False
 
     def exact(self, model: Hypothesis) -> bool:
-        """Always: one mesh and one step make answers smooth."""
-        return True
+        """Whether derivatives are taken of runs: one mesh and one step make them smooth. Fast answers save most of these runs."""
+        return self.runs.emulator is None
 
     def costly(self, model: Hypothesis) -> bool:
         """Always: each strength is a run a curve."""
         return True
 
+    def bare(self) -> Hypothesis:
+        """The scenario as it stands, without parameters."""
+        return Hypothesis((), (), np.zeros(0))
+
     def start(self) -> Hypothesis:
         """The scenario as it stands, with the first registration."""
         return Hypothesis(self.base, (), np.array([p.sought.coordinate(p.start) for p in self.base]))
-
-    def registration(self, model: Hypothesis) -> Registration:
-        """The registration of a model."""
-        values = dict(zip([p.name for p in self.base], model.values, strict=False))
-        turn = [values.get(f"turn_{axis}_rad") for axis in AXIS_NAMES]
-        shift_mm = [values.get(f"shift_{axis}_mm") for axis in AXIS_NAMES]
-        registration = Registration(
-            self.first.rotation if None in turn else Rotation.from_rotvec(turn).as_matrix(),
-            self.first.translation if None in shift_mm else 1e-3 * np.array(shift_mm),
-            values.get("scale", self.first.scale),
-        )
-        for name, strengths in model.of_terms():
-            reading = self.levers[name].reading
-            if reading is not None:
-                registration = reading(registration, self.undeformed.mean(axis=0), strengths)
-        return registration
 
     @property
     def considered(self) -> list[str]:
@@ -171,6 +157,8 @@ class Trajectories:
         candidates = []
         for name in self.considered:
             lever = self.levers[name]
+            if name in self.dataset.fit:
+                continue
             if lever.reason:
                 candidates.append(Candidate(name, lever.cause, Term(name, ()), reason=lever.reason))
             elif lever.cause not in present:
@@ -184,6 +172,8 @@ class Trajectories:
     def changes(self, model: Hypothesis, candidates: Sequence[Candidate]) -> list[list[np.ndarray | None]]:
         """Change (n,) m of the coordinates by each trial of each candidate; None where it cannot be computed."""
         usual = stack(self._answer(model))
+        if self.placed and self.runs.emulator is None:
+            self.runs.emulator = emulator_near(self, model, candidates)
         tried = iter(self.answers([model.plus(one.term, values) for one in candidates for values in one.trials]))
         answers = [[next(tried) for _ in one.trials] for one in candidates]
         return [[None if y is None else stack(y) - usual for y in row] for row in answers]
@@ -198,16 +188,33 @@ class Trajectories:
 
     def why(self, model: Hypothesis) -> dict[str, str]:
         """Curve -> why a model cannot be computed there."""
-        runs = zip(self.curves, self.runs.of(self._jobs(model)), strict=True)
+        runs = zip(self.curves, self.runs.of(self.jobs(model)), strict=True)
         return {curve.id: run for curve, run in runs if isinstance(run, str)}
 
+    @property
+    def fast_everywhere(self) -> bool:
+        """Whether the motion of markers has features; see :class:`Emulator`."""
+        return self.runs.emulator is not None
+
     def has_sketch(self, effect: str) -> bool:
-        """There are no fast answers."""
-        return False
+        """Whether the features of vibrating markers are known for an effect."""
+        return self.runs.emulator is not None and effect in self.runs.emulator.responses
 
     def sketched(self, models: Sequence[Hypothesis]) -> list[Answer | None]:
-        """None for each model."""
-        return [None] * len(models)
+        """Answers by the features of the motion of markers; None for each model where there are none."""
+        emulator = self.runs.emulator
+        if emulator is None:
+            return [None] * len(models)
+        answers: list[Answer | None] = []
+        for model in models:
+            seen = {}
+            for curve in self.curves:
+                vibration = emulator.of(model, curve.id)
+                start_s = self._start_of(model, curve)
+                moved = vibration.at(curve.time_s - (self.placed[curve.id].start_s if start_s is None else start_s))
+                seen[curve.id] = moved.reshape(len(moved), -1, 3)
+            answers.append(self.by_columns(seen))
+        return answers
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.
@@ -228,6 +235,8 @@ class Trajectories:
 
     def assumptions(self, model: Hypothesis) -> dict[str, Answer]:
         """What the model answers with each sensor moved by the likely error of its place."""
+        if self.placed:
+            return answers_with_errors_of_place(self, model)
         if not self.placement_mm:
             return {}
         answer = self._answer(model)
@@ -238,14 +247,6 @@ class Trajectories:
                 y + 1e-3 * self.placement_mm * m for y, m in zip(answer, moved, strict=True)
             ]
         return answers
-
-    def settings(self, model: Hypothesis, curve: Curve | None = None) -> Settings:
-        """What ``--set`` takes to turn the scenario into a model; with a curve, into the run of that curve."""
-        settings = () if curve is None else settings_of(curve)
-        for name, values in model.of_terms():
-            scenario = scenario_with(self.runs.path, settings)  # with the terms before
-            settings = (*settings, *self.levers[name].settings(scenario, values))
-        return settings
 
     def scenario_text(self, model: Hypothesis, curve: Curve | None = None) -> str:
         """The scenario of a model as a file, which gives the model's answers bit by bit when it is run."""
@@ -279,8 +280,8 @@ class Trajectories:
     @cached_property
     def _change_by_steps(self) -> dict[str, Answer]:
         """Change of the scenario's own answer by smaller steps: terms hardly change it, and such a run takes twice as long."""
-        runs = [run for run in self.runs.of(self._jobs(self.start())) if not isinstance(run, str)]
-        step_us = 1e6 * CHECK_STEP_SHARE * min(step for _, step in runs)
+        runs = [run for run in self.runs.of(self.jobs(self.start())) if not isinstance(run, str)]
+        step_us = 1e6 * CHECK_STEP_SHARE * min(run.smallest_step_s for run in runs)
         change = self._change(self.start(), (f"analysis.step_us={step_us!r}",))
         return {SMALLER_STEPS: change} if change else {}
 
@@ -295,9 +296,8 @@ class Trajectories:
         table, setting = self.scenario.model, finer_setting(self.scenario)
         if not setting:
             return 0.0, ""
-        assert table.name is not None
         finer = scenario_with(self.runs.path, (setting,)).model
-        coarse, fine = (np.prod(catalogue.cells_of(table.name, t.resolution, t.cells)) for t in (table, finer))
+        coarse, fine = (np.prod(catalogue.cells_of(table.name or "", t.resolution, t.cells)) for t in (table, finer))
         return 1.0 / (1.0 - float(coarse / fine) ** (CONVERGENCE_ORDER / 3.0)), setting
 
     def _unforeseen(self) -> float:
@@ -312,55 +312,11 @@ class Trajectories:
         unforeseen = outside(known / np.maximum(np.linalg.norm(known, axis=0), 1e-300), factor * stack(both)[:, None])
         return float(np.sqrt(np.mean(unforeseen**2)))
 
-    @cached_property
-    def _columns(self) -> list[tuple[Curve, str, int]]:
-        """Curve, sensor and axis of each series; a coordinate that never changes was not measured."""
-        return [
-            (curve, sensor, axis)
-            for curve in self.curves
-            for sensor in self.dataset.sensors
-            for axis in range(3)
-            if np.ptp(curve.sensors[sensor][:, axis]) > 0.0
-        ]
-
-    def _series(self, curve: Curve, sensor: str, axis: int) -> Series:
-        """One coordinate of a sensor from the first row on; it bends where a muscle's command does."""
-        profiles = [profile_of(muscle) for muscle in scenario_with(self.runs.path, settings_of(curve)).muscle]
-        time_s = curve.time_s
-        edges = np.concatenate([np.unique(p.time_s) for p in profiles] or [np.zeros(0)])
-        rows = np.searchsorted(time_s, edges[(edges > 0.0) & (edges < time_s[-1])])
-        pulls = sum((p.at(time_s, tolerance_s=1e-9) for p in profiles), np.zeros(len(time_s)))
-        sd = curve.noise.displacement_sd_mm
-        return Series(
-            id=f"{curve.id} {sensor} {AXIS_NAMES[axis]}",
-            curve=curve.id,
-            test=curve.id,
-            peers="",
-            specimen="" if curve.group == curve.id else curve.group,
-            constants="all",
-            measured=curve.sensors[sensor][:, axis] - curve.sensors[sensor][0, axis],
-            time_s=time_s,
-            noise_sd=None if sd is None else 1e-3 * sd,
-            imposed_sd=np.zeros(len(time_s)),
-            bends=np.unique([0, *rows, len(time_s) - 1]),
-            scatter=None,
-            trend=0.0,
-            phase=np.where(pulls > 0.0, "loading", "unloading"),
-            unit="mm",
-            factor=1e3,
-        )
-
-    def _jobs(self, model: Hypothesis, more: Settings = ()) -> list[Job]:
-        """A run a curve, with further settings."""
-        return [((*self.settings(model, curve), *more), tuple(curve.time_s.tolist())) for curve in self.curves]
-
     def _answers(self, models: Sequence[Hypothesis], more: Settings = ()) -> list[Answer | str]:
         """What each model predicts with further settings, or why it cannot."""
-        runs = iter(self.runs.of(job for model in models for job in self._jobs(model, more)))
-        sensors = {sensor: number for number, sensor in enumerate(self.dataset.sensors)}
+        runs = iter(self.runs.of(job for model in models for job in self.jobs(model, more)))
         answers: list[Answer | str] = []
         for model in models:
-            registration = self.registration(model)
             seen: dict[str, np.ndarray] = {}
             problems = []
             for curve in self.curves:
@@ -368,16 +324,8 @@ class Trajectories:
                 if isinstance(run, str):
                     problems.append(run)
                 else:
-                    seen[curve.id] = registration.to_sensors(self.undeformed + run[0])
-            if problems:
-                answers.append(problems[0])
-                continue
-            answers.append(
-                [
-                    seen[curve.id][:, sensors[sensor], axis] - curve.sensors[sensor][0, axis]
-                    for curve, sensor, axis in self._columns
-                ]
-            )
+                    seen[curve.id] = self.seen(model, curve, run)
+            answers.append(problems[0] if problems else self.by_columns(seen))
         return answers
 
     def _answer(self, model: Hypothesis) -> Answer:
@@ -414,27 +362,53 @@ def trajectory_system(
     scenario = read_transient(dataset.scenario)
     anatomy = anatomy_of(scenario.model, dataset.scenario.parent)
     curves, mesh = tuple(curves), anatomy.mesh
-    totals = [total_force_N(scenario_with(dataset.scenario, settings_of(curve))) for curve in curves]
-    levers = levers_of(scenario, anatomy.muscles, _registration_table(dataset), totals)
-    for name in only:
-        if name not in levers:
-            raise InputError(f"`effects` {name}: there is no such effect; {nearest(name, levers)}")
-    for sensor, point in dataset.sensors.items():
-        if point not in mesh.named_points:
-            hint = nearest(point, mesh.named_points)
-            raise InputError(f'{dataset.path}: sensor "{sensor}" is mapped to "{point}", which the model does not have; {hint}')
-    undeformed = np.concatenate([mesh.named_points[point].position for point in dataset.sensors.values()])
-    runs = Runs(dataset.scenario, undeformed, processes)
+    scenarios = [scenario_with(dataset.scenario, settings_of(curve)) for curve in curves]
+    levers = levers_of(Experiment(scenario, anatomy, dataset, scenarios))
+    for what, names in (("`effects`", only), (f"{dataset.path}: fit =", dataset.fit)):
+        for name in names:
+            if name not in levers:
+                raise InputError(f"{what} {name}: there is no such effect; {nearest(name, levers)}")
+    for name in dataset.fit:
+        if levers[name].reason:
+            raise InputError(f"{dataset.path}: fit = {name} is not possible: {levers[name].reason}.")
+    sites = _sites(dataset, mesh)
+    runs = Runs(dataset.scenario, sites, processes)
+    if any(sensor.at_m is not None for sensor in dataset.sensors.values()):
+        placed = {curve.id: place_on_model(curve, dataset.sensors) for curve in dataset.curves}
+        identity = Registration(np.eye(3), np.zeros(3))
+        return Trajectories(dataset, curves, identity, placed, runs, levers, tuple(only), placement_mm)
     modelled, seen = [], []
-    for curve, run in zip(curves, runs.of((settings_of(c), tuple(c.time_s.tolist())) for c in curves), strict=True):
+    for curve in curves:
+        if curve.start_s is None:
+            raise InputError(f'{dataset.path}: curve "{curve.id}": start_s = "fit" needs markers with at_mm; state a number.')
+    system = Trajectories(dataset, curves, Registration(np.eye(3), np.zeros(3)), {}, runs, levers, tuple(only), placement_mm)
+    for curve, run in zip(curves, runs.of(system.jobs(system.bare())), strict=True):
         if isinstance(run, str):
             raise RunError(f'curve "{curve.id}": {run}')
-        modelled.append((undeformed + run[0]).reshape(-1, 3))
-        seen.append(np.stack([curve.sensors[name] for name in dataset.sensors], axis=1).reshape(-1, 3))
-    first = procrustes(_registration_table(dataset), np.concatenate(modelled), np.concatenate(seen))
-    return Trajectories(dataset, curves, first, undeformed, runs, levers, tuple(only), placement_mm)
+        modelled.append((sites.position + run.displacement).reshape(-1, 3))
+        later = curve.time_s >= (curve.start_s or 0.0)
+        seen.append(np.stack([curve.sensors[name][later] for name in dataset.sensors], axis=1).reshape(-1, 3))
+    model, positions = np.concatenate(modelled), np.concatenate(seen)
+    known = np.isfinite(positions).all(axis=1)
+    return replace(system, first=procrustes(registration_table(dataset), model[known], positions[known]))
 
 
-def _registration_table(dataset: TrajectoryDataset) -> RegistrationTable:
-    """What the dataset says of the registration; nothing is fitted if it says nothing."""
-    return dataset.registration or RegistrationTable()
+def _sites(dataset: TrajectoryDataset, mesh: HexMesh) -> Sites:
+    """Where the sensors sit on the undeformed body."""
+    positions, stand_off = [], []
+    for name, sensor in dataset.sensors.items():
+        if sensor.at_m is None and sensor.point not in mesh.named_points:
+            hint = nearest(sensor.point, mesh.named_points)
+            raise InputError(
+                f'{dataset.path}: sensor "{name}" is mapped to "{sensor.point}", which the model does not have; {hint}'
+            )
+        place = mesh.named_points[sensor.point].position[0] if sensor.at_m is None else sensor.at_m
+        point = place if sensor.at_m is None else locate_in_mesh(mesh, place, np.inf).position[0]
+        away = place - point
+        if float(np.linalg.norm(away)) > LARGEST_STAND_OFF_SHARE * np.ptp(mesh.points, axis=0).max() and not sensor.fixed:
+            raise InputError(
+                f'{dataset.path}: marker "{name}" lies {1e3 * np.linalg.norm(away):.3g} mm outside of the body; check at_mm.'
+            )
+        positions.append(point)
+        stand_off.append(np.zeros(3) if sensor.fixed else away)
+    return Sites(np.array(positions), np.array(stand_off))

@@ -1,4 +1,4 @@
-"""The report of a closed loop: one page that a person understands in a minute, with its pictures as PNG files beside it.
+"""The report of a closed loop: one page that a person understands in a minute, with its pictures as files next to it.
 
 Any key of the report may be missing, any number not finite: then a dash stands on the page, or nothing. The page holds its
 pictures and its style sheet and runs nothing, so that it is whole without a network and in an e-mail.
@@ -13,26 +13,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from explicitfe.app.view.page.close_loop import parts
+from explicitfe.app.view.page.close_loop.motion_charts import marker_charts
+from explicitfe.app.view.page.close_loop.motion_film import FILM_WIDTH_IN, motion_film
+from explicitfe.app.view.page.close_loop.motion_tables import motion_on_page
 from explicitfe.app.view.page.close_loop.pictures import before_after, causes, residuals, sensitivity
 from explicitfe.app.view.page.close_loop.reading import DrawnCurve, assumed_values, drawn_curves, has_changed
 from explicitfe.app.view.page.frame import page_text
 from explicitfe.app.view.page.words import smooth_part
 from explicitfe.app.view.palette import save
 from explicitfe.results.documents.loop_report import LoopReport, ReportCurve
+from explicitfe.results.documents.motion_report import MovingMarkers
+from explicitfe.results.files.folder import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE_FILE = "report.html"
+FILM_FILE, MARKERS_FILE = "motion.gif", "markers.png"
 CSS_DOTS_PER_INCH = 96
 
 
 @dataclass(frozen=True)
 class EmbeddedPicture:
-    """A picture as it stands in the page: a PNG file in base 64, and the width it is shown with."""
+    """A picture as it stands in the page: a file in base 64, the width it is shown with, and its format."""
 
     base64: str
     width_px: str
+    file_format: str = "png"
 
 
 @dataclass(frozen=True)
@@ -43,9 +50,11 @@ class EmbeddedPictures:
     before_after: EmbeddedPicture | None = None
     residuals: EmbeddedPicture | None = None
     sensitivity: EmbeddedPicture | None = None
+    motion: EmbeddedPicture | None = None
+    markers: EmbeddedPicture | None = None
 
 
-def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve]) -> list[str]:
+def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve], markers: Sequence[MovingMarkers] = ()) -> list[str]:
     """Write the page and its pictures into ``folder``, and return the names of the files."""
     drawn = drawn_curves(curves)
     probabilities = _embedded(folder / "causes.png", causes(report))
@@ -57,9 +66,11 @@ def write(folder: Path, report: LoopReport, curves: Sequence[ReportCurve]) -> li
         first if drawn else None,
         left if drawn else None,
         assumed,
+        *_embed_motion(folder, report, markers),
     )
     (folder / PAGE_FILE).write_text(html(report, drawn, pictures), encoding="utf-8")
-    return [PAGE_FILE, "causes.png", "before-after.png", "residuals.png", *(["sensitivity.png"] if assumed else [])]
+    optional = {"sensitivity.png": assumed, FILM_FILE: pictures.motion, MARKERS_FILE: pictures.markers}
+    return [PAGE_FILE, "causes.png", "before-after.png", "residuals.png", *(name for name, one in optional.items() if one)]
 
 
 def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPictures) -> str:
@@ -81,6 +92,7 @@ def html(report: LoopReport, curves: Sequence[DrawnCurve], pictures: EmbeddedPic
         next_tests=parts.next_tests(report),
         errors=parts.curve_errors(report),
         constants=parts.constants(report),
+        motion=motion_on_page(report),
         noise=parts.noise(report),
         assumed=parts.assumed(report),
         split=parts.split(report),
@@ -94,3 +106,15 @@ def _embedded(path: Path, figure: Figure) -> EmbeddedPicture:
     save(figure, path)
     width = f"{CSS_DOTS_PER_INCH * figure.get_figwidth():.0f}"
     return EmbeddedPicture(b64encode(path.read_bytes()).decode(), width)
+
+
+def _embed_motion(
+    folder: Path, report: LoopReport, markers: Sequence[MovingMarkers]
+) -> tuple[EmbeddedPicture | None, EmbeddedPicture | None]:
+    """The moving picture and the charts of markers, written and as they stand in the page; None without markers."""
+    film, charts = motion_film(report, markers), marker_charts(report, markers)
+    if film is None or charts is None:
+        return None, None
+    whole_file(folder / FILM_FILE, film)
+    moving = EmbeddedPicture(b64encode(film).decode(), f"{CSS_DOTS_PER_INCH * FILM_WIDTH_IN:.0f}", "gif")
+    return moving, _embedded(folder / MARKERS_FILE, charts)

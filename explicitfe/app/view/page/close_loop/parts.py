@@ -31,7 +31,8 @@ from explicitfe.app.view.page.words import (
     with_interval,
     worth_of,
 )
-from explicitfe.results.documents.loop_report import LoopReport, ReportedHypothesis, Side, estimates
+from explicitfe.results.documents.loop_report import LoopReport, ReportedHypothesis, estimates
+from explicitfe.results.documents.report_part import Side
 from explicitfe.results.documents.verdict_text import (
     JOINED_BY,
     cause_title,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from explicitfe.results.documents.loop_report import AssumedValue, Column, LoopReport, MeanError, ReportCurve, ReportedModel, Side
+from explicitfe.results.documents.loop_report import AssumedValue, Column, LoopReport, MeanError, ReportCurve, ReportedModel
+from explicitfe.results.documents.report_part import Side
 
 
 @dataclass(frozen=True, eq=False)

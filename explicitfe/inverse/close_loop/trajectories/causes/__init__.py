@@ -1,0 +1,1 @@
+"""Candidate causes of a trajectory beside muscles and bones, one file each."""

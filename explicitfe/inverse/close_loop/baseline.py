@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -19,6 +20,14 @@ ASSUMED = "assumed "
 BASELINE_PROGRESS, SYSTEMATIC_PROGRESS = 0.02, 0.1
 
 Watch = Callable[[str, float], None]
+
+
+@runtime_checkable
+class FitsByMapping(Protocol):
+    """A system that fits models by fast answers which the simulator corrects."""
+
+    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: TimeLimit) -> BestFit | None:
+        """The fit of a model; None where an effect has no fast answers."""
 
 
 def fitted_baseline(system: System, rows: Sequence[RowNoise] | None, watch: Watch) -> tuple[System, Covariance, BestFit]:
@@ -66,7 +75,25 @@ def with_own_numerics(
     assumed = {name: d for name, d in covariance.floors.items() if name.startswith(ASSUMED)}
     system, fit = renewed(system, fit, covariance, times=1, limit=limit)
     covariance = covariance_of(system, fit.model, covariance.rows, covariance.scatter, assumed)
-    return system, covariance, refit(system, fit.model, covariance, slopes=fit.slopes, renew=renew, limit=limit)
+    return system, covariance, fit_of(system, fit.model, covariance, renew, limit, fit.slopes)
+
+
+def fit_of(
+    system: System,
+    start: Hypothesis,
+    covariance: Covariance,
+    renew: Slopes | None,
+    limit: TimeLimit,
+    slopes: np.ndarray | None = None,
+) -> BestFit:
+    """The best fit of a model, by fast answers that the simulator corrects where there are some for all its effects.
+
+    Raises
+    ------
+    RunError : the model cannot be computed where its fit begins.
+    """
+    mapped = system.fit_by_mapping(start, covariance, limit) if isinstance(system, FitsByMapping) else None
+    return mapped or refit(system, start, covariance, slopes=slopes, renew=renew, limit=limit)
 
 
 def covariance_of(

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.baseline import Watch, fitted_baseline, with_own_numerics
+from explicitfe.inverse.close_loop.baseline import Watch, fit_of, fitted_baseline, with_own_numerics
 from explicitfe.inverse.close_loop.compared import (
     ComparedCauses,
     Entry,
@@ -246,13 +246,14 @@ class _Comparing:
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
 
-        Where the best hypothesis leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow
-        effects are fitted only if their estimate is probable. Without a mesh, single effects are fitted until one explains all.
+        Where the best leaves more than noise, it is enough to come nearer to the data than any other. Elsewhere slow effects are
+        fitted only if their estimate is probable. Without a mesh, single effects are fitted until one explains all.
         """
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
         single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
-        if single and (not explained or entry.causes == top.causes):
+        unknown = self.system.fast_everywhere and entry.key not in self.sketched
+        if unknown or (single and (not explained or entry.causes == top.causes)):
             return True
         negligible = best + np.log(THRESHOLDS.negligible_probability)
         if explained and not self._is_fast(entry.model) and self._log_posterior(entry) <= negligible:
@@ -323,10 +324,9 @@ class _Comparing:
             self.fitted[key] = self._entry(best, system, covariance)
 
     def _refit(self, start: Hypothesis) -> BestFit:
-        """The best fit of a hypothesis by the simulator."""
         system = self.fitted[()].system
         assert system is not None
-        return refit(system, start, self.covariance, renew=self._fast_slopes(start), limit=self.limit)
+        return fit_of(system, start, self.covariance, self._fast_slopes(start), self.limit)
 
     def _fast_slopes(self, model: Hypothesis) -> Slopes | None:
         """Derivatives by fast answers, where those of the simulator are rough."""

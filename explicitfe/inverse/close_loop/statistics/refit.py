@@ -189,6 +189,13 @@ def _misfit(at: _Position, covariance: Covariance, y: np.ndarray) -> float:
     return float(np.sum(covariance.at(at.answer).whiten(y - at.answer) ** 2))
 
 
+def fit_at(
+    model: Hypothesis, answer: np.ndarray, slopes: np.ndarray, covariance: Covariance, target: np.ndarray, *, converged: bool
+) -> BestFit:
+    """The fit of a search that has ended at a model with an answer (n,) and derivatives (n, p) SI."""
+    return _best_fit(_Position(model, answer, slopes, True, converged), covariance, target, None)
+
+
 def _best_fit(position: _Position, covariance: Covariance, y: np.ndarray, by_rows: float | None) -> BestFit:
     """The end of a search as a fit."""
     low = np.array([p.low for p in position.model.parameters])

@@ -230,6 +230,11 @@ class Recordings:
             return None
         return start_s + sum(self.levers[name].lag_s(values) for name, values in model.of_terms())
 
+    def start_time_of(self, model: Hypothesis, curve: Curve) -> float:
+        """Time of the file at which a model's motion begins, of a curve that is fitted [s]."""
+        start_s = self._start_of(model, curve)
+        return self.placed[curve.id].start_s if start_s is None else start_s
+
     def _best_start(self, curve: Curve, seen_from: Callable[[float], np.ndarray]) -> float:
         """Start [s] of a curve that is predicted and not fitted: nothing predicts it, so it is the one that fits best."""
         one = self.placed[curve.id]

@@ -16,14 +16,16 @@ from scipy.spatial.transform import Rotation
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.fem.mesh.hexmesh import HexMesh
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
-from explicitfe.inverse.close_loop.statistics.covariance import outside, stack
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, row_noise
-from explicitfe.inverse.close_loop.statistics.refit import derivatives
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives
 from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Term, candidate
+from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment
 from explicitfe.inverse.close_loop.trajectories.levers import levers_of
+from explicitfe.inverse.close_loop.trajectories.mapping import fit_by_mapping
 from explicitfe.inverse.close_loop.trajectories.markers import START_INTERVALS, place_on_model
 from explicitfe.inverse.close_loop.trajectories.paths import answers_with_errors_of_place
 from explicitfe.inverse.close_loop.trajectories.recordings import AXIS_NAMES, Recordings, registration_table
@@ -210,11 +212,16 @@ class Trajectories(Recordings):
             seen = {}
             for curve in self.curves:
                 vibration = emulator.of(model, curve.id)
-                start_s = self._start_of(model, curve)
-                moved = vibration.at(curve.time_s - (self.placed[curve.id].start_s if start_s is None else start_s))
+                moved = vibration.at(curve.time_s - self.start_time_of(model, curve))
                 seen[curve.id] = moved.reshape(len(moved), -1, 3)
             answers.append(self.by_columns(seen))
         return answers
+
+    def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: TimeLimit) -> BestFit | None:
+        """The fit of a model by corrected fast answers; None where there are none."""
+        emulator = self.runs.emulator
+        known = emulator is not None and all(map(self.has_sketch, start.effects))
+        return fit_by_mapping(self, emulator, start, covariance, limit) if emulator is not None and known else None
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.

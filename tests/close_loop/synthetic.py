@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -59,6 +60,7 @@ class Linear:
     assumed: Mapping[str, np.ndarray] = field(default_factory=dict)
     shared: Mapping[str, np.ndarray] = field(default_factory=dict)
     smooth: bool = True
+    fast_everywhere: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         limits = self.bounds or [(-WIDE, WIDE)] * self.X.shape[1]

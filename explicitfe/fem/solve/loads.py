@@ -9,7 +9,7 @@ import numpy as np
 from explicitfe.fem.forces.turning import axes_of
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_functions
 from explicitfe.fem.mesh.surface_points import projected_areas
-from explicitfe.fem.model.attached import FollowerLoad
+from explicitfe.fem.model.attached import STRING_STRETCH_M, FollowerLoad
 from explicitfe.fem.model.gravity import nodal_mass
 from explicitfe.fem.model.model import FibrePull, Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
@@ -163,7 +163,7 @@ class Loads:
         mass = np.array([one.mass_kg for one in weights], dtype=float)
         g = np.array([one.gravity_m_s2 for one in weights], dtype=float).reshape(-1, 3)
         size = np.linalg.norm(g, axis=1)
-        stiffness = mass * size / np.array([one.stretch_m for one in weights], dtype=float)
+        stiffness = mass * size / STRING_STRETCH_M
         # The damping of a string is half critical for the nodes that it pulls: no rattling, and no shorter step.
         tissue = nodal_mass(model.mesh, model.material, model.inclusions)
         held_mass = np.array([one.share @ tissue[one.nodes] / max(one.share @ one.share, 1e-300) for one in weights], dtype=float)

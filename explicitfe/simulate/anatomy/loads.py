@@ -52,7 +52,7 @@ def with_loads(model: Model, scenario: TransientScenario) -> Model:
             if not gravity.any():
                 raise InputError(f"{name}.string_slack_mm: a string needs model.gravity_m_s2; add it.")
             slack_m = 1e-3 * (table.string_slack_mm or 0.0)
-            weights.append(HangingWeight(name, nodes, share, 1e-3 * table.mass_g, gravity, slack_m, profile=profile))
+            weights.append(HangingWeight(name, nodes, share, 1e-3 * table.mass_g, gravity, slack_m, profile))
     air = scenario.air
     return replace(
         model,
@@ -73,8 +73,7 @@ def with_release(model: Model, table: ReleaseTable | None) -> tuple[Model, np.nd
 
     Raises
     ------
-    InputError : a node set that the mesh does not have, loads that change in time while the body is held, or a shape that is not
-        found.
+    InputError : a node set that the mesh does not have, a mass on a string with held node sets, or no equilibrium.
     """
     if table is None:
         return model, None
@@ -83,25 +82,16 @@ def with_release(model: Model, table: ReleaseTable | None) -> tuple[Model, np.nd
         if at_s == over_s == 0.0:
             return model, None
         later = {
-            name: tuple(replace(load, profile=_from(load.profile, at_s, over_s)) for load in getattr(model, name))
+            name: tuple(replace(load, profile=load.profile.ramped(at_s, over_s)) for load in getattr(model, name))
             for name in ("loads", "followers", "weights", "pulls", "stresses")
         }
         return replace(model, **later), None  # type: ignore[arg-type]
+    if model.weights:
+        raise InputError("release.hold cannot be combined with a mass on a string; remove string_slack_mm.")
     nodes = np.unique(np.concatenate([model.mesh.nodes_of(name) for name in table.hold]))
     displacement, force = held_shape(model, nodes, 1e-3 * np.array(table.shift_mm))
     profile = Profile(np.array([at_s, at_s + over_s]), np.array([1.0, 0.0]))
     return replace(model, loads=(*model.loads, NodalLoad("release", nodes, force, profile))), displacement
-
-
-def _from(profile: Profile, at_s: float, over_s: float) -> Profile:
-    """A profile times a ramp from 0 to 1; bends of both are kept, and between them the product is taken at 20 points."""
-    start, end = at_s, at_s + over_s
-    inner = profile.time_s[(profile.time_s > end)]
-    ramp = np.linspace(start, end, 2 if len(profile.time_s) < 2 else 21)
-    values = np.clip((ramp - start) / over_s, 0.0, 1.0) if over_s > 0.0 else np.array([0.0, 1.0] + [1.0] * (len(ramp) - 2))
-    scale = values * profile.at(ramp, tolerance_s=0.0)
-    times = np.concatenate([ramp, inner])
-    return replace(profile, time_s=times, scale=np.concatenate([scale, profile.scale[profile.time_s > end]]))
 
 
 def _nodes_of(table: LoadTable, mesh: HexMesh, name: str, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ class LoadTable(ProfileTable):
         default=[],
         description='node sets; the load acts on the nodes that are in all of them: ["x1", "z1"] is the upper edge of an end',
     )
-    at_mm: Vector | None = Field(default=None, description="a point of the body instead of node sets [mm]")
+    at_mm: Vector | None = Field(default=None, description="a point of the body instead of node sets, before model.scale [mm]")
     force_N: Vector | None = Field(default=None, description="resultant force, constant in direction or following [N]")
     follows: bool = Field(default=False, description="whether the force turns with the body")
     mass_g: float = Field(default=0.0, ge=0.0, description="mass, with its inertia and its weight under model.gravity_m_s2 [g]")

@@ -83,7 +83,8 @@ def _as_mass(scenario: TransientScenario, share: float, *, hanging: bool = False
 
 def _on_markers(test: Experiment, v: Values) -> list[str]:
     """A mass at the foot of each marker that moves."""
-    settings = []
+    settings, scale = [], np.array(test.scenario.model.scale)
     for foot in test.feet_m:
-        settings.append(f"load.+={toml_value({'at_mm': [float(1e3 * x) for x in foot], 'mass_g': v['mass_g']})}")
+        at_mm = [float(x) for x in 1e3 * foot / scale]  # a point of the body before model.scale
+        settings.append(f"load.+={toml_value({'at_mm': at_mm, 'mass_g': v['mass_g']})}")
     return settings if v["mass_g"] > 0.0 else []

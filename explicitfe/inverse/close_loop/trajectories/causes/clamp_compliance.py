@@ -1,4 +1,4 @@
-"""Compliance of what holds the body: fixed nodes become an elastic foundation."""
+"""Compliance of the clamp: fixed nodes are replaced by an elastic foundation."""
 
 from __future__ import annotations
 

@@ -13,29 +13,20 @@ ANGLE_DEG = Sought((-5.0, -2.0, 2.0, 5.0), -45.0, 45.0)
 
 
 def levers(test: Experiment) -> dict[str, Lever]:
-    """Two angles about the axes that are most nearly normal to gravity."""
+    """A rotation of gravity about each of the two axes that are most nearly normal to it."""
     gravity = test.gravity_m_s2
     reason = "" if gravity.any() else "the scenario has no gravity"
-    first, second = (int(k) for k in np.sort(np.argsort(np.abs(gravity))[:2]))
 
-    def turn_gravity(scenario: TransientScenario, v: Values) -> list[str]:
-        angles = np.zeros(3)
-        angles[[first, second]] = [v[f"about_{'xyz'[first]}_deg"], v[f"about_{'xyz'[second]}_deg"]]
-        g = Rotation.from_rotvec(np.radians(angles)).apply(np.array(scenario.model.gravity_m_s2))
-        return [f"model.gravity_m_s2={[float(x) for x in g]}"]
+    def about(axis: int) -> Lever:
+        letter = "xyz"[axis]
 
-    # The angle that turns gravity out of the plane of the motion changes least; each is the strength of one form.
-    def form(strength: int, other: int) -> Lever:
-        names = [f"about_{'xyz'[strength]}_deg", f"about_{'xyz'[other]}_deg"]
-        return Lever(
-            "gravity-direction",
-            f"rotation of gravity about {'xyz'[strength]} [degrees]",
-            {names[0]: ANGLE_DEG},
-            lambda scenario, v: turn_gravity(scenario, {names[1]: 0.0, **v}),
-            reason=reason,
-        )
+        def settings(scenario: TransientScenario, v: Values) -> list[str]:
+            turn = Rotation.from_rotvec(np.radians(v[f"about_{letter}_deg"]) * np.eye(3)[axis])
+            return [f"model.gravity_m_s2={[float(x) for x in turn.apply(np.array(scenario.model.gravity_m_s2))]}"]
+
+        title = f"rotation of gravity about {letter} [degrees]"
+        return Lever("gravity-direction", title, {f"about_{letter}_deg": ANGLE_DEG}, settings, reason=reason)
 
     return {
-        f"gravity-direction-{'xyz'[second]}": form(second, first),
-        f"gravity-direction-{'xyz'[first]}": form(first, second),
+        f"gravity-direction-{'xyz'[axis]}": about(int(axis)) for axis in sorted(np.argsort(np.abs(gravity))[:2], reverse=True)
     }

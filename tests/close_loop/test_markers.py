@@ -12,6 +12,7 @@ import pytest
 from make import draw, write_case
 
 from explicitfe.inverse.close_loop.close import find_causes
+from explicitfe.inverse.close_loop.outlook import check_dataset
 from explicitfe.inverse.close_loop.statistics.system import Candidate
 from explicitfe.inverse.close_loop.trajectories.emulator import vibration_of
 from explicitfe.inverse.close_loop.trajectories.markers import place_on_model, remarks, rotation_sds
@@ -82,8 +83,11 @@ def test_swapped_markers_are_refused(tmp_path: Path) -> None:
         rows[:, first + second] = rows[:, second + first]
         return rows
 
+    data = with_change(tmp_path, swap)
     with pytest.raises(InputError, match='"m0" and "m3" are swapped'):
-        placed(with_change(tmp_path, swap))
+        placed(data)
+    with pytest.raises(InputError, match='"m0" and "m3" are swapped'):  # `check` says so too
+        check_dataset(data.path)
 
 
 def test_another_unit_is_refused(tmp_path: Path) -> None:
@@ -124,7 +128,9 @@ def test_a_loose_clamp_marker_is_reported(tmp_path: Path) -> None:
         rows[rows[:, 0] > 0.1, columns_of(names, "m4")[0]] += 0.5
         return rows
 
-    notes = placed(with_change(tmp_path, loose))
+    data = with_change(tmp_path, loose)
+    notes = placed(data)
+    assert notes == check_dataset(data.path)["warnings"] and check_dataset(BEAM)["warnings"] == []
     assert len(notes) == 1 and 'fixed marker "m4" moves by' in notes[0]
 
 

@@ -190,10 +190,10 @@ def test_a_held_shape_is_an_equilibrium_until_the_release() -> None:
 
 def test_a_release_keeps_the_jumps_of_a_load() -> None:
     """A load that starts at 10 ms under a release from 5 to 25 ms: 0 before, then the ramp, whose value at 10 ms is 1 / 4."""
-    load = Profile.step(0.01).ramped(0.005, 0.02)
+    load = Profile.step(0.01).times_ramp(0.005, 0.02)
     times = np.array([0.0, 0.0099, 0.0101, 0.02, 0.03])
     assert np.allclose(load.at(times, tolerance_s=0.0), [0.0, 0.0, 0.255, 0.75, 1.0])
-    at_once = Profile.constant().ramped(0.005, 0.0)
+    at_once = Profile.constant().times_ramp(0.005, 0.0)
     assert np.allclose(at_once.at(np.array([0.004, 0.006]), tolerance_s=0.0), [0.0, 1.0])
 
 

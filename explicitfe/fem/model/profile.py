@@ -73,7 +73,7 @@ class Profile:
             times, scales = times + [end_s, end_s], scales + [1.0, 0.0]
         return cls(np.array(times), np.array(scales))
 
-    def ramped(self, at_s: float, over_s: float) -> Profile:
+    def times_ramp(self, at_s: float, over_s: float) -> Profile:
         """The profile times a ramp that rises from 0 to 1 between ``at_s`` and ``at_s + over_s``, both in s.
 
         Jumps of both are kept. Where both change, their product is linear between twenty instants of the ramp.

@@ -11,6 +11,7 @@ from explicitfe.fem.effects import EFFECTS
 from explicitfe.inverse.close_loop.specimens.features import features_of
 from explicitfe.inverse.close_loop.specimens.series import peers_of, series_of
 from explicitfe.inverse.close_loop.split import Split, split
+from explicitfe.inverse.close_loop.trajectories.markers import place_on_model, remarks
 from explicitfe.inverse.measured.curve import PRINTED_UNITS, Curve, Dataset, Sensor, SpecimenDataset, TrajectoryDataset, sd_of
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.inverse.measured.units import FAR_FROM_ZERO_SHARE
@@ -122,6 +123,10 @@ def _warnings(dataset: Dataset, sides: Split) -> Sequence[str]:
             notes.append("there is no scenario to compare these trajectories with; add the key scenario.")
         elif not dataset.sensors:
             notes.append("no sensor is mapped to a point of the scenario; add a [[sensor]] for each.")
+    marked = isinstance(dataset, TrajectoryDataset) and any(sensor.at_m is not None for sensor in dataset.sensors.values())
+    if isinstance(dataset, TrajectoryDataset) and marked:  # placed by their rest, where they show their noise
+        placed = [(curve, place_on_model(curve, dataset.sensors)) for curve in dataset.curves]
+        return [*notes, *(note for curve, one in placed for note in remarks(curve, one, dataset.sensors))]
     unstated = [c.id for c in sides.fit if _stated_noise(c) is None]
     if unstated:
         notes.append(f"the noise of {_listed(unstated)} is not stated; it is estimated from the roughness of the rows.")

@@ -82,7 +82,7 @@ def with_release(model: Model, table: ReleaseTable | None) -> tuple[Model, np.nd
         if at_s == over_s == 0.0:
             return model, None
         later = {
-            name: tuple(replace(load, profile=load.profile.ramped(at_s, over_s)) for load in getattr(model, name))
+            name: tuple(replace(load, profile=load.profile.times_ramp(at_s, over_s)) for load in getattr(model, name))
             for name in ("loads", "followers", "weights", "pulls", "stresses")
         }
         return replace(model, **later), None  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Makes ``tests/support.py`` and the studies importable from every folder of tests, and the package from a plain checkout."""
+"""Makes ``tests/support.py`` and the benchmarks importable from every folder of tests, and the package from a plain checkout."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).resolve().parent
-for folder in (HERE, HERE.parent / "studies" / "benchmarks", HERE.parent / "studies" / "moving", HERE.parent):
+for folder in (HERE, HERE.parent / "studies" / "benchmarks", HERE.parent):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 

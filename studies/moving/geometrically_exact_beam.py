@@ -14,10 +14,12 @@ linear theta: w = linear - l/2 xi (1 - xi) (theta2 - theta1).  The clamp's sprin
 Time: generalized-alpha in the form of Arnold and Bruels (2007), equilibrium exact at each step.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline
 
 
@@ -57,7 +59,7 @@ class Beam:
     dt_s: float = 2.5e-4  # largest step
     rho_inf: float = 0.9  # spectral radius at high frequency
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         positive = "length_m width_m height_m density_kg_per_m3 c10_pa prony_tau_s dt_s n_elements n_fibres"
         not_negative = (
             "beta_s alpha_per_s drag_linear_ns_per_m3 air_density_kg_per_m3 drag_coefficient "
@@ -84,10 +86,15 @@ class Marker:
     mass_kg: float = 0.0
 
 
+Array = np.ndarray
+Markers = Sequence[Marker | tuple[float, ...]]
+Loads = tuple[float, float, float, Array | None]  # (ramp, tip_on, share, history)
+
+
 class _Points:
     """Material points; arguments are the unknowns (6, ..., points) of the points' elements."""
 
-    def __init__(self, beam, x, dx, dz):
+    def __init__(self, beam: Beam, x: ArrayLike, dx: ArrayLike, dz: ArrayLike) -> None:
         s = np.asarray(x, float) * beam.n_elements / beam.length_m
         self.element = np.clip(s.astype(int), 0, beam.n_elements - 1)
         self.n2 = s - self.element
@@ -95,7 +102,7 @@ class _Points:
         self.bubble = -beam.length_m / beam.n_elements / 2 * self.n1 * self.n2
         self.dx, self.dz = np.asarray(dx, float), np.asarray(dz, float)
 
-    def place(self, q):
+    def place(self, q: Array) -> tuple[Array, Array, tuple[Array, ...], tuple[Array, ...]]:
         """Displacement (ux, uz), its derivatives by theta1 and theta2, and the vectors within."""
         x1, z1, t1, x2, z2, t2 = q
         th, tm, psi = self.n1 * t1 + self.n2 * t2, (t1 + t2) / 2, t2 - t1
@@ -108,11 +115,11 @@ class _Points:
         j = (hx - self.n1 * rz - bx, hz + self.n1 * rx - bz, hx - self.n2 * rz + bx, hz + self.n2 * rx + bz)
         return ux, uz, j, (rx, rz, bx, bz, psi, c, s)
 
-    def velocity(self, v, j):
+    def velocity(self, v: Array, j: tuple[Array, ...]) -> tuple[Array, Array]:
         x1, z1, w1, x2, z2, w2 = v
         return (self.n1 * x1 + self.n2 * x2 + j[0] * w1 + j[2] * w2, self.n1 * z1 + self.n2 * z2 + j[1] * w1 + j[3] * w2)
 
-    def acceleration(self, v, a, j, vectors):
+    def acceleration(self, v: Array, a: Array, j: tuple[Array, ...], vectors: tuple[Array, ...]) -> tuple[Array, Array]:
         rx, rz, bx, bz, psi = vectors[:5]
         w, wm, wp = self.n1 * v[2] + self.n2 * v[5], (v[2] + v[5]) / 2, v[5] - v[2]
         ax, az = self.velocity(a, j)
@@ -123,7 +130,7 @@ class _Points:
 class Model:
     """The beam discretised in space; unknowns q = (ux, uz, theta) of each node."""
 
-    def __init__(self, beam, markers=()):
+    def __init__(self, beam: Beam, markers: Markers = ()) -> None:
         self.beam, self.markers = beam, [m if isinstance(m, Marker) else Marker(*m) for m in markers]
         b, n = beam, beam.n_elements
         if any(not 0 <= m.x_m <= b.length_m for m in self.markers):
@@ -159,7 +166,7 @@ class Model:
         both = np.c_[self.edof, self.edof[:, self.pts.element]]
         self.rows, self.flat = both.ravel(), (both[:, None] * self.ndof + both).ravel()
 
-    def strains(self, qe):
+    def strains(self, qe: Array) -> tuple[Array, ...]:
         """1 + eps, gamma, kappa of the elements; cosine, sine, and arc over chord and length."""
         x1, z1, t1, x2, z2, t2 = qe
         tm, psi = (t1 + t2) / 2, t2 - t1
@@ -167,22 +174,22 @@ class Model:
         rx, rz = (self.l + x2 - x1) * arc, (z2 - z1) * arc
         return c * rx + s * rz, c * rz - s * rx, psi / self.l, c, s, arc
 
-    def stress(self, stretch):
+    def stress(self, stretch: Array) -> Array:
         square = stretch * stretch
         i1 = square + 2 / stretch - 3
         return 2 * (stretch - 1 / square) * (self.beam.c10_pa + 2 * self.beam.c20_pa * i1)
 
-    def stiffness(self, stretch):
+    def stiffness(self, stretch: Array) -> Array:
         inv2 = 1 / (stretch * stretch)
         f, i1 = stretch - inv2, stretch * stretch + 2 * stretch * inv2 - 3
         return 2 * (1 + 2 * inv2 / stretch) * (self.beam.c10_pa + 2 * self.beam.c20_pa * i1) + 8 * self.beam.c20_pa * f * f
 
-    def elastic(self, q):
+    def elastic(self, q: Array) -> Array:
         """Elastic fibre stresses and shear forces (elements, fibres + 1): the Prony history."""
         a, gamma, kappa = self.strains(q[self.edof])[:3]
         return np.c_[self.stress(a[:, None] - kappa[:, None] * self.z), self.shear * gamma]
 
-    def internal(self, qe, ve, ae, share, history):
+    def internal(self, qe: Array, ve: Array, ae: Array, share: float, history: Array | None) -> Array:
         """Element forces from stress = share * elastic + history + beta * d(elastic)/dt; rotary inertia."""
         b = self.beam
         a, gamma, kappa, c, s, arc = self.strains(qe)
@@ -204,7 +211,7 @@ class Model:
         turn = self.rotary * (ae + b.alpha_per_s * ve)
         return np.array([-fx, -fz, ft - m + turn[2], fx, fz, ft + m + turn[5]])
 
-    def external(self, q, v, a, ramp, tip_on):
+    def external(self, q: Array, v: Array, a: Array, ramp: float, tip_on: float) -> Array:
         """Inertia, damping and drag less the loads of all points, on their elements' unknowns."""
         b, pts = self.beam, self.pts
         _, _, j, vectors = pts.place(q)
@@ -224,29 +231,30 @@ class Model:
         fz[..., t] -= load * (st * b.tip_force_x_n + ct * b.tip_force_z_n)
         return np.array([pts.n1 * fx, pts.n1 * fz, j[0] * fx + j[1] * fz, pts.n2 * fx, pts.n2 * fz, j[2] * fx + j[3] * fz])
 
-    def forces(self, qe, ve, ae, loads):
+    def forces(self, qe: Array, ve: Array, ae: Array, loads: Loads) -> Array:
         ramp, tip_on, share, history = loads
         e = self.pts.element
         return np.concatenate(
             [self.internal(qe, ve, ae, share, history), self.external(qe[..., e], ve[..., e], ae[..., e], ramp, tip_on)], -1
         )
 
-    def residual(self, q, v, a, loads):
+    def residual(self, q: Array, v: Array, a: Array, loads: Loads) -> Array:
         """Out-of-balance force at the free unknowns; loads = (ramp, tip_on, share, history)."""
         f = self.forces(q[self.edof], v[self.edof], a[self.edof], loads)
         r = np.bincount(self.rows, f.ravel(), self.ndof)
         r[:3] += self.spring * q[:3]
         return r[self.free]
 
-    def tangent(self, q, v, a, c, loads):
+    def tangent(self, q: Array, v: Array, a: Array, c: tuple[float, float, float], loads: Loads) -> Array:
         """d residual / dy with dq, dv, da = (c0, c1, c2) dy: exact, by complex steps."""
         step = 1e-30j * np.eye(6)[:, :, None]
-        f = self.forces(*(x[self.edof][:, None] + cx * step for x, cx in zip((q, v, a), c, strict=True)), loads)
-        k = np.bincount(self.flat, f.imag.ravel() / 1e-30, self.ndof**2).reshape(self.ndof, self.ndof)
+        qe, ve, ae = (x[self.edof][:, None] + cx * step for x, cx in zip((q, v, a), c, strict=True))
+        f = self.forces(qe, ve, ae, loads)
+        k: Array = np.bincount(self.flat, f.imag.ravel() / 1e-30, self.ndof**2).reshape(self.ndof, self.ndof)
         k[range(3), range(3)] += c[0] * self.spring
         return k[np.ix_(self.free, self.free)]
 
-    def energy(self, q, v):
+    def energy(self, q: Array, v: Array) -> tuple[float, float, float]:
         """(kinetic, elastic, potential of weight and of a dead tip force), at full loads."""
         b, qe, ve, e = self.beam, q[self.edof], v[self.edof], self.pts.element
         a, gamma, kappa = self.strains(qe)[:3]
@@ -261,12 +269,12 @@ class Model:
         tip = b.tip_force_x_n * ux[self.tip] + b.tip_force_z_n * uz[self.tip]
         return kinetic, elastic, -weight - tip
 
-    def displacements(self, q):
+    def displacements(self, q: Array) -> Array:
         """(..., unknowns) -> (..., markers, 2)"""
         qe = np.moveaxis(q[..., self.edof[:, self.pts.element]], -2, 0)
         return np.stack(self.pts.place(qe)[:2], -1)[..., self.tip + 1 :, :]
 
-    def equilibrium(self, long_term=True):
+    def equilibrium(self, long_term: bool = True) -> Array:
         """Static q under the full loads; long_term: all of prony_g has relaxed."""
         share = 1 - self.beam.prony_g if long_term else 1.0
         done, step, q, zero = 0.0, 0.1, np.zeros(self.ndof), np.zeros(self.ndof)
@@ -285,15 +293,15 @@ class Model:
                 raise RuntimeError("no static convergence")
         return q
 
-    def integrate(self, end_s):
+    def integrate(self, end_s: float) -> tuple[Array, Array, Array]:
         """Times (k,), q (k, unknowns), velocities (k, unknowns) at all steps from 0 to end_s."""
         b, free = self.beam, self.free
         am, af = (2 * b.rho_inf - 1) / (b.rho_inf + 1), b.rho_inf / (b.rho_inf + 1)
         gam, bet = 0.5 + af - am, (1 + af - am) ** 2 / 4
         q, v = np.zeros(self.ndof), np.zeros(self.ndof)
         s_old = q_old = np.zeros((b.n_elements, b.n_fibres + 1))
-        stops = [t for t in (b.load_start_s, b.release_s) if 0 < t < end_s]
-        stops = np.unique([0.0, *stops, end_s])  # steps end where a load jumps or bends
+        inside = [t for t in (b.load_start_s, b.release_s) if 0 < t < end_s]
+        stops = np.unique([0.0, *inside, end_s])  # steps end where a load jumps or bends
         times, qs, vs = [0.0], [q], [v]
         for start, end in pairwise(stops):
             count = int(np.ceil((end - start) / b.dt_s - 1e-9))
@@ -303,7 +311,7 @@ class Model:
             gain = b.prony_g * (1 - decay) * b.prony_tau_s / dt
             # acceleration in equilibrium with the loads just after `start`
             acc, inverse = np.zeros(self.ndof), None
-            loads = (ramp(start), tip_on, 1 - b.prony_g, q_old)
+            loads: Loads = (ramp(start), tip_on, 1 - b.prony_g, q_old)
             mass = self.tangent(q, v, acc, (0, 0, 1), loads)
             acc[free] = -np.linalg.solve(mass, self.residual(q, v, acc, loads))
             alg = acc  # the algorithmic acceleration of the method
@@ -312,7 +320,7 @@ class Model:
                 history = decay * q_old - gain * s_old if b.prony_g else None
                 loads = (ramp(t), tip_on, 1 - b.prony_g + gain, history)
                 # first guess: alg unchanged
-                new = [q + dt * v + dt**2 / 2 * alg, v + dt * alg, (alg - af * acc) / (1 - af)]
+                new = (q + dt * v + dt**2 / 2 * alg, v + dt * alg, (alg - af * acc) / (1 - af))
                 last = np.inf
                 for _ in range(60):
                     if inverse is None:
@@ -333,11 +341,13 @@ class Model:
                 if b.prony_g:
                     s_new = self.elastic(q)
                     q_old, s_old = decay * q_old + gain * (s_new - s_old), s_new
-                times.append(t), qs.append(q), vs.append(v)
+                times.append(t)
+                qs.append(q)
+                vs.append(v)
         return np.array(times), np.array(qs), np.array(vs)
 
 
-def simulate(beam, markers, times_s):
+def simulate(beam: Beam, markers: Markers, times_s: ArrayLike) -> Array:
     """Displacements (dx, dz) in metres of the markers at the times: array (len(times_s), markers, 2).
 
     Markers are `Marker`s or tuples (x, z[, standoff_x, standoff_z[, mass]]).  Straight and at rest at 0.
@@ -350,7 +360,7 @@ def simulate(beam, markers, times_s):
     return model.displacements(CubicHermiteSpline(t, q, v)(wanted))
 
 
-def static(beam, markers, long_term=True):
+def static(beam: Beam, markers: Markers, long_term: bool = True) -> Array:
     """Static displacements (markers, 2) under all loads; long_term: after all relaxation."""
     model = Model(beam, markers)
     return model.displacements(model.equilibrium(long_term))

@@ -1,6 +1,6 @@
 """Runs close-loop on sealed cases and judges the verdicts.
 
-    python studies/moving/judge.py CASES [--minutes 4] [--only case-03 ...]
+    python -m studies.moving.judge CASES [--minutes 4] [--only case-03 ...]
 
 A verdict is right if it names the hidden cause and no other, ambiguous with the true one if the hidden cause is among those that
 it names or leaves undecided, silent if a control ends without an effect, missed if nothing is claimed where something is hidden
@@ -16,10 +16,9 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
-from make import CAUSE
-
 from explicitfe.inverse.close_loop.close import find_causes
 from explicitfe.platform.errors import InputError, RunError
+from studies.moving.make import CAUSE
 
 
 def judged(verdict: str, named: set[str], undecided: set[str], hidden: str) -> str:

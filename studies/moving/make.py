@@ -1,8 +1,8 @@
 """Sealed cases of a released cantilever, made by a solver that shares nothing with explicitfe.
 
-    python studies/moving/make.py OUT --count 40 --seed 1
+    python -m studies.moving.make OUT --count 40 --seed 1
 
-    python studies/moving/make.py scenarios/datasets/simulated-beam --one load-mass --strength 1.0 --seed 5
+    python -m studies.moving.make scenarios/datasets/simulated-beam --one load-mass --strength 1.0 --seed 5
 
 makes folders OUT/case-NN, each a dataset of markers on a soft beam: own weight and two loads at the free end. Every case hides
 one effect that its scenario lacks, or none. The truth is in OUT/truth.json, which the judge alone reads. With ``--one`` OUT is
@@ -19,7 +19,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from geometrically_exact_beam import Beam, Marker, simulate
+
+from studies.moving.geometrically_exact_beam import Beam, Marker, simulate
 
 G_M_S2 = 9.81
 RATE_HZ = 200.0

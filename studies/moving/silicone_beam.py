@@ -1,6 +1,6 @@
 """A silicone cantilever in motion: what its model lacks, and how well the final model predicts curves that were held out.
 
-    python studies/moving/silicone_beam.py [--data ../shared/data/measured/silicone-beam] [--split NAME ...]
+    python -m studies.moving.silicone_beam [--data ../shared/data/measured/silicone-beam] [--split NAME ...]
 
 Each split is fitted three times: elastic with the stiffness alone, with stiffness and damping, and by close-loop. A residual
 model without names, a Gaussian process on the residual acceleration of the first mode, is trained on the same curves. The table
@@ -18,11 +18,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from residual_model import predict_with_residual
 
 from explicitfe.inverse.close_loop.close import find_causes
 from explicitfe.inverse.close_loop.report import LoopDocuments
+from explicitfe.results.documents.loop_report import Estimate
 from explicitfe.results.documents.motion_report import MovingMarkers
+from studies.moving.residual_model import predict_with_residual
 
 DATA = Path(__file__).parents[3] / "shared" / "data" / "measured" / "silicone-beam"
 # Marker centres in the frame of the scenario [mm] (PROVENANCE.md, moved by 100 mm along x), and whether they sit on the clamp.
@@ -123,7 +124,7 @@ def main() -> None:
                 table += row(split, "E, damping and a Gaussian process", documents, time.perf_counter() - begin, paths)
             if most:
                 report = documents.report
-                values = {name: (e.value, e.ci95) for name, e in report.final.parameters.items() if not isinstance(e, dict)}
+                values = {name: (e.value, e.ci95) for name, e in report.final.parameters.items() if isinstance(e, Estimate)}
                 found.append(f"{split}: {report.verdict} {report.effects or report.nearest}, sure {report.sure}; {values}")
                 found += [f"   {name}: {p:.3f}" for name, p in list(report.posterior.items())[:4]]
             print("\n".join(table[-6:]), flush=True)

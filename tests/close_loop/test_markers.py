@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from make import draw, write_case
 
 from explicitfe.inverse.close_loop.close import find_causes
 from explicitfe.inverse.close_loop.outlook import check_dataset
@@ -21,6 +20,7 @@ from explicitfe.inverse.close_loop.trajectories.vibration import features_of
 from explicitfe.inverse.measured.curve import TrajectoryDataset
 from explicitfe.inverse.measured.read import read_dataset
 from explicitfe.platform.errors import InputError
+from studies.moving.make import draw, write_case
 
 ROOT = Path(__file__).resolve().parents[2]
 BEAM = ROOT / "scenarios" / "datasets" / "simulated-beam"

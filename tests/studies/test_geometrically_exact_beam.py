@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometrically_exact_beam import Beam, Marker, Model, simulate, static
 from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
+
+from studies.moving.geometrically_exact_beam import Beam, Marker, Model, simulate, static
 
 # slender (h/L = 1/50), first period 0.196 s; steps of 1 ms: period error (w dt)^2/12 = 9e-5
 SLENDER = Beam(0.2, 0.01, 0.004, 1000.0, 1e8 / 6, dt_s=1e-3)

@@ -41,7 +41,7 @@ MOST_PARENTS = 6  # Hypotheses from which larger ones are built.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9  # Shares of the search at which its stages begin.
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
-MOST_FITS_BESIDE_FAST_ANSWERS = {1: 3, 2: 3, 3: 3}  # the simulator confirms the best of the estimated hypotheses
+MOST_FITS_BESIDE_FAST_ANSWERS = {1: 6, 2: 8, 3: 6}  # the simulator confirms the best of the estimated hypotheses
 
 
 def compare(

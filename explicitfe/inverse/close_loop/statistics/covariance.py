@@ -12,8 +12,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter
+from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter, smooth_basis
 from explicitfe.inverse.close_loop.statistics.system import Answer, Series
 
 # Directions whose singular value is smaller, as a share of the largest, are none.
@@ -95,6 +96,12 @@ class Covariance:
         y = self.by_rows(columns[:, None] if flat else columns)
         y = y - axes @ (shares[:, None] * (axes.T @ y))
         return y[:, 0] if flat else y
+
+    @cached_property
+    def smooth(self) -> np.ndarray:
+        """Orthonormal whitened functions (n, m) of which smooth curves between the bends of the protocol consist."""
+        bases = [smooth_basis(one) for one in self.series]
+        return np.linalg.qr(self.whiten(block_diag(*bases)))[0]
 
     @cached_property
     def log_determinant(self) -> float:
@@ -179,6 +186,11 @@ def measured_rows(series: Sequence[Series]) -> np.ndarray:
 
 def outside(J: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """The part of columns (n, k) that lies outside the span of J (n, p)."""
-    U, s, _ = np.linalg.svd(J, full_matrices=False)
-    U = U[:, s > RANK_SHARE * max(s.max(initial=0.0), 1e-300)]
+    U = orthonormal(J)
     return columns - U @ (U.T @ columns)
+
+
+def orthonormal(J: np.ndarray) -> np.ndarray:
+    """Orthonormal axes (n, q) of the span of J (n, p)."""
+    U, s, _ = np.linalg.svd(J, full_matrices=False)
+    return U[:, s > RANK_SHARE * max(s.max(initial=0.0), 1e-300)]

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import f as f_distribution
 
-from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
-from explicitfe.inverse.close_loop.statistics.noise import smooth_basis
+from explicitfe.inverse.close_loop.statistics.covariance import Covariance, orthonormal, outside
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
 
 # Of a direction that the constants nearly imitate, the noise of the imposed column in their derivatives remains: a direction
@@ -34,30 +33,6 @@ class LackOfFit:
     p: float
 
 
-def smooth_directions(fit: BestFit, covariance: Covariance, explained: np.ndarray | None = None) -> np.ndarray:
-    """Orthonormal whitened directions (n, m) of smooth curves between the bends, outside the span of the model's parameters.
-
-    Parameters
-    ----------
-    explained : (n, k) whitened columns that count as explained too.
-    """
-    blocks = []
-    total = len(fit.answer)
-    for one, part in zip(covariance.series, covariance.slices(), strict=True):
-        basis = smooth_basis(one)
-        block = np.zeros((total, basis.shape[1]))
-        block[part] = basis
-        blocks.append(block)
-    directions = covariance.whiten(np.concatenate(blocks, axis=1))
-    directions, _ = np.linalg.qr(directions / np.linalg.norm(directions, axis=0))
-    U, s, _ = np.linalg.svd(outside(_span(fit, explained), directions), full_matrices=False)
-    return U[:, s > IMITATION_SINE]
-
-
-def _span(fit: BestFit, explained: np.ndarray | None) -> np.ndarray:
-    return fit.movable if explained is None else np.column_stack([fit.movable, explained])
-
-
 def lack_of_fit(fit: BestFit, covariance: Covariance, explained: np.ndarray | None = None) -> LackOfFit:
     """Test the residual of a fit against smooth functions.
 
@@ -68,9 +43,16 @@ def lack_of_fit(fit: BestFit, covariance: Covariance, explained: np.ndarray | No
     ----------
     explained : (n, k) whitened columns that count as explained.
     """
-    U = smooth_directions(fit, covariance, explained)
-    along = U.T @ outside(_span(fit, explained), fit.residual)
-    free, size = U.shape[1], float(along @ along)
+    span = fit.movable if explained is None else np.column_stack([fit.movable, explained])
+    axes, Q = orthonormal(span), covariance.smooth
+    # Of the smooth functions outside the span only those along `imitated` change their length; the others stay orthonormal.
+    _, cosine, imitated = np.linalg.svd(axes.T @ Q, full_matrices=False)
+    along = Q.T @ outside(span, fit.residual)
+    of_imitated = (imitated @ along) ** 2
+    square = 1.0 - np.minimum(cosine, 1.0) ** 2
+    kept = square > IMITATION_SINE**2
+    free = Q.shape[1] - len(kept) + int(kept.sum())
+    size = float(along @ along - of_imitated.sum() + (of_imitated[kept] / square[kept]).sum())
     if not free:
         p = 1.0
     elif all(row.stated for row in covariance.rows):

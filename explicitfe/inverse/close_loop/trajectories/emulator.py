@@ -4,17 +4,20 @@ The coordinates of a curve are one damped vibration and where they come to rest,
 
     y(t) = end + Re[A exp((-d + i w) t)],
 
-with one frequency w and decay d for all coordinates of a curve. A stronger effect shifts the phase of a vibration without bound,
-so a change of samples is no signature of it, and says nothing about another strength. The features log w, d, log A and end change
-in proportion to a strength, and effects add up in them. They are taken from the runs with which the candidates are screened.
+with one frequency w and decay d for all coordinates of a curve, and a remainder that is a function of the phase w t: further
+modes, and a decay that is not exponential. A stronger effect shifts the phase of a vibration without bound, so a change of
+samples is no signature of it, and says nothing about another strength. The features log w, d, log A, end and the remainder at
+fixed phases change in proportion to a strength, and effects add up in them. They come from the runs with which the candidates
+are screened.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Parameter
@@ -23,6 +26,9 @@ from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Paramete
 FEWEST_VIBRATION_ROWS, SPECTRUM_PADDING = 12, 8
 # A vibration that is smaller than this share of the largest coordinate of a curve has no phase of its own.
 LEAST_PHASE_SHARE = 0.02
+# The remainder is known up to a phase that is larger than that of the first curve by this factor: others may be faster. So many
+# phases for each row follow the ripples of further modes where others are slower.
+PHASES_BEYOND, PHASES_PER_ROW = 1.25, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +39,26 @@ class Vibration:
     ----------
     rate : (2,) log of the angular frequency [rad/s], and decay [1/s].
     end, amplitude : (c,) m, where each coordinate comes to rest, and its complex amplitude.
+    phases : (g,) rad, rising, at which the remainder is known.
+    remainder : (g, c) m, what the damped vibration leaves.
     """
 
     rate: np.ndarray
     end: np.ndarray
     amplitude: np.ndarray
+    phases: np.ndarray
+    remainder: np.ndarray
+
+    def damped(self, time_s: np.ndarray) -> np.ndarray:
+        """Coordinates (k, c) m at times (k,) s since the start, without the remainder."""
+        wave = np.exp((-self.rate[1] + 1j * np.exp(self.rate[0])) * time_s)
+        return np.asarray(self.end + np.real(wave[:, None] * self.amplitude))
 
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Coordinates (k, c) m at times (k,) s since the start, 0 before it."""
-        wave = np.exp((-self.rate[1] + 1j * np.exp(self.rate[0])) * np.maximum(time_s, 0.0))
-        return np.where(time_s[:, None] > 0.0, self.end + np.real(wave[:, None] * self.amplitude), 0.0)
+        t = np.maximum(time_s, 0.0)
+        left = CubicSpline(self.phases, self.remainder, axis=0)(np.minimum(np.exp(self.rate[0]) * t, self.phases[-1]))
+        return np.where(time_s[:, None] > 0.0, self.damped(t) + left, 0.0)
 
 
 def vibration_of(time_s: np.ndarray, y: np.ndarray, first: Vibration | None = None) -> Vibration | None:
@@ -72,7 +88,18 @@ def vibration_of(time_s: np.ndarray, y: np.ndarray, first: Vibration | None = No
     fits = [least_squares(left, np.clip(start, *bounds), bounds=bounds) for start in starts]
     best = min(fits, key=lambda one: float(one.cost))
     weights = parts(best.x)[1]
-    return Vibration(best.x, weights[0], weights[1] + 1j * weights[2])
+    frequency = np.exp(best.x[0])
+    phases = (
+        first.phases
+        if first is not None
+        else np.linspace(0.0, PHASES_BEYOND * frequency * time_s[-1], round(PHASES_BEYOND * PHASES_PER_ROW * len(time_s)))
+    )
+    bare = Vibration(best.x, weights[0], weights[1] + 1j * weights[2], phases, np.zeros((len(phases), y.shape[1])))
+    inside = phases <= frequency * time_s[-1]
+    # beyond what is known nothing is known to change
+    remainder = bare.remainder if first is None else first.remainder.copy()
+    remainder[inside] = CubicSpline(time_s, y - bare.damped(time_s), axis=0)(phases[inside] / frequency)
+    return replace(bare, remainder=remainder)
 
 
 def _strongest(time_s: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -87,12 +114,15 @@ def _strongest(time_s: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def change_of(before: Vibration, after: Vibration, size: float) -> np.ndarray:
-    """Change (2 + 3 c,) of the features: rates, ends, and log amplitudes with their phases; differences of small amplitudes."""
+    """Change (2 + 3 c + g c,) of the features: rates, ends, log amplitudes with their phases, differences of small amplitudes,
+    and remainders.
+    """
     small = np.minimum(np.abs(before.amplitude), np.abs(after.amplitude)) < LEAST_PHASE_SHARE * size
     ratio = np.where(small, 1.0, after.amplitude) / np.where(small, 1.0, before.amplitude)
     log = np.where(small, 0.0, np.log(ratio))
     more = np.where(small, after.amplitude - before.amplitude, 0.0)
-    return np.concatenate([after.rate - before.rate, after.end - before.end, log, more])
+    left = (after.remainder - before.remainder).ravel()
+    return np.concatenate([after.rate - before.rate, after.end - before.end, log, more, left])
 
 
 def add_change(before: Vibration, change: np.ndarray) -> Vibration:
@@ -100,7 +130,8 @@ def add_change(before: Vibration, change: np.ndarray) -> Vibration:
     count = len(before.end)
     end, log, more = (change[2 + k * count : 2 + (k + 1) * count] for k in range(3))
     amplitude = before.amplitude * np.exp(log) + more
-    return Vibration(before.rate + change[:2].real, before.end + end.real, amplitude)
+    left = change[2 + 3 * count :].real.reshape(before.remainder.shape)
+    return Vibration(before.rate + change[:2].real, before.end + end.real, amplitude, before.phases, before.remainder + left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +183,8 @@ class Emulator:
 
     def of(self, model: Hypothesis, curve: str) -> Vibration:
         """Features of a curve by a model whose effects are all known."""
-        total = np.zeros(2 + 3 * len(self.features[curve].end), dtype=complex)
+        before = self.features[curve]
+        total = np.zeros(2 + 3 * len(before.end) + before.remainder.size, dtype=complex)
         for number, parameter in enumerate(self.centre.base):
             if parameter.name in self.responses:
                 total += self.responses[parameter.name].at(curve, np.array([model.x[number] - self.centre.x[number]]))
@@ -161,7 +193,7 @@ class Emulator:
             count = len(term.parameters)
             total += self.responses[term.effect].at(curve, relative(term.parameters, model.x[place : place + count]))
             place += count
-        return add_change(self.features[curve], total)
+        return add_change(before, total)
 
 
 def relative(parameters: Sequence[Parameter], x: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -99,10 +100,10 @@ class Experiment:
         """Mean area of the silhouette along the three axes [m^2]."""
         return float(projected_areas(self.anatomy.mesh).sum(axis=0).mean())
 
-    @property
+    @cached_property
     def feet_m(self) -> list[np.ndarray]:
         """Points (3,) m of the body that are nearest to the markers that move."""
-        return [locate_in_mesh(self.anatomy.mesh, place, np.inf).position[0] for place in self.markers]
+        return list(locate_in_mesh(self.anatomy.mesh, np.array(self.markers), np.inf).position)
 
     @property
     def markers(self) -> list[np.ndarray]:

@@ -1,17 +1,17 @@
 """Fits of vibrating markers by space mapping (Bandler et al. 1995).
 
-Fast answers are corrected to be exact at a model: their features by the difference to those of the simulator there, and what a
-damped vibration leaves is added. The fit with the corrected answers is the next model. So a fit takes a few answers of the
-simulator, and no derivatives of them. Derivatives of samples would lead nowhere if a vibration is out of phase by half a period.
+Fast answers are corrected to be exact at a model by the difference of their features to those of the simulator there. The fit
+with the corrected answers is the next model. Where this no longer helps, because effects do not quite add up, derivatives are
+taken from the simulator once, and the answers that follow keep them up to date (Broyden 1965). A fit that began with
+derivatives of samples would lead nowhere if a vibration were out of phase by half a period.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
@@ -21,10 +21,15 @@ from explicitfe.inverse.close_loop.trajectories.emulator import Emulator, add_ch
 from explicitfe.inverse.close_loop.trajectories.recordings import Recordings
 from explicitfe.platform.errors import RunError
 
-# Answers of the simulator that a fit takes at most, and those in a row that may be no better: each halves the step.
-MOST_ANSWERS, MOST_HALVED_STEPS = 8, 3
+Slopes = Callable[[Hypothesis, np.ndarray], np.ndarray]  # derivatives (n, p) m of a model whose answer is (n,) m
+# Answers of the simulator that a fit takes at most, beside its derivatives. One that is no better halves the share of the next
+# step that is taken, one that is better doubles it; at the least share a fit ends.
+MOST_ANSWERS, LEAST_SHARE_OF_STEP = 10, 1.0 / 16.0
+# Fast derivatives serve as long as each answer lowers chi2 by this share.
+WORTHWHILE_DECREASE_SHARE = 0.2
 # A fit has ended where the next model would lower chi2 by less than this sum.
-ENOUGH_DECREASE, ENOUGH_DECREASE_SHARE = 0.5, 5e-3
+ENOUGH_DECREASE, ENOUGH_DECREASE_SHARE = 0.5, 1e-2
+START = "start_s"  # name of the time at which a curve starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +38,16 @@ class MappedAnswers:
 
     Attributes
     ----------
+    model : where they are exact.
     corrections : curve -> change of the features by the simulator there; see :func:`change_of`.
-    remainders : curve -> coordinates beside the vibration, as functions of the time since the start.
+    slopes : (n, p) m, what is to be added to the derivatives of all rows.
     """
 
     recordings: Recordings
     emulator: Emulator
+    model: Hypothesis
     corrections: Mapping[str, np.ndarray]
-    remainders: Mapping[str, CubicSpline]
+    slopes: np.ndarray | None = None
 
     @property
     def series(self) -> Sequence[Series]:
@@ -67,16 +74,19 @@ class MappedAnswers:
         seen = {}
         for curve in self.recordings.curves:
             vibration = add_change(self.emulator.of(model, curve.id), self.corrections[curve.id])
-            since = curve.time_s - self.recordings.start_time_of(model, curve)
-            left = self.remainders[curve.id]
-            moved = vibration.at(since) + np.where((since > 0.0)[:, None], left(np.clip(since, 0.0, left.x[-1])), 0.0)
+            moved = vibration.at(curve.time_s - self.recordings.start_time_of(model, curve))
             seen[curve.id] = moved.reshape(len(moved), -1, 3)
-        return self.recordings.by_columns(seen)
+        answer = self.recordings.by_columns(seen)
+        if self.slopes is None:
+            return answer
+        ends = np.cumsum([len(y) for y in answer])[:-1]
+        more = np.split(self.slopes @ (model.x - self.model.x), ends)
+        return [y + d for y, d in zip(answer, more, strict=True)]
 
 
-def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -> MappedAnswers | None:
-    """Fast answers that are exact at a model; None where it cannot be computed or does not vibrate."""
-    corrections, remainders = {}, {}
+def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -> tuple[MappedAnswers, np.ndarray] | None:
+    """Fast answers that are exact at a model, and the rows (n,) there; None where it cannot be computed or does not vibrate."""
+    corrections, seen = {}, {}
     for curve, run in zip(recordings.curves, recordings.runs.of(recordings.jobs(model)), strict=True):
         if isinstance(run, str):
             return None
@@ -86,39 +96,69 @@ def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -
         if full is None:
             return None
         corrections[curve.id] = change_of(fast, full, float(np.abs(moved).max()))
-        remainders[curve.id] = CubicSpline(times, moved - add_change(fast, corrections[curve.id]).at(times), axis=0)
-    return MappedAnswers(recordings, emulator, corrections, remainders)
+        seen[curve.id] = recordings.seen(model, curve, run)
+    return MappedAnswers(recordings, emulator, model, corrections), stack(recordings.by_columns(seen))
 
 
 def fit_by_mapping(
-    recordings: Recordings, emulator: Emulator, start: Hypothesis, covariance: Covariance, limit: TimeLimit
+    recordings: Recordings,
+    emulator: Emulator,
+    simulated: Slopes,
+    start: Hypothesis,
+    covariance: Covariance,
+    limit: TimeLimit,
 ) -> BestFit:
     """The best parameters of a model; never worse than the start.
+
+    Parameters
+    ----------
+    simulated : derivatives by the simulator.
 
     Raises
     ------
     RunError : the model cannot be computed where the search begins.
     """
     y = measured_rows(recordings.series)
-    best: tuple[Hypothesis, MappedAnswers, np.ndarray] | None = None
-    least, halved, converged, model = np.inf, 0, False, start
+    best: tuple[MappedAnswers, np.ndarray] | None = None
+    least, share, converged, model = np.inf, 1.0, False, start
+    slopes: np.ndarray | None = None  # what the simulator's derivatives have more than the fast ones
     for _ in range(MOST_ANSWERS):
-        mapped = map_answers(recordings, emulator, model)
-        answer = None if mapped is None else stack(mapped.answers([model])[0] or [])
-        left = None if answer is None else covariance.at(answer).whiten(y - answer)
-        chi2 = np.inf if left is None else float(left @ left)
-        if mapped is not None and answer is not None and chi2 < least:
-            best, least, halved = (model, mapped, answer), chi2, 0
-            proposed = refit(mapped, model, covariance)
-            converged = chi2 - proposed.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * chi2
-            model = proposed.model
-        elif best is None:
+        found = map_answers(recordings, emulator, model)
+        if found is None and best is None:
             raise RunError("the model cannot be computed where its fit begins.")
-        else:
-            halved += 1
-            model = model.at(0.5 * (model.x + best[0].x))
-        if converged or halved > MOST_HALVED_STEPS or limit.reached():
+        if found is not None and best is not None and slopes is not None:
+            slopes = slopes + _secant(replace(best[0], slopes=slopes), model, found[1])
+        chi2, before = np.inf if found is None else _chi2(found[1], covariance, y), least
+        if found is not None and chi2 < least:
+            best, least, share = found, chi2, min(2.0 * share, 1.0)
+        elif slopes is not None:
+            share *= 0.5
+        assert best is not None
+        if slopes is None and not least < (1.0 - WORTHWHILE_DECREASE_SHARE) * before:
+            slopes = simulated(best[0].model, best[1]) - derivatives(best[0], best[0].model, best[1])
+        proposed = refit(replace(best[0], slopes=slopes), best[0].model, covariance)
+        converged = least - proposed.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * least
+        if converged and slopes is None:
+            slopes = simulated(best[0].model, best[1]) - derivatives(best[0], best[0].model, best[1])
+            proposed = refit(replace(best[0], slopes=slopes), best[0].model, covariance)
+            converged = least - proposed.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * least
+        if converged or share < LEAST_SHARE_OF_STEP or limit.reached():
             break
+        model = best[0].model.at(best[0].model.x + share * (proposed.model.x - best[0].model.x))
     assert best is not None
-    model, mapped, answer = best
-    return fit_at(model, answer, derivatives(mapped, model, answer), covariance, y, converged=converged)
+    mapped, answer = best
+    now = derivatives(replace(mapped, slopes=slopes), mapped.model, answer)
+    return fit_at(mapped.model, answer, now, covariance, y, converged=converged)
+
+
+def _chi2(answer: np.ndarray, covariance: Covariance, y: np.ndarray) -> float:
+    return float(np.sum(covariance.at(answer).whiten(y - answer) ** 2))
+
+
+def _secant(mapped: MappedAnswers, model: Hypothesis, answer: np.ndarray) -> np.ndarray:
+    """Change (n, p) of the slopes with which the mapped answers agree with one that was computed (Broyden's update)."""
+    typical = np.array([p.typical for p in model.parameters])
+    run = [p.name != START for p in model.parameters]  # fast answers know the time of the start
+    step = np.where(run, (model.x - mapped.model.x) / typical, 0.0)
+    error = answer - stack(mapped.answers([model])[0] or [])
+    return np.outer(error, step / typical) / max(float(step @ step), 1e-300)

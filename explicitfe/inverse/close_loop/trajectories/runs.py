@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -40,15 +40,24 @@ class Sites:
     ----------
     position : (s, 3) m, of material points in the undeformed body of the scenario as its file states it.
     stand_off : (s, 3) m, from there to the centre of each sensor.
+    hexes, points : of the mesh in which they were located, and where; a run with the same elements need not search again.
     """
 
     position: np.ndarray
     stand_off: np.ndarray
+    hexes: np.ndarray | None = None
+    points: MaterialPoints | None = None
 
     @classmethod
     def at(cls, position: np.ndarray) -> Sites:
         """Sensors on material points (s, 3) m."""
         return cls(position, np.zeros_like(position))
+
+    def located(self, mesh: HexMesh, scale: np.ndarray) -> MaterialPoints:
+        """The material points in the mesh of a run, whose body is the scenario's times ``scale`` (3,)."""
+        if self.points is not None and self.hexes is not None and np.array_equal(mesh.hexes, self.hexes):
+            return replace(self.points, position=mesh.at(self.points, mesh.points))
+        return locate_in_mesh(mesh, self.position * scale, *([np.inf] if self.stand_off.any() else []))
 
 
 class SensorMotion(NamedTuple):
@@ -92,7 +101,7 @@ def motion_of(path: Path, settings: Sequence[str], sites: Sites, times_s: Sequen
     mesh = prepared.model.mesh
     stands_off = bool(sites.stand_off.any())
     scale = np.array(prepared.scenario.model.scale) / np.array(scenario_with(path, ()).model.scale)
-    points = locate_in_mesh(mesh, sites.position * scale, *([np.inf] if stands_off else []))
+    points = sites.located(mesh, scale)
     step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
     transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
     displacements = np.empty((len(times_s), *sites.position.shape))

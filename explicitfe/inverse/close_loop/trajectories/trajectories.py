@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,7 +25,7 @@ from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment
 from explicitfe.inverse.close_loop.trajectories.levers import levers_of
-from explicitfe.inverse.close_loop.trajectories.mapping import fit_by_mapping
+from explicitfe.inverse.close_loop.trajectories.mapping import START, fit_by_mapping
 from explicitfe.inverse.close_loop.trajectories.markers import START_INTERVALS, place_on_model
 from explicitfe.inverse.close_loop.trajectories.paths import answers_with_errors_of_place
 from explicitfe.inverse.close_loop.trajectories.recordings import AXIS_NAMES, Recordings, registration_table
@@ -122,7 +122,7 @@ class Trajectories(Recordings):
                 one = self.placed[curve.id]
                 doubt = START_INTERVALS * one.interval_s
                 start = Sought((one.start_s + one.interval_s,), one.start_s - doubt, one.start_s + doubt, none=one.start_s)
-                parameters.append(Parameter("start_s", start, one.start_s, group=curve.id))
+                parameters.append(Parameter(START, start, one.start_s, group=curve.id))
         for name in self.dataset.fit:
             for key, sought in self.levers[name].sought.items():
                 parameters.append(Parameter(f"{name}.{key}", sought, sought.none))
@@ -221,7 +221,9 @@ class Trajectories(Recordings):
         """The fit of a model by corrected fast answers; None where there are none."""
         emulator = self.runs.emulator
         known = emulator is not None and all(map(self.has_sketch, start.effects))
-        return fit_by_mapping(self, emulator, start, covariance, limit) if emulator is not None and known else None
+        if emulator is None or not known:
+            return None
+        return fit_by_mapping(self, emulator, partial(derivatives, self), start, covariance, limit)
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.
@@ -402,20 +404,21 @@ def trajectory_system(
 
 def _sites(dataset: TrajectoryDataset, mesh: HexMesh) -> Sites:
     """Where the sensors sit on the undeformed body."""
-    positions, stand_off = [], []
     for name, sensor in dataset.sensors.items():
         if sensor.at_m is None and sensor.point not in mesh.named_points:
             hint = nearest(sensor.point, mesh.named_points)
             raise InputError(
                 f'{dataset.path}: sensor "{name}" is mapped to "{sensor.point}", which the model does not have; {hint}'
             )
-        place = mesh.named_points[sensor.point].position[0] if sensor.at_m is None else sensor.at_m
-        point = place if sensor.at_m is None else locate_in_mesh(mesh, place, np.inf).position[0]
-        away = place - point
-        if float(np.linalg.norm(away)) > LARGEST_STAND_OFF_SHARE * np.ptp(mesh.points, axis=0).max() and not sensor.fixed:
-            raise InputError(
-                f'{dataset.path}: marker "{name}" lies {1e3 * np.linalg.norm(away):.3g} mm outside of the body; check at_mm.'
-            )
-        positions.append(point)
-        stand_off.append(np.zeros(3) if sensor.fixed else away)
-    return Sites(np.array(positions), np.array(stand_off))
+    sensors = dataset.sensors.values()
+    places = np.array([mesh.named_points[s.point].position[0] if s.at_m is None else s.at_m for s in sensors])
+    placed = np.array([s.at_m is not None for s in sensors])
+    points = locate_in_mesh(mesh, places, np.inf)
+    away = np.where(placed[:, None], places - points.position, 0.0)
+    for (name, sensor), distance in zip(dataset.sensors.items(), np.linalg.norm(away, axis=1), strict=True):
+        if distance > LARGEST_STAND_OFF_SHARE * np.ptp(mesh.points, axis=0).max() and not sensor.fixed:
+            raise InputError(f'{dataset.path}: marker "{name}" lies {1e3 * distance:.3g} mm outside of the body; check at_mm.')
+    away[[s.fixed for s in sensors]] = 0.0
+    if not placed.any():
+        return Sites.at(places)
+    return Sites(points.position, away, mesh.hexes, points)

@@ -18,7 +18,6 @@ from pathlib import Path
 
 from explicitfe.inverse.close_loop.close import find_causes
 from explicitfe.platform.errors import InputError, RunError
-from studies.moving.make import CAUSE
 
 
 def judged(verdict: str, named: set[str], undecided: set[str], hidden: str) -> str:
@@ -73,12 +72,7 @@ def main() -> None:
     path = options.cases / "verdicts.json"
     verdicts = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     with ProcessPoolExecutor(options.processes) as pool:
-        jobs = {
-            pool.submit(
-                run_case, options.cases / name, CAUSE.get(truth[name]["kind"], truth[name]["kind"]), options.minutes
-            ): name
-            for name in wanted
-        }
+        jobs = {pool.submit(run_case, options.cases / name, truth[name]["cause"], options.minutes): name for name in wanted}
         for job in as_completed(jobs):
             name, one = jobs[job], job.result()
             verdicts[name] = one

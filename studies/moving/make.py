@@ -14,8 +14,10 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -198,43 +200,76 @@ duration_ms = 1000.0
 """
 
 
-def write_case(folder: Path, body: Body, kind: str, strength: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
+@dataclass(frozen=True)
+class Moved:
+    """One curve: its load, the settings that it states, and displacements (k, s, 3) m at times (k,) s since its start."""
+
+    load_N: float
+    settings: Sequence[str]
+    displacement: Callable[[np.ndarray], np.ndarray]
+
+
+def write_dataset(
+    folder: Path,
+    scenario: str,
+    at_m: np.ndarray,
+    curves: Sequence[Moved],
+    *,
+    duration_s: float,
+    noise_m: float,
+    stated: bool,
+    rng: np.random.Generator,
+) -> None:
+    """A dataset of markers, of which the last three do not move; the second curve is held out.
+
+    Parameters
+    ----------
+    at_m : (s, 3) centres of the markers at rest.
+    noise_m : standard deviation of a coordinate.
+    stated : whether the starts are stated; they are to be found otherwise.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "scenario.toml").write_text(scenario_text(body, (12, 3, 3)), encoding="utf-8")
-    places = markers_of(body)
-    at = np.array([foot + body.stand_off * normal for foot, normal in places])
+    (folder / "scenario.toml").write_text(scenario, encoding="utf-8")
     # the rig is anywhere in the room
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.sign(np.linalg.det(turn))
     shift = rng.uniform(-0.1, 0.1, 3)
-    stated = kind in ("camera-lag", "none")
     lines = [
-        'format = "explicitfe-dataset/1"', f'name = "{folder.name}"', 'title = "Released beam"', 'test = "trajectory"',
+        'format = "explicitfe-dataset/1"', f'name = "{folder.name}"', 'title = "Released body"', 'test = "trajectory"',
         'scenario = "scenario.toml"', 'fit = ["stiffness"]',
     ]  # fmt: skip
-    for number, place in enumerate(at):
+    for number, place in enumerate(at_m):
         lines += ["", "[[sensor]]", f'name = "m{number}"', f"at_mm = {[float(x) for x in 1e3 * place]}", "place_sd_mm = 0.3"]
-        lines += ["fixed = true"] if number > 2 else []
-    for number, load in enumerate(body.loads):
-        duration = 0.7
-        rows = np.arange(REST_ROWS + int(duration * RATE_HZ)) / RATE_HZ
+        lines += ["fixed = true"] if number >= len(at_m) - 3 else []
+    for number, curve in enumerate(curves):
+        rows = np.arange(REST_ROWS + int(duration_s * RATE_HZ)) / RATE_HZ
         start = REST_ROWS / RATE_HZ + (0.0 if stated else rng.uniform(-0.4, 0.4) / RATE_HZ)
-        placed = at + rng.normal(scale=2e-4, size=at.shape)
-        positions = placed + move(body, kind, strength, load, rows - start)
-        seen = positions @ turn.T + shift + rng.normal(scale=body.noise, size=positions.shape)
-        head = ["time_s", *(f"m{k}_{axis}_mm" for k in range(6) for axis in "xyz")]
+        placed = at_m + rng.normal(scale=2e-4, size=at_m.shape)
+        positions = placed + curve.displacement(rows - start)
+        seen = positions @ turn.T + shift + rng.normal(scale=noise_m, size=positions.shape)
+        head = ["time_s", *(f"m{k}_{axis}_mm" for k in range(len(at_m)) for axis in "xyz")]
         table = np.column_stack([rows, 1e3 * seen.reshape(len(rows), -1)])
         name = f"load{number}"
         csv = "\n".join([",".join(head), *(",".join(f"{x:.6g}" for x in row) for row in table)])
         (folder / f"{name}.csv").write_text(csv + "\n", encoding="utf-8")
         lines += ["", "[[curve]]", f'id = "{name}"', f'file = "{name}.csv"']
-        lines += [f"start_s = {start!r}" if stated else 'start_s = "fit"', f"conditions.load_N = {load!r}"]
-        if load:
-            lines.append(f"""conditions.settings = ['load.+={{nodes=["x1","z1"], force_N=[0.0,0.0,{-load!r}]}}']""")
-        if number == 1:
-            lines.append('split = "holdout"')
+        lines += [f"start_s = {start!r}" if stated else 'start_s = "fit"', f"conditions.load_N = {curve.load_N!r}"]
+        lines += [f"conditions.settings = {list(curve.settings)!r}"] if curve.settings else []
+        lines += ['split = "holdout"'] if number == 1 else []
     (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_case(folder: Path, body: Body, kind: str, strength: float, seed: int) -> None:
+    """The dataset of one beam."""
+    at = np.array([foot + body.stand_off * normal for foot, normal in markers_of(body)])
+    curves = []
+    for load in body.loads:
+        settings = [f'load.+={{nodes=["x1","z1"], force_N=[0.0,0.0,-{load!r}]}}'] if load else []
+        curves.append(Moved(load, settings, partial(move, body, kind, strength, load)))
+    write_dataset(
+        folder, scenario_text(body, (12, 3, 3)), at, curves,
+        duration_s=0.7, noise_m=body.noise, stated=kind in ("camera-lag", "none"), rng=np.random.default_rng(seed),
+    )  # fmt: skip
 
 
 def plan(count: int, seed: int) -> list[tuple[str, float, int]]:
@@ -271,7 +306,10 @@ def main() -> None:
     jobs = [(options.out / f"case-{k:02d}", *case) for k, case in enumerate(cases)]
     with ProcessPoolExecutor(2) as pool:
         list(pool.map(_one, jobs))
-    truth = {f"case-{k:02d}": {"kind": kind, "strength": s, "seed": seed} for k, (kind, s, seed) in enumerate(cases)}
+    truth = {
+        f"case-{k:02d}": {"kind": kind, "strength": s, "seed": seed, "cause": CAUSE.get(kind, kind)}
+        for k, (kind, s, seed) in enumerate(cases)
+    }
     (options.out / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
 
 

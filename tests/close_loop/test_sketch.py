@@ -7,7 +7,7 @@ import pytest
 
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
-from explicitfe.inverse.close_loop.statistics.sketch import Sketch
+from explicitfe.inverse.close_loop.statistics.sketch import Sketch, change_by_terms
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Parameter, Term
 
 ROWS = np.linspace(0.1, 1.0, 12)
@@ -81,7 +81,7 @@ def test_history_is_fast_and_derivatives_of_shapes_are_left_open():
     slow = baseline.plus(HISTORY, (0.2,))
     (answer,) = one.answers([slow])
     assert answer[0] == pytest.approx(one.system.full(slow), rel=1e-4)
-    assert one.of_terms(slow) == pytest.approx(answer[0] - one.system.full(baseline), rel=1e-9)
+    assert change_by_terms(one, slow) == pytest.approx(answer[0] - one.system.full(baseline), rel=1e-9)
     shaped = slow.plus(SHAPE, (0.3, 0.5))
     slopes = one.slopes(shaped)
     assert slopes[:-1, 2] == pytest.approx(-3.0 * ROWS[:-1] ** 2, rel=2e-3)

@@ -11,7 +11,7 @@ from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stac
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter, row_noise, row_noise_beside, scatter
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit, renewed, settled
 from explicitfe.inverse.close_loop.statistics.sketch import Sketch
-from explicitfe.inverse.close_loop.statistics.system import Hypothesis, System
+from explicitfe.inverse.close_loop.statistics.system import Answering, Hypothesis, System
 from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 
 # Systematic errors of assumed quantities have names that begin so; the others are of the numerics and of the protocol.
@@ -28,6 +28,9 @@ class FitsByMapping(Protocol):
 
     def fit_by_mapping(self, start: Hypothesis, covariance: Covariance, limit: TimeLimit) -> BestFit | None:
         """The fit of a model; None where an effect has no fast answers."""
+
+    def beside(self, fit: BestFit) -> Answering | None:
+        """Fast answers that are exact at a fitted model, for models with further terms; None where there are none."""
 
 
 def fitted_baseline(system: System, rows: Sequence[RowNoise] | None, watch: Watch) -> tuple[System, Covariance, BestFit]:

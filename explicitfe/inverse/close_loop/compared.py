@@ -55,6 +55,11 @@ class Entry:
     bound: float = 0.0
     parent: Key = ()
 
+    @property
+    def has_all_terms(self) -> bool:
+        """Whether the model has each term of the key, which a subset that serves for it lacks."""
+        return len(self.model.terms) == len(self.key)
+
     def lowered(self, by: float) -> Entry:
         """The same with less evidence; ``by`` below 0 changes nothing."""
         return replace(self, evidence=replace(self.evidence, closed=self.evidence.closed - max(by, 0.0)))

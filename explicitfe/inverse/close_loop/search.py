@@ -8,13 +8,14 @@ that was not fitted keeps the evidence of its estimate.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.baseline import Watch, fit_of, fitted_baseline, with_own_numerics
+from explicitfe.inverse.close_loop.baseline import FitsByMapping, Watch, fit_of, fitted_baseline, with_own_numerics
 from explicitfe.inverse.close_loop.compared import (
     ComparedCauses,
     Entry,
@@ -29,15 +30,24 @@ from explicitfe.inverse.close_loop.evidence import Causes, Prior, cost_of_term, 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit
-from explicitfe.inverse.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
-from explicitfe.inverse.close_loop.statistics.sketch import Sketch
-from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, System
+from explicitfe.inverse.close_loop.statistics.signatures import (
+    Changes,
+    EstimatedFit,
+    Screening,
+    Signature,
+    scaled_trial,
+    screen,
+    signatures,
+)
+from explicitfe.inverse.close_loop.statistics.sketch import Sketch, change_by_terms
+from explicitfe.inverse.close_loop.statistics.system import Answering, Candidate, Hypothesis, System
 from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.platform.errors import RunError
 
 FURTHER_TERMS = 2  # A cause may use several terms: two more in a set than it has causes.
 MOST_PARENTS = 6  # Hypotheses from which larger ones are built.
+WEAK_SHARE = 0.1  # Of a trial, from which a fit beside a fitted hypothesis begins.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9  # Shares of the search at which its stages begin.
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
@@ -90,7 +100,8 @@ class _Comparing:
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
         self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
         self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
-        self.sketched: set[Key] = set()
+        self.sketched: dict[Key, Key] = {}  # and the fitted subset beside which this was done
+        self.exact_at: dict[Key, Answering | None] = {}  # fast answers that are exact at a fitted hypothesis
         self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
         self.near: dict[Key, dict[str, Signature]] = {}
         self.at_baseline = self._signatures(fit, covariance, tested)
@@ -118,7 +129,7 @@ class _Comparing:
             if not self._fit_plausible(terms):
                 break
             level = [one for one in (self.sketches | self.fitted).values() if len(one.key) == terms]
-            parents = sorted(level, key=self._closeness, reverse=True)[:MOST_PARENTS]
+            parents = [one for one in sorted(level, key=self._closeness, reverse=True) if one.has_all_terms][:MOST_PARENTS]
         self._exchange()
         self._finish()
         return self._comparison()
@@ -211,7 +222,7 @@ class _Comparing:
                 return count
             # Fast ones and fewer terms first: what they explain, others need not.
             entry = max(waiting, key=lambda one: (self._is_fast(one.model), -len(one.key), self._closeness(one)))
-            if self.sketch is not None and self._is_sketchable(entry.key) and entry.key not in self.sketched:
+            if self.sketch is not None and self._is_sketchable(entry.key) and self._is_to_be_sketched(entry.key):
                 self._fit_sketch(entry, self.sketch)
                 continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
@@ -226,22 +237,51 @@ class _Comparing:
 
     def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
         """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
-        self.sketched.add(entry.key)
+        subset = self._nearest_subset(entry.key)
+        beside = self._exact_at(subset)
+        self.sketched[entry.key] = subset.key
+        trials = {name: candidate.trials for name, (candidate, _) in self.table.items()}
         try:
-            trials = {name: candidate.trials for name, (candidate, _) in self.table.items()}
-            fit = refit(sketch, sketch.best_start(entry.model, trials, self.covariance), self.covariance)
+            if beside is None:
+                fit = refit(sketch, sketch.best_start(entry.model, trials, self.covariance), self.covariance)
+            else:
+                fits = [refit(beside, start, self.covariance) for start in self._starts_beside(subset, entry.key)]
+                fit = min(fits, key=lambda one: one.whitened)
         except RunError:
             return
         one = self._entry(fit, self.system, self.covariance)
         self.sketches[entry.key] = one
-        baseline = self.fitted[()].fit
-        assert baseline is not None
-        change = outside(baseline.movable, self.covariance.whiten(sketch.of_terms(fit.model)))
+        assert subset.fit is not None
+        before = subset.model if beside is not None else None
+        change = outside(subset.fit.movable, self.covariance.whiten(change_by_terms(beside or sketch, fit.model, before)))
         self.estimates.known[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
         screening = self.screened[entry.key][1]
         gain = screening.gain + entry.evidence.chi2 - one.evidence.chi2
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain, parent=entry.parent)
         self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain)
+
+    def _is_to_be_sketched(self, key: Key) -> bool:
+        """Whether a hypothesis has no fast fit, or a subset with better answers has been fitted since."""
+        return key not in self.sketched or self._nearest_subset(key).key != self.sketched[key]
+
+    def _nearest_subset(self, key: Key) -> Entry:
+        """The fitted hypothesis with one term less that is nearest to the data; the baseline where there is none."""
+        subsets = [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) and one.has_all_terms]
+        return max(subsets, key=self._closeness, default=self.fitted[()])
+
+    def _exact_at(self, fitted: Entry) -> Answering | None:
+        """Fast answers that are exact at a fitted hypothesis with effects; None where there are none."""
+        if fitted.key not in self.exact_at:
+            self.exact_at[fitted.key] = None
+            if fitted.key and fitted.fit is not None and isinstance(self.system, FitsByMapping):
+                self.exact_at[fitted.key] = self.system.beside(fitted.fit)
+        return self.exact_at[fitted.key]
+
+    def _starts_beside(self, subset: Entry, key: Key) -> list[Hypothesis]:
+        """A fitted subset with a weak further term, for each of its trials."""
+        (name,) = (Counter(key) - Counter(subset.key)).elements()
+        candidate, _ = self.table[name]
+        return [subset.model.plus(candidate.term, scaled_trial(candidate, values, WEAK_SHARE)) for values in candidate.trials]
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
@@ -252,7 +292,7 @@ class _Comparing:
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
         single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
-        unknown = self.system.fast_everywhere and entry.key not in self.sketched
+        unknown = self.system.fast_everywhere and self._is_to_be_sketched(entry.key)
         if unknown or (single and (not explained or entry.causes == top.causes)):
             return True
         negligible = best + np.log(THRESHOLDS.negligible_probability)

@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives
-from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, System
+from explicitfe.inverse.close_loop.statistics.system import Answer, Answering, Hypothesis, Parameter, Series, System
 
 # Degree of the ratio of full to fast answers, which changes slowly with the depth.
 FACTOR_DEGREE = 3
@@ -124,13 +124,14 @@ class Sketch:
         answers = [None if y is None else covariance.whiten(target - stack(y)) for y in self.answers(starts)]
         return starts[int(np.argmin([np.inf if left is None else float(left @ left) for left in answers]))]
 
-    def of_terms(self, model: Hypothesis) -> np.ndarray:
-        """What the terms of a model change (n,) SI."""
-        bare = Hypothesis(model.base, (), model.x[: len(model.base)])
-        answer, before = self.answers([model, bare])
-        if answer is None or before is None:
-            return np.zeros(sum(len(one.measured) for one in self.series))
-        return stack(answer) - stack(before)
+
+def change_by_terms(fast: Answering, model: Hypothesis, before: Hypothesis | None = None) -> np.ndarray:
+    """What the terms of a model change (n,) SI, by fast answers; compared with a model ``before`` where this is given."""
+    without = Hypothesis(model.base, (), model.x[: len(model.base)]) if before is None else before
+    answer, other = fast.answers([model, without])
+    if answer is None or other is None:
+        return np.zeros(sum(len(one.measured) for one in fast.series))
+    return stack(answer) - stack(other)
 
 
 def _factor(fast: np.ndarray, full: np.ndarray) -> Polynomial:

@@ -13,6 +13,7 @@ from explicitfe.fem.materials import Law
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.mesh.surface_points import projected_areas
 from explicitfe.fem.model.gravity import nodal_mass
+from explicitfe.inverse.close_loop.trajectories.emulator import vibration_of
 from explicitfe.inverse.measured.curve import TrajectoryDataset
 from explicitfe.inverse.measured.registration import Registration
 from explicitfe.platform.host.toml_text import toml_value
@@ -79,6 +80,16 @@ class Experiment:
     def interval_s(self) -> float:
         """Longest sampling interval of a curve [s]."""
         return max((float(np.median(np.diff(curve.time_s))) for curve in self.dataset.curves), default=1e-2)
+
+    @property
+    def frequency_rad_s(self) -> float:
+        """Angular frequency at which the markers of most curves vibrate [rad/s]; of one period where they do not."""
+        known = []
+        for curve in self.dataset.curves:
+            y = np.concatenate([y for y in curve.sensors.values() if np.isfinite(y).all()], axis=1)
+            vibration = vibration_of(curve.time_s[1:], np.diff(y, axis=0))  # in which the step of a release is short
+            known += [float(np.exp(vibration.rate[0]))] if vibration else []
+        return float(np.median(known)) if known else 2.0 * np.pi / self.duration_s
 
     @property
     def extent_m(self) -> float:

@@ -56,6 +56,9 @@ FACTOR = Sought((0.5, 0.8, 0.9, 1.1, 1.25, 2.0), 0.1, 10.0, kind="log", none=1.0
 SIZE = Sought((0.85, 0.95, 0.98, 1.02, 1.05, 1.15), 0.7, 1.4, kind="log", none=1.0)
 DAMPING, VISCOSITY = Sought((20.0, 80.0, 240.0), 0.0, 1000.0), Sought((0.02, 0.05, 0.1), 0.0, 0.3)
 GRAVITY = Sought((3.0, 9.81), 0.0, 12.0)
+# Decay [1/s] times the duration of a recording of markers that vibrate: a share of exp(-1) of the amplitude is left, and less.
+DECAYS = (1.0, 3.0, 10.0)
+LARGEST_DECAY = 100.0
 FALLING_SHARE = Sought((1.0,), 0.0, 1.0)
 # Force of a muscle that the scenario does not list, relative to the force of all listed muscles.
 FORCE_SHARE = Sought((0.1, 0.4, 1.5), 0.0, 4.0)
@@ -76,7 +79,7 @@ def levers_of(test: Experiment) -> dict[str, Lever]:
     scenario, registration = test.scenario, test.dataset.registration or RegistrationTable()
     totals = [total_force_N(one) for one in test.scenarios] or [total_force_N(scenario)]
     pulls = "" if max(totals) > 0.0 else "no muscle of the scenario is active"
-    levers = _of_loads(scenario, pulls, weighed=bool(test.markers)) | _of_tissue(scenario)
+    levers = _of_loads(scenario, pulls, weighed=bool(test.markers)) | _of_tissue(test)
     for bone in _bones(scenario):
         levers |= _of_bone(bone, scenario)
     for name in test.anatomy.muscles:
@@ -137,20 +140,27 @@ def _of_loads(scenario: TransientScenario, pulls: str, *, weighed: bool) -> dict
     }
 
 
-def _of_tissue(scenario: TransientScenario) -> dict[str, Lever]:
+def _of_tissue(test: Experiment) -> dict[str, Lever]:
     """Levers of the body."""
-    damping = scenario.model.damping
+    scenario, damping = test.scenario, test.scenario.model.damping
+    by_mass, by_stiffness = DAMPING, VISCOSITY
+    if test.markers:
+        # the decay of a vibration is alpha / 2 + beta w^2 / 2
+        by_mass, by_stiffness = (
+            Sought(tuple(factor * d for d in DECAYS), 0.0, factor * LARGEST_DECAY)
+            for factor in (2.0 / test.duration_s, 2.0 / test.duration_s / test.frequency_rad_s**2)
+        )
     return {
         "damping": Lever(
             "damping",
             "mass-proportional damping [1/s]",
-            {"alpha_per_s": around(DAMPING, damping.alpha_per_s)},
+            {"alpha_per_s": around(by_mass, damping.alpha_per_s)},
             lambda scenario, v: [f"model.damping.alpha_per_s={v['alpha_per_s']!r}"],
         ),
         "viscosity": Lever(
             "viscoelastic",
             "stiffness-proportional damping [s]",
-            {"beta_s": around(VISCOSITY, damping.beta_s)},
+            {"beta_s": around(by_stiffness, damping.beta_s)},
             lambda scenario, v: [f"model.damping.beta_s={v['beta_s']!r}"],
             reason=_no_viscosity(scenario),
         ),

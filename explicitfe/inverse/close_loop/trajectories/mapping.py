@@ -34,13 +34,13 @@ START = "start_s"  # name of the time at which a curve starts
 
 @dataclass(frozen=True, eq=False)
 class MappedAnswers:
-    """Fast answers that are exact at one model.
+    """Fast answers that are exact at one model, also for models with further terms.
 
     Attributes
     ----------
     model : where they are exact.
     corrections : curve -> change of the features by the simulator there; see :func:`change_of`.
-    slopes : (n, p) m, what is to be added to the derivatives of all rows.
+    slopes : (n, p) m, what is to be added to the derivatives of all rows by the parameters of the model.
     """
 
     recordings: Recordings
@@ -80,7 +80,7 @@ class MappedAnswers:
         if self.slopes is None:
             return answer
         ends = np.cumsum([len(y) for y in answer])[:-1]
-        more = np.split(self.slopes @ (model.x - self.model.x), ends)
+        more = np.split(self.slopes @ (model.x[: len(self.model.x)] - self.model.x), ends)
         return [y + d for y, d in zip(answer, more, strict=True)]
 
 

@@ -25,7 +25,7 @@ from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment
 from explicitfe.inverse.close_loop.trajectories.levers import levers_of
-from explicitfe.inverse.close_loop.trajectories.mapping import START, fit_by_mapping
+from explicitfe.inverse.close_loop.trajectories.mapping import START, MappedAnswers, fit_by_mapping, map_answers
 from explicitfe.inverse.close_loop.trajectories.markers import START_INTERVALS, place_on_model
 from explicitfe.inverse.close_loop.trajectories.paths import answers_with_errors_of_place
 from explicitfe.inverse.close_loop.trajectories.recordings import AXIS_NAMES, Recordings, registration_table
@@ -224,6 +224,16 @@ class Trajectories(Recordings):
         if emulator is None or not known:
             return None
         return fit_by_mapping(self, emulator, partial(derivatives, self), start, covariance, limit)
+
+    def beside(self, fit: BestFit) -> MappedAnswers | None:
+        """Fast answers that are exact at a fitted model, with the derivatives there; None where there are none."""
+        emulator = self.runs.emulator
+        known = emulator is not None and all(map(self.has_sketch, fit.model.effects))
+        found = map_answers(self, emulator, fit.model) if emulator is not None and known else None
+        if found is None:
+            return None
+        mapped, answer = found
+        return replace(mapped, slopes=fit.slopes - derivatives(mapped, fit.model, answer))
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.

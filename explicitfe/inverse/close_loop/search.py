@@ -245,7 +245,7 @@ class _Comparing:
             if beside is None:
                 fit = refit(sketch, sketch.best_start(entry.model, trials, self.covariance), self.covariance)
             else:
-                fits = [refit(beside, start, self.covariance) for start in self._starts_beside(subset, entry.key)]
+                fits = [refit(beside, start, self.covariance) for start in self._starts_beside(subset, entry)]
                 fit = min(fits, key=lambda one: one.whitened)
         except RunError:
             return
@@ -277,11 +277,12 @@ class _Comparing:
                 self.exact_at[fitted.key] = self.system.beside(fitted.fit)
         return self.exact_at[fitted.key]
 
-    def _starts_beside(self, subset: Entry, key: Key) -> list[Hypothesis]:
-        """A fitted subset with a weak further term, for each of its trials."""
-        (name,) = (Counter(key) - Counter(subset.key)).elements()
+    def _starts_beside(self, subset: Entry, entry: Entry) -> list[Hypothesis]:
+        """A fitted subset with a weak further term, for each of its trials; and the parameters that were estimated before."""
+        (name,) = (Counter(entry.key) - Counter(subset.key)).elements()
         candidate, _ = self.table[name]
-        return [subset.model.plus(candidate.term, scaled_trial(candidate, values, WEAK_SHARE)) for values in candidate.trials]
+        starts = [subset.model.plus(candidate.term, scaled_trial(candidate, values, WEAK_SHARE)) for values in candidate.trials]
+        return [*starts, starts[0].with_values_of(entry.model)]
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
@@ -416,7 +417,8 @@ class _Comparing:
         """Signatures near a fitted model, or near another; those that take the run of a mesh are from the table of responses."""
         own = {c.effect: replace(c, trials=self.table[c.effect][0].trials) for c in candidates if c.effect in self.table}
         others = [c for c in candidates if c.effect not in own]
-        changes = dict(zip([c.effect for c in others], self.system.changes(model or fit.model, others), strict=True))
+        new = self.system.changes(model or fit.model, others) if others else []
+        changes = dict(zip([c.effect for c in others], new, strict=True))
         changes |= {name: list(self.table[name][1]) for name in own}
         every = [own.get(c.effect, c) for c in candidates]
         return signatures(fit, covariance, every, [changes[c.effect] for c in every])

@@ -110,9 +110,14 @@ class Hypothesis:
         """In the order of ``parameters``."""
         return [p.sought.value(float(x)) for p, x in zip(self.parameters, self.x, strict=True)]
 
-    def at(self, x: np.ndarray) -> Hypothesis:
+    def at(self, x: np.ndarray | Sequence[float]) -> Hypothesis:
         """The same model with other parameters."""
         return Hypothesis(self.base, self.terms, np.asarray(x, dtype=float))
+
+    def with_values_of(self, other: Hypothesis) -> Hypothesis:
+        """The same model with the parameters that another one has too."""
+        known = {(p.name, p.group): x for p, x in zip(other.parameters, other.x, strict=True)}
+        return self.at([known.get((p.name, p.group), x) for p, x in zip(self.parameters, self.x, strict=True)])
 
     def plus(self, term: Term, values: Sequence[float]) -> Hypothesis:
         """The model with a further term, at values of its parameters."""

@@ -17,7 +17,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 from scipy.optimize import least_squares
 
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis, Parameter
@@ -28,7 +28,7 @@ FEWEST_VIBRATION_ROWS, SPECTRUM_PADDING = 12, 8
 LEAST_PHASE_SHARE = 0.02
 # The remainder is known up to a phase that is larger than that of the first curve by this factor: others may be faster. So many
 # phases for each row follow the ripples of further modes where others are slower.
-PHASES_BEYOND, PHASES_PER_ROW = 1.25, 4
+PHASES_BEYOND, PHASES_PER_ROW = 1.25, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Vibration:
     rate : (2,) log of the angular frequency [rad/s], and decay [1/s].
     end, amplitude : (c,) m, where each coordinate comes to rest, and its complex amplitude.
     phases : (g,) rad, rising, at which the remainder is known.
-    remainder : (g, c) m, what the damped vibration leaves.
+    remainder : (g, c) m, what the damped vibration leaves: coefficients of a cubic spline through the phases.
     """
 
     rate: np.ndarray
@@ -57,8 +57,12 @@ class Vibration:
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Coordinates (k, c) m at times (k,) s since the start, 0 before it."""
         t = np.maximum(time_s, 0.0)
-        left = CubicSpline(self.phases, self.remainder, axis=0)(np.minimum(np.exp(self.rate[0]) * t, self.phases[-1]))
-        return np.where(time_s[:, None] > 0.0, self.damped(t) + left, 0.0)
+        return np.where(time_s[:, None] > 0.0, self.damped(t) + self.beside(np.exp(self.rate[0]) * t), 0.0)
+
+    def beside(self, phase: np.ndarray) -> np.ndarray:
+        """Remainder (k, c) m at phases (k,) rad, constant beyond the last one."""
+        spline = BSpline.construct_fast(_knots(self.phases), self.remainder, 3)
+        return np.asarray(spline(np.minimum(phase, self.phases[-1])))
 
 
 def vibration_of(time_s: np.ndarray, y: np.ndarray, first: Vibration | None = None) -> Vibration | None:
@@ -97,9 +101,14 @@ def vibration_of(time_s: np.ndarray, y: np.ndarray, first: Vibration | None = No
     bare = Vibration(best.x, weights[0], weights[1] + 1j * weights[2], phases, np.zeros((len(phases), y.shape[1])))
     inside = phases <= frequency * time_s[-1]
     # beyond what is known nothing is known to change
-    remainder = bare.remainder if first is None else first.remainder.copy()
+    remainder = bare.remainder if first is None else first.beside(phases)
     remainder[inside] = CubicSpline(time_s, y - bare.damped(time_s), axis=0)(phases[inside] / frequency)
-    return replace(bare, remainder=remainder)
+    return replace(bare, remainder=make_interp_spline(phases, remainder, t=_knots(phases)).c)
+
+
+def _knots(phases: np.ndarray) -> np.ndarray:
+    """Knots of a cubic spline through phases, which is not a knot next to its ends."""
+    return np.concatenate([np.repeat(phases[0], 4), phases[2:-2], np.repeat(phases[-1], 4)])
 
 
 def _strongest(time_s: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -162,8 +171,7 @@ class Responses:
             weight = distance[::-1] / max(float(distance.sum()), 1e-300) if len(near) > 1 else np.ones(1)
         else:
             near, weight = trials[np.argsort(np.abs(self.coordinates[trials, 0] - x[0]))[:1]], np.ones(1)
-        rates = self.changes[curve][near] / self.coordinates[near, :1]
-        return np.asarray(x[0] * (weight @ rates))
+        return np.asarray((x[0] * weight / self.coordinates[near, 0]) @ self.changes[curve][near])
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ class MappedAnswers:
         for curve in self.recordings.curves:
             vibration = add_change(self.emulator.of(model, curve.id), self.corrections[curve.id])
             moved = vibration.at(curve.time_s - self.recordings.start_time_of(model, curve))
-            seen[curve.id] = moved.reshape(len(moved), -1, 3)
+            seen[curve.id] = self.recordings.with_fixed_markers(moved)
         answer = self.recordings.by_columns(seen)
         if self.slopes is None:
             return answer

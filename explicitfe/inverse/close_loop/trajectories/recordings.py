@@ -111,10 +111,21 @@ class Recordings:
         return [((*self.settings(model, curve), *more), self.times(curve)) for curve in self.curves]
 
     def marker_coordinates(self, model: Hypothesis, run: SensorMotion) -> np.ndarray:
-        """Coordinates (k, 3 s) m of all markers from rest, at the times of a run."""
+        """Coordinates (k, 3 m) m of the markers that move, from rest, at the times of a run."""
         turned = np.einsum("ksij,sj->ksi", run.rotation - np.eye(3), self.stand_off(model))
-        displacement = run.displacement + turned
+        displacement = (run.displacement + turned)[:, self._moves]
         return np.asarray((displacement - displacement[0]).reshape(len(displacement), -1))
+
+    def with_fixed_markers(self, moved: np.ndarray) -> np.ndarray:
+        """Displacements (k, s, 3) m of all markers, from the coordinates (k, 3 m) m of those that move."""
+        every = np.zeros((len(moved), len(self._moves), 3))
+        every[:, self._moves] = moved.reshape(len(moved), -1, 3)
+        return every
+
+    @cached_property
+    def _moves(self) -> np.ndarray:
+        """Which sensors (s,) move."""
+        return np.array([not sensor.fixed for sensor in self.dataset.sensors.values()])
 
     @cached_property
     def _columns(self) -> list[tuple[Curve, str, int]]:
@@ -181,14 +192,29 @@ class Recordings:
         return np.asarray(np.flatnonzero(used))
 
     def times(self, curve: Curve) -> tuple[float, ...]:
-        """Times of the scenario at which a curve's run is read [s]: those of its rows, or a grid where its start is fitted."""
+        """Times of the scenario at which a curve's run is read [s]: those of its rows, or a grid where its start is fitted.
+
+        Repeats share one grid, and so one run.
+        """
         if curve.start_s is not None:
             since = curve.time_s - curve.start_s
             return tuple(since[since >= 0.0].tolist())
-        one = self.placed[curve.id]
-        last = curve.time_s[-1] - one.start_s + (START_INTERVALS + 1.0) * one.interval_s
-        count = int(np.ceil(last / (one.interval_s / GRID_ROWS_PER_INTERVAL)))
-        return tuple(np.linspace(0.0, last, count + 1).tolist())
+        return self._grids[settings_of(curve)]
+
+    @cached_property
+    def _grids(self) -> dict[Settings, tuple[float, ...]]:
+        """Settings of curves whose start is fitted -> times [s] that reach to the end of each."""
+        lasts: dict[Settings, tuple[float, float]] = {}
+        for curve in self.dataset.curves:
+            if curve.start_s is None:
+                one, key = self.placed[curve.id], settings_of(curve)
+                last = curve.time_s[-1] - one.start_s + (START_INTERVALS + 1.0) * one.interval_s
+                longest, interval = lasts.get(key, (0.0, np.inf))
+                lasts[key] = max(longest, last), min(interval, one.interval_s)
+        return {
+            key: tuple(np.linspace(0.0, last, int(np.ceil(last * GRID_ROWS_PER_INTERVAL / interval)) + 1).tolist())
+            for key, (last, interval) in lasts.items()
+        }
 
     def by_columns(self, seen: Mapping[str, np.ndarray]) -> Answer:
         """What is seen (k, s, 3) m of each curve, as one array for each series."""

@@ -213,7 +213,7 @@ class Trajectories(Recordings):
             for curve in self.curves:
                 vibration = emulator.of(model, curve.id)
                 moved = vibration.at(curve.time_s - self.start_time_of(model, curve))
-                seen[curve.id] = moved.reshape(len(moved), -1, 3)
+                seen[curve.id] = self.with_fixed_markers(moved)
             answers.append(self.by_columns(seen))
         return answers
 

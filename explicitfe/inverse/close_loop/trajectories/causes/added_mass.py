@@ -78,6 +78,8 @@ def _as_mass(scenario: TransientScenario, share: float, *, hanging: bool = False
         settings.append(f"load.{number}.mass_g={mass_g!r}")
         if hanging and mass_g > 0.0:
             settings.append(f"load.{number}.string_slack_mm=0.0")
+        elif mass_g > 0.0 and load.start_ms > 0.0:  # a fixed mass is there from the start
+            settings.append(f"load.{number}.start_ms=0.0")
     return settings
 
 

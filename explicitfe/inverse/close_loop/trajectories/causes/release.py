@@ -41,6 +41,10 @@ def levers(test: Experiment) -> dict[str, Lever]:
 
 
 def _delay_loads(scenario: TransientScenario, v: Values) -> list[str]:
-    """Every force that acts from the start begins later; a fixed mass is there from the start."""
-    late = [number for number, load in enumerate(scenario.load, 1) if not load.is_late and load.force_N is not None]
+    """Every force that acts from the start begins later; a load with a fixed mass is there from the start."""
+    late = [
+        number
+        for number, load in enumerate(scenario.load, 1)
+        if not load.is_late and load.force_N is not None and (load.mass_g == 0.0 or load.string_slack_mm is not None)
+    ]
     return [f"load.{number}.start_ms={v['delay_ms']!r}" for number in late if v["delay_ms"] > 0.0]

@@ -6,7 +6,7 @@ The coordinates of a curve are one damped vibration and where they come to rest,
 
 with one frequency w and decay d for all coordinates of a curve, and a remainder that is a function of the phase w t: further
 modes, and a decay that is not exponential. A stronger effect shifts the phase of a vibration without bound, so a change of
-samples is no signature of it, and says nothing about another strength. The features log w, d, log A, end and the remainder at
+samples is no signature of it, and says nothing about another strength. The features log w, d, log A, log end and the remainder at
 fixed phases change in proportion to a strength, and effects add up in them. They come from the runs with which the candidates
 are screened.
 """
@@ -123,24 +123,36 @@ def _strongest(time_s: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def change_of(before: Vibration, after: Vibration, size: float) -> np.ndarray:
-    """Change (2 + 3 c + g c,) of the features: rates, ends, log amplitudes with their phases, differences of small amplitudes,
-    and remainders.
+    """Change (2 + 4 c + g c,) of the features: rates, ends, amplitudes and remainders.
+
+    Ends and amplitudes have logarithms of their ratios, because effects multiply in them, and differences of those that are small
+    compared with the largest coordinate ``size`` or change their sign.
     """
-    small = np.minimum(np.abs(before.amplitude), np.abs(after.amplitude)) < LEAST_PHASE_SHARE * size
-    ratio = np.where(small, 1.0, after.amplitude) / np.where(small, 1.0, before.amplitude)
-    log = np.where(small, 0.0, np.log(ratio))
-    more = np.where(small, after.amplitude - before.amplitude, 0.0)
+    ends = _multiplied(before.end, after.end, size)
+    amplitudes = _multiplied(before.amplitude, after.amplitude, size)
     left = (after.remainder - before.remainder).ravel()
-    return np.concatenate([after.rate - before.rate, after.end - before.end, log, more, left])
+    return np.concatenate([after.rate - before.rate, *ends, *amplitudes, left])
+
+
+def _multiplied(before: np.ndarray, after: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Logarithms (c,) of the ratios of two features, and differences (c,) where a feature is small or its sign changes."""
+    small = np.minimum(np.abs(before), np.abs(after)) < LEAST_PHASE_SHARE * size
+    small |= np.isrealobj(before) & (np.real(before) * np.real(after) < 0.0)
+    ratio = np.where(small, 1.0, after) / np.where(small, 1.0, before)
+    return np.where(small, 0.0, np.log(ratio)), np.where(small, after - before, 0.0)
 
 
 def add_change(before: Vibration, change: np.ndarray) -> Vibration:
     """Features with a change of :func:`change_of`."""
     count = len(before.end)
-    end, log, more = (change[2 + k * count : 2 + (k + 1) * count] for k in range(3))
-    amplitude = before.amplitude * np.exp(log) + more
-    left = change[2 + 3 * count :].real.reshape(before.remainder.shape)
-    return Vibration(before.rate + change[:2].real, before.end + end.real, amplitude, before.phases, before.remainder + left)
+    end, end_more, log, more = (change[2 + k * count : 2 + (k + 1) * count] for k in range(4))
+    return Vibration(
+        before.rate + change[:2].real,
+        before.end * np.exp(end.real) + end_more.real,
+        before.amplitude * np.exp(log) + more,
+        before.phases,
+        before.remainder + change[2 + 4 * count :].real.reshape(before.remainder.shape),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +204,7 @@ class Emulator:
     def of(self, model: Hypothesis, curve: str) -> Vibration:
         """Features of a curve by a model whose effects are all known."""
         before = self.features[curve]
-        total = np.zeros(2 + 3 * len(before.end) + before.remainder.size, dtype=complex)
+        total = np.zeros(2 + 4 * len(before.end) + before.remainder.size, dtype=complex)
         for number, parameter in enumerate(self.centre.base):
             if parameter.name in self.responses:
                 total += self.responses[parameter.name].at(curve, np.array([model.x[number] - self.centre.x[number]]))

@@ -383,10 +383,11 @@ def trajectory_system(
     curves, mesh = tuple(curves), anatomy.mesh
     scenarios = [scenario_with(dataset.scenario, settings_of(curve)) for curve in curves]
     levers = levers_of(Experiment(scenario, anatomy, dataset, scenarios))
-    for what, names in (("`effects`", only), (f"{dataset.path}: fit =", dataset.fit)):
+    causes = {lever.cause for lever in levers.values()}
+    for what, names, known in (("`effects`", only, {*levers, *causes}), (f"{dataset.path}: fit =", dataset.fit, {*levers})):
         for name in names:
-            if name not in levers:
-                raise InputError(f"{what} {name}: there is no such effect; {nearest(name, levers)}")
+            if name not in known:
+                raise InputError(f"{what} {name}: there is no such effect; {nearest(name, known)}")
     for name in dataset.fit:
         if levers[name].reason:
             raise InputError(f"{dataset.path}: fit = {name} is not possible: {levers[name].reason}.")

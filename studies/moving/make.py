@@ -27,6 +27,9 @@ from studies.moving.geometrically_exact_beam import Beam, Marker, simulate
 G_M_S2 = 9.81
 RATE_HZ = 200.0
 REST_ROWS = 12
+# An effect that changes the markers by less, relative to their largest displacement, is drawn again: without repeats the loop
+# assumes that a model errs by 1 %.
+LEAST_CHANGE_SHARE, MOST_DRAWS = 0.02, 50
 # Hidden cause -> smallest and largest strength, in units given in `hidden`. Half of the strengths are drawn from the lower half.
 STRENGTHS = {
     "none": (0.0, 0.0),
@@ -42,7 +45,7 @@ STRENGTHS = {
     "load-delay": (0.02, 0.06),
     "air-drag": (20.0, 80.0),
     "air-drag-linear": (2.0, 10.0),
-    "gravity-direction": (4.0, 10.0),
+    "gravity-direction": (8.0, 20.0),
     "dimension-z": (1.04, 1.1),
     "dimension-x": (1.03, 1.07),
     "camera-lag": (0.006, 0.02),
@@ -272,23 +275,34 @@ def write_case(folder: Path, body: Body, kind: str, strength: float, seed: int) 
     )  # fmt: skip
 
 
-def plan(count: int, seed: int) -> list[tuple[str, float, int]]:
-    """Kinds and strengths: a fifth are controls, the others take turns."""
+def plan(number: int, seed: int) -> list[tuple[str, int]]:
+    """Kinds and seeds: a fifth are controls, the others take turns."""
     rng = np.random.default_rng(seed)
     kinds = [kind for kind in STRENGTHS if kind != "none"]
-    controls = max(count // 5, 1)
-    chosen = ["none"] * controls + [kinds[k % len(kinds)] for k in range(count - controls)]
-    order = rng.permutation(count)
-    out = []
-    for k in order:
-        low, high = STRENGTHS[chosen[k]]
-        out.append((chosen[k], float(rng.uniform(low, high)), int(rng.integers(1 << 30))))
-    return out
+    controls = max(number // 5, 1)
+    chosen = ["none"] * controls + [kinds[k % len(kinds)] for k in range(number - controls)]
+    return [(chosen[k], int(rng.integers(1 << 30))) for k in rng.permutation(number)]
 
 
-def _one(job: tuple[Path, str, float, int]) -> None:
-    folder, kind, strength, seed = job
-    write_case(folder, draw(np.random.default_rng(seed)), kind, strength, seed + 1)
+def change_share(body: Body, kind: str, strength: float) -> float:
+    """Rms change of the markers by an effect under the largest load, relative to their largest displacement."""
+    t = np.arange(0.0, 0.7, 1.0 / RATE_HZ)
+    hidden, plain = (move(body, name, size, body.loads[-1], t) for name, size in ((kind, strength), ("none", 0.0)))
+    return float(np.sqrt(np.mean((hidden - plain)[:, :3] ** 2)) / np.abs(plain).max())
+
+
+def make_case(folder: Path, kind: str, seed: int) -> dict[str, object]:
+    """A case whose effect can be seen, and its truth."""
+    low, high = STRENGTHS[kind]
+    for attempt in range(MOST_DRAWS):
+        rng = np.random.default_rng([seed, attempt])
+        body, strength = draw(rng), float(rng.uniform(low, high))
+        if kind == "none" or change_share(body, kind, strength) > LEAST_CHANGE_SHARE:
+            break
+    else:
+        raise ValueError(f"{kind}: none of {MOST_DRAWS} draws can be seen; raise its strengths.")
+    write_case(folder, body, kind, strength, seed + 1)
+    return {"kind": kind, "strength": strength, "seed": seed, "cause": CAUSE.get(kind, kind), "draws": attempt + 1}
 
 
 def main() -> None:
@@ -300,16 +314,14 @@ def main() -> None:
     parser.add_argument("--strength", type=float, default=0.0)
     options = parser.parse_args()
     if options.one:
-        _one((options.out, options.one, options.strength, options.seed))
+        write_case(options.out, draw(np.random.default_rng(options.seed)), options.one, options.strength, options.seed + 1)
         return
     cases = plan(options.count, options.seed)
-    jobs = [(options.out / f"case-{k:02d}", *case) for k, case in enumerate(cases)]
+    names = [f"case-{k:02d}" for k in range(len(cases))]
     with ProcessPoolExecutor(2) as pool:
-        list(pool.map(_one, jobs))
-    truth = {
-        f"case-{k:02d}": {"kind": kind, "strength": s, "seed": seed, "cause": CAUSE.get(kind, kind)}
-        for k, (kind, s, seed) in enumerate(cases)
-    }
+        truth = dict(
+            zip(names, pool.map(make_case, [options.out / name for name in names], *zip(*cases, strict=True)), strict=True)
+        )
     (options.out / "truth.json").write_text(json.dumps(truth, indent=1) + "\n", encoding="utf-8")
 
 

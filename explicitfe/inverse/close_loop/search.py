@@ -8,14 +8,13 @@ that was not fitted keeps the evidence of its estimate.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.baseline import FitsByMapping, Watch, fit_of, fitted_baseline, with_own_numerics
+from explicitfe.inverse.close_loop.baseline import Watch, fit_of, fitted_baseline, with_own_numerics
 from explicitfe.inverse.close_loop.compared import (
     ComparedCauses,
     Entry,
@@ -27,27 +26,19 @@ from explicitfe.inverse.close_loop.compared import (
 )
 from explicitfe.inverse.close_loop.estimates import Estimates
 from explicitfe.inverse.close_loop.evidence import Causes, Prior, cost_of_term, evidence_of, log_odds_of_other, posterior_of
+from explicitfe.inverse.close_loop.fast_fits import FastFits
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise
-from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes, refit
-from explicitfe.inverse.close_loop.statistics.signatures import (
-    Changes,
-    EstimatedFit,
-    Screening,
-    Signature,
-    scaled_trial,
-    screen,
-    signatures,
-)
-from explicitfe.inverse.close_loop.statistics.sketch import Sketch, change_by_terms
-from explicitfe.inverse.close_loop.statistics.system import Answering, Candidate, Hypothesis, System
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes
+from explicitfe.inverse.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
+from explicitfe.inverse.close_loop.statistics.sketch import Sketch
+from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, System
 from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.platform.errors import RunError
 
 FURTHER_TERMS = 2  # A cause may use several terms: two more in a set than it has causes.
 MOST_PARENTS = 6  # Hypotheses from which larger ones are built.
-WEAK_SHARE = 0.1  # Of a trial, from which a fit beside a fitted hypothesis begins.
 SCREENING_PROGRESS, FITS_PROGRESS, FINISH_PROGRESS = 0.2, 0.4, 0.9  # Shares of the search at which its stages begin.
 # The largest number of hypotheses with one, two and more terms that are fitted, a bound on the time.
 MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
@@ -99,9 +90,8 @@ class _Comparing:
         changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
         self.sketch = Sketch(system, fit) if system.costly(fit.model) else None
-        self.sketches: dict[Key, Entry] = {}  # fitted with fast answers
-        self.sketched: dict[Key, Key] = {}  # and the fitted subset beside which this was done
-        self.exact_at: dict[Key, Answering | None] = {}  # fast answers that are exact at a fitted hypothesis
+        self.fast = None if self.sketch is None else FastFits(system, self.sketch, self.table, covariance)
+        self.fast_fits: dict[Key, Entry] = {}
         self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
         self.near: dict[Key, dict[str, Signature]] = {}
         self.at_baseline = self._signatures(fit, covariance, tested)
@@ -109,8 +99,7 @@ class _Comparing:
         self.prior = Prior(len(causes), forms_by_cause(self.library))
         visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
         self.visible = visible
-        causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in visible}
-        self.prior = replace(self.prior, causes=len(causes))
+        self.prior = replace(self.prior, causes=len({one.candidate.cause for one in self.at_baseline if self._is_visible(one)}))
         self.fitted: dict[Key, Entry] = {(): self._entry(fit, system, covariance)}
         limit.begin_fits()
 
@@ -128,7 +117,7 @@ class _Comparing:
                 self._screen_children(self.fitted[()], pairs=True)  # with what the fits of the single effects have shown
             if not self._fit_plausible(terms):
                 break
-            level = [one for one in (self.sketches | self.fitted).values() if len(one.key) == terms]
+            level = [one for one in (self.fast_fits | self.fitted).values() if len(one.key) == terms]
             parents = [one for one in sorted(level, key=self._closeness, reverse=True) if one.has_all_terms][:MOST_PARENTS]
         self._exchange()
         self._finish()
@@ -191,7 +180,7 @@ class _Comparing:
         entry = Entry(key, causes, evidence, model, bound=screening.bound, parent=parent.key)
         before = self.screened.get(key)
         # What is estimated near a fitted model with more of the terms is more certain.
-        fitted_terms = len(parent.key) if parent.key in self.fitted and key not in self.sketched else 0
+        fitted_terms = len(parent.key) if parent.key in self.fitted and key not in self.fast_fits else 0
         known_terms = 0 if before is None or before[0].parent not in self.fitted else len(before[0].parent)
         if before is None or (fitted_terms, evidence.closed) > (known_terms, before[0].evidence.closed):
             self.screened[key] = entry, screening
@@ -204,9 +193,9 @@ class _Comparing:
         on_a_mesh = MOST_FITS_BESIDE_FAST_ANSWERS if self.system.fast_everywhere else MOST_FITS_ON_A_MESH
         most = (on_a_mesh if costly else MOST_FITS)[min(terms or 3, 3)]
         count = 0
-        if self.sketch is not None and terms == 1:
-            for entry, _ in [one for key, one in self.screened.items() if len(key) == 1 and self._is_sketchable(key)]:
-                self._fit_sketch(entry, self.sketch)
+        if self.fast is not None and terms == 1:
+            for entry, _ in [one for key, one in self.screened.items() if len(key) == 1 and self.fast.is_possible(key)]:
+                self._fit_fast(entry, self.fast)
         while True:
             best = max(map(self._log_posterior, self.fitted.values()))
             waiting = [
@@ -222,8 +211,8 @@ class _Comparing:
                 return count
             # Fast ones and fewer terms first: what they explain, others need not.
             entry = max(waiting, key=lambda one: (self._is_fast(one.model), -len(one.key), self._closeness(one)))
-            if self.sketch is not None and self._is_sketchable(entry.key) and self._is_to_be_sketched(entry.key):
-                self._fit_sketch(entry, self.sketch)
+            if self.fast is not None and self._is_fast_fit_due(entry.key):
+                self._fit_fast(entry, self.fast)
                 continue
             share = FITS_PROGRESS + (1.0 - FITS_PROGRESS) * len(self.fitted) / (len(self.fitted) + len(waiting))
             self.watch(f"fit {len(self.fitted)} of at most {len(self.fitted) + len(waiting) - 1} hypotheses", share)
@@ -235,54 +224,27 @@ class _Comparing:
                 self.estimates.learn(entry.key, done.fit.whitened)
             count += 1
 
-    def _fit_sketch(self, entry: Entry, sketch: Sketch) -> None:
+    def _fit_fast(self, entry: Entry, fast: FastFits) -> None:
         """Fit a hypothesis with fast answers, from which the fit with the simulator starts if it could still matter."""
-        subset = self._nearest_subset(entry.key)
-        beside = self._exact_at(subset)
-        self.sketched[entry.key] = subset.key
-        trials = {name: candidate.trials for name, (candidate, _) in self.table.items()}
-        try:
-            if beside is None:
-                fit = refit(sketch, sketch.best_start(entry.model, trials, self.covariance), self.covariance)
-            else:
-                fits = [refit(beside, start, self.covariance) for start in self._starts_beside(subset, entry)]
-                fit = min(fits, key=lambda one: one.whitened)
-        except RunError:
+        done = fast.fit(entry, self._nearest_subset(entry.key))
+        if done is None:
             return
+        fit, self.estimates.known[entry.key] = done
         one = self._entry(fit, self.system, self.covariance)
-        self.sketches[entry.key] = one
-        assert subset.fit is not None
-        before = subset.model if beside is not None else None
-        change = outside(subset.fit.movable, self.covariance.whiten(change_by_terms(beside or sketch, fit.model, before)))
-        self.estimates.known[entry.key] = EstimatedFit(fit.whitened, float(np.linalg.norm(change)), fast=True)
+        self.fast_fits[entry.key] = one
         screening = self.screened[entry.key][1]
         gain = screening.gain + entry.evidence.chi2 - one.evidence.chi2
         entry = Entry(entry.key, entry.causes, one.evidence, fit.model, bound=gain, parent=entry.parent)
         self.screened[entry.key] = entry, replace(screening, gain=gain, bound=gain)
 
-    def _is_to_be_sketched(self, key: Key) -> bool:
-        """Whether a hypothesis has no fast fit, or a subset with better answers has been fitted since."""
-        return key not in self.sketched or self._nearest_subset(key).key != self.sketched[key]
+    def _is_fast_fit_due(self, key: Key) -> bool:
+        """Whether all effects have fast answers that have not been used, or could be used beside a nearer fitted hypothesis."""
+        return self.fast is not None and self.fast.is_possible(key) and self.fast.is_due(key, self._nearest_subset(key))
 
     def _nearest_subset(self, key: Key) -> Entry:
         """The fitted hypothesis with one term less that is nearest to the data; the baseline where there is none."""
         subsets = [one for k in range(len(key)) if (one := self.fitted.get(key[:k] + key[k + 1 :])) and one.has_all_terms]
         return max(subsets, key=self._closeness, default=self.fitted[()])
-
-    def _exact_at(self, fitted: Entry) -> Answering | None:
-        """Fast answers that are exact at a fitted hypothesis with effects; None where there are none."""
-        if fitted.key not in self.exact_at:
-            self.exact_at[fitted.key] = None
-            if fitted.key and fitted.fit is not None and isinstance(self.system, FitsByMapping):
-                self.exact_at[fitted.key] = self.system.beside(fitted.fit)
-        return self.exact_at[fitted.key]
-
-    def _starts_beside(self, subset: Entry, entry: Entry) -> list[Hypothesis]:
-        """A fitted subset with a weak further term, for each of its trials; and the parameters that were estimated before."""
-        (name,) = (Counter(entry.key) - Counter(subset.key)).elements()
-        candidate, _ = self.table[name]
-        starts = [subset.model.plus(candidate.term, scaled_trial(candidate, values, WEAK_SHARE)) for values in candidate.trials]
-        return [*starts, starts[0].with_values_of(entry.model)]
 
     def _could_matter(self, entry: Entry, screening: Screening, best: float, terms: int | None) -> bool:
         """Whether a fit could change the probabilities: with the largest gain that estimates allow it comes near the best.
@@ -293,7 +255,7 @@ class _Comparing:
         top = max(self.fitted.values(), key=self._log_posterior)
         explained = top.evidence.other + log_odds_of_other() <= 0.0
         single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
-        unknown = self.system.fast_everywhere and self._is_to_be_sketched(entry.key)
+        unknown = self.system.fast_everywhere and self._is_fast_fit_due(entry.key)
         if unknown or (single and (not explained or entry.causes == top.causes)):
             return True
         negligible = best + np.log(THRESHOLDS.negligible_probability)
@@ -319,10 +281,6 @@ class _Comparing:
         """Whether a model takes no more time than others: no slow effect, and no mesh where the baseline needs none."""
         mesh = self.system.costly(model) and not self.system.costly(self.fitted[()].model)
         return not mesh and self.slow.isdisjoint(model.effects)
-
-    def _is_sketchable(self, key: Key) -> bool:
-        """Whether all effects have fast answers."""
-        return self.sketch is not None and all(self.system.has_sketch(name) for name in key)
 
     def _fit(self, key: Key, starts: Sequence[Hypothesis]) -> None:
         """Fit a hypothesis from its screening and, where it ends worse than a subset, from that subset."""

@@ -49,7 +49,7 @@ class Vibration:
     phases: np.ndarray
     remainder: np.ndarray
 
-    def damped(self, time_s: np.ndarray) -> np.ndarray:
+    def wave_at(self, time_s: np.ndarray) -> np.ndarray:
         """Coordinates (k, c) m at times (k,) s since the start, without the remainder."""
         wave = np.exp((-self.rate[1] + 1j * np.exp(self.rate[0])) * time_s)
         return np.asarray(self.end + np.real(wave[:, None] * self.amplitude))
@@ -57,7 +57,7 @@ class Vibration:
     def at(self, time_s: np.ndarray) -> np.ndarray:
         """Coordinates (k, c) m at times (k,) s since the start, 0 before it."""
         t = np.maximum(time_s, 0.0)
-        return np.where(time_s[:, None] > 0.0, self.damped(t) + self.beside(np.exp(self.rate[0]) * t), 0.0)
+        return np.where(time_s[:, None] > 0.0, self.wave_at(t) + self.beside(np.exp(self.rate[0]) * t), 0.0)
 
     def beside(self, phase: np.ndarray) -> np.ndarray:
         """Remainder (k, c) m at phases (k,) rad, constant beyond the last one."""
@@ -102,7 +102,7 @@ def vibration_of(time_s: np.ndarray, y: np.ndarray, first: Vibration | None = No
     inside = phases <= frequency * time_s[-1]
     # beyond what is known nothing is known to change
     remainder = bare.remainder if first is None else first.beside(phases)
-    remainder[inside] = CubicSpline(time_s, y - bare.damped(time_s), axis=0)(phases[inside] / frequency)
+    remainder[inside] = CubicSpline(time_s, y - bare.wave_at(time_s), axis=0)(phases[inside] / frequency)
     return replace(bare, remainder=make_interp_spline(phases, remainder, t=_knots(phases)).c)
 
 
@@ -128,13 +128,13 @@ def change_of(before: Vibration, after: Vibration, size: float) -> np.ndarray:
     Ends and amplitudes have logarithms of their ratios, because effects multiply in them, and differences of those that are small
     compared with the largest coordinate ``size`` or change their sign.
     """
-    ends = _multiplied(before.end, after.end, size)
-    amplitudes = _multiplied(before.amplitude, after.amplitude, size)
+    ends = _log_ratios(before.end, after.end, size)
+    amplitudes = _log_ratios(before.amplitude, after.amplitude, size)
     left = (after.remainder - before.remainder).ravel()
     return np.concatenate([after.rate - before.rate, *ends, *amplitudes, left])
 
 
-def _multiplied(before: np.ndarray, after: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+def _log_ratios(before: np.ndarray, after: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
     """Logarithms (c,) of the ratios of two features, and differences (c,) where a feature is small or its sign changes."""
     small = np.minimum(np.abs(before), np.abs(after)) < LEAST_PHASE_SHARE * size
     small |= np.isrealobj(before) & (np.real(before) * np.real(after) < 0.0)

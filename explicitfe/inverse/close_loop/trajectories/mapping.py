@@ -123,14 +123,14 @@ def fit_by_mapping(
     least, share, converged, model = np.inf, 1.0, False, start
     slopes: np.ndarray | None = None  # what the simulator's derivatives have more than the fast ones
     for _ in range(MOST_ANSWERS):
-        found = map_answers(recordings, emulator, model)
-        if found is None and best is None:
+        mapped_rows = map_answers(recordings, emulator, model)
+        if mapped_rows is None and best is None:
             raise RunError("the model cannot be computed where its fit begins.")
-        if found is not None and best is not None and slopes is not None:
-            slopes = slopes + _secant(replace(best[0], slopes=slopes), model, found[1])
-        chi2, before = np.inf if found is None else _chi2(found[1], covariance, y), least
-        if found is not None and chi2 < least:
-            best, least, share = found, chi2, min(2.0 * share, 1.0)
+        if mapped_rows is not None and best is not None and slopes is not None:
+            slopes = slopes + _secant(replace(best[0], slopes=slopes), model, mapped_rows[1])
+        chi2, before = np.inf if mapped_rows is None else _chi2(mapped_rows[1], covariance, y), least
+        if mapped_rows is not None and chi2 < least:
+            best, least, share = mapped_rows, chi2, min(2.0 * share, 1.0)
         elif slopes is not None:
             share *= 0.5
         assert best is not None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -204,17 +204,7 @@ class Recordings:
     @cached_property
     def _grids(self) -> dict[Settings, tuple[float, ...]]:
         """Settings of curves whose start is fitted -> times [s] that reach to the end of each."""
-        lasts: dict[Settings, tuple[float, float]] = {}
-        for curve in self.dataset.curves:
-            if curve.start_s is None:
-                one, key = self.placed[curve.id], settings_of(curve)
-                last = curve.time_s[-1] - one.start_s + (START_INTERVALS + 1.0) * one.interval_s
-                longest, interval = lasts.get(key, (0.0, np.inf))
-                lasts[key] = max(longest, last), min(interval, one.interval_s)
-        return {
-            key: tuple(np.linspace(0.0, last, int(np.ceil(last * GRID_ROWS_PER_INTERVAL / interval)) + 1).tolist())
-            for key, (last, interval) in lasts.items()
-        }
+        return _grids_of([(curve, self.placed[curve.id]) for curve in self.dataset.curves if curve.start_s is None])
 
     def by_columns(self, seen: Mapping[str, np.ndarray]) -> Answer:
         """What is seen (k, s, 3) m of each curve, as one array for each series."""
@@ -280,6 +270,19 @@ class Recordings:
         more = sum(self.levers[name].stand_off_m(values) for name, values in model.of_terms())
         size = np.linalg.norm(vectors, axis=1, keepdims=True)
         return vectors + more * vectors / np.maximum(size, 1e-300)
+
+
+def _grids_of(curves: Sequence[tuple[Curve, Placed]]) -> dict[Settings, tuple[float, ...]]:
+    """Settings -> times [s] that reach to the end of each curve with them, at the shortest interval of one."""
+    lasts: dict[Settings, tuple[float, float]] = {}
+    for curve, one in curves:
+        last = curve.time_s[-1] - one.start_s + (START_INTERVALS + 1.0) * one.interval_s
+        longest, interval = lasts.get(settings_of(curve), (0.0, np.inf))
+        lasts[settings_of(curve)] = max(longest, last), min(interval, one.interval_s)
+    return {
+        key: tuple(np.linspace(0.0, last, int(np.ceil(last * GRID_ROWS_PER_INTERVAL / interval)) + 1).tolist())
+        for key, (last, interval) in lasts.items()
+    }
 
 
 def _varies(values: np.ndarray) -> bool:

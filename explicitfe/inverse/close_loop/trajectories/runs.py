@@ -53,7 +53,7 @@ class Sites:
         """Sensors on material points (s, 3) m."""
         return cls(position, np.zeros_like(position))
 
-    def located(self, mesh: HexMesh, scale: np.ndarray) -> MaterialPoints:
+    def points_in(self, mesh: HexMesh, scale: np.ndarray) -> MaterialPoints:
         """The material points in the mesh of a run, whose body is the scenario's times ``scale`` (3,)."""
         if self.points is not None and self.hexes is not None and np.array_equal(mesh.hexes, self.hexes):
             return replace(self.points, position=mesh.at(self.points, mesh.points))
@@ -101,7 +101,7 @@ def motion_of(path: Path, settings: Sequence[str], sites: Sites, times_s: Sequen
     mesh = prepared.model.mesh
     stands_off = bool(sites.stand_off.any())
     scale = np.array(prepared.scenario.model.scale) / np.array(scenario_with(path, ()).model.scale)
-    points = sites.located(mesh, scale)
+    points = sites.points_in(mesh, scale)
     step_s = None if analysis.step_us is None else 1e-6 * analysis.step_us
     transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
     displacements = np.empty((len(times_s), *sites.position.shape))

@@ -229,10 +229,9 @@ class Trajectories(Recordings):
         """Fast answers that are exact at a fitted model, with the derivatives there; None where there are none."""
         emulator = self.runs.emulator
         known = emulator is not None and all(map(self.has_sketch, fit.model.effects))
-        found = map_answers(self, emulator, fit.model) if emulator is not None and known else None
-        if found is None:
+        if emulator is None or not known or (mapped_rows := map_answers(self, emulator, fit.model)) is None:
             return None
-        mapped, answer = found
+        mapped, answer = mapped_rows
         return replace(mapped, slopes=fit.slopes - derivatives(mapped, fit.model, answer))
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:

@@ -29,7 +29,7 @@ def features_of(time_s: np.ndarray, y: np.ndarray) -> VibrationFeatures:
     one = vibration_of(t, y[:, None])
     # less than one period is no vibration
     slow = one is not None and np.exp(one.rate[0]) * np.ptp(t) < 2.0 * np.pi
-    if one is None or slow or np.var(one.damped(t)[:, 0] - y) > (1.0 - LEAST_EXPLAINED_SHARE) * np.var(y):
+    if one is None or slow or np.var(one.wave_at(t)[:, 0] - y) > (1.0 - LEAST_EXPLAINED_SHARE) * np.var(y):
         return VibrationFeatures(end=end)
     return VibrationFeatures(
         frequency_Hz=float(np.exp(one.rate[0]) / (2.0 * np.pi)),

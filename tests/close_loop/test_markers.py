@@ -15,6 +15,7 @@ from explicitfe.inverse.close_loop.outlook import check_dataset
 from explicitfe.inverse.close_loop.statistics.system import Candidate
 from explicitfe.inverse.close_loop.trajectories.emulator import vibration_of
 from explicitfe.inverse.close_loop.trajectories.markers import place_on_model, remarks, rotation_sds
+from explicitfe.inverse.close_loop.trajectories.runs import scenario_with
 from explicitfe.inverse.close_loop.trajectories.trajectories import trajectory_system
 from explicitfe.inverse.close_loop.trajectories.vibration import features_of
 from explicitfe.inverse.measured.curve import TrajectoryDataset
@@ -190,3 +191,41 @@ def test_a_load_that_is_a_mass_is_found() -> None:
     held_out = report.final.error.curves["load1"]
     assert held_out.split == "holdout" and held_out.rmse is not None and held_out.rmse < 0.02 * 11.0
     assert {one.marker for one in report.motion} == {"m0", "m1", "m2"} and len(documents.markers) == 3
+
+
+def test_repeats_share_a_run(tmp_path: Path) -> None:
+    """Curves with the same settings are read from one run, which reaches to the end of the longest."""
+    copy = tmp_path / "beam"
+    shutil.copytree(BEAM, copy)
+    rows = (copy / "load0.csv").read_text(encoding="utf-8").splitlines()
+    (copy / "again.csv").write_text("\n".join(rows[:100]) + "\n", encoding="utf-8")
+    text = (copy / "dataset.toml").read_text(encoding="utf-8")
+    (copy / "dataset.toml").write_text(
+        text + '\n[[curve]]\nid = "again"\nfile = "again.csv"\nstart_s = "fit"\nconditions.load_N = 0.0\n', encoding="utf-8"
+    )
+    data = dataset(copy)
+    system = trajectory_system(data, data.curves)
+    jobs = dict(zip([curve.id for curve in data.curves], system.jobs(system.start()), strict=True))
+    assert jobs["again"] == jobs["load0"]
+    assert jobs["load1"] != jobs["load0"]
+
+
+def test_a_cause_stands_for_its_forms() -> None:
+    data = dataset(BEAM)
+    assert trajectory_system(data, data.curves, only=("dimension",)).considered == ["dimension-x", "dimension-y", "dimension-z"]
+    with pytest.raises(InputError, match="no such effect"):
+        trajectory_system(data, data.curves, only=("dimensions-of-time",))
+
+
+@pytest.mark.parametrize("order", [("load-mass", "load-delay"), ("load-delay", "load-mass")])
+def test_a_fixed_mass_is_there_from_the_start(order: tuple[str, str]) -> None:
+    """Both effects together can be computed, in either order; what is left of the force as a force begins later."""
+    data = dataset(BEAM)
+    system = trajectory_system(data, data.curves)
+    known = {one.effect: one for one in system.candidates(system.start())}
+    model = system.start()
+    for name in order:
+        model = model.plus(known[name].term, ({"load-mass": 1.0, "load-delay": 20.0}[name],))
+    (load,) = scenario_with(system.runs.path, system.settings(model, data.curves[2])).load
+    assert load.mass_g > 0.0
+    assert load.start_ms == 0.0

@@ -99,10 +99,12 @@ def vibration_of(time_s: np.ndarray, y: np.ndarray, first: Vibration | None = No
         else np.linspace(0.0, PHASES_BEYOND * frequency * time_s[-1], round(PHASES_BEYOND * PHASES_PER_ROW * len(time_s)))
     )
     bare = Vibration(best.x, weights[0], weights[1] + 1j * weights[2], phases, np.zeros((len(phases), y.shape[1])))
-    inside = phases <= frequency * time_s[-1]
-    # beyond what is known nothing is known to change
-    remainder = bare.remainder if first is None else first.beside(phases)
-    remainder[inside] = CubicSpline(time_s, y - bare.wave_at(time_s), axis=0)(phases[inside] / frequency)
+    before = bare.remainder if first is None else first.beside(phases)
+    known = CubicSpline(time_s, y - bare.wave_at(time_s), axis=0)
+    # beyond the end of the curve the change stays as it is there
+    last = np.minimum(phases, frequency * time_s[-1])
+    end = bare.remainder[0] if first is None else first.beside(last[-1:])[0]
+    remainder = np.where((phases <= last)[:, None], known(last / frequency), before + known(time_s[-1]) - end)
     return replace(bare, remainder=make_interp_spline(phases, remainder, t=_knots(phases)).c)
 
 

@@ -1,99 +1,149 @@
-"""A residual model without names: a Gaussian process on the residual acceleration of the first mode of a beam.
+"""A residual model without names: a small network that corrects the acceleration of a beam in its first mode.
 
-As residual physics does (Gao et al. 2024), it corrects a simulation by a force that is learnt from the difference between data
-and simulation, as a function of the state. The state is the amplitude of the beam's first mode, its velocity, and the load. The
-amplitude is read from the measured markers along the shape in which the simulation moves.
+As residual physics does (Gao et al. 2024), it adds to a simulation a force that is learnt from data as a function of the state:
+the amplitude of the motion, its velocity, and the load. It consists of radial basis functions and linear terms, and is trained on
+whole motions, with a penalty that is chosen by leaving out each fitted curve.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.interpolate import UnivariateSpline
-from scipy.optimize import minimize
+from scipy.interpolate import CubicSpline, UnivariateSpline
+from scipy.optimize import least_squares, minimize_scalar
 
 from explicitfe.results.documents.motion_report import MovingMarkers
 
-TRAINED_ROWS = 120  # of each curve: the cost of a Gaussian process grows with the cube of their number
+STEP_S, LATEST_START_S = 0.0025, 0.03
+# Levels of the scaled amplitude, velocity and load at which basis functions sit, and their width.
+LEVELS, WIDTH = ((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0, 1.0)), 1.0
+PENALTIES = (1e-3, 1e-2, 1e-1, 1.0)
+LARGEST_STATE = 5.0  # beyond it a motion is none
 
 
-class _Process:
-    """Gaussian process with a squared exponential kernel, whose numbers maximize the marginal likelihood."""
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """A curve in one amplitude.
 
-    def __init__(self, x: np.ndarray, y: np.ndarray) -> None:
-        self.x, self.y = x, y
-        best = minimize(self._cost, np.array([0.0] * x.shape[1] + [0.0, -2.0]), method="Nelder-Mead", options={"maxiter": 300})
-        self.p = best.x
-        self.weights = np.linalg.solve(self._kernel(x, x) + np.exp(2.0 * self.p[-1]) * np.eye(len(x)), y)
+    Attributes
+    ----------
+    time_s, measured, simulated : (k,) times, and amplitudes.
+    own : coefficients of the simulation's own equation q'' = a + b q + c q'.
+    load : relative to the largest.
+    start_s : time at which the simulated motion begins.
+    """
 
-    def _kernel(self, a: np.ndarray, b: np.ndarray, p: np.ndarray | None = None) -> np.ndarray:
-        p = self.p if p is None else p
-        scale = np.exp(p[: a.shape[1]])
-        square = np.sum(((a[:, None] - b[None]) / scale) ** 2, axis=2)
-        return np.exp(2.0 * p[-2] - 0.5 * square)
+    time_s: np.ndarray
+    measured: np.ndarray
+    simulated: np.ndarray
+    own: np.ndarray
+    load: float
+    start_s: float = 0.0
 
-    def _cost(self, p: np.ndarray) -> float:
-        K = self._kernel(self.x, self.x, p) + (np.exp(2.0 * p[-1]) + 1e-8) * np.eye(len(self.x))
-        try:
-            factor = np.linalg.cholesky(K)
-        except np.linalg.LinAlgError:
-            return 1e12
-        white = np.linalg.solve(factor, self.y)
-        return float(0.5 * white @ white + np.log(np.diag(factor)).sum() + 0.05 * np.sum(p**2))
 
-    def __call__(self, x: np.ndarray) -> float:
-        return float(self._kernel(x[None], self.x)[0] @ self.weights)
+@dataclass(frozen=True, eq=False)
+class _Network:
+    """Scales of amplitude and velocity, and where the basis functions sit."""
+
+    scales: np.ndarray
+    centres: np.ndarray
+
+    @property
+    def size(self) -> int:
+        return len(self.centres) + self.centres.shape[1] + 1
+
+    def motion(self, curve: _Curve, weights: np.ndarray) -> np.ndarray:
+        """Amplitudes (m, k) from rest at the times of a curve, for weights (m, size); by the method of Runge and Kutta."""
+        a, b, c = curve.own
+        steps = int(np.ceil((curve.time_s[-1] + LATEST_START_S) / STEP_S)) + 1
+        unit = self.scales[1] * np.sqrt(max(-b, 1.0))  # of an acceleration
+
+        def rate(state: np.ndarray) -> np.ndarray:
+            q, v = np.clip(state, -LARGEST_STATE * self.scales, LARGEST_STATE * self.scales).T
+            s = np.column_stack([q / self.scales[0], v / self.scales[1], np.full(len(q), curve.load)])
+            bumps = np.exp(-0.5 * np.sum(((s[:, None] - self.centres) / WIDTH) ** 2, axis=2))
+            learnt = np.sum(weights * np.column_stack([bumps, s, np.ones(len(s))]), axis=1)
+            return np.column_stack([state[:, 1], a + b * state[:, 0] + c * state[:, 1] + unit * learnt])
+
+        state = np.zeros((len(weights), 2))
+        path = [state[:, 0]]
+        for _ in range(steps):
+            one = rate(state)
+            two = rate(state + 0.5 * STEP_S * one)
+            three = rate(state + 0.5 * STEP_S * two)
+            four = rate(state + STEP_S * three)
+            state = state + STEP_S / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+            path.append(state[:, 0])
+        since = np.maximum(curve.time_s - curve.start_s, 0.0)
+        return np.asarray(CubicSpline(STEP_S * np.arange(steps + 1), np.array(path))(since).T)
+
+    def with_start(self, curve: _Curve) -> _Curve:
+        """The curve with the start at which the equation alone is nearest to the simulation."""
+
+        def misfit(start_s: float) -> float:
+            moved = self.motion(replace(curve, start_s=start_s), np.zeros((1, self.size)))[0]
+            return float(np.mean((moved - curve.simulated) ** 2))
+
+        best = minimize_scalar(misfit, bounds=(-LATEST_START_S, LATEST_START_S), method="bounded")
+        return replace(curve, start_s=float(best.x))
+
+    def trained(self, curves: Sequence[_Curve], penalty: float) -> np.ndarray:
+        """Weights (size,) that bring whole motions to the measured ones."""
+
+        def left(w: np.ndarray) -> np.ndarray:
+            return every(w[None])[0]
+
+        def every(w: np.ndarray) -> np.ndarray:
+            misfits = [(self.motion(c, w) - c.measured) / self.scales[0] for c in curves]
+            return np.column_stack([*misfits, np.sqrt(penalty) * w])
+
+        def slopes(w: np.ndarray) -> np.ndarray:
+            step = 1e-5
+            rows = every(np.concatenate([w[None], w + step * np.eye(len(w))]))
+            return np.asarray((rows[1:] - rows[0]).T / step)
+
+        return np.asarray(least_squares(left, np.zeros(self.size), jac=slopes, max_nfev=60).x)
+
+    def error(self, curve: _Curve, weights: np.ndarray) -> float:
+        return float(np.mean((self.motion(curve, weights[None])[0] - curve.measured) ** 2))
 
 
 def predict_with_residual(curves: Sequence[MovingMarkers], loads_N: Mapping[str, float]) -> dict[str, np.ndarray]:
     """Paths (k, s, 3) mm of the markers of each curve, by a model that is trained on those that are fitted."""
     largest = max(max(loads_N.values()), 1e-9)
-    shape = curves[0].after.reshape(len(curves[0].time_s), -1)
-    direction = np.linalg.svd(shape, full_matrices=False)[2][0]
-    states, residuals = [], []
-    # The simulation's own equation of motion in this amplitude: q'' = a + b q + c q' for each load.
-    own = {one.curve: _own_equation(one, direction) for one in curves}
-    for one in curves:
-        if one.split != "fit":
-            continue
-        t = one.time_s
-        q = one.measured.reshape(len(t), -1) @ direction
-        spline = UnivariateSpline(t, q, k=5, s=len(t) * 0.01**2)
-        velocity, acceleration = spline.derivative(1)(t), spline.derivative(2)(t)
-        a, b, c = own[one.curve]
-        rows = np.unique(np.linspace(2, len(t) - 3, TRAINED_ROWS).astype(int))
-        states.append(np.column_stack([q[rows], velocity[rows], np.full(len(rows), loads_N[one.curve] / largest)]))
-        residuals.append((acceleration - (a + b * q + c * velocity))[rows])
-    x, y = np.concatenate(states), np.concatenate(residuals)
-    scale, size = np.maximum(np.abs(x).max(axis=0), 1e-9), float(np.std(y))
-    process = _Process(x / scale, y / size)
+    # the shape in which the simulation moves
+    direction = np.linalg.svd(curves[0].after.reshape(len(curves[0].time_s), -1), full_matrices=False)[2][0]
+    own = {one.curve: _in_amplitude(one, direction, loads_N[one.curve] / largest) for one in curves}
+    first = next(own[one.curve] for one in curves if one.split == "fit")
+    scales = 0.5 * float(np.ptp(first.measured)) * np.array([1.0, np.sqrt(max(-first.own[1], 1.0))])
+    network = _Network(scales, np.array(list(product(*LEVELS))))
+    own = {name: network.with_start(curve) for name, curve in own.items()}
+    fitted = [own[one.curve] for one in curves if one.split == "fit"]
+    scores = {
+        penalty: sum(
+            network.error(one, network.trained([c for c in fitted if c is not one], penalty)) for one in fitted if len(fitted) > 1
+        )
+        for penalty in PENALTIES
+    }
+    weights = network.trained(fitted, min(scores, key=lambda penalty: scores[penalty]))
     paths = {}
     for one in curves:
-        a, b, c = own[one.curve]
-        load = loads_N[one.curve] / largest
-
-        def motion(t: float, s: np.ndarray, a: float = a, b: float = b, c: float = c, load: float = load) -> list[float]:
-            more = size * process(np.array([s[0], s[1], load]) / scale)
-            return [s[1], a + b * s[0] + c * s[1] + more]
-
-        t = one.time_s
-        first = float(one.after.reshape(len(t), -1)[0] @ direction)
-        solved = solve_ivp(motion, (0.0, float(t[-1])), [first, 0.0], t_eval=t, max_step=0.01, rtol=1e-4)
-        q = solved.y[0] if solved.success and solved.y.shape[1] == len(t) else np.zeros(len(t))
-        reached = one.after.reshape(len(t), -1)
-        amplitude = reached @ direction
+        reached = one.after.reshape(len(one.time_s), -1)
+        q = network.motion(own[one.curve], weights[None])[0]
         # what the amplitude does not describe is taken from the simulation
-        paths[one.curve] = (reached + np.outer(q - amplitude, direction)).reshape(one.after.shape)
+        paths[one.curve] = (reached + np.outer(q - reached @ direction, direction)).reshape(one.after.shape)
     return paths
 
 
-def _own_equation(one: MovingMarkers, direction: np.ndarray) -> np.ndarray:
-    """Coefficients of q'' = a + b q + c q' of the simulation of a curve."""
+def _in_amplitude(one: MovingMarkers, direction: np.ndarray, load: float) -> _Curve:
+    """A curve in one amplitude, with the equation q'' = a + b q + c q' that describes its simulation."""
     t = one.time_s
     q = one.after.reshape(len(t), -1) @ direction
     spline = UnivariateSpline(t, q, k=5, s=0.0)
     rows = slice(3, -3)
     design = np.column_stack([np.ones(len(t)), q, spline.derivative(1)(t)])[rows]
-    return np.linalg.lstsq(design, spline.derivative(2)(t)[rows], rcond=None)[0]
+    own = np.linalg.lstsq(design, spline.derivative(2)(t)[rows], rcond=None)[0]
+    return _Curve(t, one.measured.reshape(len(t), -1) @ direction, q, own, load)

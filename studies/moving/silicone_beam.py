@@ -3,9 +3,8 @@
     python -m studies.moving.silicone_beam [--data ../shared/data/measured/silicone-beam] [--held-out CURVE ...]
 
 Each curve is held out in turn, or nothing. The others are fitted three times: elastic with the stiffness alone, with stiffness
-and damping, and by close-loop. A residual
-model without names, a Gaussian process on the residual acceleration of the first mode, is trained on the same curves. The table
-and the causes that were found are printed.
+and damping, and by close-loop. A residual model without names, a small network that corrects the acceleration, is trained on the
+same curves. The table and the causes that were found are printed.
 """
 
 from __future__ import annotations
@@ -117,7 +116,7 @@ def main() -> None:
             if model == "E and damping":
                 begin = time.perf_counter()
                 paths = predict_with_residual(documents.markers, {name: load for name, (load, _) in CURVES.items()})
-                table += row(split, "E, damping and a Gaussian process", documents, time.perf_counter() - begin, paths)
+                table += row(split, "E, damping and a network", documents, time.perf_counter() - begin, paths)
             if most:
                 report = documents.report
                 values = {name: (e.value, e.ci95) for name, e in report.final.parameters.items() if isinstance(e, Estimate)}

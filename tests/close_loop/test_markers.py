@@ -219,7 +219,7 @@ def test_a_cause_stands_for_its_forms() -> None:
 
 @pytest.mark.parametrize("order", [("load-mass", "load-delay"), ("load-delay", "load-mass")])
 def test_a_fixed_mass_is_there_from_the_start(order: tuple[str, str]) -> None:
-    """Both effects together can be computed, in either order; what is left of the force as a force begins later."""
+    """Both effects can be combined in either order: a load with a fixed mass is not delayed."""
     data = dataset(BEAM)
     system = trajectory_system(data, data.curves)
     known = {one.effect: one for one in system.candidates(system.start())}

@@ -97,9 +97,9 @@ class _Comparing:
         self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library))
-        visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
-        self.visible = visible
-        self.prior = replace(self.prior, causes=len({one.candidate.cause for one in self.at_baseline if self._is_visible(one)}))
+        self.visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
+        causes = {one.candidate.cause for one in self.at_baseline if one.candidate.effect in self.visible}
+        self.prior = replace(self.prior, causes=len(causes))
         self.fitted: dict[Key, Entry] = {(): self._entry(fit, system, covariance)}
         limit.begin_fits()
 

@@ -79,7 +79,7 @@ def levers_of(test: Experiment) -> dict[str, Lever]:
     scenario, registration = test.scenario, test.dataset.registration or RegistrationTable()
     totals = [total_force_N(one) for one in test.scenarios] or [total_force_N(scenario)]
     pulls = "" if max(totals) > 0.0 else "no muscle of the scenario is active"
-    levers = _of_loads(scenario, pulls, weighed=bool(test.markers)) | _of_tissue(test)
+    levers = _of_loads(scenario, pulls, known_gravity=bool(test.markers)) | _of_tissue(test)
     for bone in _bones(scenario):
         levers |= _of_bone(bone, scenario)
     for name in test.anatomy.muscles:
@@ -101,8 +101,8 @@ def total_force_N(scenario: TransientScenario) -> float:
     return sum(muscle.force_N for muscle in scenario.muscle)
 
 
-def _of_loads(scenario: TransientScenario, pulls: str, *, weighed: bool) -> dict[str, Lever]:
-    """Levers of what drives the body; one that is ``weighed`` is known to move by its weight."""
+def _of_loads(scenario: TransientScenario, pulls: str, *, known_gravity: bool) -> dict[str, Lever]:
+    """Levers of what drives the body. The magnitude of gravity is no candidate where it is known."""
     lag = EFFECTS["activation-lag"]
     lags = [effect.strength for effect in scenario.effects.chosen if isinstance(effect, lag)]
     gravity = float(np.linalg.norm(scenario.model.gravity_m_s2))
@@ -121,7 +121,7 @@ def _of_loads(scenario: TransientScenario, pulls: str, *, weighed: bool) -> dict
             "weight [m/s^2]",
             {"acceleration_m_s2": replace(GRAVITY, values=(0.0,) if gravity else GRAVITY.values, none=gravity)},
             _weight,
-            reason="the weight is known, apart from its direction" if weighed and gravity else "",
+            reason="the weight is known, apart from its direction" if known_gravity and gravity else "",
         ),
         "force-scale": Lever(
             "force-scale",

@@ -22,8 +22,8 @@ from explicitfe.inverse.close_loop.trajectories.recordings import Recordings
 from explicitfe.platform.errors import RunError
 
 Slopes = Callable[[Hypothesis, np.ndarray], np.ndarray]  # derivatives (n, p) m of a model whose answer is (n,) m
-# Answers of the simulator that a fit takes at most, beside its derivatives. One that is no better halves the share of the next
-# step that is taken, one that is better doubles it; at the least share a fit ends.
+# A fit takes at most so many answers of the simulator, without those for derivatives. A step that does not lower chi2 halves the
+# next one, a step that does doubles it; below the smallest share of a full step the fit ends.
 MOST_ANSWERS, LEAST_SHARE_OF_STEP = 10, 1.0 / 16.0
 # Fast derivatives serve as long as each answer lowers chi2 by this share.
 WORTHWHILE_DECREASE_SHARE = 0.2
@@ -123,14 +123,14 @@ def fit_by_mapping(
     least, share, converged, model = np.inf, 1.0, False, start
     slopes: np.ndarray | None = None  # what the simulator's derivatives have more than the fast ones
     for _ in range(MOST_ANSWERS):
-        mapped_rows = map_answers(recordings, emulator, model)
-        if mapped_rows is None and best is None:
+        exact = map_answers(recordings, emulator, model)
+        if exact is None and best is None:
             raise RunError("the model cannot be computed where its fit begins.")
-        if mapped_rows is not None and best is not None and slopes is not None:
-            slopes = slopes + _secant(replace(best[0], slopes=slopes), model, mapped_rows[1])
-        chi2, before = np.inf if mapped_rows is None else _chi2(mapped_rows[1], covariance, y), least
-        if mapped_rows is not None and chi2 < least:
-            best, least, share = mapped_rows, chi2, min(2.0 * share, 1.0)
+        if exact is not None and best is not None and slopes is not None:
+            slopes = slopes + _secant(replace(best[0], slopes=slopes), model, exact[1])
+        chi2, before = np.inf if exact is None else _chi2(exact[1], covariance, y), least
+        if exact is not None and chi2 < least:
+            best, least, share = exact, chi2, min(2.0 * share, 1.0)
         elif slopes is not None:
             share *= 0.5
         assert best is not None

@@ -229,9 +229,9 @@ class Trajectories(Recordings):
         """Fast answers that are exact at a fitted model, with the derivatives there; None where there are none."""
         emulator = self.runs.emulator
         known = emulator is not None and all(map(self.has_sketch, fit.model.effects))
-        if emulator is None or not known or (mapped_rows := map_answers(self, emulator, fit.model)) is None:
+        if emulator is None or not known or (exact := map_answers(self, emulator, fit.model)) is None:
             return None
-        mapped, answer = mapped_rows
+        mapped, answer = exact
         return replace(mapped, slopes=fit.slopes - derivatives(mapped, fit.model, answer))
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:

@@ -459,3 +459,35 @@ def test_real_recordings_become_datasets(
     moved_mm = 1e3 * np.ptp(curve.sensors["TT"], axis=0)
     assert 0.19 <= curve.time_s[-1] <= 0.2 and 0.1 < moved_mm[[0, 2]].max() < 30.0
     assert (moved_mm[1] == 0.0) == planar
+
+
+def test_recordings_of_markers_become_a_dataset_that_close_loop_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Markers with positions; a missing value stays an empty cell, and rows at rest are kept."""
+    shipped_folder = ROOT / "scenarios" / "datasets" / "simulated-beam"
+    lines = (shipped_folder / "load0.csv").read_text(encoding="utf-8").splitlines()
+    lines[60] = ",".join([lines[60].split(",")[0], "", "", "", *lines[60].split(",")[4:]])
+    (tmp_path / "load0.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    stated = read_dataset(shipped_folder).sensors
+    markers = [f"--map={','.join(f'{1e3 * x:.9g}' for x in one.at_m)}={name}" for name, one in stated.items()]
+    fixed = [f"--fixed={name}" for name, one in stated.items() if one.fixed]
+    words = ["new", "dataset", str(tmp_path / "load0.csv"), "--test", "trajectory", "--out", str(tmp_path / "beam")]
+    words += ["--scenario", str(shipped_folder / "scenario.toml"), *markers, *fixed]
+    assert command(words) == 0
+    dataset = read_dataset(tmp_path / "beam")
+    assert {name: one.fixed for name, one in dataset.sensors.items()} == {name: one.fixed for name, one in stated.items()}
+    for name, one in dataset.sensors.items():
+        assert np.allclose(one.at_m, stated[name].at_m)
+    (curve,), original = dataset.curves, read_dataset(shipped_folder).curves[0]
+    assert curve.start_s is None
+    assert len(curve.time_s) == len(original.time_s)
+    assert np.isnan(curve.sensors["m0"][59]).all()
+    assert np.allclose(curve.sensors["m1"], original.sensors["m1"])
+    assert command(["check", str(tmp_path / "beam")]) == 0
+    for wrong, sentence in (
+        ("--map=tip=m9", "give a position for each"),
+        ("--map=1,2=m9", "a position is X,Y,Z in mm"),
+        ("--fixed=m9", "this marker has no position"),
+    ):
+        capsys.readouterr()
+        assert command([*words, wrong, "--out", str(tmp_path / "none")]) == 2
+        assert sentence in " ".join(capsys.readouterr().err.split())

@@ -46,7 +46,7 @@ def _size(words: str) -> typer.models.OptionInfo:
 
 
 # Options of one kind of test only.
-OF_TRAJECTORIES = ("mapping", "scenario", "unit", "rate_hz", "axes", "noise_mm", "interval_s")
+OF_TRAJECTORIES = ("mapping", "fixed", "scenario", "unit", "rate_hz", "axes", "noise_mm", "interval_s")
 COLUMN_OPTIONS = ("time", "displacement", "force", "stretch", "stress", "shear_strain", "shear_stress")
 OF_SPECIMENS = ("tool", "diameter_mm", "height_mm", "size_mm", "force_sd_N", "rate", "contact_force_N")
 
@@ -96,7 +96,15 @@ class NewDatasetOptions:
     ] = None
     mapping: Annotated[
         list[str] | None,
-        typer.Option("--map", metavar="POINT=SENSOR", help="Trajectory: map a point of the scenario to a sensor; repeat."),
+        typer.Option(
+            "--map",
+            metavar="POINT=SENSOR",
+            help="Trajectory: map a point of the scenario, or the position X,Y,Z in mm of a marker, to a sensor; repeat.",
+        ),
+    ] = None
+    fixed: Annotated[
+        list[str] | None,
+        typer.Option("--fixed", metavar="SENSOR", help="Trajectory: a marker that sits on what does not move; repeat."),
     ] = None
     scenario: Annotated[
         Path | None,
@@ -148,6 +156,9 @@ def new_dataset(
     Example: [bold]explicitfe new dataset my-test.csv --test compression --diameter-mm 25 --height-mm 15[/bold]
 
     Example: [bold]explicitfe new dataset coils.csv --test trajectory --map tip=TT --map dorsum=TD --scenario vowel-i[/bold]
+
+    Example: [bold]explicitfe new dataset motion.c3d --test trajectory --map 100,15,36=M0 --map 6,-10,-1=M3 --map 6,40,0=M4
+    --fixed M3 --fixed M4 --scenario beam-release[/bold]
     """
     _check_words(options)
     columns = {name.replace("_", "-"): getattr(options, name) for name in COLUMN_OPTIONS}
@@ -163,6 +174,7 @@ def new_dataset(
             trajectories = TrajectoryDescription(
                 title=options.title or f"Recording of {folder.name}",
                 mapping=parse_mapping(options.mapping or ()),
+                fixed=options.fixed or (),
                 scenario=options.scenario,
                 noise_mm=options.noise_mm,
                 interval_s=None if options.interval_s is None else parse_interval(options.interval_s, "--interval-s"),

@@ -53,8 +53,8 @@ class Coils:
     planar: bool
     notes: list[str] = field(default_factory=list)
 
-    def select(self, sensors: Iterable[str], start_s: float = -np.inf, end_s: float = np.inf) -> Coils:
-        """Keep some sensors, the rows of an interval of time, and of those the rows without a missing value.
+    def select(self, sensors: Iterable[str], start_s: float = -np.inf, end_s: float = np.inf, *, complete: bool = True) -> Coils:
+        """Keep some sensors, the rows of an interval of time, and if ``complete`` of those the rows without a missing value.
 
         Raises
         ------
@@ -62,8 +62,8 @@ class Coils:
         """
         positions = {name: self.sensor(name) for name in sensors}
         inside = (self.time_s >= start_s) & (self.time_s <= end_s)
-        complete = np.all([np.isfinite(place).all(axis=1) for place in positions.values()], axis=0)
-        rows = inside & complete
+        whole = np.all([np.isfinite(place).all(axis=1) for place in positions.values()], axis=0)
+        rows = inside & whole if complete else inside
         if rows.sum() < SMALLEST_CURVE_ROWS:
             start_s, end_s = max(start_s, self.time_s[0]), min(end_s, self.time_s[-1])
             raise InputError(
@@ -71,7 +71,7 @@ class Coils:
                 f"{', '.join(positions)}; at least {SMALLEST_CURVE_ROWS} are needed."
             )
         notes = list(self.notes)
-        missing = int((inside & ~complete).sum())
+        missing = int((inside & ~rows).sum())
         if missing:
             notes.append(f"{self.path}: {missing} rows with a missing value are omitted.")
         return replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,9 @@ class TrajectoryDescription:
 
     Attributes
     ----------
-    mapping : point of the model -> sensor; without a scenario it must be empty.
+    mapping : point of the model, or a position ``X,Y,Z`` in mm in the frame of the scenario -> sensor; without a scenario it must
+        be empty. Sensors at positions are markers on a body, see :mod:`explicitfe.inverse.close_loop.trajectories.markers`.
+    fixed : markers that sit on what does not move.
     scenario : the scenario to compare with: a file, or the name of a bundled one; None for data alone.
     noise_mm : standard deviation of a coordinate; None if unknown.
     interval_s : rows of the recordings to use, in their own time; None for all. The first of them is time 0 of the scenario.
@@ -40,12 +43,35 @@ class TrajectoryDescription:
 
     title: str
     mapping: Mapping[str, str] = field(default_factory=dict)
+    fixed: Sequence[str] = ()
     scenario: Path | None = None
     noise_mm: float | None = None
     interval_s: tuple[float, float] | None = None
     one_speaker: bool = False
     source: str = ""
     license: str = ""
+
+    @cached_property
+    def places_mm(self) -> dict[str, list[float]]:
+        """Marker -> its position; empty if sensors are mapped to points of the model.
+
+        Raises
+        ------
+        InputError : some are mapped to positions and others to points.
+        """
+        places = {}
+        for point, sensor in self.mapping.items():
+            try:
+                place = [float(word) for word in point.split(",")]
+            except ValueError:
+                continue
+            if len(place) != 3 or not np.isfinite(place).all():
+                raise InputError(f"`mapping` {point}={sensor}: a position is X,Y,Z in mm, such as `mapping` 100,15,36={sensor}.")
+            places[sensor] = place
+        if places and len(places) < len(self.mapping):
+            point = next(point for point, sensor in self.mapping.items() if sensor not in places)
+            raise InputError(f"`mapping` {point}: other sensors are mapped to positions; give a position for each of them.")
+        return places
 
 
 def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: TrajectoryDescription) -> NewDataset:
@@ -67,8 +93,12 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
     if scenario is None and description.mapping:
         raise InputError("`mapping` needs a scenario whose points are mapped; add `scenario`, such as `scenario` vowel-i.")
     turns = False
+    for name in description.fixed:
+        if name not in description.places_mm:
+            raise InputError(f"`fixed` {name}: this marker has no position; add it, such as `mapping` 6,-10,-1={name}.")
     if scenario is not None:
         notes += _check_scenario(scenario, description, recordings)
+    if scenario is not None and not description.places_mm:
         turns = _fits_rotation(scenario, description, recordings[0], notes)
     ids = curve_names([coils.path for coils in recordings])
     tables = {ids[coils.path]: _table(coils, description, notes) for coils in recordings}
@@ -87,12 +117,13 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
             (folder / f"{name}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         check_written(folder, out)
     first = recordings[0]
-    points = {sensor: point for point, sensor in description.mapping.items()}
+    on = "at ({}) mm" if description.places_mm else "on {}"
+    points = {sensor: on.format(point) for point, sensor in description.mapping.items()}
     sensors = list(dict.fromkeys(column.rpartition("_")[0][:-2] for column in tables[ids[first.path]][0][1:]))
     return {
         "dataset": str(out),
         "test": "trajectory",
-        "columns": {name: f"on {points[name]}" if name in points else "not mapped to a point" for name in sensors},
+        "columns": {name: points.get(name, "not mapped to a point") for name in sensors},
         "curves": [
             {
                 "id": ids[coils.path],
@@ -107,6 +138,11 @@ def write_new_trajectory(out: Path, recordings: Sequence[Coils], description: Tr
     }
 
 
+def _cell(number: float) -> str:
+    """A number of a CSV file; a missing value is an empty cell."""
+    return f"{number:.9g}" if np.isfinite(number) else ""
+
+
 def _check_scenario(path: Path, description: TrajectoryDescription, recordings: Sequence[Coils]) -> list[str]:
     """Check that the scenario is transient and has the mapped points; notes on recordings that are longer than it."""
     scenario = read_transient(path)
@@ -114,7 +150,7 @@ def _check_scenario(path: Path, description: TrajectoryDescription, recordings: 
         raise InputError("`mapping` is missing; map at least one point of the scenario to a sensor, such as `mapping` tip=T1.")
     points = anatomy_of(scenario.model, path.parent).mesh.named_points
     for point in description.mapping:
-        if point not in points:
+        if point not in points and not description.places_mm:
             raise InputError(f"`mapping` {point}: the model of {path.stem} has no such point; {nearest(point, points)}")
     notes = []
     start_s, end_s = description.interval_s or (-np.inf, np.inf)
@@ -160,7 +196,8 @@ def _origin(coils: Coils, description: TrajectoryDescription) -> list[str]:
     ]
     if any(missing.values()):
         counts = ", ".join(f"{name} {count}" for name, count in missing.items() if count)
-        lines.append(f"Selected rows with missing values: {counts}. Rows without a value of a mapped sensor are omitted.")
+        omitted = "" if description.places_mm else " Rows without a value of a mapped sensor are omitted."
+        lines.append(f"Selected rows with missing values: {counts}.{omitted}")
     else:
         lines.append("Selected rows with missing values: none.")
     return ["# " + "".join(letter if letter.isprintable() else " " for letter in line) for line in lines]
@@ -178,7 +215,7 @@ def _table(coils: Coils, description: TrajectoryDescription, notes: list[str]) -
         notes.append(f"{coils.path}: sensors with missing values are omitted: {', '.join(omitted)}.")
     if not kept:
         raise InputError(f"{coils.path}: every sensor has missing values; select complete rows with `interval_s`.")
-    chosen = coils.select(kept, start_s, end_s)
+    chosen = coils.select(kept, start_s, end_s, complete=not description.places_mm)
     notes += chosen.notes
     if coils.axes == "anatomical":
         notes.append("coordinates are converted to the axes of the model: x backwards, y to the speaker's right, z up.")
@@ -207,14 +244,26 @@ def _toml(
         "scenario": scenario,
     }
     lines += [f"{key} = {toml_value(value)}" for key, value in head.items() if value]
+    if description.places_mm:
+        lines.append('# Constants of the scenario that are not known: fit = ["stiffness"]')
     for point, sensor in description.mapping.items():
-        lines += ["", "[[sensor]]", f"name = {toml_value(sensor)}", f"model_point = {toml_value(point)}"]
-    if scenario is not None:
+        place = description.places_mm.get(sensor)
+        where = f"model_point = {toml_value(point)}" if place is None else f"at_mm = {toml_value(place)}"
+        lines += [
+            "",
+            "[[sensor]]",
+            f"name = {toml_value(sensor)}",
+            where,
+            *(["fixed = true"] if sensor in description.fixed else []),
+        ]
+    if scenario is not None and not description.places_mm:
         lines += ["", "[registration]", *(['rotation = "fit"'] if turns else []), 'translation = "fit"']
     if description.noise_mm is not None:
         lines += ["", "[noise]", f"displacement_sd_mm = {toml_value(description.noise_mm)}"]
     for curve, comments in origins.items():
         lines += ["", *comments, "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
+        if description.places_mm:
+            lines += ['start_s = "fit"', "# Loads of this curve, as --set settings of the scenario: conditions.settings = [...]"]
         if description.one_speaker and len(origins) > 1:
             lines.append('group = "speaker"')
     return "\n".join(lines) + "\n"

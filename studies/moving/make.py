@@ -30,7 +30,8 @@ REST_ROWS = 12
 # An effect that changes the markers by less, relative to their largest displacement, is drawn again: without repeats the loop
 # assumes that a model errs by 1 %.
 LEAST_CHANGE_SHARE, MOST_DRAWS = 0.02, 50
-# Hidden cause -> smallest and largest strength, in units given in `hidden`. Half of the strengths are drawn from the lower half.
+# Hidden cause -> smallest and largest strength, in units given in `truth_of`. The direction of gravity is hidden in tongues only: in
+# the plane of a beam it acts by one minus the cosine of the angle.
 STRENGTHS = {
     "none": (0.0, 0.0),
     "viscoelastic": (0.08, 0.35),
@@ -43,9 +44,8 @@ STRENGTHS = {
     "clamp-translation": (0.03, 0.1),
     "release": (0.015, 0.05),
     "load-delay": (0.02, 0.06),
-    "air-drag": (20.0, 80.0),
+    "air-drag": (100.0, 400.0),  # of a liquid rather than of air
     "air-drag-linear": (2.0, 10.0),
-    "gravity-direction": (8.0, 20.0),
     "dimension-z": (1.04, 1.1),
     "dimension-x": (1.03, 1.07),
     "camera-lag": (0.006, 0.02),
@@ -136,9 +136,6 @@ def truth_of(body: Body, kind: str, strength: float, load_N: float) -> tuple[Bea
         beam = replace(beam, air_density_kg_per_m3=1.2, drag_coefficient=strength)
     elif kind == "air-drag-linear":  # strength: rate at which drag slows the body [1/s]
         beam = replace(beam, drag_linear_ns_per_m3=strength * b.density * area / b.width)
-    elif kind == "gravity-direction":
-        angle = np.radians(strength)
-        beam = replace(beam, gravity_x_m_per_s2=G_M_S2 * np.sin(angle), gravity_z_m_per_s2=-G_M_S2 * np.cos(angle))
     elif kind == "dimension-z":
         beam = replace(beam, height_m=b.height * strength, tip_offset_z_m=0.5 * b.height * strength)
     elif kind == "dimension-x":

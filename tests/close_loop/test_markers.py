@@ -111,6 +111,22 @@ def test_a_recording_that_begins_too_late_is_refused(tmp_path: Path) -> None:
         placed(with_change(tmp_path, late))
 
 
+def test_a_stated_start_far_from_the_motion_is_reported(tmp_path: Path) -> None:
+    def later(names: list[str], rows: np.ndarray) -> np.ndarray:
+        rest = np.repeat(rows[:1], 100, axis=0)
+        rest[:, 0] = np.arange(100) / 200.0
+        rows[:, 0] += 0.5
+        return np.concatenate([rest, rows])
+
+    curve = with_change(tmp_path, later).curves[0]
+    sensors = dataset(BEAM).sensors
+    for start_s, notes in ((0.1, 1), (0.5 + START_S, 0)):
+        stated = replace(curve, start_s=start_s)
+        found = remarks(stated, place_on_model(stated, sensors), sensors)
+        assert len(found) == notes, found
+        assert all("begin to move at 0.56" in note and "start_s is 0.1 s" in note for note in found)
+
+
 def test_missing_rows_are_reported_and_not_used(tmp_path: Path) -> None:
     def gap(names: list[str], rows: np.ndarray) -> np.ndarray:
         missing = (rows[:, 0] > 0.2) & (rows[:, 0] < 0.5)

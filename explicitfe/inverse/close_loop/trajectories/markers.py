@@ -97,8 +97,8 @@ def place_on_model(curve: Curve, sensors: Mapping[str, Sensor]) -> Placed:
 
 
 def remarks(curve: Curve, placed: Placed, sensors: Mapping[str, Sensor]) -> list[str]:
-    """Sentences on missing rows, loose fixed markers and a mismatch at rest."""
-    notes = []
+    """Sentences on a stated start, missing rows, loose fixed markers and a mismatch at rest."""
+    notes = _remarks_on_start(curve, [name for name, sensor in sensors.items() if not sensor.fixed])
     moved = {name: placed.displacement(curve, name) for name in sensors}
     largest_m = max(float(np.nanmax(np.linalg.norm(d, axis=1))) for d in moved.values())
     for name, sensor in sensors.items():
@@ -125,17 +125,36 @@ def remarks(curve: Curve, placed: Placed, sensors: Mapping[str, Sensor]) -> list
     return notes
 
 
+def _remarks_on_start(curve: Curve, moving: Sequence[str]) -> list[str]:
+    """A sentence if a stated start is farther from the seen one than the body takes from rest to its farthest position."""
+    if curve.start_s is None:
+        return []
+    seen_s, farthest_s = _start_seen(curve, moving), float(curve.time_s[np.argmax(_distances(curve, moving))])
+    if abs(curve.start_s - seen_s) <= farthest_s - seen_s:
+        return []
+    return [
+        f'curve "{curve.id}": the markers begin to move at {seen_s:.3g} s, but start_s is {curve.start_s:.3g} s; correct it, or '
+        f'let it be fitted with start_s = "fit".'
+    ]
+
+
+def _distances(curve: Curve, moving: Sequence[str]) -> np.ndarray:
+    """Largest distance (k,) m of the markers from their first positions."""
+    distance = np.zeros(len(curve.time_s))
+    for name in moving:
+        rows = curve.sensors[name]
+        first = np.nanmedian(rows[: FEWEST_REST_ROWS + ROWS_OF_DOUBT], axis=0)
+        distance = np.fmax(distance, np.nan_to_num(np.linalg.norm(rows - first, axis=1)))
+    return distance
+
+
 def _start_seen(curve: Curve, moving: Sequence[str]) -> float:
     """Time at which the markers begin to move, not before the first row.
 
     A body that is released moves by a t^2 / 2 at first. The start follows from the times at which the largest distance passes a
     share of its maximum and four times this share: it lies as long before the first as the second lies after it.
     """
-    distance = np.zeros(len(curve.time_s))
-    for name in moving:
-        rows = curve.sensors[name]
-        first = np.nanmedian(rows[: FEWEST_REST_ROWS + ROWS_OF_DOUBT], axis=0)
-        distance = np.fmax(distance, np.nan_to_num(np.linalg.norm(rows - first, axis=1)))
+    distance = _distances(curve, moving)
     early, late = (
         _crossing(curve.time_s, distance, share * float(distance.max())) for share in (MOVING_SHARE, 4.0 * MOVING_SHARE)
     )

@@ -30,8 +30,8 @@ REST_ROWS = 12
 # An effect that changes the markers by less, relative to their largest displacement, is drawn again: without repeats the loop
 # assumes that a model errs by 1 %.
 LEAST_CHANGE_SHARE, MOST_DRAWS = 0.02, 50
-# Hidden cause -> smallest and largest strength, in units given in `truth_of`. The direction of gravity is hidden in tongues only: in
-# the plane of a beam it acts by one minus the cosine of the angle.
+# Hidden cause -> smallest and largest strength, in units given in `truth_of`. The direction of gravity is hidden in tongues only:
+# in the plane of a beam it acts by one minus the cosine of the angle.
 STRENGTHS = {
     "none": (0.0, 0.0),
     "viscoelastic": (0.08, 0.35),

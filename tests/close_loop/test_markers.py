@@ -111,6 +111,20 @@ def test_a_recording_that_begins_too_late_is_refused(tmp_path: Path) -> None:
         placed(with_change(tmp_path, late))
 
 
+def test_the_start_is_seen_in_noise_of_two_percent(tmp_path: Path) -> None:
+    """Noise alone passes the smallest displacement that counts as motion; the start must still err by two rows at most."""
+    rng = np.random.default_rng(4)
+
+    def noisy(names: list[str], rows: np.ndarray) -> np.ndarray:
+        moved = np.ptp(rows[:, columns_of(names, "m0")], axis=0).max()
+        rows[:, 1:] += rng.normal(scale=0.02 * moved, size=rows[:, 1:].shape)
+        return rows
+
+    for k in range(5):
+        (curve,) = (c for c in with_change(tmp_path / str(k), noisy).curves if c.id == "load0")
+        assert abs(place_on_model(curve, dataset(BEAM).sensors).start_s - START_S) < 2.0 / 200.0
+
+
 def test_a_stated_start_far_from_the_motion_is_reported(tmp_path: Path) -> None:
     def later(names: list[str], rows: np.ndarray) -> np.ndarray:
         rest = np.repeat(rows[:1], 100, axis=0)

@@ -13,7 +13,7 @@ from explicitfe.inverse.measured.registration import Registration, procrustes
 from explicitfe.inverse.measured.tables import RegistrationTable
 from explicitfe.platform.errors import InputError
 
-# A marker moves once its distance from rest exceeds this share of the largest one, which is beyond the wobble of a hand.
+# Markers move once their displacement exceeds this share of the largest one, which is beyond the wobble of a hand.
 MOVING_SHARE = 0.03
 # Rows at rest that give the reference positions: at most so many, and at least so many, this many rows before the motion is seen.
 MOST_REST_ROWS, FEWEST_REST_ROWS, ROWS_OF_DOUBT = 20, 3, 2
@@ -129,7 +129,7 @@ def _remarks_on_start(curve: Curve, moving: Sequence[str]) -> list[str]:
     """A sentence if a stated start is farther from the seen one than the body takes from rest to its farthest position."""
     if curve.start_s is None:
         return []
-    seen_s, farthest_s = _start_seen(curve, moving), float(curve.time_s[np.argmax(_distances(curve, moving))])
+    seen_s, farthest_s = _start_seen(curve, moving), float(curve.time_s[np.argmax(_progress(curve, moving))])
     if abs(curve.start_s - seen_s) <= farthest_s - seen_s:
         return []
     return [
@@ -138,35 +138,33 @@ def _remarks_on_start(curve: Curve, moving: Sequence[str]) -> list[str]:
     ]
 
 
-def _distances(curve: Curve, moving: Sequence[str]) -> np.ndarray:
-    """Largest distance (k,) m of the markers from their first positions."""
-    distance = np.zeros(len(curve.time_s))
-    for name in moving:
-        rows = curve.sensors[name]
-        first = np.nanmedian(rows[: FEWEST_REST_ROWS + ROWS_OF_DOUBT], axis=0)
-        distance = np.fmax(distance, np.nan_to_num(np.linalg.norm(rows - first, axis=1)))
-    return distance
+def _progress(curve: Curve, moving: Sequence[str]) -> np.ndarray:
+    """Of the rows (k,) the share of the farthest displacement of all markers together, along it, so that noise averages out."""
+    rows = np.concatenate([curve.sensors[name] for name in moving], axis=1)
+    moved = np.nan_to_num(rows - np.nanmedian(rows[: FEWEST_REST_ROWS + ROWS_OF_DOUBT], axis=0))
+    farthest = moved[np.argmax(np.sum(moved**2, axis=1))]
+    return np.asarray(moved @ farthest / max(float(farthest @ farthest), 1e-300))
 
 
 def _start_seen(curve: Curve, moving: Sequence[str]) -> float:
     """Time at which the markers begin to move, not before the first row.
 
-    A body that is released moves by a t^2 / 2 at first. The start follows from the times at which the largest distance passes a
-    share of its maximum and four times this share: it lies as long before the first as the second lies after it.
+    A body that is released moves by a t^2 / 2 at first. The start follows from the times at which the displacement passes a share
+    of its maximum and four times this share: it lies as long before the first as the second lies after it.
     """
-    distance = _distances(curve, moving)
-    early, late = (
-        _crossing(curve.time_s, distance, share * float(distance.max())) for share in (MOVING_SHARE, 4.0 * MOVING_SHARE)
-    )
-    return max(early - (late - early), float(curve.time_s[0]))
+    progress = _progress(curve, moving)
+    late = int(np.argmax(progress > 4.0 * MOVING_SHARE))
+    # The last row below the smaller share: noise may exceed it before.
+    early = int(np.max(np.flatnonzero(progress[:late] <= MOVING_SHARE), initial=-1)) + 1
+    early_s, late_s = (_crossing(curve.time_s, progress, *one) for one in ((early, MOVING_SHARE), (late, 4.0 * MOVING_SHARE)))
+    return max(early_s - (late_s - early_s), float(curve.time_s[0]))
 
 
-def _crossing(time_s: np.ndarray, distance: np.ndarray, level: float) -> float:
-    """Time at which a distance first exceeds a level, interpolated between rows."""
-    row = int(np.argmax(distance > level))
+def _crossing(time_s: np.ndarray, progress: np.ndarray, row: int, level: float) -> float:
+    """Time at which a level is exceeded before a row, interpolated between rows."""
     if row == 0:
         return float(time_s[0])
-    share = (level - distance[row - 1]) / max(distance[row] - distance[row - 1], 1e-300)
+    share = (level - progress[row - 1]) / max(progress[row] - progress[row - 1], 1e-300)
     return float(time_s[row - 1] + share * (time_s[row] - time_s[row - 1]))
 
 

@@ -30,6 +30,8 @@ DATA_MESH = "model.cells=[16, 8, 8]"
 # Effects of the material need the usual element; other data are made with another one.
 DATA_ELEMENT, OF_THE_MATERIAL = "model.element=hex8-full", ("viscoelastic", "viscosity")
 DURATION_S = 0.6
+# Loads are spread over the tip, such as by a thread around it: below a point load, displacements have no limit under refinement.
+LOADED_RADIUS_MM = 10.0
 # Feet of the markers as named points, and the way from there to their centres.
 MARKERS = {"tip": (-1.0, 0.0, 0.0), "blade": (-0.5, 0.0, 0.87), "front": (0.0, 0.0, 1.0), "dorsum": (0.0, 0.0, 1.0)}
 CLAMP_MM = [[90.0, 25.0, 45.0], [90.0, -25.0, 45.0], [125.0, 0.0, 45.0]]
@@ -94,7 +96,8 @@ def write_case(folder: Path, kind: str, strength: float, seed: int) -> str:
     foot = locate_in_mesh(mesh, at, np.inf).position
     tip = [float(round(x, 3)) for x in 1e3 * feet[0]]
     loads = [0.0, rng.uniform(0.02, 0.04), rng.uniform(0.05, 0.08)]
-    stated = [[f"load.+={{at_mm={tip}, force_N=[0.0, 0.0, -{load!r}]}}"] if load else [] for load in loads]
+    at_tip = f"at_mm={tip}, radius_mm={LOADED_RADIUS_MM}"
+    stated = [[f"load.+={{{at_tip}, force_N=[0.0, 0.0, -{load!r}]}}"] if load else [] for load in loads]
     noise = float(rng.choice([1e-5, 2e-5, 5e-5]))
     clamp = 1e-3 * np.array(CLAMP_MM)
     everything = np.concatenate([at, clamp])

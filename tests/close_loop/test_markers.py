@@ -10,12 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.inverse.close_loop.close import find_causes
 from explicitfe.inverse.close_loop.outlook import check_dataset
 from explicitfe.inverse.close_loop.statistics.system import Candidate
 from explicitfe.inverse.close_loop.trajectories.emulator import vibration_of
 from explicitfe.inverse.close_loop.trajectories.markers import place_on_model, remarks, rotation_sds
-from explicitfe.inverse.close_loop.trajectories.runs import scenario_with
+from explicitfe.inverse.close_loop.trajectories.runs import TouchingElements, scenario_with
 from explicitfe.inverse.close_loop.trajectories.trajectories import trajectory_system
 from explicitfe.inverse.close_loop.trajectories.vibration import features_of
 from explicitfe.inverse.measured.curve import TrajectoryDataset
@@ -163,6 +165,21 @@ def test_a_loose_clamp_marker_is_reported(tmp_path: Path) -> None:
     notes = placed(data)
     assert notes == check_dataset(data.path)["warnings"] and check_dataset(BEAM)["warnings"] == []
     assert len(notes) == 1 and 'fixed marker "m4" moves by' in notes[0]
+
+
+def test_a_marker_on_the_plane_of_symmetry_stays_in_it() -> None:
+    """A symmetric field with slopes across the plane, which differ by sign in the elements on both sides."""
+    mesh = box((4, 4, 4), (0.1, 0.03, 0.03))
+    x, y, _ = mesh.points.T
+    across = np.abs(y - 0.015)
+    field = np.column_stack([0.4 * across, np.zeros_like(x), 0.2 * x - 0.6 * across])
+    places = np.array([[0.1, 0.015, 0.03], [0.06, 0.015, 0.011], [0.06, 0.01, 0.011]])
+    slopes = TouchingElements.of(mesh, locate_in_mesh(mesh, places)).gradient(field)
+    expected = np.zeros((3, 3))
+    expected[2, 0] = 0.2
+    assert np.allclose(slopes[:2], expected, atol=1e-12)
+    expected[0, 1], expected[2, 1] = -0.4, 0.6  # inside of an element it is the slope of that element
+    assert np.allclose(slopes[2], expected, atol=1e-12)
 
 
 def test_the_registration_errs_by_the_places_of_the_markers() -> None:

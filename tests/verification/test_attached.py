@@ -10,7 +10,7 @@ import pytest
 
 from explicitfe.fem.materials.neo_hooke import NeoHooke
 from explicitfe.fem.mesh.box import box
-from explicitfe.fem.mesh.surface_points import points_on_set, projected_areas
+from explicitfe.fem.mesh.surface_points import points_on_set, projected_areas, surface_within
 from explicitfe.fem.model.attached import AirDrag, AttachedMass, FollowerLoad, HangingWeight
 from explicitfe.fem.model.gravity import gravity_load, nodal_mass
 from explicitfe.fem.model.model import Attachment, Model, NodalLoad
@@ -252,12 +252,34 @@ def test_a_scenario_has_all_of_them(tmp_path: Path) -> None:
     assert summary["status"] == "finished" and summary["energy_balance_error"] < MOST_IMBALANCE  # type: ignore[typeddict-item]
 
 
+def test_a_load_is_spread_over_a_disc(tmp_path: Path) -> None:
+    """Of a disc on a face: its area on any mesh, its centre, and the second moment R^2 / 4 of an even load."""
+    place, radius = np.array([0.02, 0.01, 0.03]), 0.006
+    for cells in ((3, 2, 2), (7, 5, 4), (12, 12, 12)):
+        points, areas = surface_within(box(cells, (0.04, 0.03, 0.03)), place, radius)
+        away = points.position - place
+        assert np.isclose(areas.sum(), np.pi * radius**2, rtol=0.04)
+        assert np.allclose(areas @ away / areas.sum(), 0.0, atol=0.02 * radius)
+        assert np.allclose(areas @ away[:, :2] ** 2 / areas.sum(), 0.25 * radius**2, rtol=0.08)
+    path = write(tmp_path, "[[load]]\nat_mm = [50.0, 5.0, 10.0]\nradius_mm = 4.0\nforce_N = [0.0, 0.0, -0.01]")
+    model = assemble(read_transient(path), tmp_path).model
+    load = model.loads[0]
+    assert isinstance(load, NodalLoad) and np.allclose(load.force_N.sum(axis=0), [0.0, 0.0, -0.01], rtol=1e-12)
+    mirrored = {
+        tuple(np.round(1e6 * x).astype(int)): f for x, f in zip(model.mesh.points[load.nodes], load.force_N[:, 2], strict=True)
+    }
+    for (x, y, z), force in mirrored.items():
+        assert np.isclose(force, mirrored[x, 10000 - y, z], rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("tables", "sentence"),
     [
         ('[[load]]\nnodes = ["x1", "x0"]\nforce_N = [0.0, 0.0, 1.0]', "no node is in all of x1, x0"),
         ('[[load]]\nnodes = ["tip"]\nforce_N = [0.0, 0.0, 1.0]', "tip"),
         ("[[load]]\nat_mm = [50.0, 5.0, 20.0]\nmass_g = 1.0", "10 mm outside"),
+        ('[[load]]\nnodes = ["x1"]\nradius_mm = 3.0\nmass_g = 1.0', "radius_mm goes with at_mm"),
+        ("[[load]]\nat_mm = [25.0, 5.0, 5.0]\nradius_mm = 1.0\nmass_g = 1.0", "no part of the surface lies within 1 mm"),
         ('[[load]]\nnodes = ["x1"]', "give force_N or mass_g"),
         ('[[load]]\nnodes = ["x1"]\nmass_g = 1.0\nstart_ms = 5.0', "there from the start"),
         ('[[load]]\nnodes = ["x1"]\nmass_g = 1.0\nstring_slack_mm = 0.0\n[release]\nhold = ["x1"]', "mass on a string"),

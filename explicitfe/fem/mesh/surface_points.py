@@ -14,6 +14,7 @@ from explicitfe.platform.host.kept import kept
 
 # Natural coordinates of the four points, in each of the two directions; every weight is 1.
 _GAUSS = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / np.sqrt(3.0)
+_PIECES_PER_RADIUS = 4.0
 
 
 def points_on_pieces(
@@ -74,6 +75,33 @@ def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]
         )
     bounds = CORNERS[FACES[face]]
     return points_on_pieces(element, mesh.points[mesh.hexes[element]], bounds.min(axis=1), bounds.max(axis=1))
+
+
+def surface_within(mesh: HexMesh, place: np.ndarray, radius_m: float) -> tuple[MaterialPoints, np.ndarray]:
+    """Points on the surface within a distance of a place (3,) m, with their areas (k,), m^2.
+
+    Faces are cut into pieces of about a quarter of the radius, so that the area hardly depends on the mesh.
+    """
+    element, face = free_faces(mesh.hexes)
+    corners = mesh.points[mesh.hexes[element[:, None], FACES[face]]]
+    size = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    # a face within the radius has a corner that is no farther than the radius and its own size
+    near = np.linalg.norm(corners - place, axis=2).min(axis=1) <= radius_m + size
+    element, face, size = element[near], face[near], size[near]
+    if not len(element):
+        return MaterialPoints(element, np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0)
+    cuts = int(np.ceil(_PIECES_PER_RADIUS * size.max() / radius_m))
+    bounds = CORNERS[FACES[face]]
+    low, high = bounds.min(axis=1), bounds.max(axis=1)
+    first = np.stack(np.meshgrid(*3 * [np.arange(cuts)], indexing="ij"), axis=-1).reshape(-1, 3)
+    pieces = [first[(first[:, np.argmin(b - a)] == 0)] for a, b in zip(low, high, strict=True)]
+    number = np.repeat(np.arange(len(element)), [len(one) for one in pieces])
+    step = (high - low) / cuts
+    lower = low[number] + np.concatenate(pieces) * step[number]
+    element = element[number]
+    points, areas = points_on_pieces(element, mesh.points[mesh.hexes[element]], lower, lower + step[number])
+    inside = np.linalg.norm(points.position - place, axis=1) <= radius_m
+    return MaterialPoints(points.element[inside], points.natural[inside], points.position[inside]), areas[inside]
 
 
 @kept(8)

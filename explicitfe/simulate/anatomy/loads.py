@@ -9,7 +9,7 @@ import numpy as np
 
 from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, MaterialPoints, free_faces, shape_functions
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
-from explicitfe.fem.mesh.surface_points import points_on_set
+from explicitfe.fem.mesh.surface_points import points_on_set, surface_within
 from explicitfe.fem.model.attached import AirDrag, AttachedMass, FollowerLoad, HangingWeight
 from explicitfe.fem.model.model import Attachment, Model, NodalLoad
 from explicitfe.fem.model.profile import Profile
@@ -102,6 +102,8 @@ def _nodes_of(table: LoadTable, mesh: HexMesh, name: str, scale: np.ndarray) -> 
         away_m = float(np.linalg.norm(points.position[0] - place))
         if away_m > OUTSIDE_M:
             raise InputError(f"{name}.at_mm lies {1e3 * away_m:.3g} mm outside of the body; move it onto the body.")
+        if table.radius_mm > 0.0:
+            return _spread(table, mesh, name, place)
         return mesh.hexes[points.element[0]], shape_functions(points.natural)[0]
     inside = np.ones(mesh.node_count, dtype=bool)
     for one in table.nodes:
@@ -112,6 +114,18 @@ def _nodes_of(table: LoadTable, mesh: HexMesh, name: str, scale: np.ndarray) -> 
     if not len(nodes):
         raise InputError(f"{name}.nodes: no node is in all of {', '.join(table.nodes)}; name sets that meet.")
     return nodes, node_shares(mesh, nodes)
+
+
+def _spread(table: LoadTable, mesh: HexMesh, name: str, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and shares of a load that is spread evenly over the surface around a place (3,) m."""
+    radius_m = 1e-3 * table.radius_mm
+    points, areas_m2 = surface_within(mesh, place, radius_m)
+    if not len(areas_m2):
+        raise InputError(f"{name}.radius_mm: no part of the surface lies within {table.radius_mm:g} mm of at_mm; increase it.")
+    weights = areas_m2[:, None] * shape_functions(points.natural)
+    total = np.bincount(mesh.hexes[points.element].ravel(), weights.ravel(), mesh.node_count)
+    nodes = np.flatnonzero(total)
+    return nodes, total[nodes] / total.sum()
 
 
 def node_shares(mesh: HexMesh, nodes: np.ndarray) -> np.ndarray:

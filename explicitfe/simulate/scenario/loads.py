@@ -16,6 +16,11 @@ class LoadTable(ProfileTable):
         description='node sets; the load acts on the nodes that are in all of them: ["x1", "z1"] is the upper edge of an end',
     )
     at_mm: Vector | None = Field(default=None, description="a point of the body instead of node sets, before model.scale [mm]")
+    radius_mm: float = Field(
+        default=0.0,
+        ge=0.0,
+        description="with at_mm: the load is spread evenly over the surface within this distance of the point [mm]",
+    )
     force_N: Vector | None = Field(default=None, description="resultant force, constant in direction or following [N]")
     follows: bool = Field(default=False, description="whether the force turns with the body")
     mass_g: float = Field(default=0.0, ge=0.0, description="mass, with its inertia and its weight under model.gravity_m_s2 [g]")
@@ -27,6 +32,8 @@ class LoadTable(ProfileTable):
     def _is_a_load(self) -> LoadTable:
         if bool(self.nodes) == (self.at_mm is not None):
             raise ValueError('give either nodes, such as ["x1"], or at_mm, and not both')
+        if self.radius_mm > 0.0 and self.at_mm is None:
+            raise ValueError("radius_mm goes with at_mm: node sets have their own extent")
         if self.force_N is None and self.mass_g == 0.0:
             raise ValueError("give force_N or mass_g")
         if self.follows and self.force_N is None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints, shape_gradients
+from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions, shape_gradients
 from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.solve.transient import Transient
 from explicitfe.inverse.close_loop.trajectories.emulator import Emulator
@@ -27,6 +27,8 @@ from explicitfe.simulate.scenario.transient import TransientScenario
 
 # A finer mesh has so many times the elements along each direction, where the model names no finer resolution.
 CHECK_CELLS_FACTOR = 1.5
+# A node with a smaller share of a point is none of those that it lies between.
+LEAST_SHARE = 1e-9
 
 Settings = tuple[str, ...]  # what --set takes
 Job = tuple[Settings, tuple[float, ...]]  # settings of the scenario, and times [s]
@@ -106,7 +108,7 @@ def motion_of(path: Path, settings: Sequence[str], sites: Sites, times_s: Sequen
     transient = Transient(simulation, 1e-3 * analysis.duration_ms, step_s)
     displacements = np.empty((len(times_s), *sites.position.shape))
     rotations = np.empty((len(times_s), len(sites.position) if stands_off else 0, 3, 3))
-    gradients = _reference_gradients(mesh, points) if stands_off else np.zeros((0, 8, 3))
+    touching = TouchingElements.of(mesh, points) if stands_off else None
     for row, time_s in enumerate(times_s):
         status = transient.advance_to(time_s)
         stopping.check()
@@ -115,17 +117,50 @@ def motion_of(path: Path, settings: Sequence[str], sites: Sites, times_s: Sequen
         now = simulation.snapshot()
         field = now.displacement + (time_s - now.time_s) * now.velocity
         displacements[row] = mesh.at(points, field)
-        if stands_off:
-            F = np.eye(3) + np.einsum("sai,sac->sic", field[mesh.hexes[points.element]], gradients)
-            rotations[row] = rotation_of(F)
+        if touching is not None:
+            rotations[row] = rotation_of(np.eye(3) + touching.gradient(field))
     return SensorMotion(displacements, rotations, transient.smallest_dt_s)
 
 
-def _reference_gradients(mesh: HexMesh, points: MaterialPoints) -> np.ndarray:
-    """Gradients (s, 8, 3) [1/m] of the shape functions at material points in the undeformed body."""
-    natural = shape_gradients(points.natural)
-    jacobian = np.einsum("sai,sac->sic", mesh.points[mesh.hexes[points.element]], natural)
-    return np.asarray(np.einsum("sac,sci->sai", natural, np.linalg.inv(jacobian)))
+@dataclass(frozen=True, eq=False)
+class TouchingElements:
+    """The elements that touch material points: a point between elements turns with all of them.
+
+    With the gradient of one of them, a marker on the plane of symmetry would turn out of it.
+
+    Attributes
+    ----------
+    point, nodes : (k,) and (k, 8) for each pair of a point and an element that touches it: the point, and the element's nodes.
+    gradients : (k, 8, 3) [1/m] of its shape functions there, over the number of elements that touch the point.
+    """
+
+    point: np.ndarray
+    nodes: np.ndarray
+    gradients: np.ndarray
+
+    @classmethod
+    def of(cls, mesh: HexMesh, points: MaterialPoints) -> TouchingElements:
+        shares = shape_functions(points.natural)
+        point, element, natural = [], [], []
+        for number, (own, share) in enumerate(zip(points.element, shares, strict=True)):
+            weight = np.zeros(mesh.node_count)
+            weight[mesh.hexes[own]] = np.where(np.abs(share) > LEAST_SHARE, share, 0.0)
+            around = np.flatnonzero((weight[mesh.hexes] != 0.0).sum(axis=1) == np.count_nonzero(weight))
+            point += [number] * len(around)
+            element += around.tolist()
+            natural.append(weight[mesh.hexes[around]] @ CORNERS)  # shape functions reproduce natural coordinates
+        slopes = shape_gradients(np.concatenate(natural))
+        jacobian = np.einsum("kai,kac->kic", mesh.points[mesh.hexes[element]], slopes)
+        count = np.bincount(point)[point]
+        gradients = np.einsum("kac,kci->kai", slopes, np.linalg.inv(jacobian)) / count[:, None, None]
+        return cls(np.array(point), mesh.hexes[element], gradients)
+
+    def gradient(self, field: np.ndarray) -> np.ndarray:
+        """Gradients (s, 3, 3) of a field (n, 3) at the points."""
+        of_pairs = np.einsum("kai,kac->kic", field[self.nodes], self.gradients)
+        total = np.zeros((int(self.point[-1]) + 1, 3, 3))
+        np.add.at(total, self.point, of_pairs)
+        return total
 
 
 def rotation_of(F: np.ndarray) -> np.ndarray:

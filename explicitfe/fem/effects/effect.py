@@ -62,6 +62,7 @@ class Sought:
     kind : coordinate in which it is sought, so that the response is about linear in it: the value itself, its logarithm, its
         square, or -log(1 - value) of a share.
     none : the value without an effect; a strength only.
+    every : whether all values of a strength are tried, because the response is not proportional; else the middle ones.
     """
 
     values: tuple[float, ...]
@@ -70,6 +71,7 @@ class Sought:
     scale: str = ""
     kind: Literal["linear", "log", "square", "rest"] = "linear"
     none: float = 0.0
+    every: bool = False
 
     def coordinate(self, value: float) -> float:
         """Where a value stands on the coordinate."""

@@ -7,7 +7,7 @@ sensors of a moving tongue.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Protocol
 
@@ -274,9 +274,7 @@ class Scales:
     def in_units(self, sought: Sought) -> Sought:
         """Values and bounds in the parameter's own unit."""
         by = self.values[sought.scale] if sought.scale else 1.0
-        return Sought(
-            tuple(by * v for v in sought.values), by * sought.low, by * sought.high, sought.scale, sought.kind, sought.none
-        )
+        return replace(sought, values=tuple(by * v for v in sought.values), low=by * sought.low, high=by * sought.high)
 
 
 def candidate(name: str, number: int, cause: str, sought: Mapping[str, Sought], scales: Scales) -> Candidate:
@@ -291,12 +289,12 @@ def candidate(name: str, number: int, cause: str, sought: Mapping[str, Sought], 
     first, *shapes = in_units
     strength = in_units[first]
     none = strength.coordinate(strength.none)
-    middles = []
+    tried = []
     for sign in (-1.0, 1.0):
         side = [v for v in strength.values if sign * (strength.coordinate(v) - none) > 0.0]
-        if side:
-            middles.append(sorted(side, key=lambda v: abs(strength.coordinate(v) - none))[len(side) // 2])
-    trials = tuple((value, *shape) for shape in product(*(in_units[key].values for key in shapes)) for value in middles)
+        side.sort(key=lambda v: abs(strength.coordinate(v) - none))
+        tried += side if strength.every else side[len(side) // 2 : len(side) // 2 + 1]
+    trials = tuple((value, *shape) for shape in product(*(in_units[key].values for key in shapes)) for value in tried)
     head = name if number == 1 else f"{name}.{number}"
     parameters = tuple(Parameter(f"{head}.{key}", entry, entry.values[0]) for key, entry in in_units.items())
     return Candidate(name, cause, Term(name, parameters), trials)

@@ -173,19 +173,28 @@ class Responses:
     def at(self, curve: str, x: np.ndarray) -> np.ndarray:
         """Change (f,) of the features of a curve at coordinates (p,) of the parameters, relative to none.
 
-        It is proportional to the strength, by the trial of the same sign and of the nearest shapes.
+        Without further parameters it is linear between the trials of the same sign, and beyond the last one; with them it is
+        proportional to the strength, by the trials of the same sign and of the nearest shapes.
         """
+        changes = self.changes[curve]
         same = self.coordinates[:, 0] * x[0] >= 0.0
         trials = np.flatnonzero(same) if same.any() else np.arange(len(self.coordinates))
         shapes = self.coordinates[trials, 1:]
-        if shapes.shape[1]:
-            order = np.argsort(np.linalg.norm(shapes - x[1:], axis=1))[:2]
-            near = trials[order]
-            distance = np.linalg.norm(shapes[order] - x[1:], axis=1)
-            weight = distance[::-1] / max(float(distance.sum()), 1e-300) if len(near) > 1 else np.ones(1)
-        else:
-            near, weight = trials[np.argsort(np.abs(self.coordinates[trials, 0] - x[0]))[:1]], np.ones(1)
-        return np.asarray((x[0] * weight / self.coordinates[near, 0]) @ self.changes[curve][near])
+        if not shapes.shape[1]:
+            return self._between(changes, trials[np.argsort(np.abs(self.coordinates[trials, 0]))], float(x[0]))
+        order = np.argsort(np.linalg.norm(shapes - x[1:], axis=1))[:2]
+        near = trials[order]
+        distance = np.linalg.norm(shapes[order] - x[1:], axis=1)
+        weight = distance[::-1] / max(float(distance.sum()), 1e-300) if len(near) > 1 else np.ones(1)
+        return np.asarray((x[0] * weight / self.coordinates[near, 0]) @ changes[near])
+
+    def _between(self, changes: np.ndarray, trials: np.ndarray, strength: float) -> np.ndarray:
+        """Change at a strength, linear between none and trials of rising strength, and as between the last two beyond them."""
+        known = np.abs(self.coordinates[trials, 0])
+        size = abs(strength) if strength * self.coordinates[trials[0], 0] >= 0.0 else -abs(strength)
+        last = min(int(np.searchsorted(known, size)), len(trials) - 1)
+        low, below = (0.0, np.zeros_like(changes[0])) if last == 0 else (known[last - 1], changes[trials[last - 1]])
+        return np.asarray(below + (size - low) / (known[last] - low) * (changes[trials[last]] - below))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,27 +1,27 @@
 """Fits of vibrating markers by space mapping (Bandler et al. 1995).
 
 Fast answers are corrected to be exact at a model by the difference of their features to those of the simulator there. The fit
-with the corrected answers is the next model. Where this no longer helps, because effects do not quite add up, derivatives are
-taken from the simulator once, and the answers that follow keep them up to date (Broyden 1965). A fit that began with
-derivatives of samples would lead nowhere if a vibration were out of phase by half a period.
+with the corrected answers is the next model. Where this no longer helps, because effects do not quite add up, the derivatives of
+the features are taken from the simulator once, and the answers that follow keep them up to date (Broyden 1965). Derivatives of
+samples would lead nowhere if a vibration were out of phase by half a period.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
-from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit, steps_of
 from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series
 from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
-from explicitfe.inverse.close_loop.trajectories.emulator import Emulator, add_change, change_of, vibration_of
+from explicitfe.inverse.close_loop.trajectories.emulator import Emulator, Vibration, add_change, change_of, vibration_of
 from explicitfe.inverse.close_loop.trajectories.recordings import Recordings
 from explicitfe.platform.errors import RunError
 
-Slopes = Callable[[Hypothesis, np.ndarray], np.ndarray]  # derivatives (n, p) m of a model whose answer is (n,) m
+Slopes = Mapping[str, np.ndarray]  # curve -> (f, p) derivatives of its features by the coordinates of a model
 # A fit takes at most so many answers of the simulator, without those for derivatives. A step that does not lower chi2 halves the
 # next one, a step that does doubles it; below the smallest share of a full step the fit ends.
 MOST_ANSWERS, LEAST_SHARE_OF_STEP = 10, 1.0 / 16.0
@@ -40,14 +40,14 @@ class MappedAnswers:
     ----------
     model : where they are exact.
     corrections : curve -> change of the features by the simulator there; see :func:`change_of`.
-    slopes : (n, p) m, what is to be added to the derivatives of all rows by the parameters of the model.
+    slopes : what is to be added to the derivatives of the features by the parameters of the model.
     """
 
     recordings: Recordings
     emulator: Emulator
     model: Hypothesis
     corrections: Mapping[str, np.ndarray]
-    slopes: np.ndarray | None = None
+    slopes: Slopes | None = None
 
     @property
     def series(self) -> Sequence[Series]:
@@ -70,18 +70,19 @@ class MappedAnswers:
         """Answers of models."""
         return [self._answer(model) for model in models]
 
+    def features(self, model: Hypothesis, curve: str) -> Vibration:
+        """Features of a curve by a model."""
+        vibration = add_change(self.emulator.of(model, curve), self.corrections[curve])
+        if self.slopes is None:
+            return vibration
+        return add_change(vibration, self.slopes[curve] @ (model.x[: len(self.model.x)] - self.model.x))
+
     def _answer(self, model: Hypothesis) -> Answer:
         seen = {}
         for curve in self.recordings.curves:
-            vibration = add_change(self.emulator.of(model, curve.id), self.corrections[curve.id])
-            moved = vibration.at(curve.time_s - self.recordings.start_time_of(model, curve))
+            moved = self.features(model, curve.id).at(curve.time_s - self.recordings.start_time_of(model, curve))
             seen[curve.id] = self.recordings.with_fixed_markers(moved)
-        answer = self.recordings.by_columns(seen)
-        if self.slopes is None:
-            return answer
-        ends = np.cumsum([len(y) for y in answer])[:-1]
-        more = np.split(self.slopes @ (model.x[: len(self.model.x)] - self.model.x), ends)
-        return [y + d for y, d in zip(answer, more, strict=True)]
+        return self.recordings.by_columns(seen)
 
 
 def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -> tuple[MappedAnswers, np.ndarray] | None:
@@ -101,18 +102,9 @@ def map_answers(recordings: Recordings, emulator: Emulator, model: Hypothesis) -
 
 
 def fit_by_mapping(
-    recordings: Recordings,
-    emulator: Emulator,
-    simulated: Slopes,
-    start: Hypothesis,
-    covariance: Covariance,
-    limit: TimeLimit,
-) -> BestFit:
-    """The best parameters of a model; never worse than the start.
-
-    Parameters
-    ----------
-    simulated : derivatives by the simulator.
+    recordings: Recordings, emulator: Emulator, start: Hypothesis, covariance: Covariance, limit: TimeLimit
+) -> tuple[BestFit, MappedAnswers]:
+    """The best parameters of a model, never worse than the start, and fast answers that are exact there.
 
     Raises
     ------
@@ -120,45 +112,90 @@ def fit_by_mapping(
     """
     y = measured_rows(recordings.series)
     best: tuple[MappedAnswers, np.ndarray] | None = None
-    least, share, converged, model = np.inf, 1.0, False, start
-    slopes: np.ndarray | None = None  # what the simulator's derivatives have more than the fast ones
+    least, share, model = np.inf, 1.0, start
+    slopes: Slopes | None = None
+    fresh = False  # whether the slopes were computed where the best model is
     for _ in range(MOST_ANSWERS):
         exact = map_answers(recordings, emulator, model)
         if exact is None and best is None:
             raise RunError("the model cannot be computed where its fit begins.")
         if exact is not None and best is not None and slopes is not None:
-            slopes = slopes + _secant(replace(best[0], slopes=slopes), model, exact[1])
+            slopes = _secant(replace(best[0], slopes=slopes), exact[0], covariance, best[1])
         chi2, before = np.inf if exact is None else _chi2(exact[1], covariance, y), least
         if exact is not None and chi2 < least:
-            best, least, share = exact, chi2, min(2.0 * share, 1.0)
+            best, least, share, fresh = exact, chi2, min(2.0 * share, 1.0), False
         elif slopes is not None:
             share *= 0.5
         assert best is not None
-        if slopes is None and not least < (1.0 - WORTHWHILE_DECREASE_SHARE) * before:
-            slopes = simulated(best[0].model, best[1]) - derivatives(best[0], best[0].model, best[1])
-        proposed = refit(replace(best[0], slopes=slopes), best[0].model, covariance)
-        converged = least - proposed.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * least
-        if converged and slopes is None:
-            slopes = simulated(best[0].model, best[1]) - derivatives(best[0], best[0].model, best[1])
-            proposed = refit(replace(best[0], slopes=slopes), best[0].model, covariance)
-            converged = least - proposed.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * least
+        worthwhile = least < (1.0 - WORTHWHILE_DECREASE_SHARE) * before
+        proposed, converged = _proposed(best[0], slopes, covariance, least)
+        if not fresh and (converged or (slopes is None and not worthwhile)):
+            slopes, fresh, share = simulated_slopes(best[0]), True, 1.0
+            proposed, converged = _proposed(best[0], slopes, covariance, least)
         if converged or share < LEAST_SHARE_OF_STEP or limit.reached():
             break
-        model = best[0].model.at(best[0].model.x + share * (proposed.model.x - best[0].model.x))
+        model = best[0].model.at(best[0].model.x + share * (proposed.x - best[0].model.x))
     assert best is not None
-    mapped, answer = best
-    now = derivatives(replace(mapped, slopes=slopes), mapped.model, answer)
-    return fit_at(mapped.model, answer, now, covariance, y, converged=converged)
+    mapped, answer = replace(best[0], slopes=slopes), best[1]
+    now = derivatives(mapped, mapped.model, answer)
+    return fit_at(mapped.model, answer, now, covariance, y, converged=converged), mapped
+
+
+def _proposed(mapped: MappedAnswers, slopes: Slopes | None, covariance: Covariance, least: float) -> tuple[Hypothesis, bool]:
+    """The best model by fast answers, and whether it is not noticeably better than ``least``."""
+    fit = refit(replace(mapped, slopes=slopes), mapped.model, covariance)
+    return fit.model, least - fit.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * least
+
+
+def simulated_slopes(mapped: MappedAnswers) -> Slopes:
+    """What the derivatives of the features by the simulator have more than those of fast answers, where these are exact.
+
+    A parameter by which the model cannot be computed on either side keeps the fast derivative.
+    """
+    recordings, here = mapped.recordings, mapped.model
+    steps = steps_of(mapped, here)
+    slopes = {curve.id: np.zeros((len(mapped.corrections[curve.id]), len(steps)), dtype=complex) for curve in recordings.curves}
+    todo = [k for k, parameter in enumerate(here.parameters) if parameter.name != START]  # fast answers know the start
+    for sign in (1.0, -1.0):
+        models = [here.shifted(k, sign * steps[k]) for k in todo]
+        runs = iter(recordings.runs.of(job for model in models for job in recordings.jobs(model)))
+        failed = []
+        for k, model in zip(todo, models, strict=True):
+            for curve in recordings.curves:
+                run, fast = next(runs), mapped.features(model, curve.id)
+                after = None
+                if not isinstance(run, str):
+                    moved = recordings.marker_coordinates(model, run)
+                    after = vibration_of(np.array(recordings.times(curve)), moved, fast)
+                if after is None:
+                    failed.append(k)
+                else:
+                    slopes[curve.id][:, k] = change_of(fast, after, float(np.abs(moved).max())) / (sign * steps[k])
+        todo = sorted({*failed})
+    for k in todo:
+        for curve in recordings.curves:
+            slopes[curve.id][:, k] = 0.0
+    return slopes
 
 
 def _chi2(answer: np.ndarray, covariance: Covariance, y: np.ndarray) -> float:
     return float(np.sum(covariance.at(answer).whiten(y - answer) ** 2))
 
 
-def _secant(mapped: MappedAnswers, model: Hypothesis, answer: np.ndarray) -> np.ndarray:
-    """Change (n, p) of the slopes with which the mapped answers agree with one that was computed (Broyden's update)."""
-    typical = np.array([p.typical for p in model.parameters])
-    run = [p.name != START for p in model.parameters]  # fast answers know the time of the start
-    step = np.where(run, (model.x - mapped.model.x) / typical, 0.0)
-    error = answer - stack(mapped.answers([model])[0] or [])
-    return np.outer(error, step / typical) / max(float(step @ step), 1e-300)
+def _secant(mapped: MappedAnswers, exact: MappedAnswers, covariance: Covariance, answer: np.ndarray) -> Slopes:
+    """Slopes with which fast answers agree with a model that was computed (Broyden's update).
+
+    The error is put down to each parameter by how much its step changes the ``answer`` (n,) m of the model before.
+    """
+    assert mapped.slopes is not None
+    model = exact.model
+    sizes = np.linalg.norm(covariance.whiten(derivatives(mapped, mapped.model, answer)), axis=0)
+    run = np.array([p.name != START for p in model.parameters])
+    step = np.where(run, (model.x - mapped.model.x) * sizes, 0.0)
+    times = {curve.id: np.array(mapped.recordings.times(curve)) for curve in mapped.recordings.curves}
+    slopes = {}
+    for curve, known in mapped.slopes.items():
+        fast, full = mapped.features(model, curve), exact.features(model, curve)
+        error = change_of(fast, full, float(np.abs(full.at(times[curve])).max()))
+        slopes[curve] = known + np.outer(error, step * sizes) / max(float(step @ step), 1e-300)
+    return slopes

@@ -7,8 +7,8 @@ Every candidate is a few ``--set`` settings of the scenario, so what is found ca
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -25,7 +25,7 @@ from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment
 from explicitfe.inverse.close_loop.trajectories.levers import levers_of
-from explicitfe.inverse.close_loop.trajectories.mapping import START, MappedAnswers, fit_by_mapping, map_answers
+from explicitfe.inverse.close_loop.trajectories.mapping import START, MappedAnswers, fit_by_mapping, map_answers, simulated_slopes
 from explicitfe.inverse.close_loop.trajectories.markers import START_INTERVALS, place_on_model
 from explicitfe.inverse.close_loop.trajectories.paths import answers_with_errors_of_place
 from explicitfe.inverse.close_loop.trajectories.recordings import AXIS_NAMES, Recordings, registration_table
@@ -59,7 +59,14 @@ OTHER_ELEMENT = {"hex8": "hex8-stiffness", "hex8-stiffness": "hex8", "hex8-full"
 
 @dataclass(frozen=True, eq=False)
 class Trajectories(Recordings):
-    """Fitted curves of a trajectory dataset as a :class:`explicitfe.inverse.close_loop.statistics.system.System`."""
+    """Fitted curves of a trajectory dataset as a :class:`explicitfe.inverse.close_loop.statistics.system.System`.
+
+    Attributes
+    ----------
+    mapped : effects of a fitted model -> fast answers that are exact there.
+    """
+
+    mapped: dict[tuple[str, ...], MappedAnswers] = field(default_factory=dict)
 
     @cached_property
     def rows(self) -> list[RowNoise]:
@@ -223,16 +230,19 @@ class Trajectories(Recordings):
         known = emulator is not None and all(map(self.has_sketch, start.effects))
         if emulator is None or not known:
             return None
-        return fit_by_mapping(self, emulator, partial(derivatives, self), start, covariance, limit)
+        fit, self.mapped[start.effects] = fit_by_mapping(self, emulator, start, covariance, limit)
+        return fit
 
     def beside(self, fit: BestFit) -> MappedAnswers | None:
-        """Fast answers that are exact at a fitted model, with the derivatives there; None where there are none."""
+        """Fast answers that are exact at a fitted model; None where there are none."""
+        mapped = self.mapped.get(fit.model.effects)
+        if mapped is not None and mapped.recordings is self and np.array_equal(mapped.model.x, fit.model.x):
+            return mapped
         emulator = self.runs.emulator
         known = emulator is not None and all(map(self.has_sketch, fit.model.effects))
         if emulator is None or not known or (exact := map_answers(self, emulator, fit.model)) is None:
             return None
-        mapped, answer = exact
-        return replace(mapped, slopes=fit.slopes - derivatives(mapped, fit.model, answer))
+        return replace(exact[0], slopes=simulated_slopes(exact[0]))
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.

@@ -6,15 +6,18 @@ from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment, Lever, Values
 from explicitfe.simulate.scenario.transient import TransientScenario
 
-# Shares of the duration of a curve.
-TIME_SHARES = (0.01, 0.03, 0.1)
+# Shares of the duration of a curve; all are tried, because a delay turns the phase of a vibration.
+TIME_SHARES = (0.01, 0.03, 0.06, 0.1)
 LARGEST_TIME_SHARE = 0.5
 
 
 def levers(test: Experiment) -> dict[str, Lever]:
     """The time that the release takes, and the delay of the loads."""
     times_ms = Sought(
-        tuple(1e3 * share * test.duration_s for share in TIME_SHARES), 0.0, 1e3 * LARGEST_TIME_SHARE * test.duration_s
+        tuple(1e3 * share * test.duration_s for share in TIME_SHARES),
+        0.0,
+        1e3 * LARGEST_TIME_SHARE * test.duration_s,
+        every=True,
     )
     passive = not any(scenario.muscle for scenario in test.scenarios)
     loaded = bool(test.gravity_m_s2.any()) or any(scenario.load for scenario in test.scenarios)

@@ -14,8 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
-from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit, steps_of
-from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series
+from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
+from explicitfe.inverse.close_loop.statistics.system import (
+    ROUGH_STEP_SHARE,
+    STEP_SHARE,
+    Answer,
+    Hypothesis,
+    Parameter,
+    Series,
+    steps_of,
+)
 from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.trajectories.emulator import Emulator, Vibration, add_change, change_of, vibration_of
 from explicitfe.inverse.close_loop.trajectories.recordings import Recordings
@@ -27,6 +35,8 @@ Slopes = Mapping[str, np.ndarray]  # curve -> (f, p) derivatives of its features
 MOST_ANSWERS, LEAST_SHARE_OF_STEP = 10, 1.0 / 16.0
 # Fast derivatives serve as long as each answer lowers chi2 by this share.
 WORTHWHILE_DECREASE_SHARE = 0.2
+# The simulator's derivatives serve until chi2 has fallen by this share since they were taken.
+STALE_DECREASE_SHARE = 0.1
 # A fit has ended where the next model would lower chi2 by less than this sum.
 ENOUGH_DECREASE, ENOUGH_DECREASE_SHARE = 0.5, 1e-2
 START = "start_s"  # name of the time at which a curve starts
@@ -77,6 +87,11 @@ class MappedAnswers:
             return vibration
         return add_change(vibration, self.slopes[curve] @ (model.x[: len(self.model.x)] - self.model.x))
 
+    def derivatives(self) -> np.ndarray:
+        """Derivatives (n, p) m of the rows by the coordinates of the model."""
+        # from the answer of the features: what they round off would be divided by a small step
+        return derivatives(self, self.model, stack(self._answer(self.model)))
+
     def _answer(self, model: Hypothesis) -> Answer:
         seen = {}
         for curve in self.recordings.curves:
@@ -114,31 +129,31 @@ def fit_by_mapping(
     best: tuple[MappedAnswers, np.ndarray] | None = None
     least, share, model = np.inf, 1.0, start
     slopes: Slopes | None = None
-    fresh = False  # whether the slopes were computed where the best model is
+    taken = np.inf  # chi2 where the slopes were taken
     for _ in range(MOST_ANSWERS):
         exact = map_answers(recordings, emulator, model)
         if exact is None and best is None:
             raise RunError("the model cannot be computed where its fit begins.")
         if exact is not None and best is not None and slopes is not None:
-            slopes = _secant(replace(best[0], slopes=slopes), exact[0], covariance, best[1])
+            slopes = _secant(replace(best[0], slopes=slopes), exact[0], covariance)
         chi2, before = np.inf if exact is None else _chi2(exact[1], covariance, y), least
         if exact is not None and chi2 < least:
-            best, least, share, fresh = exact, chi2, min(2.0 * share, 1.0), False
+            best, least, share = exact, chi2, min(2.0 * share, 1.0)
         elif slopes is not None:
             share *= 0.5
         assert best is not None
         worthwhile = least < (1.0 - WORTHWHILE_DECREASE_SHARE) * before
         proposed, converged = _proposed(best[0], slopes, covariance, least)
-        if not fresh and (converged or (slopes is None and not worthwhile)):
-            slopes, fresh, share = simulated_slopes(best[0]), True, 1.0
+        stale = least < (1.0 - STALE_DECREASE_SHARE) * taken
+        if stale and (converged or (slopes is None and not worthwhile)):
+            slopes, taken, share = simulated_slopes(best[0]), least, 1.0
             proposed, converged = _proposed(best[0], slopes, covariance, least)
         if converged or share < LEAST_SHARE_OF_STEP or limit.reached():
             break
         model = best[0].model.at(best[0].model.x + share * (proposed.x - best[0].model.x))
     assert best is not None
-    mapped, answer = replace(best[0], slopes=slopes), best[1]
-    now = derivatives(mapped, mapped.model, answer)
-    return fit_at(mapped.model, answer, now, covariance, y, converged=converged), mapped
+    mapped = replace(best[0], slopes=slopes)
+    return fit_at(mapped.model, best[1], mapped.derivatives(), covariance, y, converged=converged), mapped
 
 
 def _proposed(mapped: MappedAnswers, slopes: Slopes | None, covariance: Covariance, least: float) -> tuple[Hypothesis, bool]:
@@ -153,7 +168,8 @@ def simulated_slopes(mapped: MappedAnswers) -> Slopes:
     A parameter by which the model cannot be computed on either side keeps the fast derivative.
     """
     recordings, here = mapped.recordings, mapped.model
-    steps = steps_of(mapped, here)
+    # those of runs are rougher than those of fast answers
+    steps = [step * ROUGH_STEP_SHARE / STEP_SHARE for step in steps_of(mapped, here)]
     slopes = {curve.id: np.zeros((len(mapped.corrections[curve.id]), len(steps)), dtype=complex) for curve in recordings.curves}
     todo = [k for k, parameter in enumerate(here.parameters) if parameter.name != START]  # fast answers know the start
     for sign in (1.0, -1.0):
@@ -182,14 +198,14 @@ def _chi2(answer: np.ndarray, covariance: Covariance, y: np.ndarray) -> float:
     return float(np.sum(covariance.at(answer).whiten(y - answer) ** 2))
 
 
-def _secant(mapped: MappedAnswers, exact: MappedAnswers, covariance: Covariance, answer: np.ndarray) -> Slopes:
+def _secant(mapped: MappedAnswers, exact: MappedAnswers, covariance: Covariance) -> Slopes:
     """Slopes with which fast answers agree with a model that was computed (Broyden's update).
 
-    The error is put down to each parameter by how much its step changes the ``answer`` (n,) m of the model before.
+    The error is put down to each parameter by how much its step changes the rows.
     """
     assert mapped.slopes is not None
     model = exact.model
-    sizes = np.linalg.norm(covariance.whiten(derivatives(mapped, mapped.model, answer)), axis=0)
+    sizes = np.linalg.norm(covariance.whiten(mapped.derivatives()), axis=0)
     run = np.array([p.name != START for p in model.parameters])
     step = np.where(run, (model.x - mapped.model.x) * sizes, 0.0)
     times = {curve.id: np.array(mapped.recordings.times(curve)) for curve in mapped.recordings.curves}

@@ -143,11 +143,11 @@ def fit_by_mapping(
             share *= 0.5
         assert best is not None
         worthwhile = least < (1.0 - WORTHWHILE_DECREASE_SHARE) * before
-        proposed, converged = _proposed(best[0], slopes, covariance, least)
+        proposed, converged = _next_model(best[0], slopes, covariance, least)
         stale = least < (1.0 - STALE_DECREASE_SHARE) * taken
         if stale and (converged or (slopes is None and not worthwhile)):
-            slopes, taken, share = simulated_slopes(best[0]), least, 1.0
-            proposed, converged = _proposed(best[0], slopes, covariance, least)
+            slopes, taken, share = slopes_of_runs(best[0]), least, 1.0
+            proposed, converged = _next_model(best[0], slopes, covariance, least)
         if converged or share < LEAST_SHARE_OF_STEP or limit.reached():
             break
         model = best[0].model.at(best[0].model.x + share * (proposed.x - best[0].model.x))
@@ -156,13 +156,13 @@ def fit_by_mapping(
     return fit_at(mapped.model, best[1], mapped.derivatives(), covariance, y, converged=converged), mapped
 
 
-def _proposed(mapped: MappedAnswers, slopes: Slopes | None, covariance: Covariance, least: float) -> tuple[Hypothesis, bool]:
+def _next_model(mapped: MappedAnswers, slopes: Slopes | None, covariance: Covariance, least: float) -> tuple[Hypothesis, bool]:
     """The best model by fast answers, and whether it is not noticeably better than ``least``."""
     fit = refit(replace(mapped, slopes=slopes), mapped.model, covariance)
     return fit.model, least - fit.whitened < ENOUGH_DECREASE + ENOUGH_DECREASE_SHARE * least
 
 
-def simulated_slopes(mapped: MappedAnswers) -> Slopes:
+def slopes_of_runs(mapped: MappedAnswers) -> Slopes:
     """What the derivatives of the features by the simulator have more than those of fast answers, where these are exact.
 
     A parameter by which the model cannot be computed on either side keeps the fast derivative.

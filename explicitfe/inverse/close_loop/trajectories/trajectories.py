@@ -25,7 +25,7 @@ from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.inverse.close_loop.trajectories.emulate import emulator_near
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment
 from explicitfe.inverse.close_loop.trajectories.levers import levers_of
-from explicitfe.inverse.close_loop.trajectories.mapping import START, MappedAnswers, fit_by_mapping, map_answers, simulated_slopes
+from explicitfe.inverse.close_loop.trajectories.mapping import START, MappedAnswers, fit_by_mapping, map_answers, slopes_of_runs
 from explicitfe.inverse.close_loop.trajectories.markers import START_INTERVALS, place_on_model
 from explicitfe.inverse.close_loop.trajectories.paths import answers_with_errors_of_place
 from explicitfe.inverse.close_loop.trajectories.recordings import AXIS_NAMES, Recordings, registration_table
@@ -242,7 +242,7 @@ class Trajectories(Recordings):
         known = emulator is not None and all(map(self.has_sketch, fit.model.effects))
         if emulator is None or not known or (exact := map_answers(self, emulator, fit.model)) is None:
             return None
-        return replace(exact[0], slopes=simulated_slopes(exact[0]))
+        return replace(exact[0], slopes=slopes_of_runs(exact[0]))
 
     def checks(self, model: Hypothesis) -> dict[str, Answer]:
         """What a model answers with an error of its numerics of one standard deviation, in each curve by itself.

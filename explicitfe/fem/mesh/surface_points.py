@@ -14,7 +14,8 @@ from explicitfe.platform.host.kept import kept
 
 # Natural coordinates of the four points, in each of the two directions; every weight is 1.
 _GAUSS = np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]) / np.sqrt(3.0)
-_PIECES_PER_RADIUS = 4.0
+# Pieces of a face along a radius, and the most along a face: a smaller radius has too few points to be even.
+_PIECES_PER_RADIUS, _MOST_PIECES = 4.0, 64
 
 
 def points_on_pieces(
@@ -90,14 +91,17 @@ def surface_within(mesh: HexMesh, place: np.ndarray, radius_m: float) -> tuple[M
     element, face, size = element[near], face[near], size[near]
     if not len(element):
         return MaterialPoints(element, np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0)
-    cuts = int(np.ceil(_PIECES_PER_RADIUS * size.max() / radius_m))
+    cuts = min(int(np.ceil(_PIECES_PER_RADIUS * size.max() / radius_m)), _MOST_PIECES)
     bounds = CORNERS[FACES[face]]
     low, high = bounds.min(axis=1), bounds.max(axis=1)
-    first = np.stack(np.meshgrid(*3 * [np.arange(cuts)], indexing="ij"), axis=-1).reshape(-1, 3)
-    pieces = [first[(first[:, np.argmin(b - a)] == 0)] for a, b in zip(low, high, strict=True)]
-    number = np.repeat(np.arange(len(element)), [len(one) for one in pieces])
+    across = np.array([[1, 2], [0, 2], [0, 1]])[np.argmin(high - low, axis=1)]
+    row = np.arange(len(element))
+    index = np.zeros((len(element), cuts * cuts, 3))
+    for axis, count in zip(across.T, np.indices((cuts, cuts)).reshape(2, -1), strict=True):
+        index[row, :, axis] = count
+    number = np.repeat(row, cuts * cuts)
     step = (high - low) / cuts
-    lower = low[number] + np.concatenate(pieces) * step[number]
+    lower = low[number] + index.reshape(-1, 3) * step[number]
     element = element[number]
     points, areas = points_on_pieces(element, mesh.points[mesh.hexes[element]], lower, lower + step[number])
     inside = np.linalg.norm(points.position - place, axis=1) <= radius_m

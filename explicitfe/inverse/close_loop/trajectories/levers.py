@@ -102,7 +102,7 @@ def total_force_N(scenario: TransientScenario) -> float:
 
 
 def _of_loads(scenario: TransientScenario, pulls: str, *, known_gravity: bool) -> dict[str, Lever]:
-    """Levers of what drives the body. The magnitude of gravity is no candidate where it is known."""
+    """Levers of loads and muscles. The magnitude of gravity is a candidate only where it is unknown."""
     lag = EFFECTS["activation-lag"]
     lags = [effect.strength for effect in scenario.effects.chosen if isinstance(effect, lag)]
     gravity = float(np.linalg.norm(scenario.model.gravity_m_s2))

@@ -95,7 +95,8 @@ def _draw_spectrum(axes: Axes, report: LoopReport, one: MovingMarkers) -> None:
     measured = one.measured[:, marker, axis]
     frequency, amplitude = amplitude_spectrum(one.time_s, measured)
     plain(axes)
-    axes.set_title(f"\nspectrum of {shortened(one.names[marker], 24)} along {AXES_OF_MODEL[axis]}", loc="left", fontsize=8.5)
+    where = f"{shortened(one.names[marker], 24)} along {AXES_OF_MODEL[axis]}"
+    axes.set_title(f"{where}: spectrum of the data,\nand of the residual before and after", loc="left", fontsize=8.5)
     axes.tick_params(labelsize=7.5)
     if not len(frequency):
         return

@@ -39,8 +39,8 @@ def datasets() -> dict[str, Path]:
 
 
 def exports() -> dict[str, Path]:
-    """Name of a table as a testing machine writes it, to try how it becomes a dataset -> its file."""
-    return {path.name: path for path in sorted((folder_of("scenarios") / "datasets" / "exports").glob("*.csv"))}
+    """Name of a table that becomes a dataset in a tutorial, or belongs to a dataset -> its file."""
+    return {path.name: path for path in sorted((folder_of("scenarios") / "datasets").glob("*/*.csv"))}
 
 
 def scenario_file(path: Path | str) -> Path:

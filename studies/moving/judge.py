@@ -38,7 +38,7 @@ def judged(verdict: str, named: set[str], undecided: set[str], hidden: str) -> s
 def run_case(folder: Path, hidden: str, minutes: float) -> dict[str, object]:
     """The verdict on one case."""
     # The limit is one of CPU time: other work on the machine changes no verdict.
-    time.perf_counter = time.process_time  # type: ignore[assignment]
+    time.perf_counter = time.process_time
     begin = time.perf_counter()
     try:
         report = find_causes(folder, processes=1, minutes=minutes).report

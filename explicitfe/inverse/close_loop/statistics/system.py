@@ -152,10 +152,10 @@ STEP_SHARE, NEWTON_STEP_SHARE, ROUGH_STEP_SHARE = 1e-3, 0.03, 0.04
 LEAST_TYPICAL_SHARE = 0.1
 
 
-def steps_of(system: Answering, model: Hypothesis) -> list[float]:
-    """Steps of the coordinates over which derivatives are taken, inside the bounds."""
-    share = STEP_SHARE if system.exact(model) else ROUGH_STEP_SHARE
-    share = NEWTON_STEP_SHARE if system.has_slopes(model) else share
+def steps_of(system: Answering, model: Hypothesis, *, rough: bool = False) -> list[float]:
+    """Steps of the coordinates over which derivatives are taken, inside the bounds; ``rough`` for answers that are not smooth."""
+    share = STEP_SHARE if system.exact(model) and not rough else ROUGH_STEP_SHARE
+    share = NEWTON_STEP_SHARE if system.has_slopes(model) and not rough else share
     steps = [share * max(p.typical, LEAST_TYPICAL_SHARE * abs(x)) for p, x in zip(model.parameters, model.x, strict=True)]
     return [-step if x + step > p.high else step for p, x, step in zip(model.parameters, model.x, steps, strict=True)]
 

@@ -16,8 +16,6 @@ import numpy as np
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
 from explicitfe.inverse.close_loop.statistics.system import (
-    ROUGH_STEP_SHARE,
-    STEP_SHARE,
     Answer,
     Hypothesis,
     Parameter,
@@ -168,8 +166,7 @@ def slopes_of_runs(mapped: MappedAnswers) -> Slopes:
     A parameter by which the model cannot be computed on either side keeps the fast derivative.
     """
     recordings, here = mapped.recordings, mapped.model
-    # those of runs are rougher than those of fast answers
-    steps = [step * ROUGH_STEP_SHARE / STEP_SHARE for step in steps_of(mapped, here)]
+    steps = steps_of(mapped, here, rough=True)
     slopes = {curve.id: np.zeros((len(mapped.corrections[curve.id]), len(steps)), dtype=complex) for curve in recordings.curves}
     todo = [k for k, parameter in enumerate(here.parameters) if parameter.name != START]  # fast answers know the start
     for sign in (1.0, -1.0):

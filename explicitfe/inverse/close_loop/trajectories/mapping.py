@@ -15,13 +15,7 @@ import numpy as np
 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, measured_rows, stack
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, derivatives, fit_at, refit
-from explicitfe.inverse.close_loop.statistics.system import (
-    Answer,
-    Hypothesis,
-    Parameter,
-    Series,
-    steps_of,
-)
+from explicitfe.inverse.close_loop.statistics.system import Answer, Hypothesis, Parameter, Series, steps_of
 from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.trajectories.emulator import Emulator, Vibration, add_change, change_of, vibration_of
 from explicitfe.inverse.close_loop.trajectories.recordings import Recordings

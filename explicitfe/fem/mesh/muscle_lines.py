@@ -28,6 +28,9 @@ OUTSIDE_TOLERANCE = 0.5
 
 _NEWTON_STEPS = 20
 
+# Newton's method runs for so many pairs of a point and an element at a time.
+_TRIED_TOGETHER = 512
+
 
 @dataclass(frozen=True)
 class Fibre:
@@ -287,19 +290,26 @@ def points_of_mesh(
         if not len(open_) or first >= last:
             continue
         candidates = tree.query(positions[open_], k=np.arange(first + 1, last + 1))[1]
-        for trial, start in ((trial, start) for trial in range(last - first) for start in starts):
-            tried = candidates[:, trial]
-            here, converged = natural_coordinates(corners[tried], positions[open_], start)
+        trials = [(trial, start) for trial in range(last - first) for start in starts]
+        while trials and len(open_):
+            together = max(1, _TRIED_TOGETHER // len(open_))
+            batch, trials = trials[:together], trials[together:]
+            tried = np.concatenate([candidates[:, trial] for trial, _ in batch])
+            begun = np.repeat([start for _, start in batch], len(open_), axis=0)
+            wanted = np.tile(positions[open_], (len(batch), 1))
+            here, converged = natural_coordinates(corners[tried], wanted, begun)
             clipped = np.clip(here, -1.0, 1.0)
-            gap = np.linalg.norm(_at(corners[tried], clipped) - positions[open_], axis=1)
-            better = gap < distance[open_]
-            chosen = open_[better]
-            element[chosen], natural[chosen], distance[chosen] = tried[better], clipped[better], gap[better]
-            excess[chosen] = np.where(converged, np.abs(here).max(axis=1) - 1.0, np.inf)[better]
+            gap = np.linalg.norm(_at(corners[tried], clipped) - wanted, axis=1).reshape(len(batch), -1)
+            hit = gap <= reached
+            row = np.where(hit.any(axis=0), hit.argmax(axis=0), gap.argmin(axis=0))  # the first that holds it, or the nearest
+            each = np.arange(len(open_))
+            best = row * len(open_) + each
+            better = gap[row, each] < distance[open_]
+            chosen, best = open_[better], best[better]
+            element[chosen], natural[chosen], distance[chosen] = tried[best], clipped[best], gap.ravel()[best]
+            excess[chosen] = np.where(converged, np.abs(here).max(axis=1) - 1.0, np.inf)[best]
             still = distance[open_] > reached
             open_, candidates = open_[still], candidates[still]
-            if not len(open_):
-                break
 
     points = MaterialPoints(element=element, natural=natural, position=_at(corners[element], natural))
     return points, excess <= tolerance
@@ -312,7 +322,7 @@ def _at(corners: np.ndarray, natural: np.ndarray) -> np.ndarray:
 
 def natural_coordinates(corners: np.ndarray, positions: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Natural coordinates (k, 3) of positions (k, 3) in hexes with corners (k, 8, 3), and whether Newton's method converged."""
-    natural = np.tile(start, (len(positions), 1))
+    natural = np.array(np.broadcast_to(start, positions.shape))
     reached = _REACHED_SHARE * np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     for _ in range(_NEWTON_STEPS):
         residual = positions - _at(corners, natural)

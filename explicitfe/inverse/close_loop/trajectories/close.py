@@ -107,7 +107,8 @@ def _add_errors(report: LoopReport, system: Trajectories, sides: Split, before: 
     first, final = every.answers([before.model, after.model])
     if first is None or final is None:
         raise RunError("a curve cannot be computed with the final model.")
-    noise = {one.id: float(row.sd.mean()) for one, row in zip(every.series, every.rows, strict=True)}
+    rows = every.noise_of_rows(system.unforeseen_m)
+    noise = {one.id: float(row.sd.mean()) for one, row in zip(every.series, rows, strict=True)}
     for model, answer in ((report.baseline, first), (report.final, final)):
         model.error = errors_of_model({name: _error_of(name, side, every, answer, noise) for name, side in split.items()})
     return [_drawn(name, side, every, first, final, noise) for name, side in split.items()]

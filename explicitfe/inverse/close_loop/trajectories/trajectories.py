@@ -70,12 +70,16 @@ class Trajectories(Recordings):
 
     @cached_property
     def rows(self) -> list[RowNoise]:
+        """Noise of the rows of each series, with the numerical error of these curves."""
+        return self.noise_of_rows(self.unforeseen_m)
+
+    def noise_of_rows(self, unforeseen_m: float) -> list[RowNoise]:
         """Noise of the rows of each series: what is stated, and errors of the numerics that the checks do not foresee.
 
         A tongue starts too fast for few rows to tell its start from noise, so no noise is estimated where one is stated. Markers
         show their noise at rest. Where a test was repeated, its repeats show how far an exact model would be from each of them.
         """
-        more = self._unforeseen() + SMALLEST_NOISE_M
+        more = unforeseen_m + SMALLEST_NOISE_M
         if self.placed:
             return self._rows_of_markers(more)
         rows = row_noise(self.series)
@@ -328,8 +332,9 @@ class Trajectories(Recordings):
         coarse, fine = (np.prod(catalogue.cells_of(table.name or "", t.resolution, t.cells)) for t in (table, finer))
         return 1.0 / (1.0 - float(coarse / fine) ** (CONVERGENCE_ORDER / 3.0)), setting
 
-    def _unforeseen(self) -> float:
-        """Rms [m] of the difference between the limits of small elements of two kinds that no other check describes."""
+    @cached_property
+    def unforeseen_m(self) -> float:
+        """Rms of the difference between the limits of small elements of two kinds that no other check describes."""
         factor, finer = self._finer
         model = self.start()
         both = self._change(model, (finer, *self._other_element)) if finer else []

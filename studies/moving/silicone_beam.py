@@ -1,6 +1,8 @@
 """A silicone cantilever in motion: what its model lacks, and how well the final model predicts curves that were held out.
 
-    python -m studies.moving.silicone_beam [--data ../shared/data/measured/silicone-beam] [--held-out CURVE ...]
+    python -m studies.moving.silicone_beam [--data ../shared/data/measured/silicone-beam] [--held-out CURVE ...] [--hanging]
+
+With --hanging the scenario states the load as a mass on a string, and as a force without inertia otherwise.
 
 Each curve is held out in turn, or nothing. The others are fitted three times: elastic with the stiffness alone, with stiffness
 and damping, and by close-loop. A residual model without names, a small network that corrects the acceleration, is trained on the
@@ -37,6 +39,7 @@ MARKERS = {
 }
 # Curve -> load [N], and the last row that is used [s]: 1.5 s after the release.
 CURVES = {"gravity-a": (0.0, 2.2), "gravity-b": (0.0, 2.15), "load52-a": (0.51012, 1.95)}
+G_M_S2 = 9.80709  # of the authors
 NOTHING = "nothing"  # is held out
 SCENARIO = """title = "Soft cantilever released under its own weight"
 [model]
@@ -50,8 +53,8 @@ duration_ms = 2000.0
 """
 
 
-def write_dataset(folder: Path, data: Path, held_out: str, fitted: Sequence[str]) -> None:
-    """The folder of a dataset with one split; ``fitted`` are the constants of the baseline."""
+def write_dataset(folder: Path, data: Path, held_out: str, fitted: Sequence[str], hanging: bool) -> None:
+    """The folder of a dataset with one split; ``fitted`` are the constants of the baseline, ``hanging`` says what the load is."""
     folder.mkdir(parents=True)
     (folder / "scenario.toml").write_text(SCENARIO, encoding="utf-8")
     lines = [
@@ -67,7 +70,8 @@ def write_dataset(folder: Path, data: Path, held_out: str, fitted: Sequence[str]
         lines += ["", "[[curve]]", f'id = "{name}"', f'file = "{name}.csv"', 'start_s = "fit"', f"until_s = {until}"]
         lines += [f'split = "{side}"', f"conditions.load_N = {load}"]
         if load:
-            lines.append(f"""conditions.settings = ['load.+={{nodes=["x1","z1"], force_N=[0.0,0.0,{-load}]}}']""")
+            what = f"mass_g={1e3 * load / G_M_S2}, string_slack_mm=0.0" if hanging else f"force_N=[0.0,0.0,{-load}]"
+            lines.append(f"""conditions.settings = ['load.+={{nodes=["x1","z1"], {what}}}']""")
     (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -97,6 +101,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--held-out", nargs="*", default=[*CURVES, NOTHING], choices=[*CURVES, NOTHING])
     parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--hanging", action="store_true")
     options = parser.parse_args()
     table = ["| held out | model | curve | marker 0, vertical (mm) | markers 0, 1, 2 (mm) | s |", "|---|---|---|---|---|---|"]
     found = []
@@ -108,7 +113,7 @@ def main() -> None:
         ):
             with tempfile.TemporaryDirectory() as folder:
                 data = Path(folder) / "data"
-                write_dataset(data, options.data, split, fitted)
+                write_dataset(data, options.data, split, fitted, options.hanging)
                 begin = time.perf_counter()
                 documents = find_causes(data, max_effects=most, minutes=options.minutes, processes=2)
                 seconds = time.perf_counter() - begin

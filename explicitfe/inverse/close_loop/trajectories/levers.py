@@ -57,7 +57,7 @@ SIZE = Sought((0.85, 0.95, 0.98, 1.02, 1.05, 1.15), 0.7, 1.4, kind="log", none=1
 DAMPING, VISCOSITY = Sought((20.0, 80.0, 240.0), 0.0, 1000.0), Sought((0.02, 0.05, 0.1), 0.0, 0.3)
 GRAVITY = Sought((3.0, 9.81), 0.0, 12.0)
 # Decay [1/s] times the duration of a recording of markers that vibrate: a share of exp(-1) of the amplitude is left, and less.
-SHOWN_DECAYS = (1.0, 3.0, 10.0)
+SHOWN_DECAYS = (1.0, 3.0, 10.0, 30.0)
 LARGEST_DECAY = 100.0
 FALLING_SHARE = Sought((1.0,), 0.0, 1.0)
 # Force of a muscle that the scenario does not list, relative to the force of all listed muscles.
@@ -147,7 +147,7 @@ def _of_tissue(test: Experiment) -> dict[str, Lever]:
     if test.markers:
         # the decay of a vibration is alpha / 2 + beta w^2 / 2
         by_mass, by_stiffness = (
-            Sought(tuple(factor * d for d in SHOWN_DECAYS), 0.0, factor * LARGEST_DECAY)
+            Sought(tuple(factor * d for d in SHOWN_DECAYS), 0.0, factor * LARGEST_DECAY, every=True)
             for factor in (2.0 / test.duration_s, 2.0 / test.duration_s / test.frequency_rad_s**2)
         )
     return {

@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.statistics.intervals import intervals
 from explicitfe.inverse.close_loop.statistics.system import Hypothesis
 from explicitfe.inverse.close_loop.trajectories.lever import Experiment

@@ -13,7 +13,7 @@ import numpy as np
 
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.compared import ComparedCauses
-from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, stack
 from explicitfe.inverse.close_loop.statistics.noise import RowNoise, Scatter
 from explicitfe.inverse.close_loop.statistics.system import Answer, Candidate, Hypothesis, Parameter, Scales, Series, candidate

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from sensor_study import SHIFT_M, TURN, simulate_sensors
 
-from explicitfe.inverse.close_loop.search import compare
+from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.split import split
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance
 from explicitfe.inverse.close_loop.statistics.intervals import intervals

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -146,6 +147,11 @@ def not_testable(library: Sequence[Candidate], invisible: Sequence[Signature]) -
         change = f"not detectable with these data: the largest plausible strength changes chi2 by {one.visible:.2g}"
         reasons[one.candidate.effect] = change if one.values else "the model cannot be computed with it"
     return reasons
+
+
+def further_effects(key: Key, subset: Key) -> list[str]:
+    """Effects of the terms that a hypothesis has and a subset of it lacks."""
+    return list((Counter(key) - Counter(subset)).elements())
 
 
 def without_term(model: Hypothesis, effect: str) -> Hypothesis:

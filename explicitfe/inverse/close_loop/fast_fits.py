@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
 
 from explicitfe.inverse.close_loop.baseline import FitsByMapping
-from explicitfe.inverse.close_loop.compared import Entry, Key
+from explicitfe.inverse.close_loop.compared import Entry, Key, further_effects
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
 from explicitfe.inverse.close_loop.statistics.signatures import Changes, EstimatedFit, scaled_trial
@@ -73,7 +72,7 @@ class FastFits:
 
     def _starts(self, subset: Entry, entry: Entry) -> list[Hypothesis]:
         """A fitted subset with a weak further term, for each of its trials; and the parameters that were estimated before."""
-        (name,) = (Counter(entry.key) - Counter(subset.key)).elements()
+        (name,) = further_effects(entry.key, subset.key)
         candidate, _ = self.table[name]
         trials = candidate.trials
         starts = [subset.model.plus(candidate.term, scaled_trial(candidate, v, WEAK_TRIAL_SHARE)) for v in trials]

@@ -11,15 +11,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
-from explicitfe.inverse.close_loop.baseline import Watch, fit_of, fitted_baseline, with_own_numerics
+from explicitfe.inverse.close_loop.baseline import Watch, fit_of, with_own_numerics
 from explicitfe.inverse.close_loop.compared import (
     ComparedCauses,
     Entry,
     Key,
     forms_by_cause,
+    further_effects,
     needed_decrease,
     not_testable,
     without_term,
@@ -28,12 +30,18 @@ from explicitfe.inverse.close_loop.estimates import Estimates
 from explicitfe.inverse.close_loop.evidence import Causes, Prior, cost_of_term, evidence_of, log_odds_of_other, posterior_of
 from explicitfe.inverse.close_loop.fast_fits import FastFits
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
-from explicitfe.inverse.close_loop.statistics.noise import RowNoise
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, Slopes
-from explicitfe.inverse.close_loop.statistics.signatures import Changes, EstimatedFit, Screening, Signature, screen, signatures
+from explicitfe.inverse.close_loop.statistics.signatures import (
+    Changes,
+    EstimatedFit,
+    Screening,
+    Signature,
+    screen,
+    signatures_beside,
+)
 from explicitfe.inverse.close_loop.statistics.sketch import Sketch
 from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, System
-from explicitfe.inverse.close_loop.statistics.time_limit import NO_LIMIT, TimeLimit
+from explicitfe.inverse.close_loop.statistics.time_limit import TimeLimit
 from explicitfe.inverse.close_loop.thresholds import THRESHOLDS
 from explicitfe.platform.errors import RunError
 
@@ -45,33 +53,13 @@ MOST_FITS, MOST_FITS_ON_A_MESH = {1: 60, 2: 24, 3: 12}, {1: 16, 2: 4, 3: 2}
 MOST_FITS_BESIDE_FAST_ANSWERS = {1: 6, 2: 8, 3: 6}  # the simulator confirms the best of the estimated hypotheses
 
 
-def compare(
-    system: System,
-    *,
-    max_effects: int,
-    rows: Sequence[RowNoise] | None = None,
-    limit: TimeLimit = NO_LIMIT,
-    watch: Watch = lambda stage, share: None,
-) -> ComparedCauses:
-    """Compare all sets of causes with the data.
+class Comparing:
+    """One comparison: the table of responses near the baseline, and the hypotheses by the effects of their terms.
 
     Parameters
     ----------
-    max_effects : the largest number of causes of a hypothesis.
-    rows : noise of the rows; estimated if left out.
-    limit : where it is reached, the other hypotheses keep their estimates.
-    watch : called with what is done now and the share of the whole that is done.
-
-    Raises
-    ------
-    RunError : the baseline cannot be computed.
+    max_effects, limit, watch : as for :func:`explicitfe.inverse.close_loop.comparison.compare`.
     """
-    system, covariance, fit = fitted_baseline(system, rows, watch)
-    return _Comparing(system, covariance, fit, max_effects, limit, watch).run()
-
-
-class _Comparing:
-    """One comparison: the table of responses near the baseline, and the hypotheses by the effects of their terms."""
 
     def __init__(
         self, system: System, covariance: Covariance, fit: BestFit, max_effects: int, limit: TimeLimit, watch: Watch
@@ -94,7 +82,7 @@ class _Comparing:
         self.fast_fits: dict[Key, Entry] = {}
         self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
         self.near: dict[Key, dict[str, Signature]] = {}
-        self.at_baseline = self._signatures(fit, covariance, tested)
+        self.at_baseline = self._beside(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library))
         self.visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
@@ -119,9 +107,24 @@ class _Comparing:
                 break
             level = [one for one in (self.fast_fits | self.fitted).values() if len(one.key) == terms]
             parents = [one for one in sorted(level, key=self._closeness, reverse=True) if one.has_all_terms][:MOST_PARENTS]
+            parents += [one for one in self._in_other_forms(parents[0]) if one not in parents] if parents else []
         self._exchange()
         self._finish()
         return self._comparison()
+
+    def _in_other_forms(self, best: Entry) -> list[Entry]:
+        """Fits of a hypothesis with each term in turn in the other forms of its cause.
+
+        A further cause may show beside one form alone: a load that acts late, where the load hangs and is not fixed to the body.
+        """
+        fits = []
+        for name in best.key:
+            for form in (one for one, cause in self.cause_of.items() if cause == self.cause_of[name] and one not in best.key):
+                key = tuple(sorted((*(k for k in best.key if k != name), form)))
+                if key in self.screened and key not in self.fitted and key not in self.failed and not self.limit.reached():
+                    self._fit(key, [self.screened[key][0].model])
+                fits += [self.fitted[key]] if key in self.fitted else []
+        return fits
 
     def _exchange(self) -> None:
         """Drop each term of the best hypothesis and replace it by others, as long as another becomes the best."""
@@ -147,7 +150,7 @@ class _Comparing:
             candidates = [c for c in candidates if c.effect in self.table]
         if not candidates:
             return
-        known = self._signatures(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
+        known = self._beside(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
         tested = [one for one in known if one.values and one.candidate.effect in self._allowed(parent)]
         residual = outside(parent.fit.movable, parent.fit.residual)
         groups: list[tuple[Signature, ...]] = [(one,) for one in tested]
@@ -273,7 +276,7 @@ class _Comparing:
             costly = self.system.costly(fitted.model)
             usable = self.visible & set(self.table) if costly else self.visible
             candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in usable]
-            known = self._signatures(fitted.fit, fitted.covariance, candidates)
+            known = self._beside(fitted.fit, fitted.covariance, candidates)
             self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
         return self.near[fitted.key]
 
@@ -334,11 +337,9 @@ class _Comparing:
     def _from_subset(self, subset: Entry, key: Key) -> Hypothesis | None:
         """The subset at its best, with the term that it lacks at the start of its best trial."""
         assert subset.fit is not None and subset.covariance is not None and subset.system is not None
-        lacking = list(key)
-        for name in subset.key:
-            lacking.remove(name)
-        candidates = [c for c in subset.system.candidates(subset.model) if not c.reason and c.effect == lacking[0]]
-        own = self._signatures(subset.fit, subset.covariance, candidates) if candidates else []
+        (name,) = further_effects(key, subset.key)
+        candidates = [c for c in subset.system.candidates(subset.model) if not c.reason and c.effect == name]
+        own = self._beside(subset.fit, subset.covariance, candidates) if candidates else []
         if not own or not own[0].values:
             return None
         start = screen(outside(subset.fit.movable, subset.fit.residual), own).starts[0]
@@ -366,20 +367,11 @@ class _Comparing:
                 if system.costly(fit.model) or self.cause_of[name] == cause:
                     bare = without_term(bare, name)
             forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
-            columns += [one.secants for one in self._signatures(fit, covariance, forms, bare) if one.values]
+            columns += [one.secants for one in self._beside(fit, covariance, forms, bare) if one.values]
         return np.concatenate(columns, axis=1) if columns else None
 
-    def _signatures(
-        self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate], model: Hypothesis | None = None
-    ) -> list[Signature]:
-        """Signatures near a fitted model, or near another; those that take the run of a mesh are from the table of responses."""
-        own = {c.effect: replace(c, trials=self.table[c.effect][0].trials) for c in candidates if c.effect in self.table}
-        others = [c for c in candidates if c.effect not in own]
-        new = self.system.changes(model or fit.model, others) if others else []
-        changes = dict(zip([c.effect for c in others], new, strict=True))
-        changes |= {name: list(self.table[name][1]) for name in own}
-        every = [own.get(c.effect, c) for c in candidates]
-        return signatures(fit, covariance, every, [changes[c.effect] for c in every])
+    def _beside(self, *near: Any) -> list[Signature]:
+        return signatures_beside(self.system, self.table, *near)
 
     def _finish(self) -> None:
         """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""
@@ -419,11 +411,8 @@ class _Comparing:
 
     def _cost_beyond(self, subset: Entry, key: Key) -> float:
         """Cost of the parameters of the terms that a subset lacks."""
-        lacking = list(key)
-        for name in subset.key:
-            lacking.remove(name)
         terms = {c.effect: len(c.term.parameters) for c in self.library}
-        return sum(self._cost(name, terms[name]) for name in lacking)
+        return sum(self._cost(name, terms[name]) for name in further_effects(key, subset.key))
 
     def _log_posterior(self, entry: Entry) -> float:
         return entry.evidence.best + self.prior.log(entry.causes)

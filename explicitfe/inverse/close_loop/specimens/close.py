@@ -9,6 +9,7 @@ import numpy as np
 
 from explicitfe.fem.effects import EFFECTS
 from explicitfe.inverse.close_loop.compared import Entry
+from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.discovery.report import add_discovered_law
 from explicitfe.inverse.close_loop.evidence import cost_of_term
 from explicitfe.inverse.close_loop.next_test import next_tests, survivors
@@ -22,7 +23,6 @@ from explicitfe.inverse.close_loop.report import (
     limit_warning,
     new_report,
 )
-from explicitfe.inverse.close_loop.search import compare
 from explicitfe.inverse.close_loop.specimens.lengths import with_assumed_lengths
 from explicitfe.inverse.close_loop.specimens.series import determined
 from explicitfe.inverse.close_loop.specimens.simulator import Simulator

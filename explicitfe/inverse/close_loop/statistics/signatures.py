@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.optimize import nnls
 
 from explicitfe.inverse.close_loop.statistics.covariance import Covariance, outside
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
-from explicitfe.inverse.close_loop.statistics.system import Candidate
+from explicitfe.inverse.close_loop.statistics.system import Candidate, Hypothesis, System
 
 # A fit begins with a strength of at least this share of the trial, and inside the bounds by this share of their range.
 LEAST_START_SHARE, BOUND_MARGIN_SHARE = 0.02, 0.05
@@ -61,6 +61,29 @@ def signatures(
         secants = outside(fit.movable, covariance.whiten(raw)) if computed else raw
         computed_signatures.append(Signature(candidate, secants, tuple(values for values, _ in computed), limits, plausible))
     return computed_signatures
+
+
+def signatures_beside(
+    system: System,
+    table: Mapping[str, tuple[Candidate, Changes]],
+    fit: BestFit,
+    covariance: Covariance,
+    candidates: Sequence[Candidate],
+    model: Hypothesis | None = None,
+) -> list[Signature]:
+    """Signatures near a fitted model, or near another.
+
+    Parameters
+    ----------
+    table : effect -> its candidate, and what its trials change: of those that take the run of a mesh.
+    """
+    own = {c.effect: replace(c, trials=table[c.effect][0].trials) for c in candidates if c.effect in table}
+    others = [c for c in candidates if c.effect not in own]
+    new = system.changes(model or fit.model, others) if others else []
+    changes = dict(zip([c.effect for c in others], new, strict=True))
+    changes |= {name: list(table[name][1]) for name in own}
+    every = [own.get(c.effect, c) for c in candidates]
+    return signatures(fit, covariance, every, [changes[c.effect] for c in every])
 
 
 def _room(candidate: Candidate, values: tuple[float, ...]) -> tuple[float, float]:

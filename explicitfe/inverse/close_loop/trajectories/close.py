@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from explicitfe.inverse.close_loop.comparison import compare
 from explicitfe.inverse.close_loop.report import (
     LoopDocuments,
     add_failure,
@@ -15,7 +16,6 @@ from explicitfe.inverse.close_loop.report import (
     limit_warning,
     new_report,
 )
-from explicitfe.inverse.close_loop.search import compare
 from explicitfe.inverse.close_loop.split import Split
 from explicitfe.inverse.close_loop.statistics.refit import BestFit
 from explicitfe.inverse.close_loop.statistics.system import Answer

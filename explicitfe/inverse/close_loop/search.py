@@ -3,7 +3,8 @@
 Every single effect is screened from its signature, and so is every pair; larger sets are built from the smaller ones that are
 nearest to the data. On a mesh fits are estimated further with fast answers. A hypothesis that could matter, by the errors that
 estimates have shown, is fitted with the simulator, and again from its fitted subsets if it ends worse than one of them. A set
-that was not fitted keeps the evidence of its estimate.
+that was not fitted keeps the evidence of its estimate. The best set is fitted in the other forms of its causes before larger
+ones are built.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class Comparing:
         self.fast_fits: dict[Key, Entry] = {}
         self.estimates = Estimates(self._near, sum(len(one.measured) for one in system.series))
         self.near: dict[Key, dict[str, Signature]] = {}
-        self.at_baseline = self._beside(fit, covariance, tested)
+        self.at_baseline = self._signatures(fit, covariance, tested)
         causes = {one.candidate.cause for one in self.at_baseline}
         self.prior = Prior(len(causes), forms_by_cause(self.library))
         self.visible = {one.candidate.effect for one in self.at_baseline if self._is_visible(one)}
@@ -150,7 +150,7 @@ class Comparing:
             candidates = [c for c in candidates if c.effect in self.table]
         if not candidates:
             return
-        known = self._beside(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
+        known = self._signatures(parent.fit, parent.covariance, candidates) if parent.key else self.at_baseline
         tested = [one for one in known if one.values and one.candidate.effect in self._allowed(parent)]
         residual = outside(parent.fit.movable, parent.fit.residual)
         groups: list[tuple[Signature, ...]] = [(one,) for one in tested]
@@ -276,7 +276,7 @@ class Comparing:
             costly = self.system.costly(fitted.model)
             usable = self.visible & set(self.table) if costly else self.visible
             candidates = [c for c in fitted.system.candidates(fitted.model) if not c.reason and c.effect in usable]
-            known = self._beside(fitted.fit, fitted.covariance, candidates)
+            known = self._signatures(fitted.fit, fitted.covariance, candidates)
             self.near[fitted.key] = {one.candidate.effect: one for one in known if one.values}
         return self.near[fitted.key]
 
@@ -339,7 +339,7 @@ class Comparing:
         assert subset.fit is not None and subset.covariance is not None and subset.system is not None
         (name,) = further_effects(key, subset.key)
         candidates = [c for c in subset.system.candidates(subset.model) if not c.reason and c.effect == name]
-        own = self._beside(subset.fit, subset.covariance, candidates) if candidates else []
+        own = self._signatures(subset.fit, subset.covariance, candidates) if candidates else []
         if not own or not own[0].values:
             return None
         start = screen(outside(subset.fit.movable, subset.fit.residual), own).starts[0]
@@ -367,11 +367,13 @@ class Comparing:
                 if system.costly(fit.model) or self.cause_of[name] == cause:
                     bare = without_term(bare, name)
             forms = [c for c in system.candidates(bare) if not c.reason and c.cause == cause]
-            columns += [one.secants for one in self._beside(fit, covariance, forms, bare) if one.values]
+            columns += [one.secants for one in self._signatures(fit, covariance, forms, bare) if one.values]
         return np.concatenate(columns, axis=1) if columns else None
 
-    def _beside(self, *near: Any) -> list[Signature]:
-        return signatures_beside(self.system, self.table, *near)
+    def _signatures(
+        self, fit: BestFit, covariance: Covariance, candidates: Sequence[Candidate], model: Hypothesis | None = None
+    ) -> list[Signature]:
+        return signatures_beside(self.system, self.table, fit, covariance, candidates, model)
 
     def _finish(self) -> None:
         """Weigh the probable hypotheses against model-form errors, each with the numerical error of its own model."""

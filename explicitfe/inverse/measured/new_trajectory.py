@@ -263,7 +263,10 @@ def _toml(
     for curve, comments in origins.items():
         lines += ["", *comments, "[[curve]]", f"id = {toml_value(curve)}", f"file = {toml_value(f'{curve}.csv')}"]
         if description.places_mm:
-            lines += ['start_s = "fit"', "# Add the loads of this curve, as for --set: conditions.settings = [...]"]
+            lines += [
+                'start_s = "fit"',
+                "# Scenario settings of this curve, such as its loads (syntax of --set): conditions.settings = [...]",
+            ]
         if description.one_speaker and len(origins) > 1:
             lines.append('group = "speaker"')
     return "\n".join(lines) + "\n"

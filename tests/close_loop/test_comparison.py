@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
-from synthetic import Linear, Planted, compared, elastic, programme, white
+from synthetic import BOTH_WAYS, Linear, Planted, compared, elastic, programme, white
 
 from explicitfe.fem.effects.effect import Sought
 from explicitfe.inverse.close_loop.evidence import (
@@ -25,6 +25,7 @@ from explicitfe.inverse.close_loop.evidence import (
     posterior_of,
 )
 from explicitfe.inverse.close_loop.report import limit_warning
+from explicitfe.inverse.close_loop.search import Comparing
 from explicitfe.inverse.close_loop.statistics.covariance import measured_rows
 from explicitfe.inverse.close_loop.statistics.lack_of_fit import LackOfFit
 from explicitfe.inverse.close_loop.statistics.refit import BestFit, refit
@@ -156,6 +157,56 @@ def test_a_search_that_runs_out_of_time(monkeypatch):
     assert 0.1 < ended.posterior.inclusion["bump-3"] < 0.99 and outcome.verdict in ("ambiguous", "unexplained")
     (sentence,) = limit_warning(ended)
     assert "bump-3" in sentence and "--minutes" in sentence and limit_warning(whole) == []
+
+
+def fits_before_the_limit(monkeypatch, count: int) -> None:
+    """Let the limit of time be reached after so many fits."""
+    done: list[object] = []
+    fit = Comparing._fit
+    monkeypatch.setattr(Comparing, "_fit", lambda self, *given: (done.append(given), fit(self, *given)))
+    monkeypatch.setattr(TimeLimit, "reached", lambda self: self.minutes is not None and len(done) >= count)
+
+
+def test_a_hypothesis_that_the_limit_left_is_not_ruled_out(monkeypatch):
+    """The bump of the second effect has a place that none of its trials meets: a fit of it is as good as that of the first."""
+    place = {"size": BOTH_WAYS, "place": Sought((0.33, 0.6), 0.05, 0.95)}
+    system = holding(3, {"bump-3": 0.1}, {"bump-3": TEN["bump-3"], "movable": Planted(lambda place: bump(place), place)})
+    system_fitted, _ = compared(system, max_effects=1)
+    assert system_fitted.posterior.inclusion["movable"] > 0.01
+    fits_before_the_limit(monkeypatch, 1)
+    ended, outcome = compared(system, max_effects=1, minutes=1.0)
+    assert ("movable",) in ended.left and outcome.final.key == ("bump-3",)
+    assert 0.01 < ended.posterior.inclusion["movable"] < 0.5
+
+
+def late(model: Hypothesis) -> np.ndarray:
+    """The change by a load that acts late: it shows beside a hanging load, not beside a fixed one, and a little otherwise."""
+    return bump(0.7) if "hanging" in model.effects else 0.0 * D if "fixed" in model.effects else 0.3 * bump(0.5)
+
+
+class Hanging(Linear):
+    """A system in which one effect depends on another."""
+
+    def rows(self, model: Hypothesis) -> np.ndarray:
+        planted = dict(self.effects)
+        if "late" in model.effects:
+            planted["late"] = replace(planted["late"], column=lambda: late(model))
+        return Linear.rows(replace(self, effects=planted), model)
+
+
+def test_a_cause_that_shows_beside_one_form_of_another():
+    """The fixed load alone comes nearest, and a late load shows nothing with it; the hanging and the late load are true."""
+    shared = bump(0.4) + 0.5 * bump(0.7)
+    decoys = {f"decoy-{k}": Planted(lambda k=k: shared + 0.3 * bump(0.05 + 0.04 * k)) for k in range(8)}
+    load = {
+        "fixed": Planted(lambda: shared + 0.25 * bump(0.95), cause="load"),
+        "hanging": Planted(lambda: bump(0.4), cause="load"),
+    }
+    effects = {**load, **decoys, "late": Planted(lambda: 0.3 * bump(0.5))}
+    plain = holding(1, None, effects, extra=0.3 * (bump(0.4) + 0.6 * bump(0.7)))
+    system = Hanging(**{one.name: getattr(plain, one.name) for one in fields(plain) if one.init})
+    _, outcome = compared(system)
+    assert outcome.verdict == "effect-found" and set(outcome.effects) == {"hanging", "late"}
 
 
 def test_a_limit_leaves_fits_as_much_time_as_the_preparation(monkeypatch):

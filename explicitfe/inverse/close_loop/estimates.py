@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import logsumexp
 
 from explicitfe.inverse.close_loop.compared import Entry, Key
 from explicitfe.inverse.close_loop.statistics.covariance import outside
@@ -13,6 +17,7 @@ from explicitfe.inverse.close_loop.statistics.signatures import EstimatedFit, Sc
 # and by signatures (False; up to 23 % in homogeneous tests). For sets of effects they count the less the more fits have shown
 # their errors, the largest of which counts in full.
 FIRST_ERROR_SHARE = {True: 0.1, False: 0.3}
+POSSIBLE_GAINS = 33  # over which the posterior of a hypothesis that was not fitted is averaged
 NOTHING_FURTHER = Screening(0.0, 0.0, 0.0, ())
 
 
@@ -58,6 +63,19 @@ class Estimates:
             share = self.error_share(fast=False, single=single)
             more = min(more, one.chi2 - union.chi2 + union.possible_gain(share, self._rows))
         return max(more, 0.0)
+
+    def average_over_gains(
+        self, entry: Entry, screening: Screening, nearest: Entry, log_posterior: Callable[[Entry], float], most: float
+    ) -> Entry:
+        """A hypothesis that the limit of time left: its fit could have found any gain up to the largest possible one.
+
+        Its posterior is the mean over these gains; the log of none is larger than ``most``.
+        """
+        gains = np.linspace(0.0, self.possible_gain(entry.key, screening, nearest), POSSIBLE_GAINS)
+        possible = [replace(entry, evidence=entry.evidence.with_gain(gain)) for gain in gains]
+        logs = [log_posterior(one) for one in possible]
+        mean = float(logsumexp(np.minimum(logs, most)) - np.log(POSSIBLE_GAINS))
+        return possible[-1].lowered(logs[-1] - mean)
 
     def _of_union(self, fitted: Entry, key: Key) -> EstimatedFit | None:
         """Estimated fit with the terms of both a fitted hypothesis and a key; None if a term has no signature near the former."""

@@ -3,8 +3,8 @@
 Every single effect is screened from its signature, and so is every pair; larger sets are built from the smaller ones that are
 nearest to the data. On a mesh fits are estimated further with fast answers. A hypothesis that could matter, by the errors that
 estimates have shown, is fitted with the simulator, and again from its fitted subsets if it ends worse than one of them. A set
-that was not fitted keeps the evidence of its estimate. The best set is fitted in the other forms of its causes before larger
-ones are built.
+that was not fitted keeps the evidence of its estimate, or, where the limit of time left it, the mean evidence of all that its
+fit could find. The best set is fitted in the other forms of its causes before larger ones are built.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Comparing:
         self.library = system.candidates(fit.model)
         self.cause_of = {c.effect: c.cause for c in self.library}
         self.slow = {c.effect for c in self.library if c.slow}
-        tested = [c for c in self.library if not c.reason]
+        tested = [c for c in self.library if not c.reason and max_effects]
         meshed = [c for c in tested if system.costly(fit.model.plus(c.term, c.trials[0]))]
         changes = zip(meshed, system.changes(fit.model, meshed), strict=True)
         self.table: dict[str, tuple[Candidate, Changes]] = {c.effect: (c, d) for c, d in changes}
@@ -96,9 +96,7 @@ class Comparing:
     def run(self) -> ComparedCauses:
         """Fit what matters, level by level, then exchange terms of the best hypothesis until it stays."""
         parents = [self.fitted[()]]
-        for terms in range(1, self.max_effects + FURTHER_TERMS + 1):
-            if self.max_effects == 0:
-                break
+        for terms in range(1, self.max_effects + FURTHER_TERMS + 1) if self.max_effects else ():
             for parent in parents:
                 self._screen_children(parent)
             if terms == 2:
@@ -107,7 +105,8 @@ class Comparing:
                 break
             level = [one for one in (self.fast_fits | self.fitted).values() if len(one.key) == terms]
             parents = [one for one in sorted(level, key=self._closeness, reverse=True) if one.has_all_terms][:MOST_PARENTS]
-            parents += [one for one in self._in_other_forms(parents[0]) if one not in parents] if parents else []
+            if parents and len(parents[0].causes) < self.max_effects and not self._explains(parents[0]):
+                parents += [one for one in self._in_other_forms(parents[0]) if one not in parents]
         self._exchange()
         self._finish()
         return self._comparison()
@@ -256,7 +255,7 @@ class Comparing:
         fitted only if their estimate is probable. Without a mesh, single effects are fitted until one explains all.
         """
         top = max(self.fitted.values(), key=self._log_posterior)
-        explained = top.evidence.other + log_odds_of_other() <= 0.0
+        explained = self._explains(top)
         single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
         unknown = self.system.fast_everywhere and self._is_fast_fit_due(entry.key)
         if unknown or (single and (not explained or entry.causes == top.causes)):
@@ -423,6 +422,11 @@ class Comparing:
         """Log posterior if the residual is noise: it orders the search, because a smooth residual may be large at little cost."""
         return entry.evidence.closed + self.prior.log(entry.causes)
 
+    @staticmethod
+    def _explains(entry: Entry) -> bool:
+        """Whether what a fitted hypothesis leaves is more probably noise than something else."""
+        return entry.evidence.other + log_odds_of_other() <= 0.0
+
     def _is_visible(self, one: Signature) -> bool:
         """Whether the largest plausible strength could make a cause as probable as a verdict asks for."""
         forms = self.prior.forms.get(one.candidate.cause, 1)
@@ -431,8 +435,13 @@ class Comparing:
 
     def _comparison(self) -> ComparedCauses:
         best = max(map(self._log_posterior, self.fitted.values()))  # no estimate is more probable than it
-        unfitted = [entry for key, (entry, _) in self.screened.items() if key not in self.fitted]
-        entries = [*self.fitted.values(), *(one.lowered(self._log_posterior(one) - best) for one in unfitted)]
+        unfitted = {key: one for key, one in self.screened.items() if key not in self.fitted}
+        nearest = max(self.fitted.values(), key=self._closeness)
+        average = self.estimates.average_over_gains
+        estimated = [
+            average(*one, nearest, self._log_posterior, best) if key in self.left else one[0] for key, one in unfitted.items()
+        ]
+        entries = [*self.fitted.values(), *(one.lowered(self._log_posterior(one) - best) for one in estimated)]
         posterior = posterior_of([(one.causes, one.evidence) for one in entries], self.prior)
         entries.sort(key=self._log_posterior, reverse=True)
         reasons = not_testable(self.library, [one for one in self.at_baseline if one.candidate.effect not in self.visible])

@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 from scipy.interpolate import CubicSpline, UnivariateSpline
-from scipy.optimize import least_squares, minimize_scalar
+from scipy.optimize import least_squares
 
 from explicitfe.results.documents.motion_report import MovingMarkers
 
@@ -80,15 +80,20 @@ class _Network:
         since = np.maximum(curve.time_s - curve.start_s, 0.0)
         return np.asarray(CubicSpline(STEP_S * np.arange(steps + 1), np.array(path))(since).T)
 
-    def with_start(self, curve: _Curve) -> _Curve:
-        """The curve with the start at which the equation alone is nearest to the simulation."""
+    def with_equation(self, curves: Sequence[_Curve]) -> list[_Curve]:
+        """Curves of one load with the equation, which they share, and the starts that describe their simulations best."""
 
-        def misfit(start_s: float) -> float:
-            moved = self.motion(replace(curve, start_s=start_s), np.zeros((1, self.size)))[0]
-            return float(np.mean((moved - curve.simulated) ** 2))
+        def changed(x: np.ndarray) -> list[_Curve]:
+            return [
+                replace(one, own=curves[0].own * (1.0 + x[:3]), start_s=start) for one, start in zip(curves, x[3:], strict=True)
+            ]
 
-        best = minimize_scalar(misfit, bounds=(-LATEST_START_S, LATEST_START_S), method="bounded")
-        return replace(curve, start_s=float(best.x))
+        def misfit(x: np.ndarray) -> np.ndarray:
+            none = np.zeros((1, self.size))
+            return np.concatenate([self.motion(one, none)[0] - one.simulated for one in changed(x)])
+
+        latest = np.array([0.5, 0.5, 0.9, *(LATEST_START_S for _ in curves)])
+        return changed(least_squares(misfit, np.zeros(3 + len(curves)), bounds=(-latest, latest), x_scale=0.1 * latest).x)
 
     def trained(self, curves: Sequence[_Curve], penalty: float) -> np.ndarray:
         """Weights (size,) that bring whole motions to the measured ones."""
@@ -120,7 +125,9 @@ def predict_with_residual(curves: Sequence[MovingMarkers], loads_N: Mapping[str,
     first = next(own[one.curve] for one in curves if one.split == "fit")
     scales = 0.5 * float(np.ptp(first.measured)) * np.array([1.0, np.sqrt(max(-first.own[1], 1.0))])
     network = _Network(scales, np.array(list(product(*LEVELS))))
-    own = {name: network.with_start(curve) for name, curve in own.items()}
+    for load in {curve.load for curve in own.values()}:
+        names = [name for name, curve in own.items() if curve.load == load]
+        own |= dict(zip(names, network.with_equation([own[name] for name in names]), strict=True))
     fitted = [own[one.curve] for one in curves if one.split == "fit"]
     scores = {
         penalty: sum(

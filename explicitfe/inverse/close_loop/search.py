@@ -105,7 +105,7 @@ class Comparing:
                 break
             level = [one for one in (self.fast_fits | self.fitted).values() if len(one.key) == terms]
             parents = [one for one in sorted(level, key=self._closeness, reverse=True) if one.has_all_terms][:MOST_PARENTS]
-            if parents and len(parents[0].causes) < self.max_effects and not self._explains(parents[0]):
+            if parents and len(parents[0].causes) < self.max_effects:
                 parents += [one for one in self._in_other_forms(parents[0]) if one not in parents]
         self._exchange()
         self._finish()
@@ -255,7 +255,7 @@ class Comparing:
         fitted only if their estimate is probable. Without a mesh, single effects are fitted until one explains all.
         """
         top = max(self.fitted.values(), key=self._log_posterior)
-        explained = self._explains(top)
+        explained = top.evidence.other + log_odds_of_other() <= 0.0
         single = terms == 1 and len(entry.key) == 1 and not self.system.costly(entry.model)
         unknown = self.system.fast_everywhere and self._is_fast_fit_due(entry.key)
         if unknown or (single and (not explained or entry.causes == top.causes)):
@@ -421,11 +421,6 @@ class Comparing:
     def _closeness(self, entry: Entry) -> float:
         """Log posterior if the residual is noise: it orders the search, because a smooth residual may be large at little cost."""
         return entry.evidence.closed + self.prior.log(entry.causes)
-
-    @staticmethod
-    def _explains(entry: Entry) -> bool:
-        """Whether what a fitted hypothesis leaves is more probably noise than something else."""
-        return entry.evidence.other + log_odds_of_other() <= 0.0
 
     def _is_visible(self, one: Signature) -> bool:
         """Whether the largest plausible strength could make a cause as probable as a verdict asks for."""

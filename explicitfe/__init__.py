@@ -74,6 +74,7 @@ _PLACES = {
     "face_load": "explicitfe.fem.model.face_load",
     "gravity_load": "explicitfe.fem.model.gravity",
     "AttachedMass": "explicitfe.fem.model.attached",
+    "SurfaceContact": "explicitfe.fem.model.surface_contact",
     "FollowerLoad": "explicitfe.fem.model.attached",
     "HangingWeight": "explicitfe.fem.model.attached",
     "AirDrag": "explicitfe.fem.model.attached",
@@ -137,6 +138,7 @@ if TYPE_CHECKING:  # the same names for type checkers and editors; a test compar
     from explicitfe.fem.model.model import Model as Model
     from explicitfe.fem.model.model import NodalLoad as NodalLoad
     from explicitfe.fem.model.profile import Profile as Profile
+    from explicitfe.fem.model.surface_contact import SurfaceContact as SurfaceContact
     from explicitfe.fem.solve.equilibrium import Relaxation as Relaxation
     from explicitfe.fem.solve.simulation import Simulation as Simulation
     from explicitfe.fem.solve.transient import Transient as Transient

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from explicitfe.fem.mesh.triangles import triangle_distance
 from explicitfe.platform.errors import InputError
 
 # The extent of a bone compared to that of the body: beyond these it was given in another unit of length.
@@ -50,6 +51,24 @@ class TriangleSurface:
 def shifted(surface: TriangleSurface, shift_m: np.ndarray) -> TriangleSurface:
     """The same surface somewhere else."""
     return TriangleSurface(surface.points + np.asarray(shift_m, dtype=float), surface.triangles)
+
+
+def depth_inside(surface: TriangleSurface, points: np.ndarray) -> np.ndarray:
+    """How deep points (k, 3) m lie inside a closed surface, (k,) m; 0 outside.
+
+    A point is inside if the solid angles of the triangles around it add up to 4 pi (Van Oosterom & Strackee 1983, IEEE Trans.
+    Biomed. Eng. 30:125).
+    """
+    depth = np.zeros(len(points))
+    low, high = surface.box_m
+    for k in np.flatnonzero(((points > low) & (points < high)).all(axis=1)):
+        a, b, c = np.moveaxis(surface.corners - points[k], 1, 0)
+        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+        edges = la * lb * lc + (a * b).sum(axis=1) * lc + (b * c).sum(axis=1) * la + (c * a).sum(axis=1) * lb
+        if 2.0 * np.arctan2(volume, edges).sum() > 2.0 * np.pi:
+            depth[k] = triangle_distance(np.broadcast_to(points[k], a.shape), surface.corners).min()
+    return depth
 
 
 def in_mm(point_m: np.ndarray) -> str:

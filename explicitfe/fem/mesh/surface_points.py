@@ -57,6 +57,27 @@ def points_on_pieces(
     return points, share * np.linalg.norm(normal, axis=1)
 
 
+def points_on_faces(mesh: HexMesh, element: np.ndarray, face: np.ndarray, cuts: int = 1) -> tuple[MaterialPoints, np.ndarray]:
+    """Gauss points on faces of elements, each cut into ``cuts`` by ``cuts`` pieces, with their areas, m^2; face after face.
+
+    Parameters
+    ----------
+    element, face : (k,) as :func:`explicitfe.fem.mesh.hexmesh.free_faces` gives them.
+    """
+    bounds = CORNERS[FACES[face]]
+    low, high = bounds.min(axis=1), bounds.max(axis=1)
+    across = np.array([[1, 2], [0, 2], [0, 1]])[np.argmin(high - low, axis=1)]
+    row = np.arange(len(element))
+    index = np.zeros((len(element), cuts * cuts, 3))
+    for axis, count in zip(across.T, np.indices((cuts, cuts)).reshape(2, -1), strict=True):
+        index[row, :, axis] = count
+    number = np.repeat(row, cuts * cuts)
+    step = (high - low) / cuts
+    lower = low[number] + index.reshape(-1, 3) * step[number]
+    element = element[number]
+    return points_on_pieces(element, mesh.points[mesh.hexes[element]], lower, lower + step[number])
+
+
 def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]:
     """Points on the faces of the surface whose four nodes belong to a node set, with their areas (k,), m^2.
 
@@ -74,8 +95,7 @@ def points_on_set(mesh: HexMesh, name: str) -> tuple[MaterialPoints, np.ndarray]
             f'the node set "{name}" contains no complete face of the surface, so it has no area; '
             "include all four nodes of each face."
         )
-    bounds = CORNERS[FACES[face]]
-    return points_on_pieces(element, mesh.points[mesh.hexes[element]], bounds.min(axis=1), bounds.max(axis=1))
+    return points_on_faces(mesh, element, face)
 
 
 def surface_within(mesh: HexMesh, place: np.ndarray, radius_m: float) -> tuple[MaterialPoints, np.ndarray]:
@@ -92,18 +112,7 @@ def surface_within(mesh: HexMesh, place: np.ndarray, radius_m: float) -> tuple[M
     if not len(element):
         return MaterialPoints(element, np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0)
     cuts = min(int(np.ceil(_PIECES_PER_RADIUS * size.max() / radius_m)), _MOST_PIECES)
-    bounds = CORNERS[FACES[face]]
-    low, high = bounds.min(axis=1), bounds.max(axis=1)
-    across = np.array([[1, 2], [0, 2], [0, 1]])[np.argmin(high - low, axis=1)]
-    row = np.arange(len(element))
-    index = np.zeros((len(element), cuts * cuts, 3))
-    for axis, count in zip(across.T, np.indices((cuts, cuts)).reshape(2, -1), strict=True):
-        index[row, :, axis] = count
-    number = np.repeat(row, cuts * cuts)
-    step = (high - low) / cuts
-    lower = low[number] + index.reshape(-1, 3) * step[number]
-    element = element[number]
-    points, areas = points_on_pieces(element, mesh.points[mesh.hexes[element]], lower, lower + step[number])
+    points, areas = points_on_faces(mesh, element, face, cuts)
     inside = np.linalg.norm(points.position - place, axis=1) <= radius_m
     return MaterialPoints(points.element[inside], points.natural[inside], points.position[inside]), areas[inside]
 

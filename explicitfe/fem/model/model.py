@@ -20,6 +20,7 @@ from explicitfe.fem.mesh.checked_arrays import check_range, index_array, mask_ar
 from explicitfe.fem.mesh.hexmesh import HexMesh, MaterialPoints
 from explicitfe.fem.model.attached import AirDrag, AttachedMass, FollowerLoad, HangingWeight
 from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.platform.compiled.arrays import Springs
 from explicitfe.platform.errors import InputError, shortened
 
@@ -291,6 +292,7 @@ class Model:
     followers : forces on nodes that turn with the body.
     weights : weights that hang from the body on strings.
     air : drag of the air on the free surface; none if left out.
+    surfaces : contact of free surfaces with each other in a run in time; they pass through each other if left out.
 
     Raises
     ------
@@ -323,6 +325,7 @@ class Model:
     followers: tuple[FollowerLoad, ...] = ()
     weights: tuple[HangingWeight, ...] = ()
     air: AirDrag | None = None
+    surfaces: SurfaceContact | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.mesh, HexMesh):
@@ -351,6 +354,7 @@ class Model:
             ("sector", RotationalSymmetry),
             ("support", Springs),
             ("air", AirDrag),
+            ("surfaces", SurfaceContact),
         ):
             if not isinstance(getattr(self, name), kind | None):
                 raise InputError(f"Model: {name} must be a {kind.__name__}, not {shortened(repr(getattr(self, name)))}.")

@@ -137,7 +137,9 @@ class Body:
             held[model.motion.nodes] = True
         self.nodes = self.with_masses(node_rows(np.tile(mass[:, None], 3)), held)
         self._increment_s = np.nan
-        self.kernels = kernels(law.law, model.element, response.layout_of(model.effects), bool(model.stresses), derived)
+        self.kernels = kernels(
+            law.law, model.element, response.layout_of(model.effects), bool(model.stresses), derived, model.surfaces is not None
+        )
         zero = np.zeros((mesh.node_count, 3))
         self.state = State(
             u=self._rows(zero if displacement is None else displacement),

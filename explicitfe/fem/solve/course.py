@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from explicitfe.fem.forces.apart import add_surface_pressure
 from explicitfe.fem.solve.look import (
     MAXIMUM,
     MOST_STEPS_BETWEEN_LOOKS,
@@ -154,6 +155,7 @@ def gather(state, shared, actions, instant, dt, ledgers, samples, number):
         block, at = lane // lanes.shape[2], lane % lanes.shape[2]
         samples.J[number, element] = lanes[0, block, at]
         samples.hourglass[number, element] = lanes[2, block, at]
+    add_surface_pressure(actions.surfaces, samples.pressed[number])
     bones = actions.bones
     for bone in range(len(bones.start)):
         for point in range(len(bones.node)):

@@ -16,6 +16,7 @@ from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve.bones import placements
 from explicitfe.platform.compiled.arrays import Actions, Bones, DeadLoads, FollowerFibres, Motion, Ties
 from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
+from explicitfe.platform.compiled.contact_arrays import Surfaces
 
 
 class Loads:
@@ -64,13 +65,15 @@ class Loads:
         scale = self.activation(np.array([time_s]), dt_s)[weights.profile, 0]
         weights.state[:, 1] = -0.5 * dt_s * scale * weights.weight / weights.mass
 
-    def actions(self, instants: np.ndarray, tolerance_s: float, bones: Bones, ties: Ties, planned: np.ndarray) -> Actions:
+    def actions(
+        self, instants: np.ndarray, tolerance_s: float, bones: Bones, ties: Ties, surfaces: Surfaces, planned: np.ndarray
+    ) -> Actions:
         """What acts on the body at instants (k,) s.
 
         Parameters
         ----------
         tolerance_s : an instant that is within a millionth of it from an edge of a profile is taken to be on it.
-        bones, ties, planned : as for :class:`Actions`.
+        bones, ties, surfaces, planned : as for :class:`Actions`.
         """
         bone_placement, tie_placement = self.bones(instants)
         return Actions(
@@ -85,6 +88,7 @@ class Loads:
             bone_placement=bone_placement,
             ties=ties,
             tie_placement=tie_placement,
+            surfaces=surfaces,
             motion=self.motion(instants),
             planned=planned,
         )

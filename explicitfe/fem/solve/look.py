@@ -20,10 +20,9 @@ import math
 from typing import Any, NamedTuple
 
 from explicitfe.fem.elements.hex8 import gradient
-from explicitfe.fem.forces.bone import add_contact_stiffness
 from explicitfe.fem.forces.corners import add_corner_forces, element_modes
-from explicitfe.fem.forces.ties import add_ties
 from explicitfe.fem.materials.kinematics import cofactor
+from explicitfe.fem.solve.restraint import hold
 from explicitfe.fem.solve.stable_step import STEP_SHARE_OF_LIMIT
 from explicitfe.platform.compiled.arrays import INTERVAL, LIMIT, LOWEST_LIMIT, PERIOD, SINCE, WAIT
 from explicitfe.platform.compiled.jit import leaf
@@ -140,16 +139,6 @@ def evaluate(state, part, looks, looker, actions, instant):
     for at in range(0, part.own * ROW, WIDTH):
         store(looks.response, at + part.first * ROW, load(force, at))
     hold(looks.response, looks.shifted, state, part, actions, instant)
-
-
-def hold(force, u, state, part, actions, instant):
-    """Add to all rows the pull of ties at displacement u, and the change of contact since the present state, linearised."""
-    if len(actions.bones.node) + len(actions.ties.node) > 0:
-        wait(part.gate, part.parts)
-        if part.number == 0:
-            add_contact_stiffness(force, u, state.u, actions.bones, actions.bone_placement, instant)
-            add_ties(force, u, actions.ties, actions.tie_placement, instant)
-        wait(part.gate, part.parts)
 
 
 def highest_frequency(state, part, looks, looker, actions, instant, turns, settled, length):

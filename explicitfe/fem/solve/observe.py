@@ -55,6 +55,7 @@ class Snapshot:
     smallest_J : the smallest J of any element in any step so far.
     contact_pressure : (bones, n) Pa. With which each bone presses on each node.
     contact : (bones, BONE_SUMS). Force of each bone on the body [N], area in contact [m^2], deepest node in it [m].
+    surface_pressure : (n,) Pa. With which surfaces press on each other; empty where their contact is not modelled.
     """
 
     model: Model = field(repr=False)
@@ -67,6 +68,7 @@ class Snapshot:
     smallest_J: float
     contact_pressure: np.ndarray
     contact: np.ndarray
+    surface_pressure: np.ndarray
 
     def probe(self, name: str) -> np.ndarray:
         """Displacement of a named point of the model, (3,) m.
@@ -127,6 +129,7 @@ class Recording:
             smallest_J=a.smallest_J[some],
             pressure=a.pressure[some],
             contact=a.contact[some],
+            pressed=a.pressed[some],
         )
 
     def add(self, time_s: np.ndarray, dt_s: np.ndarray, steps: np.ndarray) -> None:
@@ -150,12 +153,13 @@ class Recording:
             smallest_J=float(a.smallest_J[number]),
             contact_pressure=a.pressure[number].copy(),
             contact=a.contact[number].copy(),
+            surface_pressure=a.pressed[number].copy(),
         )
 
 
-def samples_of(room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.ndarray, bones: int, state: State) -> Samples:
+def samples_of(room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.ndarray, model: Model, state: State) -> Samples:
     """Arrays for so many samples of a body: rows of its nodes, lanes of its elements, nodes of its contact points."""
-    n, m = len(nodes), len(elements)
+    n, m, bones = len(nodes), len(elements), len(model.bones)
     return Samples(
         instant=np.zeros(0, dtype=np.int64),
         taken=np.zeros(1, dtype=np.int64),
@@ -170,6 +174,7 @@ def samples_of(room: int, nodes: np.ndarray, elements: np.ndarray, touching: np.
         smallest_J=np.zeros(room),
         pressure=np.zeros((room, bones, n)),
         contact=np.zeros((room, bones, BONE_SUMS)),
+        pressed=np.zeros((room, 0 if model.surfaces is None else n)),
         rows=zeros((2, *state.u.shape)),
         point_pressure=np.zeros((bones, len(touching))),
         lanes=zeros((3, -(-m // WIDTH), WIDTH)),

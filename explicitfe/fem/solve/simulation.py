@@ -17,6 +17,7 @@ from explicitfe.fem.solve.loads import Loads
 from explicitfe.fem.solve.observe import TURNS_LATER, Recording, Snapshot, lookers_of, looks_of, samples_of, shape_numbers
 from explicitfe.fem.solve.parts import parts_of, usual_threads
 from explicitfe.fem.solve.stable_step import fastest_element
+from explicitfe.fem.solve.surfaces import highest_contact, surfaces_of
 from explicitfe.platform.compiled.arrays import (
     CORNER,
     DAMPING_LOSS,
@@ -87,8 +88,10 @@ class Simulation(Body):
         held = np.all(self.nodes.inverse_mass[self._place, :3] == 0.0, axis=1)
         self.bones = bones_of(model.bones, model.mesh, self._place, self.nodal_mass, held)
         self.ties = ties_of(model.attachments, model.mesh, self._place)
+        self.surfaces = surfaces_of(model.surfaces, model.mesh, self._place, self.nodal_mass)
         stiffest = self.bones.spring * self.nodes.inverse_mass[self.bones.node].max(axis=1)
-        self._contact_frequency = float(np.sqrt(stiffest.max(initial=0.0)))  # of a point that rests on bone alone [1/s]
+        pressed = highest_contact(self.surfaces, self.nodes.inverse_mass)
+        self._contact_frequency = float(np.sqrt(max(stiffest.max(initial=0.0), pressed)))  # of a point on a surface alone [1/s]
         self._external = zeros(self.state.u.shape)
         self._planned = np.zeros((0 if model.motion is None else len(model.motion.nodes), 3))
         self.time_s = 0.0
@@ -100,7 +103,7 @@ class Simulation(Body):
         # Every instant of a transient run is accepted: the material's memory is overwritten in place.
         running = self.blocks._replace(new=self.blocks.old)
         share = 1 if model.motion else threads or usual_threads(len(self.hexes))
-        loaded = np.concatenate([self.loads.rows, self.ties.node])
+        loaded = np.concatenate([self.loads.rows, self.ties.node, self.surfaces.node])
         self.parts = parts_of(self.state, running, share, self.bones.node, loaded)
         self._ledgers = np.zeros((len(self.parts), LEDGER))
         self._looks = looks_of(self.nodes, len(self.parts))
@@ -300,7 +303,7 @@ class Simulation(Body):
         lane = np.empty(len(self.hexes), dtype=np.int64)
         lane[self.element_order] = np.arange(len(lane))
         touching = np.ascontiguousarray(self.node_order[self.bones.node], dtype=np.int64)
-        return Recording(self.model, samples_of(room, self._place, lane, touching, len(self.model.bones), self.state))
+        return Recording(self.model, samples_of(room, self._place, lane, touching, self.model, self.state))
 
     @property
     def loop_s(self) -> float:
@@ -417,7 +420,7 @@ class Simulation(Body):
     ) -> int:
         """Let each part have its thread; give the number of steps done. ``times`` are those of all instants, and one more."""
         looks, lookers, turns = looking_with or (self._looks, self.lookers, TURNS_LATER)
-        actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self._planned)
+        actions = self.loads.actions(times, max(dt_s, SHORTEST_INCREMENT_S), self.bones, self.ties, self.surfaces, self._planned)
         shared = Shared(self.blocks, self.nodes, self._external, float(self.alpha_per_s), _UNRECORDED)
         span = Span(
             dt_before=float(self.dt_s),

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from explicitfe.fem.forces.apart import add_surfaces, surfaces_loss
 from explicitfe.fem.forces.bone import rest_on_bones
 from explicitfe.fem.forces.contraction import contraction_work
 from explicitfe.fem.forces.dead import add_dead_loads
@@ -92,6 +93,7 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
             add_weights(external, u, v, actions.weights)
             move_weights(u, v, actions.weights, actions.activation, step, h, dt)
             add_ties(external, u, actions.ties, actions.tie_placement, step)
+            add_surfaces(external, u, v, actions.surfaces, nodes, gain)
             driven_work, driven_loss = drive(u, v, force, nodes, motion, actions.planned, step, h, alpha, dt_before, dt)
         wait(part.gate, part.parts)
         if part.parts > 1 and asked_to_stop(part.gate):
@@ -135,8 +137,13 @@ def advance(state, part, shared, actions, dt_before, dt, stiffest, most_fall, fi
         ledger[EXTERNAL_WORK] += sum_lanes(work) + driven_work + bone_work
         ledger[DAMPING_LOSS] += 0.5 * alpha * (sum_lanes(loss) + driven_loss)
         ledger[CONTACT_LOSS] += friction_loss
+        behind = 0.5 * dt_before
         dt_before = dt
         wait(part.gate, part.parts)
+        if part.number == 0:  # their pull is among the external forces, whose work it has lowered
+            rubbed = surfaces_loss(actions.surfaces, v, behind, 0.5 * dt)
+            ledger[EXTERNAL_WORK] += rubbed
+            ledger[CONTACT_LOSS] += rubbed
         force[part.own :] = 0.0
         smallest = internal_force(part.u, force, part.blocks)
         ledger[EXTERNAL_WORK] += contraction_work(part.blocks, muscles[step], muscles[step + 1])
@@ -168,8 +175,8 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
 
     ``rows`` (2, N, 4) receive the velocity at t_n, (v- + v+) / 2, and all forces but the external ones, ``record`` what the bones
     do, and ``lanes`` (3, B, W) J, the strain energy and the hourglass energy [J] of the elements. The actions have one instant
-    more than those of ``advance``; dt is the step before. What ties store counts as work of the bones too, because their pull is
-    among the external forces.
+    more than those of ``advance``; dt is the step before. What ties store and what contact between
+    surfaces stores and loses counts as external work too, because their forces are among the external ones.
     """
     u, v, force = state
     nodes, external, alpha = shared.nodes, shared.external, shared.alpha
@@ -184,6 +191,8 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
     add_drag(external, v, actions.drag)
     add_weights(external, u, v, actions.weights)
     tied = add_ties(external, u, actions.ties, actions.tie_placement, instant)
+    pressed = add_surfaces(external, u, v, actions.surfaces, nodes, gain)
+    rubbed = surfaces_loss(actions.surfaces, v, 0.5 * dt, 0.0)
     for at in range(0, u.size, WIDTH):
         store(resting, at, load(force, at))
     record.sums[:] = 0.0
@@ -212,12 +221,12 @@ def snapshot(state, shared, actions, instant, dt, ledger, rows, record, lanes):
         internal,
         hourglass,
         sum_lanes(kinetic) + driven_kinetic,
-        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + bone_work + tied,
+        ledger[EXTERNAL_WORK] + sum_lanes(work) + driven_work + bone_work + tied + pressed + rubbed,
         ledger[DAMPING_LOSS] + 0.5 * alpha * (sum_lanes(loss) + driven_loss),
         lost,
-        touching,
+        touching + pressed,
         tied,
-        ledger[CONTACT_LOSS] + friction_loss,
+        ledger[CONTACT_LOSS] + friction_loss + rubbed,
         barrier,
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from explicitfe.platform.compiled.attached_arrays import Drag, TurningLoads, Weights
+from explicitfe.platform.compiled.contact_arrays import Surfaces
 from explicitfe.platform.compiled.simd import ROW, WIDTH
 
 # Entries of ``Blocks.corner``: the smallest volume ratio of a corner, relative to that at which the barrier begins, and the
@@ -134,6 +135,7 @@ class Samples(NamedTuple):
     smallest_J: np.ndarray  # of any element in any step so far, (k,)
     pressure: np.ndarray  # of each bone on each node [Pa], (k, bones, n)
     contact: np.ndarray  # what each bone does, (k, bones, BONE_SUMS)
+    pressed: np.ndarray  # pressure of surfaces on each other at each node [Pa], (k, n); (k, 0) without such contact
     rows: np.ndarray  # velocity, and all forces but the external ones, of the present state: work arrays, (2, N, 4)
     point_pressure: np.ndarray  # on each contact point [Pa]: work array, (bones, points)
     lanes: np.ndarray  # J, strain energy and hourglass energy of each lane: work arrays, (3, B, W)
@@ -266,6 +268,7 @@ class Actions(NamedTuple):
     bone_placement: np.ndarray  # (instants, bones, PLACEMENT)
     ties: Ties
     tie_placement: np.ndarray  # that of the bones that hold the ties, (instants, bones, PLACEMENT)
+    surfaces: Surfaces
     motion: Motion
     planned: np.ndarray  # work array: next velocities of the nodes with prescribed motion [m/s], (k, 3)
 

@@ -47,6 +47,7 @@ _KERNEL_SOURCES = (
     "fem/solve/step.py",
     "fem/solve/relax_step.py",
     "fem/solve/look.py",
+    "fem/solve/restraint.py",
     "fem/solve/course.py",
 )
 
@@ -58,6 +59,11 @@ PLACEHOLDER: Any = None  # stands for a leaf or a number that ``bind`` puts in i
 def leaf(function: Template) -> Dispatcher:
     """Compile ``function`` into its callers; not cached by itself."""
     return numba.jit(function, forceinline=True, **OPTIONS)
+
+
+def part_of_kernels(function: Template) -> Dispatcher:
+    """Compile a large function that several kernels call once, and not into each of its callers."""
+    return bind(function, stored=False)
 
 
 def kernel(function: Template) -> Dispatcher:

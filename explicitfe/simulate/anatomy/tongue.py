@@ -19,33 +19,36 @@ from explicitfe.fem.mesh.muscle_lines import locate_in_mesh
 from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.fem.model.gravity import gravity_load
 from explicitfe.fem.model.model import FibrePull, FibreStress, Model, NodalLoad
+from explicitfe.fem.model.surface_contact import SurfaceContact
 from explicitfe.platform.errors import InputError, nearest, shortened
 from explicitfe.results.documents.run_summary import SurgeryReport
 from explicitfe.simulate.anatomy import catalogue
 from explicitfe.simulate.anatomy.anatomy import Anatomy
+from explicitfe.simulate.anatomy.bodies import with_bodies
 from explicitfe.simulate.anatomy.bones import attachments, bones_of, check_anchors
 from explicitfe.simulate.anatomy.effects import check_effects
-from explicitfe.simulate.anatomy.loads import scale_anatomy, with_loads, with_release
+from explicitfe.simulate.anatomy.loads import PA_M_PER_KPA_MM, scale_anatomy, with_loads, with_release
 from explicitfe.simulate.anatomy.muscles import activation_stiffness, directed, line_pull
 from explicitfe.simulate.anatomy.own_mesh import read_model_file
 from explicitfe.simulate.anatomy.surgery import operated, surgery_of, surgery_report
+from explicitfe.simulate.scenario.bodies import MeshTable
 from explicitfe.simulate.scenario.bones import BoneTable
 from explicitfe.simulate.scenario.profile import profile_of
 from explicitfe.simulate.scenario.transient import AnalysisTable, Damping, ModelTable, MuscleTable, TransientScenario
 
 
-def anatomy_of(table: ModelTable, folder: Path) -> Anatomy:
-    """The anatomy that a ``[model]`` table asks for; paths are relative to ``folder``."""
+def anatomy_of(table: MeshTable, folder: Path) -> Anatomy:
+    """The anatomy that a ``[model]`` or ``[[body]]`` table asks for; paths are relative to ``folder``."""
     if table.box_mm is not None:
         return _box(table)
     if table.file is not None:
         anatomy = read_model_file(folder / table.file)
         return anatomy if table.scale == (1.0, 1.0, 1.0) else scale_anatomy(anatomy, table.scale)
-    assert table.name is not None  # the schema has checked that one of the two is given
-    return catalogue.built_in(table.name, table.resolution, table.cells)
+    assert table.built_in is not None  # the schema has checked that one of the two is given
+    return catalogue.built_in(table.built_in, table.resolution, table.cells)
 
 
-def _box(table: ModelTable) -> Anatomy:
+def _box(table: MeshTable) -> Anatomy:
     """A box with a corner at the origin; its faces are node sets, and their centres named points."""
     assert table.box_mm is not None and table.cells is not None  # the schema has checked that both are given
     size_m = 1e-3 * np.array(table.box_mm) * np.array(table.scale)
@@ -84,9 +87,9 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
     InputError : a name that does not exist, or a mesh that cannot be computed.
     """
     table = scenario.model
-    anatomy = anatomy_of(table, folder)
-    mesh = anatomy.mesh
     material = catalogue.material(table.material)
+    bodies = with_bodies(anatomy_of(table, folder), material, scenario.body, folder, anatomy_of)
+    anatomy, mesh = bodies.anatomy, bodies.anatomy.mesh
 
     held = np.zeros((mesh.node_count, 3), dtype=bool)
     supported = {support.name for support in scenario.support}
@@ -96,6 +99,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
             raise InputError(f'model.fixed: unknown node set "{name}"; {nearest(name, mesh.node_sets)}')
         if table.attachment == "nodes":
             held[mesh.node_sets[name]] = True
+    held[bodies.held] = True
     surgery = surgery_of(scenario, mesh, material)
     loads: list[NodalLoad] = []
     pulls: list[FibrePull] = []
@@ -144,6 +148,8 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         attachments=attachments(scenario, mesh, fixed) if table.attachment == "area" else (),
         probes={name: mesh.named_points[name] for name in names},
         fibres=tuple(lines_of_muscles),
+        inclusions=bodies.inclusions,
+        surfaces=_surfaces(scenario),
     )
     check_anchors(model.pulls, model.bones)
     report = None
@@ -174,6 +180,12 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         model = effect.apply(model)
     model, displacement = with_release(model, scenario.release)
     return Assembly(model, anatomy, report, displacement)
+
+
+def _surfaces(scenario: TransientScenario) -> SurfaceContact | None:
+    if scenario.contact is None:
+        return SurfaceContact() if scenario.body else None
+    return SurfaceContact(PA_M_PER_KPA_MM * scenario.contact.stiffness_kPa_per_mm, scenario.contact.friction)
 
 
 def tongue_model(

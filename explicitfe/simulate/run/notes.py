@@ -9,8 +9,6 @@ import numpy as np
 from explicitfe.fem.mesh.soundness import Soundness, soundness
 from explicitfe.fem.model.model import Model
 from explicitfe.fem.solve.load_outcome import Equilibrium
-from explicitfe.fem.solve.observe import Snapshot
-from explicitfe.platform.compiled.arrays import BONE_DEPTH, BONE_FORCE
 from explicitfe.simulate.run.work import balance_of
 
 # Specimens and organs; a mesh outside this range most probably has another unit of length.
@@ -21,8 +19,6 @@ BALANCE_WARNING_SHARE = 1e-3
 _REACTION_WARNING_SHARE = 1e-2
 # Of the force: decrease that rounding can cause while the tool goes deeper.
 _FALL_WARNING_SHARE = 1e-2
-# Of the largest extent of the mesh: in the shipped gestures a node is at most 0.14 mm in a bone, 0.0014 of the extent.
-_PENETRATION_WARNING_SHARE = 5e-3
 
 
 def mesh_notes(model: Model, *, built_in: bool = False) -> tuple[str, ...]:
@@ -71,7 +67,7 @@ def _parts(model: Model, body: Soundness) -> list[str]:
     held[body.part[holding_nodes(model)[model.mesh.hexes].any(axis=1)]] = True
     loose = np.flatnonzero(~held)
     notes = []
-    if count > 1:
+    if count > 1 and model.surfaces is None:
         notes.append(
             f"the mesh consists of {count} parts that have no node in common, the smallest of {_around(model, body.part)}: they "
             "do not interact; connect them by common nodes, or remove parts that do not belong to the body."
@@ -151,22 +147,6 @@ def balance_notes(error: float, barrier_share: float) -> list[str]:
         f"the energy balance is off by up to {_percent(error)}: the time step is too long for the fastest motion{where}; add "
         "model.damping or reduce analysis.step_us, and compare."
     ]
-
-
-def contact_notes(model: Model, last: Snapshot) -> list[str]:
-    """Warnings on bones that the body penetrates at the end of a run: contact is a stiff spring, which large forces compress."""
-    limit_m = _PENETRATION_WARNING_SHARE * float(np.ptp(model.mesh.points, axis=0).max())
-    notes = []
-    for bone, sums, pressure in zip(model.bones, last.contact, last.contact_pressure, strict=True):
-        if sums[BONE_DEPTH] > limit_m:
-            place = _mm((model.mesh.points + last.displacement)[int(np.argmax(pressure))])
-            force_N = float(np.linalg.norm(sums[BONE_FORCE : BONE_FORCE + 3]))
-            notes.append(
-                f'the body penetrates the bone "{bone.name}" by {1e3 * sums[BONE_DEPTH]:.1f} mm at the end, with the highest '
-                f"pressure near {place} mm: the resultant contact force of {force_N:.3g} N is too large for the contact springs; "
-                "reduce the forces or gravity_m_s2, and check their units."
-            )
-    return notes
 
 
 def equilibrium_notes(curve: Sequence[Equilibrium], *, elastic: bool) -> list[str]:

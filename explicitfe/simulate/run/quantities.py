@@ -24,16 +24,24 @@ _HISTORY = {
     "smallest_J": Quantity("1", 1, "smallest J of all elements in all steps so far"),
 }
 
+SURFACE_PRESSURE = "surface_pressure"
 _CELL_FIELDS = {
     "J": Quantity("1", 1, "volume over reference volume, det F"),
     "hourglass_energy": Quantity("J", 1, "hourglass energy of the element"),
 }
 
 
-def point_fields(wanted: Collection[str], bones: Iterable[str]) -> dict[str, Quantity]:
-    """Fields of nodes beside the displacement: those of ``record.fields`` that are wanted, and the pressure of each bone."""
-    velocity = {"velocity": Quantity("m/s", 3, "velocity of the nodes")} if "velocity" in wanted else {}
-    return velocity | {f"contact_pressure_{bone}": Quantity("Pa", 1, f"pressure of {bone} on the surface") for bone in bones}
+def point_fields(wanted: Collection[str], bones: Iterable[str], *, surfaces: bool = False) -> dict[str, Quantity]:
+    """Fields of nodes beside the displacement: those of ``record.fields`` that are wanted, and pressures.
+
+    Parameters
+    ----------
+    bones : those that press on the surface.
+    surfaces : whether surfaces press on each other.
+    """
+    fields = {"velocity": Quantity("m/s", 3, "velocity of the nodes")} if "velocity" in wanted else {}
+    fields |= {f"contact_pressure_{bone}": Quantity("Pa", 1, f"pressure of {bone} on the surface") for bone in bones}
+    return fields | ({SURFACE_PRESSURE: Quantity("Pa", 1, "pressure of surfaces on each other")} if surfaces else {})
 
 
 def cell_fields(wanted: Collection[str]) -> dict[str, Quantity]:
@@ -49,6 +57,7 @@ def history_columns(probes: Iterable[str], bones: Iterable[str], moving: Collect
         columns[f"probe_{name}_velocity"] = Quantity("m/s", 3, f"velocity of {name}")
     for bone in bones:
         columns[f"contact_{bone}_force"] = Quantity("N", 3, f"force of {bone} on the body")
+        columns[f"contact_{bone}_depth"] = Quantity("m", 1, f"deepest point of the surface in {bone}, beyond its depth at rest")
         columns[f"contact_{bone}_area"] = Quantity("m^2", 1, f"area of the surface that {bone} touches")
         if bone in moving:
             placed = f"where {bone} is: rotation R by rows, and shift s [m]; a point X of it at rest is at R X + s"

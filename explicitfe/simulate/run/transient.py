@@ -11,6 +11,7 @@ from typing import Self, cast
 
 import numpy as np
 
+from explicitfe.fem.bones.surface import TriangleSurface
 from explicitfe.fem.mesh.self_contact import self_penetration
 from explicitfe.fem.solve.observe import Recording, Snapshot
 from explicitfe.fem.solve.simulation import Simulation
@@ -28,6 +29,7 @@ from explicitfe.fem.solve.transient import (
 from explicitfe.platform.compiled.arrays import (
     BARRIER,
     BONE_AREA,
+    BONE_DEPTH,
     BONE_FORCE,
     DAMPED,
     ENERGIES,
@@ -66,10 +68,11 @@ from explicitfe.simulate.run.analysis import (
     how_to_resume,
     restart_extras,
 )
+from explicitfe.simulate.run.crossings import CROSSING_WARNING_M, Crossings
 from explicitfe.simulate.run.machine_code import kernels_of, make_ready
-from explicitfe.simulate.run.notes import balance_notes, contact_notes
+from explicitfe.simulate.run.notes import balance_notes
 from explicitfe.simulate.run.outlook import check_room, check_steps, warn_of_long_run
-from explicitfe.simulate.run.quantities import cell_fields, history_columns, point_fields
+from explicitfe.simulate.run.quantities import SURFACE_PRESSURE, cell_fields, history_columns, point_fields
 from explicitfe.simulate.scenario.transient import MuscleTable, TransientScenario
 
 BALANCE_ERROR_LIMIT = 0.1  # above it is no rounding: energy comes from nowhere, as it does when the step is too long
@@ -142,6 +145,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             check_room(target, self._result_bytes(), "take a longer record.every_ms, fewer record.fields or another `out`")
 
         largest_m = 0.0 if begun is None else _largest_stored(begun)
+        crossings = Crossings(self.model.mesh, self.model.bones, self._surfaces_without_contact())
         with self._opened(target, overwrite, expected, begun) as writer:
             compile_s = make_ready(simulation, progress, kernels_of(self.name, self.model.element, self.scenario.effects))
             try:
@@ -155,6 +159,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             # The first state is stored before the first sample: from there a run begins again, that sample included.
             if begun is not None and begun.state is not None and begun.state.arrays["samples"] > 0:
                 ledger.add_until(_energies(begun.rows), BALANCE_ERROR_LIMIT)
+                crossings.restore(begun.rows)
                 transient.restore(begun.state.arrays)
                 started -= float(begun.state.arrays["seconds"])
             # a run that goes on may have other threads than it was begun with; its file keeps the shape of its states
@@ -174,7 +179,9 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
                 count, imbalance = ledger.add_until(recording.energies, BALANCE_ERROR_LIMIT)
                 if count:
                     self._store(writer, recording, ledger, count)
-                    largest_m = max(largest_m, largest_displacement(recording.arrays.displacement[:count]))
+                    seen, some = recording.arrays, slice(0, count)
+                    largest_m = max(largest_m, largest_displacement(seen.displacement[some]))
+                    crossings.add(recording.time_s[some], seen.displacement[some], seen.contact[some], seen.pressure[some])
                 if not imbalance < BALANCE_ERROR_LIMIT:
                     status = _diverged(float(recording.time_s[count - 1]), imbalance)
                     break
@@ -192,7 +199,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             if status.state == INTERRUPTED:
                 status = Status(INTERRUPTED, f"{status.message} of {1e3 * duration_s:g} ms; {how_to_resume(place)}")
             seconds = time.perf_counter() - started
-            summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row, largest_m)
+            summary = self._summary(place, status, ledger, transient, compile_s, seconds, writer.last_row, largest_m, crossings)
             if isinstance(writer, ResultWriter):
                 summary = self._completed(summary)
             summary["total_s"] = self.prepare_s + time.perf_counter() - begin
@@ -225,6 +232,13 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
 
     # ---- inside ----
 
+    def _surfaces_without_contact(self) -> dict[str, TriangleSurface]:
+        """Surfaces of the built-in model that the scenario omits; a jaw that is omitted stays where it is."""
+        if self.scenario.model.name not in catalogue.model_folders():
+            return {}
+        shapes = catalogue.bones(self.scenario.model.name)
+        return {name: shape.surface for name, shape in shapes.items() if name not in {bone.name for bone in self.model.bones}}
+
     def _completed(self, summary: RunSummary) -> TransientSummary:
         whole = cast(TransientSummary, summary)
         if np.isfinite(self.body.snapshot().energies).all():
@@ -247,7 +261,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         room = max(8, int(FIRST_ROOM_BYTES / per_sample))
         declared = Declaration(
             mesh=model.mesh,
-            point_fields=point_fields(wanted, bones),
+            point_fields=point_fields(wanted, bones, surfaces=self.model.surfaces is not None),
             cell_fields=cell_fields(wanted),
             history=history_columns(model.probes, bones, [bone.name for bone in model.bones if bone.motion is not None]),
             bones={bone.name: (bone.surface.points, bone.surface.triangles) for bone in model.bones},
@@ -282,6 +296,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         }
         for number, bone in enumerate(self.model.bones):
             rows[f"contact_{bone.name}_force"] = samples.contact[some, number, BONE_FORCE : BONE_FORCE + 3]
+            rows[f"contact_{bone.name}_depth"] = samples.contact[some, number, BONE_DEPTH]
             rows[f"contact_{bone.name}_area"] = samples.contact[some, number, BONE_AREA]
             if bone.motion is not None:
                 rotation, shift = bone.motion.placement(times_s)
@@ -292,10 +307,12 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         points = {"displacement": displacement} | ({"velocity": velocity} if "velocity" in wanted else {})
         for number, bone in enumerate(self.model.bones):
             points[f"contact_pressure_{bone.name}"] = samples.pressure[some, number]
+        if self.model.surfaces is not None:
+            points[SURFACE_PRESSURE] = samples.pressed[some]
         cells = {"J": samples.J[some], "hourglass_energy": samples.hourglass[some]}
         writer.samples(times_s, rows, points, {name: value for name, value in cells.items() if name in wanted})
 
-    def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements) -> list[str]:
+    def _warnings(self, ledger: Ledger, last: Snapshot, folded: FoldedElements, crossings: Crossings) -> list[str]:
         """Warnings on the quality of the result."""
         mesh, spread = self.model.mesh, how_to_spread(self.scenario.muscle)
         warnings = [*self.notes]
@@ -316,15 +333,20 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
             )
         if not np.isfinite(last.displacement).all():
             return warnings
-        through = self_penetration(mesh, last.displacement)
-        if through.where_m is not None:
+        through, modelled = self_penetration(mesh, last.displacement), self.model.surfaces is not None
+        if through.where_m is not None and through.deepest_m > (CROSSING_WARNING_M if modelled else 0.0):
             x, y, z = 1e3 * through.where_m
+            why = (
+                "the forces are too large for the contact springs, or the mesh is coarse for an edge that presses on a surface; "
+                "reduce the forces, or refine the mesh."
+                if modelled
+                else "the scenario has no contact of surfaces with each other; add [contact], or reduce the forces."
+            )
             warnings.append(
                 f"the body passes through itself at the end: {through.count} nodes of its surface are inside other elements, up "
-                f"to {1e3 * through.deepest_m:.1f} mm deep near ({x:.0f}, {y:.0f}, {z:.0f}) mm, because self-contact is not "
-                "modelled; reduce the forces, or ignore the result at this place."
+                f"to {1e3 * through.deepest_m:.1f} mm deep near ({x:.0f}, {y:.0f}, {z:.0f}) mm: {why}"
             )
-        warnings += contact_notes(self.model, last)
+        warnings += crossings.warnings(last.displacement, last.time_s)
         moved = float(np.linalg.norm(last.displacement, axis=1).max())
         extent = float(np.ptp(mesh.points, axis=0).max())
         if moved > DISPLACEMENT_WARNING_SHARE * extent:
@@ -347,6 +369,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         wall_s: float,
         last_row: Mapping[str, np.ndarray],
         largest_m: float,
+        crossings: Crossings,
     ) -> TransientSummary:
         simulation, mesh = transient.simulation, self.model.mesh
         last = simulation.snapshot()
@@ -357,7 +380,7 @@ class TransientAnalysis(Analysis[TransientScenario, Simulation]):
         return {
             "status": status.state,
             "message": status.message,
-            "warnings": self._warnings(ledger, last, folded),
+            "warnings": self._warnings(ledger, last, folded, crossings),
             "result": str(target),
             "title": self.scenario.title,
             "nodes": mesh.node_count,

@@ -8,7 +8,8 @@ from pydantic import Field, model_validator
 
 from explicitfe.fem.inputs.limits import ElementName
 from explicitfe.fem.inputs.material import Material
-from explicitfe.fem.inputs.table import MOST_TABLES_OF_A_KIND, Cells, Name, Size, Table, Threads, Title, Vector
+from explicitfe.fem.inputs.table import MOST_TABLES_OF_A_KIND, Name, Table, Threads, Title, Vector
+from explicitfe.simulate.scenario.bodies import BodyTable, ContactTable, MeshTable
 from explicitfe.simulate.scenario.bones import BoneTable, HyoidTable, JawTable
 from explicitfe.simulate.scenario.effects_table import EffectsTable
 from explicitfe.simulate.scenario.lips import LipsTable
@@ -36,17 +37,10 @@ class Damping(Table):
     tau_ms: float = Field(default=5.0, gt=0.0, description="relaxation time of that branch [ms]: it damps below 1 / (2 pi tau)")
 
 
-class ModelTable(Table):
+class ModelTable(MeshTable):
     """What is computed: a built-in model by name, or a mesh of one's own by its model file."""
 
     name: str | None = Field(default=None, description="a built-in model, see 'explicitfe list models'")
-    file: str | None = Field(default=None, description="model file of your own mesh, relative to this file")
-    box_mm: Size | None = Field(default=None, description="lengths of a box with a corner at the origin; cells is then required")
-    scale: Vector = Field(default=(1.0, 1.0, 1.0), description="factors of the lengths of a box or a model file along x, y and z")
-    resolution: str | None = Field(default=None, description="coarse | medium | fine; medium by default")
-    cells: Cells | None = Field(
-        default=None, description="numbers of elements along the tongue, through its thickness and across it"
-    )
     material: Material = Field(default="gerard-2005", description="a name, see 'explicitfe list materials', or constants")
     element: ElementName = Field(
         default="hex8",
@@ -56,7 +50,6 @@ class ModelTable(Table):
         default=True, description='whether a barrier keeps the corners of elements from folding; "hex8" alone has one'
     )
     damping: Damping = Damping()
-    fixed: list[Name] | None = Field(default=None, description="node sets that are held; those of the model by default")
     attachment: Literal["nodes", "area"] = Field(
         default="nodes",
         description='how bones hold the body: "nodes" stops the nodes of the sets in fixed, "area" ties the patches of these '
@@ -69,21 +62,7 @@ class ModelTable(Table):
     )
     gravity_m_s2: Vector = Field(default=(0.0, 0.0, 0.0), description="acceleration of gravity")
 
-    @model_validator(mode="after")
-    def _one_source(self) -> ModelTable:
-        if sum(source is not None for source in (self.name, self.file, self.box_mm)) != 1:
-            raise ValueError("give either name (a built-in model), file (a model file) or box_mm (the lengths of a box)")
-        if self.box_mm is not None and (self.cells is None or not min(self.box_mm) > 0.0):
-            raise ValueError("box_mm needs three lengths above 0, and cells, such as cells = [13, 4, 4]")
-        if not min(self.scale) > 0.0 or (self.name is not None and self.scale != (1.0, 1.0, 1.0)):
-            raise ValueError("scale needs three factors above 0, and is for box_mm and file only")
-        if self.resolution is not None and self.cells is not None:
-            raise ValueError("give either resolution or cells, not both")
-        if self.fixed is not None and len(set(self.fixed)) < len(self.fixed):
-            raise ValueError("fixed names a node set twice; name each once")
-        if self.file is not None and (self.resolution is not None or self.cells is not None):
-            raise ValueError("resolution and cells are for built-in models: a model file brings its own mesh")
-        return self
+    _built_in_key = "name"
 
 
 class MuscleTable(ProfileTable):
@@ -138,6 +117,10 @@ class TransientScenario(Table):
     question: str = Field(default="", description="question that the run answers")
     expect: str = Field(default="", description="expected result, with numbers")
     model: ModelTable
+    body: list[BodyTable] = Field(default=[], max_length=MOST_TABLES_OF_A_KIND, description="further bodies, which it touches")
+    contact: ContactTable | None = Field(
+        default=None, description="contact of free surfaces of bodies; by default there is some where there are several"
+    )
     load: list[LoadTable] = Field(
         default=[], max_length=MOST_TABLES_OF_A_KIND, description="forces on nodes, and masses that are fixed to them or hang"
     )
@@ -177,6 +160,15 @@ class TransientScenario(Table):
         return self
 
     @model_validator(mode="after")
+    def _bodies_have_names(self) -> TransientScenario:
+        names = [one.name for one in self.body]
+        if len(set(names)) < len(names):
+            raise ValueError("two [[body]] tables have one name; rename one of them")
+        if self.body and (self.resection or self.graft):
+            raise ValueError("surgery of several bodies is not supported; remove [[resection]] and [[graft]], or [[body]]")
+        return self
+
+    @model_validator(mode="after")
     def _bones_that_move_are_tied(self) -> TransientScenario:
         if self.hyoid is not None and self.model.attachment != "area":
             raise ValueError('[hyoid] needs model.attachment = "area": nodes that are held do not give way')
@@ -193,5 +185,5 @@ class TransientScenario(Table):
     @property
     def file_names(self) -> tuple[str, ...]:
         """The files that it names, relative to its own: a model file, surfaces of bones."""
-        names = [self.model.file, *(bone.file for bone in self.bone)]
+        names = [self.model.file, *(body.file for body in self.body), *(bone.file for bone in self.bone)]
         return tuple(name for name in names if name is not None)

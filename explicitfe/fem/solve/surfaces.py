@@ -1,0 +1,190 @@
+"""The free surfaces of a body as arrays for contact with each other."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components
+
+from explicitfe.fem.bones.surface import in_mm
+from explicitfe.fem.forces.surfaces import DAMPING_RATIO, STIFFER, find_touching_at_rest
+from explicitfe.fem.mesh.hexmesh import FACES, HexMesh, free_faces, shape_functions
+from explicitfe.fem.mesh.surface_points import points_on_faces, surface_areas
+from explicitfe.fem.model.surface_contact import SurfaceContact
+from explicitfe.platform.compiled.contact_arrays import CELLS, FACES_NEAR, NUMBERS, RUBBING, SKIN, Surfaces
+from explicitfe.platform.compiled.jit import kernel
+from explicitfe.platform.errors import InputError
+
+# How deep a point may lie below a face, in edges of that; and the skin, in mean edges of all.
+DEEPEST_EDGES, SKIN_EDGES = 0.3, 0.2
+PIECES = 2  # along an edge of a face, each with two by two points
+_NONE = np.zeros(0)
+
+
+def surfaces_of(contact: SurfaceContact | None, mesh: HexMesh, place: np.ndarray, mass: np.ndarray) -> Surfaces:
+    """Surfaces; without nodes where there is no contact.
+
+    Parameters
+    ----------
+    place : (n,) row of each node in computing order.
+    mass : (n,) kg.
+
+    Raises
+    ------
+    InputError : two bodies overlap at rest.
+    """
+    if contact is None:
+        nobody = np.zeros(0, dtype=np.int64)
+        return _arrays(
+            nobody,
+            nobody,
+            _NONE,
+            np.zeros((0, 3)),
+            np.zeros((0, 4)),
+            _NONE,
+            [],
+            np.zeros((0, 4)),
+            _NONE,
+            _NONE,
+        )
+    element, face = free_faces(mesh.hexes)
+    quads = mesh.hexes[element[:, None], FACES[face]]
+    nodes = np.unique(quads)
+    faces = np.searchsorted(nodes, quads)
+    corners = mesh.points[quads]
+    edges_m = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    numbers = np.zeros(NUMBERS)
+    numbers[[SKIN, RUBBING]] = SKIN_EDGES * edges_m.mean(), contact.friction
+    deepest = DEEPEST_EDGES * edges_m.mean(axis=1)
+    points, areas_m2 = points_on_faces(mesh, element, face, PIECES)
+    per_face = len(areas_m2) // len(quads)
+    share = np.take_along_axis(shape_functions(points.natural), FACES[np.repeat(face, per_face)], axis=1)
+    spring = 0.5 * contact.stiffness_Pa_m * areas_m2
+    # each of the points of a face moves with its share of the masses of the corners
+    of_points = np.einsum("qc,qc->q", share, mass[np.repeat(quads, per_face, axis=0)]) / per_face
+    rows = place[nodes].astype(np.int64)
+    own = _own_faces(mesh, nodes, faces)
+    damper = DAMPING_RATIO * np.sqrt(spring * of_points)
+    area = surface_areas(mesh)[nodes]
+    surfaces = _arrays(rows, nodes, area, mesh.points[nodes], faces, deepest, own, share, spring, damper, numbers)
+    _check_apart(mesh, nodes, surfaces)
+    return surfaces
+
+
+def highest_contact(surfaces: Surfaces, inverse_mass: np.ndarray) -> float:
+    """Bound of the square of the frequency of nodes that rest on another surface alone [1/s^2].
+
+    Parameters
+    ----------
+    inverse_mass : (N, 4) node rows [1/kg].
+
+    Notes
+    -----
+    The springs of the points around a node add up to its half of the pressure; the points of the other side are taken to be as
+    stiff, and both bodies give way.
+    """
+    stiffness = np.zeros(len(surfaces.node))
+    np.add.at(stiffness, surfaces.face[surfaces.point_face], surfaces.spring[:, None] * surfaces.share)
+    return float(4.0 * STIFFER * (stiffness * inverse_mass[surfaces.node].max(axis=1)).max(initial=0.0))
+
+
+def _check_apart(mesh: HexMesh, nodes: np.ndarray, surfaces: Surfaces) -> None:
+    """Refuse surfaces that touch at rest: what pushes there would set the body in motion."""
+    at_rest = surfaces._replace(node=np.arange(len(nodes)))
+    _touching_at(at_rest, np.zeros((len(nodes), 4)))
+    count = int(surfaces.touches[0])
+    if not count:
+        return
+    deepest = int(np.argmax(surfaces.out[:count, 3]))
+    node = nodes[surfaces.face[surfaces.point_face[surfaces.touching[deepest]], 0]]
+    other = nodes[surfaces.face[surfaces.touched[deepest], 0]]
+    edges = mesh.hexes[:, [0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3]], mesh.hexes[:, [1, 2, 3, 0, 5, 6, 7, 4, 5, 6, 7]]
+    ends = (np.ones(edges[0].size), (edges[0].ravel(), edges[1].ravel()))
+    part = connected_components(coo_array(ends, shape=2 * (mesh.node_count,)), directed=False)[1]
+    who = "two bodies overlap" if part[node] != part[other] else "the surface passes through itself"
+    raise InputError(
+        f"{who} at rest: {count} points of the surfaces lie inside, the deepest {1e3 * surfaces.out[deepest, 3]:.2g} mm deep at "
+        f"{in_mm(mesh.points[node])}; move them apart."
+    )
+
+
+_touching_at = kernel(find_touching_at_rest)
+
+
+def _own_faces(mesh: HexMesh, nodes: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
+    """For each face the faces, rising, that have a corner in common with an element that touches it, itself included."""
+    beside = _incidence(mesh.hexes, mesh.node_count)[:, nodes]
+    corner = _incidence(faces, len(nodes))
+    touching = (corner @ beside.T @ beside @ corner.T).tocsr()
+    touching.sort_indices()
+    return np.split(touching.indices.astype(np.int64), touching.indptr[1:-1])
+
+
+def _across(faces: np.ndarray) -> np.ndarray:
+    """For each edge of faces (f, 4), from its corner to the next, the other face and its edge; -1 where there is not just one."""
+    across = np.full((len(faces), 4, 2), -1)
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    _, number, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(number.ravel(), kind="stable")
+    pairs = order[np.repeat(count == 2, count)].reshape(-1, 2)
+    for one, other in (pairs.T, pairs[:, ::-1].T):
+        across.reshape(-1, 2)[one] = np.stack(np.divmod(other, 4), axis=1)
+    return across
+
+
+def _incidence(corners: np.ndarray, count: int) -> csr_array:
+    """Which of so many nodes each row of corners has, (rows, nodes)."""
+    ends = corners.shape[1] * np.arange(len(corners) + 1)
+    return csr_array((np.ones(corners.size), corners.ravel(), ends), shape=(len(corners), count))
+
+
+def _arrays(
+    node: np.ndarray,
+    user: np.ndarray,
+    area: np.ndarray,
+    position: np.ndarray,
+    face: np.ndarray,
+    deepest: np.ndarray,
+    own: list[np.ndarray],
+    share: np.ndarray,
+    spring: np.ndarray,
+    damper: np.ndarray,
+    numbers: np.ndarray | None = None,
+) -> Surfaces:
+    nodes, points = len(node), len(spring)
+    return Surfaces(
+        node=node,
+        user=user.astype(np.int64),
+        area=area,
+        position=np.ascontiguousarray(position, dtype=float),
+        face=np.ascontiguousarray(face, dtype=np.int64),
+        across=_across(face),
+        deepest=deepest,
+        own=np.concatenate([*own, np.zeros(0, dtype=np.int64)]),
+        own_start=np.concatenate([[0], np.cumsum([len(one) for one in own])]).astype(np.int64),
+        point_face=np.repeat(np.arange(len(face)), points // max(len(face), 1)),
+        share=np.ascontiguousarray(share),
+        spring=spring,
+        damper=damper,
+        numbers=np.zeros(NUMBERS) if numbers is None else numbers,
+        place=np.zeros((nodes, 3)),
+        seen=np.full((nodes, 3), np.nan),
+        middle=np.zeros((len(face), 3)),
+        low=np.zeros((len(face), 3)),
+        high=np.zeros((len(face), 3)),
+        near=np.zeros((len(face), FACES_NEAR), dtype=np.int32),
+        near_count=np.zeros(len(face), dtype=np.int64),
+        normal=np.zeros((len(face), 3)),
+        close=np.zeros(FACES_NEAR, dtype=np.int64),
+        active=np.zeros(len(face), dtype=np.int64),
+        active_count=np.zeros(1, dtype=np.int64),
+        head=np.zeros(CELLS**3 if points else 0, dtype=np.int64),
+        chain=np.zeros(len(face), dtype=np.int64),
+        touching=np.zeros(points, dtype=np.int64),
+        touches=np.zeros(1, dtype=np.int64),
+        touched=np.zeros(points, dtype=np.int64),
+        weight=np.zeros((points, 4)),
+        stiff=np.zeros((points, 2)),
+        out=np.zeros((points, 4)),
+        brake=np.zeros((points, 4)),
+    )

@@ -1,0 +1,53 @@
+"""Arrays for contact between deformable surfaces; see ``arrays.py`` and ``fem/forces/surfaces.py``."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Entries of ``Surfaces.numbers``: twice how far a node may move before faces near each other are searched again [m]; Coulomb's
+# coefficient.
+SKIN, RUBBING, NUMBERS = range(3)
+FACES_NEAR = 64  # faces kept for each face: in a fold of a fine mesh there are two dozen
+CELLS = 16  # of the search along each direction
+
+
+class Surfaces(NamedTuple):
+    """Free surfaces of deformable bodies: k nodes, f faces, and q points of these that may touch other faces."""
+
+    node: np.ndarray  # row of each node, int64, (k,)
+    user: np.ndarray  # its number in the user's numbering, int64, (k,)
+    area: np.ndarray  # of the surface that belongs to it [m^2], (k,)
+    position: np.ndarray  # its reference position [m], (k, 3)
+    face: np.ndarray  # corners of each face, counter-clockwise from outside, numbers among the k nodes, int64, (f, 4)
+    across: np.ndarray  # the face on the other side of each edge, -1 for none, and which of its edges that is, int64, (f, 4, 2)
+    deepest: np.ndarray  # how deep a point may lie below each face [m], (f,)
+    own: np.ndarray  # faces that the points of a face never touch, rising, int64, (entries,)
+    own_start: np.ndarray  # first entry of each face, and the end, int64, (f + 1,)
+    point_face: np.ndarray  # face of each point, rising, int64, (q,)
+    share: np.ndarray  # of the corners of its face in each point, (q, 4)
+    spring: np.ndarray  # half of the contact stiffness of its area [N/m], (q,)
+    damper: np.ndarray  # half critical with its mass [N s/m], (q,)
+    numbers: np.ndarray  # (NUMBERS,)
+    # Work arrays.
+    place: np.ndarray  # positions of the nodes now [m], (k, 3)
+    seen: np.ndarray  # positions at the last search [m], (k, 3); NaN before the first one
+    middle: np.ndarray  # middles of the faces now [m], (f, 3)
+    low: np.ndarray  # bounds of the boxes in which points may touch the faces until the next search [m], (f, 3)
+    high: np.ndarray
+    near: np.ndarray  # faces near each face that look at it, int32, (f, FACES_NEAR)
+    near_count: np.ndarray  # how many, int64, (f,)
+    normal: np.ndarray  # outward unit normals of the faces at the last search, (f, 3)
+    close: np.ndarray  # of the faces near a face those that it may touch now, int64, (FACES_NEAR,)
+    active: np.ndarray  # faces that are near another one, rising, int64, (f,)
+    active_count: np.ndarray  # how many, int64, (1,)
+    head: np.ndarray  # first face of each cell of the search, -1 for none, int64, (CELLS ** 3,)
+    chain: np.ndarray  # next face of the same cell, int64, (f,)
+    touching: np.ndarray  # points that touch a face now, int64, (q,)
+    touches: np.ndarray  # how many, int64, (1,)
+    touched: np.ndarray  # the face that each of them touches, int64, (q,)
+    weight: np.ndarray  # of the corners of that face, (q, 4)
+    stiff: np.ndarray  # spring [N/m] and damper [N s/m] of each of them, by how much the faces look at each other, (q, 2)
+    out: np.ndarray  # unit vector out of the face, and depth [m], (q, 4)
+    brake: np.ndarray  # damper and friction force on each of them [N], and its power at the velocity before [W], (q, 4)

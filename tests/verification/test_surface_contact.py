@@ -1,0 +1,208 @@
+"""Contact between deformable surfaces: momentum, energy, closed forms, friction, self-contact, and bodies that overlap."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from explicitfe.fem.materials.neo_hooke import NeoHooke
+from explicitfe.fem.mesh.box import box
+from explicitfe.fem.mesh.hexmesh import HexMesh
+from explicitfe.fem.mesh.joined import join
+from explicitfe.fem.mesh.self_contact import self_penetration
+from explicitfe.fem.model.gravity import gravity_load
+from explicitfe.fem.model.model import Model, NodalLoad
+from explicitfe.fem.model.profile import Profile
+from explicitfe.fem.model.surface_contact import SurfaceContact
+from explicitfe.fem.solve.simulation import Simulation
+from explicitfe.fem.solve.transient import Transient
+from explicitfe.platform.compiled.arrays import BARRIER, EXTERNAL, HOURGLASS, IN_CONTACT, INTERNAL, KINETIC, RUBBED
+from explicitfe.platform.errors import InputError
+from explicitfe.simulate.anatomy.loads import node_shares
+
+SOFT = NeoHooke(C10_Pa=2000.0, poisson=0.45)
+EDGE_M = 0.02
+
+
+def moved(mesh: HexMesh, shift_m: tuple[float, float, float]) -> HexMesh:
+    return replace(mesh, points=mesh.points + np.array(shift_m), named_points={})
+
+
+def two_blocks(gap_m: float = 3e-4, cells: tuple[int, int] = (4, 3)) -> HexMesh:
+    """Two cubes, one above the other and beside it by a little, with meshes that do not match."""
+    lower, upper = (box((n, n, n), 3 * (EDGE_M,)) for n in cells)
+    return join({"lower": lower, "upper": moved(upper, (3e-3, 2e-3, EDGE_M + gap_m))})
+
+
+def free(mesh: HexMesh) -> np.ndarray:
+    return np.zeros((mesh.node_count, 3), dtype=bool)
+
+
+@pytest.mark.parametrize(("along_m_s", "share"), [(0.0, 1e-4), (0.05, 1e-3)])
+def test_a_collision_keeps_momentum_and_energy(along_m_s: float, share: float) -> None:
+    """Momentum to rounding, angular momentum and energy without dampers too, and the same with two threads.
+
+    A point that slides over an edge of the other body while it is pressed takes the energy of its spring along, or brings it.
+    """
+    mesh = two_blocks()
+    upper = mesh.node_sets["upper"]
+    velocity = np.zeros((mesh.node_count, 3))
+    velocity[upper] = [along_m_s, 0.0, -0.2]
+    ends = []
+    for threads in (1, 2):
+        body = Simulation(Model(mesh, SOFT, free(mesh), surfaces=SurfaceContact()), velocity=velocity, threads=threads)
+        body.surfaces.damper[:] = 0.0
+        transient = Transient(body, 0.03, 2e-5)
+        before = body.snapshot()
+        mass = body.nodal_mass[:, None]
+        touched = 0
+        for time_s in np.arange(0.001, 0.0301, 0.001):
+            assert transient.advance_to(time_s) is None or time_s > 0.0299
+            now = body.snapshot()
+            touched += int(body.surfaces.touches[0] > 0)
+            momentum = (mass * now.velocity).sum(axis=0)
+            assert np.abs(momentum - (mass * velocity).sum(axis=0)).max() < 1e-13 * np.abs(mass * velocity).sum()
+            spin = np.cross(mesh.points + now.displacement, mass * now.velocity).sum(axis=0)
+            at_first = np.cross(mesh.points, mass * velocity).sum(axis=0)
+            assert np.abs(spin - at_first).max() < 1e-12 * np.abs(at_first).max()
+            e = now.energies
+            stored = e[[INTERNAL, HOURGLASS, KINETIC, IN_CONTACT, BARRIER]].sum()
+            assert abs(stored - before.energies[KINETIC]) < share * before.energies[KINETIC]
+            assert abs(e[EXTERNAL]) < share * before.energies[KINETIC]  # nothing pulls from outside
+        assert touched > 3
+        assert now.velocity[upper, 2].mean() > -0.1 and int(body.surfaces.touches[0]) == 0  # they have parted
+        ends.append(now.displacement)
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+
+
+def test_dampers_and_friction_lose_what_is_missing() -> None:
+    mesh = two_blocks()
+    velocity = np.zeros((mesh.node_count, 3))
+    velocity[mesh.node_sets["upper"]] = [0.1, 0.0, -0.2]
+    lost = []
+    for friction in (0.0, 0.5):
+        body = Simulation(Model(mesh, SOFT, free(mesh), surfaces=SurfaceContact(friction=friction)), velocity=velocity)
+        transient = Transient(body, 0.03, 2e-5)
+        begin = body.snapshot().energies[KINETIC]
+        transient.advance_to(0.03)
+        e = body.snapshot().energies
+        assert abs(e[[INTERNAL, HOURGLASS, KINETIC, IN_CONTACT, BARRIER, RUBBED]].sum() - begin) < 2e-3 * begin
+        assert abs(e[EXTERNAL]) < 2e-3 * begin
+        lost.append(e[RUBBED])
+    assert 0.0 < lost[0] < lost[1]
+
+
+def test_two_blocks_pressed_together_have_the_pressure_of_the_closed_form() -> None:
+    """A patch test: two blocks of one cross-section, meshes that do not match, free to widen on rollers.
+
+    Under a uniform pressure the stress is uniform, and each block becomes as short as one alone; the resultant is exact. Points
+    against faces pass a uniform pressure on in lumps, which the faces spread over their corners: that is the error of the method.
+    """
+    pressure_Pa = 300.0
+    lower, upper = box((4, 4, 4), 3 * (EDGE_M,)), box((5, 5, 5), 3 * (EDGE_M,))
+    mesh = join({"lower": lower, "upper": moved(upper, (0.0, 0.0, EDGE_M + 1e-6))})
+    held = mesh.held("lower.z0", along="z")
+    for name in ("lower", "upper"):
+        held |= mesh.held(f"{name}.x0", along="x") | mesh.held(f"{name}.y0", along="y")
+    top = mesh.node_sets["upper.z1"]
+    force = np.zeros((len(top), 3))
+    force[:, 2] = -pressure_Pa * EDGE_M**2 * node_shares(mesh, top)
+    model = Model(mesh, SOFT, held, alpha_per_s=200.0, loads=(NodalLoad("press", top, force),), surfaces=SurfaceContact())
+    body = Simulation(model)
+    Transient(body, 0.25, None).advance_to(0.25)
+    now = body.snapshot()
+    assert now.energies[KINETIC] < 1e-6 * now.energies[INTERNAL]
+    contact, count = body.surfaces, int(body.surfaces.touches[0])
+    push_N = contact.stiff[:count, 0] * contact.out[:count, 3]
+    assert np.isclose(push_N @ np.abs(contact.out[:count, 2]), pressure_Pa * EDGE_M**2, rtol=1e-6)
+    # Each side carries half of it: the pressure at each point, of which the penalty sees the depth.
+    depth = contact.out[:count, 3]
+    assert np.abs(depth / (pressure_Pa / 2e7) - 1.0).max() < 0.2
+    for face in ("lower.z1", "upper.z0"):  # nodes inside of the interface: the error of the patch test
+        nodes = mesh.node_sets[face]
+        away = np.abs(mesh.points[nodes, :2] - 0.5 * EDGE_M).max(axis=1)
+        inner = now.surface_pressure[nodes[away < 0.49 * EDGE_M]]
+        assert len(inner) and np.abs(inner / pressure_Pa - 1.0).max() < 0.01
+    alone = Model(
+        upper,
+        SOFT,
+        upper.held("z0", along="z") | upper.held("x0", along="x") | upper.held("y0", along="y"),
+        alpha_per_s=200.0,
+        loads=(NodalLoad("press", upper.node_sets["z1"], force),),
+    )
+    one = Simulation(alone)
+    Transient(one, 0.25, None).advance_to(0.25)
+    shortened = one.snapshot().displacement[upper.node_sets["z1"], 2].mean()
+    both = now.displacement[top, 2].mean()
+    assert np.isclose(both, 2.0 * shortened - 1e-6 - pressure_Pa / 2e7, rtol=1e-3)
+    assert np.ptp(now.displacement[mesh.node_sets["lower.z1"], 2]) < 0.005 * abs(shortened)  # the interface stays flat
+
+
+def test_a_block_slides_on_another() -> None:
+    """Without friction it keeps its speed; with it, it slows down by mu g (Coulomb)."""
+    lower = box((8, 3, 2), (0.08, 0.03, 0.02))
+    upper = moved(box((2, 2, 2), 3 * (EDGE_M,)), (0.005, 0.005, 0.02 + 1e-6))
+    mesh = join({"lower": lower, "upper": upper})
+    stiff = NeoHooke(C10_Pa=100000.0, poisson=0.45)
+    block = mesh.node_sets["upper"]
+    for friction in (0.0, 0.3):
+        model = Model(
+            mesh,
+            stiff,
+            mesh.held("lower.z0"),
+            loads=(gravity_load(mesh, stiff, (0.0, 0.0, -9.81)),),
+            surfaces=SurfaceContact(friction=friction),
+        )
+        velocity = np.zeros((mesh.node_count, 3))
+        velocity[block, 0] = 0.4
+        body = Simulation(model, velocity=velocity)
+        transient = Transient(body, 0.1, None)
+        mass = body.nodal_mass[block]
+        speeds = []
+        for time_s in (0.03, 0.1):
+            transient.advance_to(time_s)
+            speeds.append(float(mass @ body.snapshot().velocity[block, 0] / mass.sum()))
+        slowing = (speeds[0] - speeds[1]) / 0.07
+        assert np.isclose(slowing, friction * 9.81, rtol=0.03, atol=0.05)
+
+
+def test_a_strip_that_is_bent_onto_itself_stays_outside_of_itself() -> None:
+    """A hairpin whose legs are pressed together within 0.2 s."""
+    mesh = box((24, 2, 2), (0.12, 0.01, 0.005))
+    x, y, z = mesh.points.T
+    angle = np.clip((x - 0.04) / 0.04, 0.0, 1.0) * np.pi
+    radius = 0.04 / np.pi
+    r = radius - (z - 0.0025)
+    bend = np.column_stack([0.04 + r * np.sin(angle), y, radius - r * np.cos(angle)])
+    flat = x < 0.04
+    back = x > 0.08
+    bend[flat] = np.column_stack([x, y, z - 0.0025])[flat]
+    bend[back] = np.column_stack([0.12 - x, y, 2.0 * radius - (z - 0.0025)])[back]
+    hairpin = HexMesh(bend, mesh.hexes, {"end": mesh.node_sets["x0"]})
+    held = hairpin.held("end")
+    upper = np.flatnonzero(back & np.isclose(z, 0.0))
+    force = np.zeros((len(upper), 3))
+    force[:, 2] = -0.03 / len(upper)
+    ramp = Profile.step(0.0, np.inf, 0.2)
+    deepest = []
+    for surfaces in (None, SurfaceContact()):
+        model = Model(hairpin, SOFT, held, alpha_per_s=60.0, loads=(NodalLoad("close", upper, force, ramp),), surfaces=surfaces)
+        body = Simulation(model)
+        transient = Transient(body, 0.4, None)
+        depths = []
+        for time_s in np.arange(0.02, 0.401, 0.02):
+            transient.advance_to(time_s)
+            depths.append(self_penetration(hairpin, body.snapshot().displacement).deepest_m)
+        deepest.append(max(depths))
+    assert deepest[0] > 1e-3  # without contact the legs pass through each other
+    assert deepest[1] < 3e-4
+
+
+def test_bodies_that_overlap_at_rest_are_refused() -> None:
+    mesh = two_blocks(gap_m=-5e-4)
+    with pytest.raises(InputError, match=r"two bodies overlap at rest: .* 0\.5 mm deep .*move them apart"):
+        Simulation(Model(mesh, SOFT, free(mesh), surfaces=SurfaceContact()))
+    with pytest.raises(InputError, match="friction"):
+        SurfaceContact(friction=-1.0)

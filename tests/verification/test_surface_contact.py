@@ -31,7 +31,7 @@ def moved(mesh: HexMesh, shift_m: tuple[float, float, float]) -> HexMesh:
 
 
 def two_blocks(gap_m: float = 3e-4, cells: tuple[int, int] = (4, 3)) -> HexMesh:
-    """Two cubes, one above the other and beside it by a little, with meshes that do not match."""
+    """Two cubes with non-matching meshes, the upper one shifted sideways by a few millimetres."""
     lower, upper = (box((n, n, n), 3 * (EDGE_M,)) for n in cells)
     return join({"lower": lower, "upper": moved(upper, (3e-3, 2e-3, EDGE_M + gap_m))})
 

@@ -8,7 +8,7 @@ closest point there, and the corners of that face are pushed back by their share
 with the velocity v relative to the face. Both sides are searched, so each carries half of the pressure. As the direction to a
 closest point is normal to the surface, or points to an edge, the first term derives from the energy k A p^2 / 4; forces and
 moments of a pair add up to zero. A face is four triangles around its middle, with two by two Gauss points: points at nodes would
-lie on edges, where the way out is not that of the face beside. Friction is smoothed as in contact with bones (``bone.py``); it
+lie on edges, where the closest point may belong to another face. Friction is smoothed as in contact with bones (``bone.py``); it
 and the damper take the velocity before the step.
 """
 
@@ -26,7 +26,7 @@ DAMPING_RATIO = 0.2  # zeta, of two equal surfaces that press on each other
 # (Belytschko et al. 2014, section 6.2.3), as if the spring were stiffer by the inverse square of that.
 STIFFER = 1.0 / (math.sqrt(1.0 + DAMPING_RATIO**2) - DAMPING_RATIO) ** 2
 TIE_SHARE = 1e-9  # of a squared distance: triangles that are as near to a point have an edge or a corner in common
-MOST_ALIKE = 0.5  # cosine between the normals of two faces from which on they are not tried: the back of a wall
+MOST_ALIKE = 0.5  # faces whose normals have a larger cosine are skipped: they are on opposite sides of a wall
 LEAST_DEPTH_M = 1e-9  # below which the direction to a closest point is rounding
 
 

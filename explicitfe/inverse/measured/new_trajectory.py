@@ -265,7 +265,7 @@ def _toml(
         if description.places_mm:
             lines += [
                 'start_s = "fit"',
-                "# Scenario settings of this curve, such as its loads (syntax of --set): conditions.settings = [...]",
+                "# Settings of the scenario for this curve, such as loads, written as for --set: conditions.settings = [...]",
             ]
         if description.one_speaker and len(origins) > 1:
             lines.append('group = "speaker"')

@@ -13,7 +13,7 @@ from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.model.model import Bone
 from explicitfe.platform.compiled.arrays import BONE_DEPTH
 
-# Contact is a stiff spring: pressures of speech compress it by a tenth of this, and figures of bones are rounded to it.
+# Pressures of speech compress the contact springs by a tenth of this; the tables of the bones are rounded to 0.5 mm.
 CROSSING_WARNING_M = 5e-4
 
 

@@ -467,6 +467,14 @@ def test_the_probability_of_the_headline_is_that_of_all_its_causes_together():
     assert details(document) == "Not decided: drainage (0.13)."
 
 
+def test_the_headline_of_a_search_that_was_cut_off_says_so():
+    report = {"verdict": "effect-found", "effects": ["tilt"], "causes": {"tilt": cause(0.997)}, "fitted": 45, "compared": 98}
+    found = "The model lacks tilt (probability > 0.99"
+    assert headline(LoopReport.model_validate(report)) == f"{found})"
+    among = "among the 45 of 98 hypotheses that were fitted before the time limit"
+    assert headline(LoopReport.model_validate(report | {"cut_off": True})) == f"{found} {among})"
+
+
 def test_few_sets_are_all_in_the_headline():
     posterior = {"drainage": 0.6, "nothing": 0.3, "other": 0.06, "tilt": 0.04}
     document = LoopReport.model_validate({"verdict": "ambiguous", "credible": ["drainage", "nothing"], "posterior": posterior})

@@ -102,7 +102,8 @@ def add_outcome(report: LoopReport, outcome: Outcome) -> None:
     fit, covariance = final.fit, final.covariance
     assert fit is not None and covariance is not None and comparison.baseline.fit is not None
     named = outcome.verdict in ("effect-found", "ambiguous")
-    report.verdict, report.remainder, report.sure = outcome.verdict, outcome.remainder, outcome.sure
+    report.verdict, report.remainder, report.cut_off = outcome.verdict, outcome.remainder, bool(comparison.left)
+    report.sure = None if report.cut_off else outcome.sure
     report.effects = list(outcome.effects) if named else []
     report.nearest = list(outcome.effects) if outcome.verdict == "unexplained" else []
     report.ambiguous_with = list(outcome.undecided)

@@ -342,7 +342,8 @@ class LoopReport(Document, ReportPart):
     posterior : cause -> its probability, the most probable first: "nothing", effects joined by " + ", or "other" for something
         that no effect does. Less than one in a thousand is left out.
     something_else : probability that something is at work that no effect does, alone or beside effects.
-    sure : probability that the verdict is right; None where there is none.
+    sure : probability that the verdict is right; None where there is none, as in a search that was ``cut_off`` by its time limit:
+        what was never compared could be more probable.
     credible : sets of causes in words that hold 95 % together, of an ambiguous verdict.
     ambiguous_with : causes that are undecided.
     next_experiment, proposed_tests : the test that would settle best what is open, and it with the next best.
@@ -382,6 +383,7 @@ class LoopReport(Document, ReportPart):
     posterior: TableOf[float] = {}
     something_else: float | None = None
     sure: float | None = None
+    cut_off: bool = False
     ambiguous_with: Entries[str] = []
     credible: Entries[str] = []
     next_experiment: NextExperiment | None = None

@@ -79,13 +79,13 @@ def headline(report: LoopReport) -> str:
         case "failed":
             return "The fit failed"
         case "no-missing-effect" | "limited-by-numerics":
-            return f"Nothing is missing that these data could show{_in_brackets(report.sure)}"
+            return f"Nothing is missing that these data could show{_of_compared(report, report.sure)}"
         case "unexplained":
-            return f"Something is missing that no candidate describes{_in_brackets(report.something_else)}"
+            return f"Something is missing that no candidate describes{_of_compared(report, report.something_else)}"
         case "effect-found":
             causes = present_causes(report)
             named = joined([cause_title(report, cause) for cause in causes])
-            return f"The model lacks {named or 'an effect'}{_in_brackets(_of_all(report, causes))}"
+            return f"The model lacks {named or 'an effect'}{_of_compared(report, _of_all(report, causes))}"
         case "ambiguous":
             listed = [_with_probability(report, name) for name in credible_sets(report)]
             few = listed[:MOST_SETS_IN_HEADLINE] if len(listed) > MOST_SETS_IN_HEADLINE + 1 else listed
@@ -227,6 +227,12 @@ def _with_probability(report: LoopReport, name: str) -> str:
 
 def _in_brackets(p: float | None) -> str:
     return "" if p is None else f" (probability {probability(p)})"
+
+
+def _of_compared(report: LoopReport, p: float | None) -> str:
+    """A probability, which counts only what was fitted where the time limit has cut the search off."""
+    among = f" among the {report.fitted} of {report.compared} hypotheses that were fitted before the time limit"
+    return "" if p is None else f" (probability {probability(p)}{among if report.cut_off else ''})"
 
 
 def _capital(text: str) -> str:

@@ -36,7 +36,7 @@ class Surfaces(NamedTuple):
     middle: np.ndarray  # middles of the faces now [m], (f, 3)
     low: np.ndarray  # bounds of the boxes in which points may touch the faces until the next search [m], (f, 3)
     high: np.ndarray
-    near: np.ndarray  # faces near each face that look at it, int32, (f, FACES_NEAR)
+    near: np.ndarray  # faces near each face that may touch it, int32, (f, FACES_NEAR)
     near_count: np.ndarray  # how many, int64, (f,)
     normal: np.ndarray  # outward unit normals of the faces at the last search, (f, 3)
     close: np.ndarray  # of the faces near a face those that it may touch now, int64, (FACES_NEAR,)
@@ -48,6 +48,6 @@ class Surfaces(NamedTuple):
     touches: np.ndarray  # how many, int64, (1,)
     touched: np.ndarray  # the face that each of them touches, int64, (q,)
     weight: np.ndarray  # of the corners of that face, (q, 4)
-    stiff: np.ndarray  # spring [N/m] and damper [N s/m] of each of them, by how much the faces look at each other, (q, 2)
+    stiff: np.ndarray  # spring [N/m] and damper [N s/m] of each of them, (q, 2)
     out: np.ndarray  # unit vector out of the face, and depth [m], (q, 4)
     brake: np.ndarray  # damper and friction force on each of them [N], and its power at the velocity before [W], (q, 4)

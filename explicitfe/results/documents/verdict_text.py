@@ -230,9 +230,11 @@ def _in_brackets(p: float | None) -> str:
 
 
 def _of_compared(report: LoopReport, p: float | None) -> str:
-    """A probability, which counts only what was fitted where the time limit has cut the search off."""
-    among = f" among the {report.fitted} of {report.compared} hypotheses that were fitted before the time limit"
-    return "" if p is None else f" (probability {probability(p)}{among if report.cut_off else ''})"
+    """A probability, and what it counts where the time limit has cut the search off: only what was fitted."""
+    if not report.cut_off:
+        return _in_brackets(p)
+    among = f"among the {report.fitted} of {report.compared} hypotheses that were fitted before the time limit"
+    return f" ({among})" if p is None else f" (probability {probability(p)} {among})"
 
 
 def _capital(text: str) -> str:

@@ -13,7 +13,7 @@ from explicitfe.fem.mesh.surface_points import surface_areas
 from explicitfe.fem.model.model import Bone
 from explicitfe.platform.compiled.arrays import BONE_DEPTH
 
-# Pressures of speech compress the contact springs by a tenth of this; the tables of the bones are rounded to 0.5 mm.
+# The rounding of the tables of the bones. The contact pressures of speech, up to 3 kPa, give a penetration of 0.15 mm.
 CROSSING_WARNING_M = 5e-4
 
 

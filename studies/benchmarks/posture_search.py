@@ -313,11 +313,12 @@ def main() -> None:
                 ends.append(lowest(coarse, postures[number], pool))
                 print(f"  {losses[number]:.1f} -> {ends[-1][1]:.2f}", flush=True)
             best, _ = min(ends, key=lambda end: end[1])
-            best, loss = lowest(search, best, pool) if arguments.mesh != "coarse" else (best, _)
+            if arguments.mesh != "coarse":
+                best, _ = lowest(search, best, pool)
             best, loss = rounded(search, best, pool)
             posture = search.posture(best)
             settled = search.mouth.settle(posture)
-            forces_N = {name: round(force, 6) for name, force in posture.forces_N.items()}
+            forces_N = {name: round(float(force), 6) for name, force in posture.forces_N.items()}
             seen = {name: round(value, 2) for name, value in search.seen(best, settled).items()}
             print(f"  sum of squares {loss:.3f}: {forces_N} N, jaw {posture.opening_mm} mm")
             print(f"  {seen}, sides {settled.left and settled.right}, midline free {settled.midline_free}", flush=True)

@@ -1,8 +1,9 @@
-"""Draw the vowels of docs/studies/speech.md from their results: midsagittal outlines, and F1 against F2.
+"""Draw the vowels of docs/studies/mouth.md from their results: midsagittal outlines, and F1 against F2.
 
 python docs/pictures/draw_vowels.py FOLDER [PICTURE.png]
 
-FOLDER holds the results of ``vowel-i-palatal``, ``vowel-e``, ``vowel-a`` and ``vowel-u``, as ``explicitfe run`` names them.
+FOLDER holds the results of ``vowel-i-palatal``, ``vowel-e``, ``vowel-a``, ``vowel-o`` and ``vowel-u``, as ``explicitfe run``
+names them.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from explicitfe.results.measure.sections import X, Z, midsagittal
 from explicitfe.results.measure.steps import last_step
 
 HERE = Path(__file__).resolve().parent
-VOWELS = {"i": "vowel-i-palatal", "e": "vowel-e", "a": "vowel-a", "u": "vowel-u"}
+VOWELS = {"i": "vowel-i-palatal", "e": "vowel-e", "a": "vowel-a", "o": "vowel-o", "u": "vowel-u"}
 
 
 def main() -> None:
     folder = Path(sys.argv[1])
-    target = Path(sys.argv[2]) if len(sys.argv) > 2 else HERE / "vowels.png"
+    target = Path(sys.argv[2]) if len(sys.argv) > 2 else HERE / "five-vowels.png"
     figure = new_figure(10.0, 4.6)
     side, chart = figure.subplots(1, 2, width_ratios=[1.5, 1.0])
     for panel in (side, chart):
@@ -54,8 +55,8 @@ def main() -> None:
     side.set_title("midsagittal outlines at 200 ms; jaw drawn closed, as in [i]", loc="left", fontsize=10)
     side.legend(loc="center", bbox_to_anchor=(0.55, 0.4), frameon=False, fontsize=9)
     # As phoneticians draw it: front vowels on the left, high vowels above.
-    chart.set_xlim(2300.0, 800.0)
-    chart.set_ylim(950.0, 300.0)
+    chart.set_xlim(3000.0, 800.0)
+    chart.set_ylim(950.0, 250.0)
     chart.set_xlabel("F2 (Hz)")
     chart.set_ylabel("F1 (Hz)")
     chart.set_title("formants", loc="left", fontsize=10)

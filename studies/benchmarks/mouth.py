@@ -3,8 +3,8 @@
     mouth = Mouth("coarse")
     settled = mouth.settle(Posture({"GGp": 2.0}, opening_mm=3.0))
 
-Living tissue, muscles as stress, ties by area, palate, jaw, the hyoid bone on its springs. What postures share is built once: the
-mesh, the distances of the bones, and the stress of each muscle for 1 N.
+Living tissue, muscles as stress, ties by area, palate, jaw, pharynx, the hyoid bone on its springs. What postures share is built
+once: the mesh, the distances of the bones, and the stress of each muscle for 1 N.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 
 from explicitfe.fem.bones.surface import TriangleSurface
 from explicitfe.fem.mesh.self_contact import self_penetration
+from explicitfe.fem.mesh.triangles import surface_triangles
 from explicitfe.fem.mesh.validity import certify
 from explicitfe.fem.model.fibre_stress import fibre_stress, outside_pull
 from explicitfe.fem.model.model import Model
@@ -25,7 +26,9 @@ from explicitfe.fem.model.profile import Profile
 from explicitfe.fem.solve.simulation import Simulation
 from explicitfe.fem.solve.transient import Ledger, Transient
 from explicitfe.platform.errors import RunError
+from explicitfe.results.measure.airway import bounds_of_air
 from explicitfe.results.measure.contact import MIDLINE_BAND_M
+from explicitfe.results.measure.formants import Piece, formants_of, joined, pieces_between
 from explicitfe.results.measure.motion import has_settled
 from explicitfe.results.measure.sections import PlaneCut, X, Y, Z, midsagittal
 from explicitfe.results.measure.shape import summit
@@ -92,9 +95,34 @@ class Settled:
     peak_kPa: float
 
     @property
-    def sound(self) -> bool:
-        """Whether a posture can be measured: the run has ended, stands still, and has no folded element."""
-        return self.status == "finished" and self.settled and self.folded == 0 and self.balance_error < 1e-3
+    def whole(self) -> bool:
+        """Whether a posture can be measured: the run has ended and has no folded element."""
+        return self.status == "finished" and self.folded == 0 and self.balance_error < 1e-3
+
+
+@dataclass(frozen=True)
+class Air:
+    """The airway of a posture: formants in Hz, and its pieces from the lowest section to the incisors."""
+
+    F1: float
+    F2: float
+    F3: float
+    pieces: list[Piece]
+
+    def narrow_mm(self, area_mm2: float) -> float:
+        """The longest row of pieces that are no wider than an area."""
+        longest = length = 0.0
+        for piece in self.pieces:
+            length = length + piece.length_mm if piece.area_mm2 <= area_mm2 else 0.0
+            longest = max(longest, length)
+        return longest
+
+    def excess_mm2(self, area_mm2: float, length_mm: float, end_mm: tuple[float, float]) -> float:
+        """Mean area beyond one area over a part of the tract, the least of those that end so far behind the incisors."""
+        beyond = [max(piece.area_mm2 - area_mm2, 0.0) * piece.length_mm for piece in self.pieces]
+        places, sums = (np.concatenate([[0.0], np.cumsum(one)]) for one in ([piece.length_mm for piece in self.pieces], beyond))
+        ends = places[-1] - np.arange(*end_mm)
+        return float(np.min(np.interp(ends, places, sums) - np.interp(ends - length_mm, places, sums)) / length_mm)
 
 
 class Mouth:
@@ -115,7 +143,7 @@ class Mouth:
                 damping=Damping(alpha_per_s=40.0, beta_s=0.03),
                 attachment="area",
             ),
-            bone=[BoneTable(name="palate"), BoneTable(name="jaw")],
+            bone=[BoneTable(name=name) for name in ("palate", "jaw", "pharynx")],
             hyoid=HyoidTable(),
             analysis=AnalysisTable(duration_ms=200.0),
         )
@@ -125,9 +153,27 @@ class Mouth:
         self.mesh = anatomy.mesh
         self.maxima_N = {name: muscle.max_force_N for name, muscle in anatomy.muscles.items()}
         self._stresses = {name: fibre_stress(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
-        self._outside = {name: outside_pull(muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
+        self._outside = {name: outside_pull(self.mesh, muscle, 1.0, "both", ALWAYS) for name, muscle in anatomy.muscles.items()}
         self._outline: PlaneCut = midsagittal(self.mesh)
         self._loop = max(self._outline.loops, key=len)
+
+    def air(self, posture: Posture, settled: Settled, lips: tuple[float, float]) -> Air | None:
+        """The airway of a settled posture with lips of an area in mm2 and a length in mm; None if it is closed or not found."""
+        table = catalogue.airway("tongue")
+        assert table is not None
+        tongue, _ = surface_triangles(self.mesh, self.mesh.points + settled.displacement)
+        jaw = catalogue.bones("tongue")["jaw"].surface
+        corners = jaw.points[jaw.triangles]
+        motion = next(bone.motion for bone in self.model(posture).bones if bone.name == "jaw")
+        if motion is not None:
+            rotation, shift = motion.placement(np.array([1e-3 * posture.duration_ms]))
+            corners = corners @ rotation[0].T + shift[0]
+        around = bounds_of_air(tongue, self.palate.points[self.palate.triangles], corners, table, 0.0, np.zeros(3))
+        pieces = [] if around is None else pieces_between(around)
+        if not pieces or min(piece.area_mm2 for piece in pieces) <= 0.0:
+            return None
+        first, second, third = (one.frequency_hz for one in formants_of(joined(pieces, table.larynx, lips)))
+        return Air(first, second, third, pieces)
 
     @cached_property
     def palate(self) -> TriangleSurface:

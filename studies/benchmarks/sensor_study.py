@@ -41,9 +41,10 @@ SENSORS = {"TT": "tip", "TB": "front", "TD": "dorsum", "TR": "root"}
 TURN = Rotation.from_rotvec([0.1, -0.3, 0.2]).as_matrix()
 SHIFT_M = np.array([0.05, 0.01, 0.03])
 
+# The first shape of the tongue: the thin tip of the second has a larger numerical error on the coarse meshes that the tests use.
 SCENARIO = """title = "Tongue forward, and let go"
 [model]
-name = "tongue"
+name = "tongue-1"
 {mesh}
 material = "buchaillard-2009"
 damping = {{ alpha_per_s = 40.0 }}

@@ -35,7 +35,12 @@ HELD_OUT = "body"
 
 # The table of an articulograph: 100 ms of rest, then the movement of vowel [i] by a speaker with stronger muscles and a lag.
 EXPORT_RATE_HZ, REST_S, EXPORT_S = 250.0, 0.1, 0.3
-EXPORT_SPEAKER = ("muscle.GGp.force_N=2.3", "effects.activation-lag.tau_ms=12.0", "model.resolution=coarse")
+EXPORT_SPEAKER = (
+    "muscle.GGp.force_N=1.53",
+    "muscle.GGh.force_N=0.77",
+    "effects.activation-lag.tau_ms=12.0",
+    "model.resolution=coarse",
+)
 # Coils on the head [m]: upper incisors, nasion, right and left mastoid.
 HEAD_M = {"UI": (0.045, 0.0, 0.108), "NA": (0.05, 0.0, 0.16), "RM": (0.14, 0.06, 0.12), "LM": (0.14, -0.06, 0.12)}
 HEAD_TURN_DEG, HEAD_SHIFT_M, HEAD_PERIOD_S = 1.5, 0.001, 0.6

@@ -110,7 +110,7 @@ def test_tab_offers_names_and_files(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "vowel-of-mine.TOML").touch()
     (tmp_path / "vowel.txt").touch()
     assert complete_scenario("vowel-i-g") == ["vowel-i-gerard-2005"]
-    assert complete_scenario("vowel-o") == ["vowel-of-mine.TOML"]
+    assert complete_scenario("vowel-of") == ["vowel-of-mine.TOML"]
     assert complete_scenario("vowels") == ["vowels/"]
     assert complete_scenario("vowels/") == ["vowels/o.toml"]
     assert complete_scenario("nowhere/a") == []

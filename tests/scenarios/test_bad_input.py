@@ -73,7 +73,7 @@ def test_bad_settings(setting: str, words: list[str], tmp_path: Path, capsys: py
 
 def test_file_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = tmp_path / "mine.toml"
-    scenario.write_text(VOWEL.read_text().replace("force_N = 2.0", "force_n = 2.0"))
+    scenario.write_text(VOWEL.read_text().replace("force_N = 1.33", "force_n = 1.33"))
     _refused(["run", str(scenario)], ["mine.toml", "force_n", 'did you mean "force_N"?'], capsys)
     scenario.write_text("title = ")
     _refused(["check", str(scenario)], ["mine.toml", "not valid TOML"], capsys)

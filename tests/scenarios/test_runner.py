@@ -196,7 +196,7 @@ def test_advice_is_what_is_not_done_already(scenario: Path, tmp_path: Path) -> N
 
 def test_settings_reach_into_arrays_by_name(tmp_path: Path) -> None:
     """--set muscle.GGp.force_N=0 with GGa 0 leaves the tongue where it is; the stored scenario says what was set."""
-    settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"]
+    settings = [*SMALL, "muscle.GGp.force_N=0", "muscle.GGh.force_N=0", "muscle.GGa.force_N=0"]
     summary = explicitfe.run(VOWEL, tmp_path, settings=settings)
     assert summary["largest_displacement_mm"] == 0.0
     assert summary["settled"]
@@ -213,7 +213,9 @@ def test_body_that_never_moved_is_at_rest(tmp_path: Path, capsys: pytest.Capture
 def test_gravity_sags_by_free_fall_at_first(tmp_path: Path) -> None:
     """Without attachments and bones gravity is free fall: u = g t^2 / 2, which central differences give exactly."""
     settings = [*SMALL, "model.fixed=[]", "bone=[]", "model.gravity_m_s2=[0,0,-9.81]", "model.damping.alpha_per_s=0"]
-    summary = explicitfe.run(VOWEL, tmp_path, settings=[*settings, "muscle.GGp.force_N=0", "muscle.GGa.force_N=0"])
+    summary = explicitfe.run(
+        VOWEL, tmp_path, settings=[*settings, "muscle.GGp.force_N=0", "muscle.GGh.force_N=0", "muscle.GGa.force_N=0"]
+    )
     for probe in summary["probes"].values():
         assert probe["displacement_mm"][2] == pytest.approx(-0.5 * 9.81 * 0.010**2 * 1e3, rel=1e-9)
     assert summary["energy_balance_error"] < 1e-9
@@ -304,7 +306,7 @@ def test_inspect_shows_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixtu
         "11 samples, 0 to 10 ms, every 1 ms",
         "displacement (m)",
         "kinetic energy",
-        "GGp 2 N",
+        "GGp 1.33 N",
         "tip",
         "numba",
     ):

@@ -19,6 +19,8 @@ from explicitfe.platform.errors import InputError
 _MESH_MM = 2.0
 _ANGLE_STEP_DEG = 4.0
 
+BoneTable = Mapping[str, Any]  # a table of the file, whose keys are those that its shape has
+
 
 @dataclass(frozen=True)
 class BoneShape:
@@ -63,7 +65,7 @@ def read_bones(path: Path) -> dict[str, BoneShape]:
     return bones
 
 
-def _midsagittal_point(table: Mapping[str, Any], name: str) -> np.ndarray | None:
+def _midsagittal_point(table: BoneTable, name: str) -> np.ndarray | None:
     """A point (x, z) of a table in mm as (3,) m; None where the table has none."""
     if name not in table:
         return None
@@ -71,7 +73,7 @@ def _midsagittal_point(table: Mapping[str, Any], name: str) -> np.ndarray | None
     return 1e-3 * np.array([x, 0.0, z])
 
 
-def plate(table: Mapping[str, Any]) -> TriangleSurface:
+def plate(table: BoneTable) -> TriangleSurface:
     """A solid above an underside z(x, |y|), from its first x to its last and out to the half width at each x.
 
     ``table`` holds x_mm (k,), half_width_mm (k,), y_mm (l,) from 0, underside_mm (k, l), thickness_mm.
@@ -95,7 +97,7 @@ def plate(table: Mapping[str, Any]) -> TriangleSurface:
     return _tube(1e-3 * half)
 
 
-def arch(table: Mapping[str, Any]) -> TriangleSurface:
+def arch(table: BoneTable) -> TriangleSurface:
     """A solid bent around a vertical axis, between two radii over angle and height.
 
     ``table`` holds centre_mm, angle_deg (k,) from 0, bottom_mm (k,), top_mm (k,), level_mm (l,), lingual_mm (k, l),
@@ -123,6 +125,36 @@ def arch(table: Mapping[str, Any]) -> TriangleSurface:
     x = float(table["centre_mm"]) - section[:, :, 0] * np.cos(turn)[:, None]
     y = section[:, :, 0] * np.sin(turn)[:, None]
     return _ring(1e-3 * np.stack([x, y, section[:, :, 1]], axis=-1))
+
+
+def channel(table: BoneTable) -> TriangleSurface:
+    """A solid around a channel that is open in front: a back wall x(z, |y|), and side walls that run forwards from its edges.
+
+    ``table`` holds height_mm (k,), half_width_mm (k,), y_mm (l,) from 0, back_mm (k, l), side_front_mm, thickness_mm.
+    """
+    height_mm, y_mm = _row(table, "height_mm"), _row(table, "y_mm")
+    back = _table(table, "back_mm", (len(height_mm), len(y_mm)))
+    z = _refined(height_mm, _MESH_MM)
+    width = scipy.interpolate.PchipInterpolator(height_mm, _table(table, "half_width_mm", height_mm.shape))(z)
+    across_mm, mirrored = np.concatenate([-y_mm[:0:-1], y_mm]), np.hstack([back[:, :0:-1], back])
+    even = scipy.interpolate.PchipInterpolator(across_mm, mirrored, axis=1)
+    front, thickness = float(table["side_front_mm"]), float(table["thickness_mm"])
+    share = np.linspace(0.0, 1.0, int(np.ceil(width.max() / _MESH_MM)) + 1)
+    y = width[:, None] * share
+    wall = scipy.interpolate.PchipInterpolator(height_mm, even(np.minimum(y, y_mm[-1]).ravel()), axis=0)(z)
+    x = wall.reshape(len(z), *y.shape)[np.arange(len(z)), np.arange(len(z))]
+    side = np.linspace(x[:, -1], front, int(np.ceil((x[:, -1].max() - front) / _MESH_MM)) + 1, axis=1)[:, 1:]
+    inner = np.hstack([x, side]), np.hstack([y, np.repeat(width[:, None], side.shape[1], axis=1)])
+    # The outside runs back along the side and behind the wall, to the midsagittal plane.
+    behind = x.max(axis=1, keepdims=True) + thickness
+    far = (width + thickness)[:, None]
+    outer = (
+        np.hstack([side[:, ::-1], behind, np.repeat(behind, len(share), axis=1)]),
+        np.hstack([np.repeat(far, side.shape[1], axis=1), far, y[:, ::-1]]),
+    )
+    heights = np.repeat(z[:, None], inner[0].shape[1] + outer[0].shape[1], axis=1)
+    half = np.stack([np.hstack([inner[0], outer[0]]), np.hstack([inner[1], outer[1]]), heights], axis=-1)
+    return _tube(1e-3 * half)
 
 
 def _tube(half: np.ndarray) -> TriangleSurface:
@@ -165,14 +197,14 @@ def _refined(values: np.ndarray, step: float) -> np.ndarray:
     return np.concatenate([*parts, values[-1:]])
 
 
-def _row(table: Mapping[str, Any], name: str) -> np.ndarray:
+def _row(table: BoneTable, name: str) -> np.ndarray:
     row = np.array(table[name], dtype=float)
     if row.ndim != 1 or len(row) < 2 or (np.diff(row) <= 0.0).any():
         raise ValueError(f"{name} must be a row of rising numbers")
     return row
 
 
-def _table(table: Mapping[str, Any], name: str, shape: tuple[int, ...]) -> np.ndarray:
+def _table(table: BoneTable, name: str, shape: tuple[int, ...]) -> np.ndarray:
     values = np.array(table[name], dtype=float)
     if values.shape != shape or not np.isfinite(values).all():
         raise ValueError(f"{name} must have the shape {shape}")

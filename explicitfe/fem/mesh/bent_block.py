@@ -57,12 +57,15 @@ class ContourMap:
     s, t : (k,), (l,) abscissae of the tables, from 0 to 1.
     lower, upper : (k, 2) m. Midsagittal contour, (x, z), where t = 0 and t = 1.
     bow : (k,) m. How far the middle of a line s = const is bowed towards smaller s.
-    drop, keel : (k,) How far the upper surface drops and the lower one rises at the sides, as a share of the thickness.
+    w : (m,) abscissae of the next three, from 0 to 1.
+    drop, rise : (k, m) m. How far the upper surface lies below its midsagittal contour, and the lower one above.
+    sweep : (k, m) m. How far a line s = const lies towards larger s.
     half_width : (k, l) m.
     resolutions : name -> elements along s, t, w.
     named_points : name -> (s, t, w); in a mesh they lie there, between its nodes.
     attachments : name -> patches of the surface held by a bone.
     fixed : names of the attachments that are held unless a scenario says otherwise.
+    based_on : the built-in model that has the files that this one lacks, such as its muscles; "" if it has all.
     """
 
     s: np.ndarray
@@ -70,13 +73,16 @@ class ContourMap:
     lower: np.ndarray
     upper: np.ndarray
     bow: np.ndarray
+    w: np.ndarray
     drop: np.ndarray
-    keel: np.ndarray
+    rise: np.ndarray
+    sweep: np.ndarray
     half_width: np.ndarray
     resolutions: dict[str, tuple[int, int, int]]
     named_points: dict[str, tuple[float, float, float]]
     attachments: dict[str, tuple[Patch, ...]]
     fixed: tuple[str, ...]
+    based_on: str = ""
 
     @classmethod
     def from_toml(cls, path: Path | str) -> ContourMap:
@@ -98,13 +104,15 @@ class ContourMap:
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any], where: str) -> ContourMap:
         """The map from the parsed tables of a geometry file; ``where`` names the file in messages."""
-        _known(tables, ("fixed", "axes", "contour", "half_width", "resolutions", "named_points", "attachments"), where)
+        _known(
+            tables, ("fixed", "axes", "contour", "half_width", "resolutions", "named_points", "attachments"), where, ("based_on",)
+        )
         axes, contour = tables["axes"], tables["contour"]
-        _known(axes, ("s", "t"), f"{where}: axes")
-        _known(contour, ("lower_mm", "upper_mm", "bow_mm", "drop", "keel"), f"{where}: contour")
+        _known(axes, _AXIS_NAMES, f"{where}: axes")
+        _known(contour, ("lower_mm", "upper_mm", "bow_mm", "drop_mm", "rise_mm", "sweep_mm"), f"{where}: contour")
         _known(tables["half_width"], ("mm",), f"{where}: half_width")
         s = _axis(axes["s"], f"{where}: axes.s")
-        t = _axis(axes["t"], f"{where}: axes.t")
+        t, w = (_axis(axes[name], f"{where}: axes.{name}") for name in "tw")
         for name in tables["fixed"]:
             if name not in tables["attachments"]:
                 raise InputError(f'{where}: fixed names no attachment "{name}"; {nearest(str(name), tables["attachments"])}')
@@ -118,8 +126,10 @@ class ContourMap:
             lower=1e-3 * column("lower_mm", 2),
             upper=1e-3 * column("upper_mm", 2),
             bow=1e-3 * column("bow_mm"),
-            drop=column("drop"),
-            keel=column("keel"),
+            w=w,
+            drop=1e-3 * column("drop_mm", len(w)),
+            rise=1e-3 * column("rise_mm", len(w)),
+            sweep=1e-3 * column("sweep_mm", len(w)),
             half_width=1e-3 * _numbers(tables["half_width"]["mm"], (len(s), len(t)), f"{where}: half_width.mm"),
             resolutions={
                 name: check_cells(cells, f"{where}: resolutions.{name}") for name, cells in tables["resolutions"].items()
@@ -133,28 +143,39 @@ class ContourMap:
                 for name, patches in tables["attachments"].items()
             },
             fixed=tuple(tables["fixed"]),
+            based_on=str(tables.get("based_on", "")),
         )
 
     @cached_property
     def _contour_spline(self) -> scipy.interpolate.CubicSpline:
-        """s -> lower x, z, upper x, z, bow, drop, keel."""
-        return scipy.interpolate.CubicSpline(self.s, np.column_stack([self.lower, self.upper, self.bow, self.drop, self.keel]))
+        """s -> lower x, z, upper x, z, bow."""
+        return scipy.interpolate.CubicSpline(self.s, np.column_stack([self.lower, self.upper, self.bow]))
 
     @cached_property
     def _width_spline(self) -> scipy.interpolate.RectBivariateSpline:
         return scipy.interpolate.RectBivariateSpline(self.s, self.t, self.half_width, kx=3, ky=3, s=0)
 
+    @cached_property
+    def _side_splines(self) -> tuple[scipy.interpolate.RectBivariateSpline, ...]:
+        """(s, w) -> drop, rise, sweep; mirrored, so that they are flat across the midsagittal plane."""
+        w = np.concatenate([-self.w[:0:-1], self.w])
+        return tuple(
+            scipy.interpolate.RectBivariateSpline(self.s, w, np.hstack([table[:, :0:-1], table]), kx=3, ky=3, s=0)
+            for table in (self.drop, self.rise, self.sweep)
+        )
+
     def _place(self, s: np.ndarray, t: np.ndarray, w: np.ndarray) -> np.ndarray:
         """Positions (..., 3), m, for arrays that broadcast. x and z depend on |w| only, bit for bit, and y is odd."""
         table = np.moveaxis(self._contour_spline(s), -1, 0)
-        lower, upper, bow, drop, keel = table[0:2], table[2:4], table[4], table[5], table[6]
+        lower, upper, bow = table[0:2], table[2:4], table[4]
         width = self._width_spline.ev(*np.broadcast_arrays(s, t))
-        side = np.abs(w)
-        thickness = t * (1.0 - drop * (side * side * side * side)) + (1.0 - t) * (keel * side)
+        drop, rise, sweep = (spline.ev(*np.broadcast_arrays(s, np.abs(w))) for spline in self._side_splines)
         chord = upper - lower
-        push = 4.0 * t * (1.0 - t) * bow / np.sqrt(chord[0] * chord[0] + chord[1] * chord[1])
-        x = lower[0] + thickness * chord[0] - push * chord[1]
-        z = lower[1] + thickness * chord[1] + push * chord[0]
+        length = np.sqrt(chord[0] * chord[0] + chord[1] * chord[1])
+        along = (t * (length - drop) + (1.0 - t) * rise) / length
+        across = (4.0 * t * (1.0 - t) * bow - sweep) / length
+        x = lower[0] + along * chord[0] - across * chord[1]
+        z = lower[1] + along * chord[1] + across * chord[0]
         return np.stack(np.broadcast_arrays(x, w * width, z), axis=-1)
 
     def position(self, stw: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 Call::
 
     fibre_stress(mesh, muscle, force_N, side, profile, *, fibres=None, force_length=False, width_mm=3.0) -> FibreStress
-    outside_pull(muscle, force_N, side, profile, *, fibres=None) -> FibrePull | None
+    outside_pull(mesh, muscle, force_N, side, profile, *, fibres=None) -> FibrePull | None
 
 The force is shared equally over the fibres of the sides named, T = force / number of fibres. Every fibre is cut into pieces
 of 1 mm or less, and each piece of length L and direction t adds to the structure tensor of the muscle
@@ -19,7 +19,8 @@ Where fibres converge on their origin, h is the muscle's ``origin_width_m`` and 
 drawn as lines they meet in a point, while the muscle holds a patch of the bone. T is the same along a fibre unless the
 fibre says otherwise (``relative_tension``).
 
-What runs outside the tongue, from a point fixed in space to the first point in the tongue, stays a line: ``outside_pull``.
+What runs outside the tongue, from a point fixed in space, stays a line: ``outside_pull``. It ends along the first 4 mm of the
+fibre in the tongue, along which T rises, and around it as far as the Gaussian: a force at a point has no limit under refinement.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ import numpy as np
 import scipy
 
 from explicitfe.fem.mesh.hexmesh import CORNERS, HexMesh, MaterialPoints, shape_functions
-from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle
+from explicitfe.fem.mesh.muscle_lines import Fibre, Muscle, points_of_mesh
 from explicitfe.fem.mesh.quality import edge_lengths, volumes
 from explicitfe.fem.model.model import FibrePull, FibreStress
 from explicitfe.fem.model.profile import Profile
@@ -48,6 +49,10 @@ PIECE_MM = 1.0
 # How far along a fibre from its origin a wider Gaussian falls to the usual width: there the fibres of the genioglossus
 # stand 5 mm apart.
 ORIGIN_REACH_MM = 20.0
+
+# How far along a fibre in the tongue a line from outside ends, at so many points.
+ENTRY_MM = 4.0
+_ENTRY_POINTS = 4
 
 # A Gaussian ends at so many widths: beyond lies 0.1 % of it.
 _REACH_WIDTHS = 4.0
@@ -160,21 +165,71 @@ def _tissue_field(mesh: HexMesh, muscle: Muscle, side: Side, fibres: tuple[int, 
 
 
 def outside_pull(
-    muscle: Muscle, force_N: float, side: Side, profile: Profile, *, fibres: Sequence[int] | None = None
+    mesh: HexMesh, muscle: Muscle, force_N: float, side: Side, profile: Profile, *, fibres: Sequence[int] | None = None
 ) -> FibrePull | None:
-    """What pulls outside the tongue: the segments that have an end fixed in space, following the deformation.
+    """What pulls outside the tongue: lines from an end fixed in space to points of the fibre, following the deformation.
 
-    None where no fibre has such a segment. Parameters and errors are those of ``fibre_stress``.
+    None where no fibre has such an end. Parameters and errors are those of ``fibre_stress``.
     """
     chosen = muscle.chosen(side, fibres)
-    lines = []
-    for fibre in chosen:
-        for k in np.flatnonzero(~_in_tissue(fibre)):
-            points, at = fibre.points, slice(k, k + 2)
-            lines.append(MaterialPoints(points.element[at], points.natural[at], points.position[at]))
+    lines = [line for fibre in chosen for line in _outside_lines(mesh, fibre)]
     if not lines:
         return None
-    return FibrePull(muscle.name, tuple(lines), tuple(np.array([force_N / len(chosen)]) for _ in lines), profile)
+    ends = sum(int(np.sum(fibre.points.element[[0, -1]] < 0)) for fibre in chosen)
+    tension = np.array([force_N / len(chosen) * ends / len(lines)])
+    return FibrePull(muscle.name, tuple(lines), (tension,) * len(lines), profile)
+
+
+def _outside_lines(mesh: HexMesh, fibre: Fibre) -> list[MaterialPoints]:
+    """Lines from the ends of a fibre that are fixed in space to points around its first ``ENTRY_MM`` in the tongue.
+
+    A point that would lie outside the tongue moves to the surface.
+    """
+    position, inside = fibre.points.position, fibre.points.element >= 0
+    order = np.arange(len(position))
+    lines = []
+    for end, along in ((0, order), (len(order) - 1, order[::-1])):
+        if inside[end]:
+            continue
+        entry, start = along[inside[along]], position[along[np.argmax(inside[along]) - 1]]
+        place = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position[entry], axis=0), axis=1))])
+        at = np.minimum(1e-3 * ENTRY_MM, place[-1]) * (np.arange(_ENTRY_POINTS) + 0.5) / _ENTRY_POINTS
+        middle = np.column_stack([np.interp(at, place, position[entry, i]) for i in range(3)])
+        points, _ = points_of_mesh(
+            mesh, _around(middle, middle[-1] - middle[0], 1e-3 * WIDTH_MM), tolerance=np.inf, thorough=True
+        )
+        for k in range(len(points)):
+            lines.append(
+                MaterialPoints(
+                    np.array([-1, points.element[k]]),
+                    np.stack([np.zeros(3), points.natural[k]]),
+                    np.stack([start, points.position[k]]),
+                )
+            )
+    return lines
+
+
+def _around(middle: np.ndarray, along: np.ndarray, width: float) -> np.ndarray:
+    """Four points (4 k, 3) around each of (k, 3), across a direction (3,): Gauss points of a Gaussian (Stroud 1971, E2 3-1).
+
+    Those of a mirrored direction, y -> -y, are their images.
+    """
+    unit = along / np.linalg.norm(along)
+    first = np.cross(unit, [0.0, 1.0, 0.0] if abs(unit[1]) < 0.9 else [0.0, 0.0, 1.0])
+    first /= np.linalg.norm(first)
+    across = np.stack([first, np.cross(unit, first)])
+    return (middle[:, None] + np.sqrt(2.0) * width * np.concatenate([across, -across])).reshape(-1, 3)
+
+
+def _risen(fibre: Fibre, place: np.ndarray) -> np.ndarray:
+    """Share of the tension at places (k,) m along the fibre in the tongue, which ends in space rise to along the entry."""
+    length = float(np.linalg.norm(np.diff(fibre.points.position, axis=0)[_in_tissue(fibre)], axis=1).sum())
+    entry = min(1e-3 * ENTRY_MM, length)
+    share = np.ones(len(place))
+    for end, from_end in ((0, place), (-1, length - place)):
+        if fibre.points.element[end] < 0:
+            share = np.minimum(share, from_end / entry)
+    return share
 
 
 @dataclass(frozen=True)
@@ -221,7 +276,7 @@ def _pieces(muscle: Muscle, fibres: list[Fibre], width: float) -> list[_Pieces]:
         from_origin = (np.cumsum(length) - length)[segment] + share * length[segment]
         middles.append(start[segment] + step[segment] * share[:, None])
         alongs.append((step / length[:, None])[segment])
-        works.append((tension * length / counts)[segment] / len(fibres))
+        works.append((tension * length / counts)[segment] * _risen(fibre, from_origin) / len(fibres))
         widths.append(width + wider * np.clip(1.0 - from_origin / (1e-3 * ORIGIN_REACH_MM), 0.0, None))
     if not sum(map(len, works)):
         raise InputError(f"muscle {muscle.name} has no segment with both ends in the mesh; check unit and positions.")

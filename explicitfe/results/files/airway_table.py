@@ -16,19 +16,24 @@ class AirwayPart(BaseModel):
 
 
 class WallTable(AirwayPart):
-    """The posterior wall of the pharynx.
+    """The walls of the pharynx.
 
     Attributes
     ----------
-    height_mm, half_width_mm : (k,) z, rising, and how far the wall reaches to each side.
+    height_mm, half_width_mm : (k,) z, rising, and how far the posterior wall reaches to each side, where the side walls stand.
     y_mm : (l,) from 0, rising.
-    back_mm : (k, l) x of the wall.
+    back_mm : (k, l) x of the posterior wall.
+    side_front_mm : x of the front edge of the side walls.
+    thickness_mm : of the walls as a surface that the tongue touches.
     """
 
+    title: str
     height_mm: list[float] = Field(min_length=2)
     half_width_mm: list[Positive]
     y_mm: list[float] = Field(min_length=2)
     back_mm: list[list[float]]
+    side_front_mm: float
+    thickness_mm: Positive
 
     @model_validator(mode="after")
     def _shapes_agree(self) -> WallTable:

@@ -90,15 +90,28 @@ def surroundings(result: Recorded, step: int, table: AirwayTable) -> Surrounding
     if PALATE_BONE not in result.bones:
         raise InputError(f'{result.path} has no airway: it requires a [[bone]] named "{PALATE_BONE}"; add it to the scenario.')
     mesh, bones = result.mesh, result.placed_bones(step)
-    plane = middle(mesh)
-    palate = corners_of(*bones[PALATE_BONE])
     tongue, _ = surface_triangles(mesh, mesh.points + result.displacement(step))
     jaw = corners_of(*bones[JAW_BONE]) if JAW_BONE in bones else tongue[:0]
-    shift = _palate_shift(result)
+    around = bounds_of_air(tongue, corners_of(*bones[PALATE_BONE]), jaw, table, middle(mesh), _palate_shift(result))
+    if around is None:
+        raise InputError(f'{result.path} has no airway, because its "{PALATE_BONE}" does not cross the midsagittal plane.')
+    return around
+
+
+def bounds_of_air(
+    tongue: np.ndarray, palate: np.ndarray, jaw: np.ndarray, table: AirwayTable, plane: float, shift: np.ndarray
+) -> Surroundings | None:
+    """Surfaces (m, 3 corners, 3) m as they bound the air; None if the palate does not cross the midsagittal plane y = ``plane``.
+
+    Parameters
+    ----------
+    jaw : without a triangle if there is none.
+    shift : (3,) m, of the walls of the pharynx from their place in ``table``.
+    """
     wall, wall_line = wall_surface(table.wall)
     front = palate_midline(palate, plane)
     if front is None:
-        raise InputError(f'{result.path} has no airway, because its "{PALATE_BONE}" does not cross the midsagittal plane.')
+        return None
     velum = front.points[::-1]
     wall_line = wall_line + shift[[X, Z]]
     inner = np.concatenate([tongue, jaw])

@@ -14,6 +14,7 @@ from explicitfe.results.documents.run_summary import kind_of
 from explicitfe.results.files import Recorded, open_result
 from explicitfe.results.files.airway_table import AirwayTable, LarynxTable
 from explicitfe.results.measure.airway import (
+    Surroundings,
     airway_midline,
     airway_table,
     cut_sections,
@@ -105,14 +106,19 @@ def lips_at(result: Recorded, time_s: float, table: AirwayTable) -> tuple[float,
 
 def cut_pieces(result: Recorded, step: int, table: AirwayTable) -> list[Piece]:
     """Pieces from the lowest section to the incisors, cut out of the surfaces, or interpolated where a surface is not met."""
-    around = surroundings(result, step, table)
-    line = airway_midline(around)
-    if len(line) < FEWEST_POINTS:
+    pieces = pieces_between(surroundings(result, step, table))
+    if not pieces:
         raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
-    cuts = cut_sections(line, around)
+    return pieces
+
+
+def pieces_between(around: Surroundings) -> list[Piece]:
+    """Pieces from the lowest section to the incisors; none if nothing of the tongue lies across the airway."""
+    line = airway_midline(around)
+    cuts = cut_sections(line, around) if len(line) >= FEWEST_POINTS else []
     met = [number for number, cut in enumerate(cuts) if cut.area is not None]
     if not met:
-        raise InputError(f"{result.path} has no airway: nothing of the tongue lies across it.")
+        return []
     areas = 1e6 * np.interp(np.arange(len(cuts)), met, [cut.area for cut in cuts if cut.area is not None])
     part_mm = 1e3 * line_length(line) / len(cuts)
     pieces = [

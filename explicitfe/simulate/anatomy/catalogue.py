@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from explicitfe.fem.bones.tables import BoneShape, read_bones
+from explicitfe.fem.bones.tables import BoneShape, channel, read_bones
 from explicitfe.fem.mesh.bent_block import ContourMap
 from explicitfe.fem.mesh.hexmesh import MaterialPoints
 from explicitfe.fem.mesh.muscle_lines import read_muscles
@@ -86,10 +86,12 @@ def contour(name: str) -> ContourMap:
 
 @cache
 def bones(name: str) -> dict[str, BoneShape]:
-    """The bones of a built-in model by name, none where its folder has no bones.toml; the arrays are shared, so read-only."""
-    contour(name)  # refuses an unknown model
-    path = model_folders()[name] / "bones.toml"
-    return _locked(read_bones(path)) if path.is_file() else {}
+    """The surfaces around a built-in model by name: its bones, and the walls of its airway; the arrays are read-only."""
+    path = _file(name, "bones.toml")
+    shapes = {} if path is None else read_bones(path)
+    if (around := airway(name)) is not None:
+        shapes["pharynx"] = BoneShape("pharynx", around.wall.title, channel(around.wall.model_dump()))
+    return _locked(shapes)
 
 
 @cache
@@ -97,10 +99,17 @@ def airway(name: str) -> AirwayTable | None:
     """The airway around a built-in model by name; None for a mesh of one's own, and where its folder has no airway.toml."""
     from explicitfe.results.files.airway_table import AirwayTable
 
-    folder = model_folders().get(name)
-    if folder is None or not (folder / "airway.toml").is_file():
-        return None
-    return AirwayTable.model_validate(tomllib.loads((folder / "airway.toml").read_text(encoding="utf-8")))
+    path = _file(name, "airway.toml") if name in model_folders() else None
+    return None if path is None else AirwayTable.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+
+
+def _file(name: str, file: str) -> Path | None:
+    """A file of a built-in model, or of the one that it is based on; None if neither has it."""
+    based_on = contour(name).based_on  # refuses an unknown model
+    path = model_folders()[name] / file
+    if path.is_file():
+        return path
+    return _file(based_on, file) if based_on else None
 
 
 def cells_of(name: str, resolution: str | None, cells: tuple[int, int, int] | None) -> tuple[int, int, int]:
@@ -124,7 +133,8 @@ def built_in(name: str, resolution: str | None = None, cells: tuple[int, int, in
 @lru_cache(maxsize=_KEPT_MESHES)
 def _built_in(name: str, grid: tuple[int, int, int]) -> Anatomy:
     shape = contour(name)
-    muscles = read_muscles(model_folders()[name] / "muscles.toml", shape, grid)
+    path = _file(name, "muscles.toml")
+    muscles = {} if path is None else read_muscles(path, shape, grid)
     mesh = shape.mesh(grid)
     check(mesh, f"model {name}")
     return _locked(Anatomy(name=name, mesh=mesh, muscles=muscles, fixed=shape.fixed))

@@ -113,7 +113,7 @@ def assemble(scenario: TransientScenario, folder: Path) -> Assembly:
         if entry.distribution == "stress":
             course, fibres = profile_of(entry), entry.fibres
             stress = fibre_stress(mesh, muscle, entry.force_N, entry.side, course, fibres=fibres, force_length=entry.force_length)
-            outside = outside_pull(muscle, entry.force_N, entry.side, course, fibres=fibres)
+            outside = outside_pull(mesh, muscle, entry.force_N, entry.side, course, fibres=fibres)
             if surgery is not None:
                 cut.append((stress, stress := surgery.left_of_stress(stress)))
                 if outside is not None:

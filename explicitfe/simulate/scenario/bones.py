@@ -12,7 +12,7 @@ from explicitfe.fem.inputs.table import MOST_ROWS_OF_A_COURSE, Name, Pair, Table
 class BoneTable(Table):
     """A rigid surface that the body can rest on: one that a built-in model brings, or a closed surface of triangles in a file."""
 
-    name: Name = Field(description="palate or jaw of the built-in tongue; of a file: what to call it")
+    name: Name = Field(description="palate, jaw or pharynx of the built-in tongue; of a file: what to call it")
     file: str | None = Field(default=None, description="STL, OBJ, PLY or VTP file, relative to this file")
     length_unit: Literal["m", "cm", "mm"] | None = Field(default=None, description="of the file")
     friction: float = Field(default=0.0, ge=0.0, description="Coulomb's coefficient; 0 for a wet palate")
